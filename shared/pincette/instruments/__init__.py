@@ -1,0 +1,1 @@
+"""Drivers of real instruments, and the one link they speak over."""

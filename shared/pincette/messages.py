@@ -1,0 +1,196 @@
+"""What travels between programs: frozen data, units in the field names.
+
+A sample keeps its number: everything derived from sample k carries ``seq`` k, and the ``epoch``
+of the arming it belongs to. A message is invalid until somebody says that it is valid.
+"""
+
+from dataclasses import dataclass
+
+from pincette.control.program import Program
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """One measurement of the arm's tip by the sensor, at its own grid point."""
+
+    epoch: int
+    seq: int
+    t_s: float
+    x_um: float
+    valid: bool = False
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Contact force and lumped perturbation, from position k and the voltage applied at k-1."""
+
+    epoch: int
+    seq: int
+    x_um: float
+    force_mN: float
+    force_uncertainty_mN: float
+    perturbation_mN: float
+    zero_age_s: float | None
+    zero_refusal: str
+    applied_V: float
+    applied_seq: int
+    limits_active: int
+    tripped: bool
+    degraded: bool
+    valid: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The voltage the controller asks for, based on sample ``seq``."""
+
+    epoch: int
+    seq: int
+    owner: int
+    voltage_V: float
+    part_held: bool
+    """What a fault means from here on: freeze (held) or ramp to the safe voltage (free)."""
+    zero: bool
+    """The estimator shall re-zero at this seq."""
+    final: bool
+    """The last command of this arming."""
+    valid: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Applied:
+    """What the actuator did in tick ``seq``; ``part_held, zero, final`` echo the command."""
+
+    epoch: int
+    seq: int
+    voltage_V: float
+    state: str
+    cause: str
+    limits_active: int
+    part_held: bool
+    zero: bool
+    final: bool
+    answered: bool
+    """False where no command for this tick was taken and the voltage was kept or ramped."""
+    refused: int
+    command_age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """The controller's own view of sample ``seq``: the references that hold for this sample."""
+
+    epoch: int
+    seq: int
+    playing: bool
+    phase: str
+    segment: int
+    segment_t_s: float
+    x_r_um: float
+    x_d_um: float
+    force_r_mN: float
+    sliding: float
+    perturbation_error_mN: float
+    residual_um: float
+    outcome: str
+    contact_x_um: float | None
+    contact_stiffness_mN_per_um: float | None
+    held: bool
+    acted: str
+    """Actions that took effect at this seq."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What only a simulated rig knows; nothing but the record listens."""
+
+    seq: int
+    x_um: float
+    force_mN: float
+    voltage_V: float
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """Start a new epoch. Refused where the rig file's digest differs."""
+
+    epoch: int
+    owner: int
+    digest: str
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """Give the controller a program to play at the next arming."""
+
+    program: Program
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """Ask the controller to act at ``at_seq``, or at its next tick (None)."""
+
+    action: str
+    at_seq: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """Ask the actuator to go to its safe state and latch."""
+
+    cause: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """Clear the actuator's latch; ``acknowledge`` must be true."""
+
+    acknowledge: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class StatusRequest:
+    """Ask any program how it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """How a program is; ``instance`` differs for every start of it."""
+
+    service: str
+    version: str
+    instance: int
+    digest: str
+    epoch: int
+    steps: int
+    missed: int
+    refused: int
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """The question was taken; it acts at ``seq``."""
+
+    seq: int
+    instance: int = 0
+
+
+Message = (
+    Position
+    | Estimate
+    | Command
+    | Applied
+    | Telemetry
+    | Truth
+    | Arm
+    | Load
+    | Act
+    | Trip
+    | Reset
+    | StatusRequest
+    | Status
+    | Done
+)
+Sample = Position | Estimate | Command | Applied | Telemetry

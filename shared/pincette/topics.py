@@ -1,0 +1,78 @@
+"""Every key on the bus, declared once: message, producer, and how it is sent.
+
+A sample goes out at real-time priority and is dropped, not blocked, when a link stalls; in
+lockstep it is sent reliably, since there every service answers every tick.
+"""
+
+from dataclasses import dataclass
+
+from pincette import messages
+from pincette.messages import Message
+
+ROOT = "pincette/v1"
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One published key."""
+
+    name: str
+    message: type[Message]
+    producer: str
+    summary: str
+    per_tick: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """One query a program answers, with its request and its reply."""
+
+    name: str
+    service: str
+    request: type[Message]
+    reply: type[Message]
+    summary: str
+
+
+POSITION = Topic("position", messages.Position, "sensor", "measured tip position")
+ESTIMATE = Topic("estimate", messages.Estimate, "estimator", "contact force and perturbation")
+COMMAND = Topic("command", messages.Command, "controller", "voltage asked for")
+APPLIED = Topic("applied", messages.Applied, "actuator", "voltage applied, state and cause")
+TELEMETRY = Topic("telemetry", messages.Telemetry, "controller", "references and sliding function")
+TRUTH = Topic("truth", messages.Truth, "rig", "what a simulated rig knows; for the record only")
+
+TOPICS = (POSITION, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH)
+TOPIC_OF: dict[type[Message], Topic] = {topic.message: topic for topic in TOPICS}
+
+LOOP = ("sensor", "estimator", "controller", "actuator")
+"""The services of the loop, in the order in which a tick passes through them."""
+
+LOAD = Question("load", "controller", messages.Load, messages.Done, "load a program")
+ACT = Question("act", "controller", messages.Act, messages.Done, "stop or release")
+TRIP = Question("trip", "actuator", messages.Trip, messages.Done, "go to the safe state, latch")
+RESET = Question("reset", "actuator", messages.Reset, messages.Done, "clear the latch")
+ARM = {
+    name: Question("arm", name, messages.Arm, messages.Done, "begin a new epoch") for name in LOOP
+}
+STATUS = {
+    name: Question(
+        "status", name, messages.StatusRequest, messages.Status, "version, epoch, counters"
+    )
+    for name in LOOP
+}
+QUESTIONS = (LOAD, ACT, TRIP, RESET, *ARM.values(), *STATUS.values())
+
+
+def key(rig: str, topic: Topic) -> str:
+    """Key expression of a topic of one rig."""
+    return f"{ROOT}/{rig}/{topic.name}"
+
+
+def question_key(rig: str, question: Question) -> str:
+    """Key expression under which a program answers a question."""
+    return f"{ROOT}/{rig}/ask/{question.service}/{question.name}"
+
+
+def live_key(rig: str, program: str) -> str:
+    """Key expression of a program's liveliness token."""
+    return f"{ROOT}/{rig}/live/{program}"
