@@ -86,11 +86,11 @@ class Telemetry:
     playing: bool
     phase: str
     segment: int
-    segment_t_s: float
+    segment_tick: int
     x_r_um: float
     x_d_um: float
     force_r_mN: float
-    sliding: float
+    sliding_um: float
     perturbation_error_mN: float
     residual_um: float
     outcome: str
@@ -174,7 +174,6 @@ class Done:
     """The question was taken; it acts at ``seq``."""
 
     seq: int
-    instance: int = 0
 
 
 Message = (

@@ -1,0 +1,69 @@
+# Every target works on a fresh clone: it first fills .venv from requirements/dev.txt.
+
+PYTHON ?=
+ARGS ?=
+BIN := .venv/bin
+TEST_FLAGS := -m "not slow"
+
+.DEFAULT_GOAL := help
+.PHONY: help venv demo up test lint bench soak pins docs clean
+
+help: ## this list
+	@echo "pincette: position and force control of a piezoelectric microgripper"
+	@echo
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | \
+	  while IFS='|' read -r target text; do printf '%-14s %s\n' "$$target" "$$text"; done
+	@echo
+	@echo "  PYTHON=python3.12  the Python that .venv is made with (any from 3.11 on)"
+	@echo "  ARGS='-k grip'     passed on to the command"
+
+venv:
+	@for python in $(or $(PYTHON),python3.11 python3.12 python3.13 python3); do \
+	  if "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+	    exec "$$python" requirements/install.py $(if $(PYTHON),--this-python); \
+	  fi; \
+	done; \
+	echo "pincette needs Python 3.11 or later; tried:" \
+	  "$(or $(PYTHON),python3.11 python3.12 python3.13 python3)." \
+	  "Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
+	exit 1
+
+demo: venv ## a simulated rig grips a bead; nothing else is needed
+	@$(BIN)/pincette demo $(ARGS)
+
+up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
+	@$(BIN)/pincette up $(ARGS)
+
+test: lint ## lint, then all tests but the slow ones: what CI runs
+	@echo "== pytest"
+	@$(BIN)/pytest $(TEST_FLAGS) $(ARGS)
+
+lint: venv ## style, types and the direction of imports
+	@echo "== ruff check"
+	@$(BIN)/ruff check --quiet .
+	@echo "== ruff format"
+	@$(BIN)/ruff format --check --quiet .
+	@echo "== basedpyright"
+	@$(BIN)/basedpyright
+	@echo "== import-linter"
+	@$(BIN)/lint-imports --no-cache
+
+bench: venv ## measure the loop; writes bench.json and bench.png
+	@$(BIN)/python tests/bench/loop.py $(ARGS)
+
+soak: venv ## the slow tests, some of them minutes long
+	@$(BIN)/pytest -m slow $(ARGS)
+
+pins: venv ## pin requirements/dev.txt anew; ARGS=--upgrade takes newer versions
+	@$(BIN)/python -m pip install --quiet uv
+	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+	  --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
+	  --extra dev --output-file requirements/dev.txt $(ARGS) pyproject.toml
+	@echo "requirements/dev.txt: $$(grep -c == requirements/dev.txt) pins"
+
+docs: venv ## write the generated pages of docs/reference
+	@$(BIN)/python docs/generate.py
+
+clean: ## remove .venv, caches and measurements; records under data/ stay
+	rm -rf .venv .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json bench.png
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,144 @@
+"""The actuator's rules, pure: authority, age, limits, freeze, ramp, latch.
+
+What a fault means is decided before the fault: the last good command says whether a part is held.
+With the arm free the voltage ramps to the safe value; with a part held it is frozen for a bounded
+time and then ramped. Either way the actuator is latched until a person resets it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from pincette.messages import Command
+from pincette_actuator.config import ActuatorConfig
+
+Mode = Literal["latched", "idle", "armed", "frozen", "ramping"]
+
+VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
+"""Bits of ``limits_active``."""
+ARRIVALS_KEPT = 8
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What the actuator remembers from one step to the next."""
+
+    mode: Mode = "latched"
+    cause: str = "boot"
+    epoch: int = 0
+    owner: int = 0
+    voltage_V: float = 0.0
+    part_held: bool = False
+    taken_seq: int = -1
+    fresh_s: float = 0.0
+    """Arrival of the sample on which the last good command was based, on this program's clock."""
+    arrivals: tuple[tuple[int, float], ...] = ()
+    pending: Command | None = None
+    """A command that has overtaken its sample."""
+    answered_seq: int = -1
+    since_s: float = 0.0
+    """Begin of the freeze or the ramp."""
+    ramp_from_V: float = 0.0
+    limits_active: int = 0
+    refused: int = 0
+    detail: str = ""
+
+
+def newest_sample(state: State) -> tuple[int, float]:
+    """Number and arrival of the newest sample seen in this epoch."""
+    return state.arrivals[-1] if state.arrivals else (-1, 0.0)
+
+
+def arrival_of(state: State, seq: int) -> float | None:
+    """When sample ``seq`` arrived here; None where it has not been seen."""
+    for known, arrived_s in state.arrivals:
+        if known == seq:
+            return arrived_s
+    return None
+
+
+def saw(state: State, seq: int, now: float) -> State:
+    """Note the arrival of a sample; older and equal numbers change nothing."""
+    if seq <= newest_sample(state)[0]:
+        return state
+    return replace(state, arrivals=(*state.arrivals[1 - ARRIVALS_KEPT :], (seq, now)))
+
+
+def refuse(state: State, reason: str) -> State:
+    """Count a command that is not taken."""
+    return replace(state, refused=state.refused + 1, detail=reason)
+
+
+def objection(config: ActuatorConfig, state: State, command: Command, now: float) -> str:
+    """Why a command of this epoch is not taken; empty where it may be."""
+    if command.owner != state.owner:
+        return f"command of owner {command.owner}, armed for {state.owner}"
+    if state.mode != "armed":
+        return f"{state.mode}: {state.cause}" if state.cause else state.mode
+    if command.seq <= state.taken_seq:
+        return f"command {command.seq} after {state.taken_seq}"
+    arrived_s = arrival_of(state, command.seq)
+    if arrived_s is None:
+        return f"command {command.seq}: its sample was not seen here"
+    if now - arrived_s > config.age_limit_s:
+        age_ms, limit_ms = 1e3 * (now - arrived_s), 1e3 * config.age_limit_s
+        return f"command {command.seq}: {age_ms:.0f} ms old, limit {limit_ms:.0f} ms"
+    return ""
+
+
+def limited(config: ActuatorConfig, state: State, wanted_V: float) -> tuple[float, int]:
+    """The wanted voltage within range and slew, and which limits acted."""
+    flags = 0
+    if wanted_V > config.voltage_max_V:
+        wanted_V, flags = config.voltage_max_V, VOLTAGE_MAX
+    elif wanted_V < config.voltage_min_V:
+        wanted_V, flags = config.voltage_min_V, VOLTAGE_MIN
+    if wanted_V > state.voltage_V + config.slew_V:
+        return state.voltage_V + config.slew_V, flags | SLEW_UP
+    if wanted_V < state.voltage_V - config.slew_V:
+        return state.voltage_V - config.slew_V, flags | SLEW_DOWN
+    return wanted_V, flags
+
+
+def take(config: ActuatorConfig, state: State, command: Command, now: float) -> State:
+    """Follow a good command; ``final`` ends the arming and keeps the voltage."""
+    voltage_V, flags = limited(config, state, command.voltage_V)
+    arrived_s = arrival_of(state, command.seq)
+    return replace(
+        state,
+        mode="idle" if command.final else "armed",
+        voltage_V=voltage_V,
+        part_held=command.part_held,
+        taken_seq=command.seq,
+        fresh_s=now if arrived_s is None else arrived_s,
+        limits_active=flags,
+    )
+
+
+def trip(config: ActuatorConfig, state: State, cause: str, now: float) -> State:
+    """Begin the safe state, unless it has begun; the first cause is kept."""
+    if state.mode in ("frozen", "ramping") or (state.mode == "latched" and state.cause != "boot"):
+        return state
+    tripped = replace(state, cause=cause, since_s=now, limits_active=0, pending=None)
+    if state.part_held and state.mode == "armed":
+        return replace(tripped, mode="frozen")
+    if config.lockstep and state.mode != "armed":
+        # No tick will come while nothing is armed, and the simulated plant stands still.
+        return replace(tripped, mode="latched")
+    return replace(tripped, mode="ramping", ramp_from_V=state.voltage_V)
+
+
+def pass_time(config: ActuatorConfig, state: State, now: float) -> State:
+    """What the mere passing of time does: the age limit, the end of a freeze, the ramp."""
+    if state.mode == "armed" and now - state.fresh_s > config.age_limit_s:
+        silent_ms, limit_ms = 1e3 * (now - state.fresh_s), 1e3 * config.age_limit_s
+        cause = f"command_age: no command for {silent_ms:.0f} ms, limit {limit_ms:.0f} ms"
+        state = trip(config, state, cause, now)
+    if state.mode == "frozen" and now - state.since_s >= config.freeze_s:
+        state = replace(state, mode="ramping", since_s=now, ramp_from_V=state.voltage_V)
+    if state.mode != "ramping":
+        return state
+    share = (now - state.since_s + 0.25 * config.period_s) / config.ramp_s
+    if share >= 1.0:
+        return replace(state, mode="latched", voltage_V=config.safe_V, part_held=False)
+    voltage_V = state.ramp_from_V + share * (config.safe_V - state.ramp_from_V)
+    return replace(state, voltage_V=voltage_V)

@@ -1,0 +1,164 @@
+"""The actuator as a service: commands and positions in, the instrument's voltage and what became
+of the tick out."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from pincette.config import RigFile
+from pincette.messages import Applied, Arm, Command, Done, Message, Position, Reset, Trip
+from pincette.service import Drive, Input, RefusedError, Service
+from pincette.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TRIP
+from pincette_actuator.config import ActuatorConfig, configure
+from pincette_actuator.safety import (
+    State,
+    newest_sample,
+    objection,
+    pass_time,
+    refuse,
+    saw,
+    take,
+    trip,
+)
+
+ANSWER_PERIODS = 0.75
+"""A tick without a command by then is answered with the voltage that is kept."""
+
+Outputs = tuple[Message | Drive, ...]
+
+
+class Inputs(NamedTuple):
+    """``device`` is the text of an instrument's fault."""
+
+    device: str | None
+    command: Command | None
+    position: Position | None
+
+
+def start(config: ActuatorConfig) -> State:
+    """Boot latched, at the safe voltage."""
+    return State(voltage_V=config.safe_V)
+
+
+def step(config: ActuatorConfig, state: State, inputs: Inputs, now: float) -> tuple[State, Outputs]:
+    """Take a command, note a sample, or let time pass."""
+    if inputs.device is not None:
+        return _answer_tick(config, trip(config, state, f"device: {inputs.device}", now), now)
+    if inputs.position is not None and inputs.position.epoch == state.epoch:
+        state = saw(state, inputs.position.seq, now)
+    command = inputs.command or state.pending
+    if command is not None and command.epoch != state.epoch:
+        return refuse(state, f"command of epoch {command.epoch}"), ()
+    if command is not None and command.seq > newest_sample(state)[0]:
+        return replace(state, pending=command), ()
+    state = replace(state, pending=None)
+    if command is not None:
+        return _judge(config, state, command, now)
+    if config.lockstep:
+        return state, ()
+    return _let_pass(config, state, now)
+
+
+def _judge(
+    config: ActuatorConfig, state: State, command: Command, now: float
+) -> tuple[State, Outputs]:
+    reason = objection(config, state, command, now) if command.valid else "no command"
+    if not reason:
+        taken = take(config, state, command, now)
+        echo = _applied(taken, command.seq, now, command)
+        return replace(taken, answered_seq=command.seq), (Drive(taken.voltage_V), echo)
+    if command.valid:
+        state = refuse(state, reason)
+    if config.lockstep or (command.seq > state.answered_seq and not command.valid):
+        return _answer_tick(config, pass_time(config, state, now), now)
+    return state, ()
+
+
+def _let_pass(config: ActuatorConfig, state: State, now: float) -> tuple[State, Outputs]:
+    """In real time: the age limit, the ramp, and ticks that nobody commands."""
+    later = pass_time(config, state, now)
+    if later.mode != state.mode or later.voltage_V != state.voltage_V:
+        return _answer_tick(config, later, now)
+    seq, arrived_s = newest_sample(later)
+    if seq > later.answered_seq and now - arrived_s >= ANSWER_PERIODS * config.period_s:
+        return _answer_tick(config, later, now)
+    return later, ()
+
+
+def _answer_tick(config: ActuatorConfig, state: State, now: float) -> tuple[State, Outputs]:
+    """Answer the newest tick without a command; in lockstep the write is what ends the tick."""
+    seq = newest_sample(state)[0]
+    echo = _applied(state, seq, now, None)
+    moves = config.lockstep or state.mode not in ("idle", "frozen")
+    outputs: Outputs = (Drive(state.voltage_V), echo) if moves else (echo,)
+    return replace(state, answered_seq=seq), outputs
+
+
+def _applied(state: State, seq: int, now: float, command: Command | None) -> Applied:
+    return Applied(
+        epoch=state.epoch,
+        seq=seq,
+        voltage_V=state.voltage_V,
+        state=state.mode,
+        cause=state.cause,
+        limits_active=state.limits_active,
+        part_held=state.part_held,
+        zero=command is not None and command.zero,
+        final=state.mode in ("idle", "latched"),
+        answered=command is not None,
+        refused=state.refused,
+        command_age_s=now - state.fresh_s if command is not None else 0.0,
+    )
+
+
+def answer(
+    config: ActuatorConfig, state: State, request: Message, now: float
+) -> tuple[State, Message, tuple[Message, ...]]:
+    """Arm, trip or reset."""
+    if isinstance(request, Arm):
+        if state.mode != "idle":
+            hint = "reset it first" if state.mode == "latched" else "wait until it has ended"
+            raise RefusedError(f"the actuator is {state.mode} ({state.cause or 'armed'}): {hint}")
+        state = State(
+            mode="armed",
+            cause="",
+            epoch=request.epoch,
+            owner=request.owner,
+            voltage_V=state.voltage_V,
+            fresh_s=now + config.grace_s,
+            refused=state.refused,
+        )
+        return state, Done(-1), (_applied(state, -1, now, None),)
+    if isinstance(request, Trip):
+        state = trip(config, state, request.cause, now)
+    elif isinstance(request, Reset):
+        state = _reset(state, request)
+    else:
+        raise RefusedError(f"the actuator does not answer {type(request).__name__}")
+    seq = newest_sample(state)[0]
+    return state, Done(seq), (_applied(state, seq, now, None),)
+
+
+def _reset(state: State, request: Reset) -> State:
+    if not request.acknowledge:
+        raise RefusedError("a reset needs acknowledge = true")
+    if state.mode in ("frozen", "ramping"):
+        raise RefusedError(
+            f"the actuator is {state.mode} ({state.cause}): reset it when the arm is safe"
+        )
+    return replace(state, mode="idle", cause="") if state.mode == "latched" else state
+
+
+SERVICE: Service[RigFile, ActuatorConfig, State, Inputs] = Service(
+    name="actuator",
+    summary="authority, age, limits; freeze or ramp to the safe voltage; latch",
+    inputs=(Input(COMMAND, "trigger"), Input(POSITION, "trigger")),
+    outputs=(APPLIED,),
+    questions=(ARM["actuator"], TRIP, RESET, STATUS["actuator"]),
+    inputs_type=Inputs,
+    configure=configure,
+    start=start,
+    step=step,
+    answer=answer,
+    instrument="voltage_output",
+    wake_periods=0.25,
+)

@@ -1,0 +1,249 @@
+"""Playing a program: which references hold, and which guard ends a segment.
+
+Times count in ticks of the controller that could act; a tick without a valid estimate does not
+move the program on.
+"""
+
+from dataclasses import dataclass, field, replace
+
+from pincette.control.contact_line import ContactLine
+from pincette.control.profiles import move, quintic
+from pincette.control.program import Program, Segment
+from pincette.messages import Estimate
+
+STOP_S = 0.3
+"""How long a stop takes to bring x_r to rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Player:
+    """Where a program stands, and the references of the coming sample."""
+
+    index: int
+    segment: Segment
+    ticks: int
+    x_r_um: float
+    speed_um_per_s: float
+    force_r_mN: float
+    from_x_um: float
+    from_speed_um_per_s: float
+    from_force_mN: float
+    contact_x_um: float | None = None
+    K_e_mN_per_um: float | None = None
+    line: ContactLine = field(default_factory=ContactLine)
+    count: int = 0
+    """Consecutive samples that a guard has seen."""
+    zeroing: bool = False
+    """The estimator has been asked for a zero and has not answered."""
+    zero: bool = False
+    """The command of this tick carries the zero."""
+    held: bool = False
+    outcome: str = ""
+    ended: bool = False
+    bump: bool = False
+    """The law must be rebased before this tick: the force it is fed begins or ends."""
+
+    @property
+    def pressing(self) -> bool:
+        """Whether the law is fed the force."""
+        return self.segment.kind == "force"
+
+
+def begin(program: Program, x_um: float) -> Player:
+    """Stand at the first segment, with the arm where it is."""
+    first = program.segments[0]
+    return Player(0, first, 0, x_um, 0.0, 0.0, x_um, 0.0, 0.0)
+
+
+def advance(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
+    """Move on by one tick: guards first, then time, then the references of the next sample."""
+    player = replace(player, zero=False, bump=False)
+    player = _guard(program, player, estimate, period_s)
+    while not player.ended and _is_over(player, period_s):
+        player = _next(program, player, estimate)
+    if player.ended:
+        return player
+    return _refer(replace(player, ticks=player.ticks + 1), period_s)
+
+
+def stop(player: Player) -> Player:
+    """Hold a part at the present F_r; without one, bring x_r to rest and end."""
+    if player.held:
+        rest = Segment("hold", "force", None, force_to_mN=player.force_r_mN, move_s=STOP_S)
+        return _enter(replace(player, outcome="stopped"), -1, rest)
+    x_to_um = player.x_r_um + 0.5 * STOP_S * player.speed_um_per_s
+    rest = Segment("stopping", "free", STOP_S, x_to_um=x_to_um)
+    return _enter(replace(player, outcome="stopped", zeroing=False), -1, rest)
+
+
+def release(program: Program, player: Player) -> Player:
+    """Go on with the unload, from wherever a part is held."""
+    return _jump(program, player, "unload", player.x_r_um)
+
+
+def _guard(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
+    guards, segment = program.guards, player.segment
+    F_mN = estimate.force_mN
+    if estimate.zero_age_s is not None and F_mN > guards.force_max_mN:
+        if player.outcome != "overforce":
+            player = replace(player, outcome="overforce")
+            return _jump(program, player, "retreat", estimate.x_um)
+    elif segment.kind == "zero" and player.zeroing:
+        return _await_zero(program, player, estimate, period_s)
+    elif segment.kind == "seek":
+        return _seek(program, player, estimate)
+    elif segment.phase == "load":
+        return replace(player, line=player.line.add(estimate.x_um, F_mN))
+    elif segment.phase == "hold":
+        return _watch_part(program, player, estimate)
+    return player
+
+
+def _await_zero(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
+    age_s = estimate.zero_age_s
+    if age_s is not None and age_s < 0.5 * period_s:
+        return _follow(program, replace(player, zeroing=False), estimate.x_um)
+    waited = player.count + 1
+    if estimate.zero_refusal or waited * period_s > program.guards.zero_wait_s:
+        player = replace(player, outcome="zero_refused", zeroing=False)
+        return _jump(program, player, "retreat", estimate.x_um)
+    return replace(player, count=waited)
+
+
+def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
+    guards = program.guards
+    if estimate.force_mN < guards.contact_force_mN:
+        return replace(player, count=0)
+    if player.count + 1 < guards.contact_samples:
+        return replace(player, count=player.count + 1)
+    K_e = program.contact_stiffness_mN_per_um
+    touched = replace(
+        player,
+        contact_x_um=estimate.x_um - estimate.force_mN / K_e,
+        K_e_mN_per_um=K_e,
+        x_r_um=estimate.x_um,
+        force_r_mN=estimate.force_mN,
+        speed_um_per_s=0.0,
+        held=True,
+        bump=True,
+    )
+    return _enter(touched, player.index + 1, program.segments[player.index + 1])
+
+
+def _watch_part(program: Program, player: Player, estimate: Estimate) -> Player:
+    guards = program.guards
+    if estimate.force_mN >= guards.lost_fraction * player.force_r_mN:
+        return replace(player, count=0) if player.count else player
+    if player.count + 1 < guards.lost_samples:
+        return replace(player, count=player.count + 1)
+    return _jump(program, replace(player, outcome="lost"), "retreat", estimate.x_um)
+
+
+def _is_over(player: Player, period_s: float) -> bool:
+    segment = player.segment
+    if segment.duration_s is None or player.zeroing:
+        return False
+    return player.ticks * period_s >= segment.duration_s - 0.5 * period_s
+
+
+def _next(program: Program, player: Player, estimate: Estimate) -> Player:
+    """Leave a segment that has run its time."""
+    segment = player.segment
+    if segment.kind == "zero":
+        # Stamped with this tick's command; the estimate of the next sample answers it.
+        return replace(player, zero=True, zeroing=True, count=0)
+    if segment.kind == "seek":
+        player = replace(player, outcome="no_contact")
+        return _jump(program, player, "retreat", estimate.x_um)
+    if segment.phase == "load":
+        player = _settle_contact(program, player)
+        if player.outcome:
+            return _jump(program, player, "unload", estimate.x_um)
+    if segment.phase == "hold" and not player.outcome:
+        player = replace(player, outcome="gripped")
+    return _follow(program, player, estimate.x_um)
+
+
+def _follow(program: Program, player: Player, x_um: float) -> Player:
+    """Enter the segment after this one, or end."""
+    index = player.index + 1
+    if player.segment.phase == "stopping" or index >= len(program.segments):
+        return replace(player, ended=True)
+    return _enter(_let_go(player, program.segments[index], x_um), index, program.segments[index])
+
+
+def _let_go(player: Player, following: Segment, x_um: float) -> Player:
+    """Where the pressing ends, the law is fed no force any more and x_r starts from x."""
+    if not player.pressing or following.kind == "force":
+        return player
+    return replace(player, held=False, bump=True, x_r_um=x_um, force_r_mN=0.0)
+
+
+def _settle_contact(program: Program, player: Player) -> Player:
+    """Take the contact line as fitted over the load, so that x_r and F_r agree from here on."""
+    fit = player.line.fit()
+    guards = program.guards
+    if fit is None:
+        return replace(player, outcome="wrong_stiffness")
+    x_e_um, K_e = fit
+    player = replace(player, contact_x_um=x_e_um, K_e_mN_per_um=K_e)
+    if not guards.stiffness_min_mN_per_um <= K_e <= guards.stiffness_max_mN_per_um:
+        return replace(player, outcome="wrong_stiffness")
+    return player
+
+
+def _jump(program: Program, player: Player, phase: str, x_um: float) -> Player:
+    """Go to the first segment of a phase; a program without it ends."""
+    for index, segment in enumerate(program.segments):
+        if segment.phase == phase:
+            return _enter(_let_go(player, segment, x_um), index, segment)
+    return replace(player, ended=True)
+
+
+def _enter(player: Player, index: int, segment: Segment) -> Player:
+    return replace(
+        player,
+        index=index,
+        segment=segment,
+        ticks=0,
+        count=0,
+        from_x_um=player.x_r_um,
+        from_speed_um_per_s=player.speed_um_per_s,
+        from_force_mN=player.force_r_mN,
+    )
+
+
+def _refer(player: Player, period_s: float) -> Player:
+    """References at ``ticks`` of the segment: for the sample that the coming voltage leads to."""
+    segment, t_s = player.segment, player.ticks * period_s
+    if segment.kind == "free" and segment.x_to_um is not None and segment.duration_s:
+        path = move(
+            player.from_x_um,
+            player.from_speed_um_per_s,
+            segment.x_to_um,
+            0.0,
+            segment.duration_s,
+        )
+        return replace(player, x_r_um=path.position(t_s), speed_um_per_s=path.speed(t_s))
+    if segment.kind == "seek" and segment.x_to_um is not None and segment.duration_s:
+        speed = (segment.x_to_um - player.from_x_um) / segment.duration_s
+        return replace(player, x_r_um=player.from_x_um + speed * t_s, speed_um_per_s=speed)
+    if segment.kind == "force" and segment.force_to_mN is not None:
+        return _press(player, segment.force_to_mN, t_s)
+    return replace(player, speed_um_per_s=0.0)
+
+
+def _press(player: Player, force_to_mN: float, t_s: float) -> Player:
+    """Move F_r and x_r together along the contact line."""
+    duration_s = player.segment.move_s or player.segment.duration_s
+    share = quintic(t_s / duration_s) if duration_s else 1.0
+    x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
+    if x_e_um is None or not K_e:
+        return player
+    x_to_um = x_e_um + force_to_mN / K_e
+    return replace(
+        player,
+        x_r_um=player.from_x_um + share * (x_to_um - player.from_x_um),
+        force_r_mN=player.from_force_mN + share * (force_to_mN - player.from_force_mN),
+        speed_um_per_s=0.0,
+    )

@@ -1,0 +1,211 @@
+"""The controller as a service: an estimate in, a command and the controller's own view out."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from pincette.config import RigFile
+from pincette.control import pbsmic
+from pincette.control.pbsmic import PbsmicOutput, PbsmicState
+from pincette.control.program import Program
+from pincette.messages import Act, Arm, Command, Done, Estimate, Load, Message, Telemetry
+from pincette.service import Drive, Input, RefusedError, Service
+from pincette.topics import ACT, ARM, COMMAND, ESTIMATE, LOAD, STATUS, TELEMETRY
+from pincette_controller.config import ControllerConfig, configure
+from pincette_controller.player import Player, advance, begin, release, stop
+
+
+class Inputs(NamedTuple):
+    """The estimate of the newest sample."""
+
+    estimate: Estimate | None
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """The program, where it stands, and the law's memory."""
+
+    epoch: int = 0
+    owner: int = 0
+    seq: int = -1
+    program: Program | None = None
+    playing: bool = False
+    player: Player | None = None
+    law: PbsmicState | None = None
+    wishes: tuple[Act, ...] = ()
+    refused: int = 0
+    detail: str = ""
+
+
+def start(_config: ControllerConfig) -> State:
+    """Nothing is loaded."""
+    return State()
+
+
+def step(
+    config: ControllerConfig, state: State, inputs: Inputs, _now: float
+) -> tuple[State, tuple[Message | Drive, ...]]:
+    """Answer one estimate with one command; without a program, or blind, with an invalid one."""
+    estimate = inputs.estimate
+    if estimate is None:
+        return state, ()
+    if estimate.epoch != state.epoch:
+        return replace(state, refused=state.refused + 1), ()
+    state = replace(state, seq=estimate.seq)
+    if estimate.tripped and state.playing:
+        state = replace(state, playing=False, wishes=(), detail="the actuator has tripped")
+    if not state.playing or not estimate.valid or state.program is None:
+        return state, (_no_command(state, estimate),)
+    return _play(config, state, state.program, estimate)
+
+
+def _play(
+    config: ControllerConfig, state: State, program: Program, estimate: Estimate
+) -> tuple[State, tuple[Message | Drive, ...]]:
+    before = state.player or begin(program, estimate.x_um)
+    law = state.law or pbsmic.start(
+        x_um=estimate.x_um,
+        x_r_um=estimate.x_um,
+        force_mN=0.0,
+        applied_V=estimate.applied_V,
+    )
+    state, player, acted = _act(state, program, before)
+    player = advance(program, player, estimate, config.period_s)
+    force_mN = estimate.force_mN if player.pressing else 0.0
+    if player.bump or player.pressing != before.pressing:
+        law = pbsmic.rebase(law, x_um=estimate.x_um, x_r_um=player.x_r_um, force_mN=force_mN)
+    after, output = pbsmic.step(
+        config.law,
+        law,
+        x_um=estimate.x_um,
+        force_mN=force_mN,
+        applied_V=estimate.applied_V,
+        x_r_um=player.x_r_um,
+        force_r_mN=player.force_r_mN if player.pressing else 0.0,
+        freeze_integral=estimate.limits_active != 0,
+    )
+    voltage_V = estimate.applied_V if player.ended else output.voltage_V
+    command = Command(
+        epoch=state.epoch,
+        seq=estimate.seq,
+        owner=state.owner,
+        voltage_V=voltage_V,
+        part_held=player.held,
+        zero=player.zero,
+        final=player.ended,
+        valid=True,
+    )
+    telemetry = _telemetry(state, before, law, player, output, acted)
+    playing = not player.ended
+    return replace(state, player=player, law=after, playing=playing), (command, telemetry)
+
+
+def _act(state: State, program: Program, player: Player) -> tuple[State, Player, str]:
+    """Let the actions act whose seq has come."""
+    acted: list[str] = []
+    later: list[Act] = []
+    for wish in state.wishes:
+        if wish.at_seq is not None and wish.at_seq > state.seq:
+            later.append(wish)
+        elif wish.action == "stop":
+            player = stop(player)
+            acted.append("stop")
+        elif player.held:
+            player = release(program, player)
+            acted.append("release")
+    return replace(state, wishes=tuple(later)), player, " ".join(acted)
+
+
+def _no_command(state: State, estimate: Estimate) -> Command:
+    return Command(
+        epoch=state.epoch,
+        seq=estimate.seq,
+        owner=state.owner,
+        voltage_V=estimate.applied_V,
+        part_held=False,
+        zero=False,
+        final=False,
+        valid=False,
+    )
+
+
+def _telemetry(
+    state: State,
+    before: Player,
+    law: PbsmicState,
+    player: Player,
+    output: PbsmicOutput,
+    acted: str,
+) -> Telemetry:
+    """How sample k looks: its references are those that the tick before set for it."""
+    return Telemetry(
+        epoch=state.epoch,
+        seq=state.seq,
+        playing=not player.ended,
+        phase=player.segment.phase,
+        segment=player.index,
+        segment_tick=player.ticks,
+        x_r_um=before.x_r_um,
+        x_d_um=law.x_d_um,
+        force_r_mN=before.force_r_mN,
+        sliding_um=output.sliding_um,
+        perturbation_error_mN=output.perturbation_error_mN,
+        residual_um=output.residual_um,
+        outcome=player.outcome,
+        contact_x_um=player.contact_x_um,
+        contact_stiffness_mN_per_um=player.K_e_mN_per_um,
+        held=player.held,
+        acted=acted,
+    )
+
+
+def answer(
+    _config: ControllerConfig, state: State, request: Message, _now: float
+) -> tuple[State, Message, tuple[Message, ...]]:
+    """Load a program, begin an epoch with it, or note an action."""
+    if isinstance(request, Load):
+        if state.playing:
+            raise RefusedError("the controller plays a program: stop it first")
+        if not request.program.segments:
+            raise RefusedError("the program has no segments")
+        return replace(state, program=request.program), Done(state.seq), ()
+    if isinstance(request, Arm):
+        if state.program is None:
+            raise RefusedError("the controller has no program: load one first")
+        fresh = State(
+            epoch=request.epoch,
+            owner=request.owner,
+            program=state.program,
+            playing=True,
+            refused=state.refused,
+        )
+        return fresh, Done(0), ()
+    if isinstance(request, Act):
+        return _note(state, request)
+    raise RefusedError(f"the controller does not answer {type(request).__name__}")
+
+
+def _note(state: State, request: Act) -> tuple[State, Message, tuple[Message, ...]]:
+    if request.action not in ("stop", "release"):
+        raise RefusedError(f"no action {request.action!r}; there are stop, release")
+    if not state.playing:
+        raise RefusedError(f"nothing plays: {request.action} has nothing to act on")
+    if request.action == "release" and (state.player is None or not state.player.held):
+        raise RefusedError("no part is held: release has nothing to let go")
+    if request.at_seq is not None and request.at_seq <= state.seq:
+        raise RefusedError(f"seq {request.at_seq} is past, the controller is at {state.seq}")
+    seq = state.seq + 1 if request.at_seq is None else request.at_seq
+    return replace(state, wishes=(*state.wishes, request)), Done(seq), ()
+
+
+SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
+    name="controller",
+    summary="plays a program of segments: references, a law (PBSMIC), guards",
+    inputs=(Input(ESTIMATE, "trigger"),),
+    outputs=(COMMAND, TELEMETRY),
+    questions=(LOAD, ARM["controller"], ACT, STATUS["controller"]),
+    inputs_type=Inputs,
+    configure=configure,
+    start=start,
+    step=step,
+    answer=answer,
+)

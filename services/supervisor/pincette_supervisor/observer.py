@@ -1,0 +1,97 @@
+"""What the bus says, kept for whoever looks.
+
+Sinks run in threads of the bus, so they do nothing but append and assign.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from time import monotonic
+from typing import Protocol
+
+from pincette.bus.protocol import Bus
+from pincette.messages import Message
+from pincette.topics import TOPICS, Topic
+
+KEPT = 4_000_000
+"""Messages a collection can hold; about three hours at 50 Hz. What comes after is counted."""
+
+
+class WatchedBus(Bus, Protocol):
+    """A bus that tells which programs come and go."""
+
+    def watch(self, sink: Callable[[str, bool], None]) -> None:
+        """Tell ``sink`` of every program that comes (true) or goes (false)."""
+        ...
+
+
+class Collection:
+    """Messages on their way from the bus to a run, in order of arrival."""
+
+    def __init__(self, kept: int = KEPT) -> None:
+        self._queue: deque[Message] = deque()
+        self._room = kept
+        self.dropped = 0
+
+    def put(self, message: Message) -> None:
+        """Take a message, or count it where there is no room left."""
+        if self._room <= 0:
+            self.dropped += 1
+            return
+        self._room -= 1
+        self._queue.append(message)
+
+    def drain(self) -> list[Message]:
+        """What has come since the last call."""
+        taken: list[Message] = []
+        while self._queue:
+            taken.append(self._queue.popleft())
+        return taken
+
+
+class Observer:
+    """The newest message of each topic, which programs are alive, and a tap for a run."""
+
+    def __init__(self, bus: WatchedBus, clock: Callable[[], float] = monotonic) -> None:
+        self._clock = clock
+        self._newest: dict[str, tuple[Message, float]] = {}
+        self._alive: dict[str, bool] = {}
+        self._collection: Collection | None = None
+        for topic in TOPICS:
+            bus.subscribe(topic, self._take)
+        bus.watch(self._turn)
+
+    def _take(self, topic: Topic, message: Message) -> None:
+        self._newest[topic.name] = (message, self._clock())
+        collection = self._collection
+        if collection is not None:
+            collection.put(message)
+
+    def _turn(self, program: str, alive: bool) -> None:
+        self._alive[program] = alive
+
+    def newest(self, topic: Topic) -> Message | None:
+        """The newest message of a topic."""
+        entry = self._newest.get(topic.name)
+        return None if entry is None else entry[0]
+
+    def age_s(self, topic: Topic) -> float | None:
+        """Seconds since the newest message of a topic came."""
+        entry = self._newest.get(topic.name)
+        return None if entry is None else self._clock() - entry[1]
+
+    def alive(self, program: str) -> bool:
+        """Whether a program's token is seen."""
+        return self._alive.get(program, False)
+
+    def gone(self, programs: tuple[str, ...]) -> list[str]:
+        """Those of these programs whose token was seen and has vanished."""
+        return [program for program in programs if self._alive.get(program) is False]
+
+    def collect(self) -> Collection:
+        """Begin to keep every message, for one run at a time."""
+        self._collection = Collection()
+        return self._collection
+
+    def stop_collecting(self) -> None:
+        """Keep the newest only."""
+        self._collection = None

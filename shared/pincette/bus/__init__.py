@@ -1,0 +1,1 @@
+"""The buses: one protocol, in memory and over Zenoh."""

@@ -1,0 +1,67 @@
+"""Who listens where, and who connects to whom: derived from the topics, kept in no second list.
+
+The services of one rig are peers with one direct link wherever one consumes what the other
+produces; each also has a link to the router, which serves the supervisor, the recorder and other
+tools. Nothing listens beyond the host the rig file names, and nothing is found by multicast.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pincette.service import AnyService
+from pincette.topics import LOOP
+
+
+@dataclass(frozen=True, slots=True)
+class Ends:
+    """How one program joins the bus."""
+
+    mode: str
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+
+
+def endpoint(host: str, port: int, program: str) -> str:
+    """Where a program listens: the router at ``port``, the services of the loop after it."""
+    offset = 0 if program == "router" else 1 + LOOP.index(program)
+    return f"tcp/{host}:{port + offset}"
+
+
+def router_ends(host: str, port: int) -> Ends:
+    """The router's place."""
+    return Ends("router", listen=(endpoint(host, port, "router"),))
+
+
+def client_ends(host: str, port: int) -> Ends:
+    """A tool's place: everything goes through the router."""
+    return Ends("client", connect=(endpoint(host, port, "router"),))
+
+
+def direct_ends(host: str, port: int, program: str) -> Ends:
+    """A tool's place beside the router, straight to one service."""
+    return Ends("client", connect=(endpoint(host, port, program),))
+
+
+def producers(service: AnyService, *, lockstep: bool) -> set[str]:
+    """Programs whose samples a service takes; a pace is taken in lockstep only."""
+    return {item.topic.producer for item in service.inputs if item.role != "pace" or lockstep}
+
+
+def consumers(name: str, services: Mapping[str, AnyService], *, lockstep: bool) -> set[str]:
+    """Services that take what a service produces."""
+    return {
+        other
+        for other, service in services.items()
+        if name in producers(service, lockstep=lockstep)
+    }
+
+
+def peer_ends(
+    host: str, port: int, name: str, services: Mapping[str, AnyService], *, lockstep: bool
+) -> Ends:
+    """A service's place: it listens, and connects to the partners that come before it."""
+    partners = producers(services[name], lockstep=lockstep)
+    partners |= consumers(name, services, lockstep=lockstep)
+    earlier = [other for other in LOOP[: LOOP.index(name)] if other in partners]
+    connect = tuple(endpoint(host, port, other) for other in ("router", *earlier))
+    return Ends("peer", (endpoint(host, port, name),), connect)

@@ -1,0 +1,53 @@
+"""A bus within one process: delivery in order of publication, when the owner pumps it."""
+
+from collections import deque
+
+from pincette.bus.protocol import Answerer, BusError, RefusalError, Sink
+from pincette.messages import Message
+from pincette.topics import TOPIC_OF, Question, Topic
+
+
+class MemoryBus:
+    """Deterministic and single-threaded; messages are frozen, so they travel as they are."""
+
+    def __init__(self) -> None:
+        self._sinks: dict[Topic, list[Sink]] = {}
+        self._answerers: dict[Question, Answerer] = {}
+        self._queue: deque[tuple[Topic, Message]] = deque()
+
+    def publish(self, message: Message) -> None:
+        """Put a message in the queue."""
+        self._queue.append((TOPIC_OF[type(message)], message))
+
+    def subscribe(self, topic: Topic, sink: Sink) -> None:
+        """Deliver to ``sink`` when the bus is pumped."""
+        self._sinks.setdefault(topic, []).append(sink)
+
+    def serve(self, question: Question, answerer: Answerer) -> None:
+        """Answer a question at once, in the asker's call."""
+        self._answerers[question] = answerer
+
+    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+        """Ask; see Bus. The answer comes at once, or not at all."""
+        if question not in self._answerers:
+            raise BusError(f"nobody answers {question.service}/{question.name}")
+        replies: list[Message | str] = []
+        self._answerers[question](question, request, replies.append)
+        if not replies:
+            raise BusError(f"{question.service}/{question.name}: no answer in {timeout_s:g} s")
+        if isinstance(replies[0], str):
+            raise RefusalError(replies[0])
+        return replies[0]
+
+    def pump(self) -> bool:
+        """Deliver the oldest message; False where there is none."""
+        if not self._queue:
+            return False
+        topic, message = self._queue.popleft()
+        for sink in self._sinks.get(topic, ()):
+            sink(topic, message)
+        return True
+
+    def close(self) -> None:
+        """Forget everything."""
+        self._queue.clear()

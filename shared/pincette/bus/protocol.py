@@ -1,0 +1,51 @@
+"""What a bus does for a program."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from pincette.messages import Message
+from pincette.topics import Question, Topic
+
+Sink = Callable[[Topic, Message], None]
+Answerer = Callable[[Question, Message, Callable[[Message | str], None]], None]
+"""Gets a question, its request, and a function that takes the reply or the text of a refusal."""
+
+
+class BusError(Exception):
+    """The bus cannot be joined, or a question was not answered; the text says what to do."""
+
+
+class RefusalError(BusError):
+    """A program answered that it will not; the text is its reason."""
+
+
+class Bus(Protocol):
+    """Publish, subscribe, ask and answer, in messages."""
+
+    def publish(self, message: Message) -> None:
+        """Send a message on its topic; never blocks for long, never raises for a lost link."""
+        ...
+
+    def subscribe(self, topic: Topic, sink: Sink) -> None:
+        """Deliver every message of a topic to ``sink``, from a thread of the bus."""
+        ...
+
+    def serve(self, question: Question, answerer: Answerer) -> None:
+        """Answer a question; the reply may be given later and from another thread."""
+        ...
+
+    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+        """Ask and wait.
+
+        Raises
+        ------
+        BusError
+            Where nobody answered in time.
+        RefusalError
+            Where the program refused.
+        """
+        ...
+
+    def close(self) -> None:
+        """Leave the bus."""
+        ...

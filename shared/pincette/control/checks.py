@@ -1,0 +1,21 @@
+"""Refusal of impossible numbers: the text names quantity, value, unit and limit."""
+
+from math import isfinite
+
+
+def require_positive(quantity: str, value: float, unit: str) -> float:
+    """Return ``value``; raises ValueError unless it is finite and above 0."""
+    if not (isfinite(value) and value > 0.0):
+        raise ValueError(_refusal(quantity, value, unit, "above 0"))
+    return value
+
+
+def require_not_negative(quantity: str, value: float, unit: str) -> float:
+    """Return ``value``; raises ValueError unless it is finite and at least 0."""
+    if not (isfinite(value) and value >= 0.0):
+        raise ValueError(_refusal(quantity, value, unit, "at least 0"))
+    return value
+
+
+def _refusal(quantity: str, value: float, unit: str, limit: str) -> str:
+    return f"{quantity} = {f'{value} {unit}'.rstrip()}, must be finite and {limit}"

@@ -1,0 +1,108 @@
+"""The generalized impedance (10), which ties position error and force error together.
+
+    M(x'' - x_r'') + B(x' - x_r') + K(x - x_r) = -K_f (F - F_r)                          (10)
+
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from dataclasses import dataclass
+
+from pincette.control.checks import require_not_negative, require_positive
+
+
+@dataclass(frozen=True, slots=True)
+class ImpedanceParameters:
+    """Parameters of (10), in µm, mN and s.
+
+    K is in mN/µm: only then does the paper's K_f = 5000 trade 1 µm for K/K_f = 4 mN. With the
+    printed K = 1.9901e7 N/m taken as a bare number, K_f has no effect.
+    """
+
+    M: float
+    """Mass, mN·s²/µm."""
+    B: float
+    """Damping, mN·s/µm."""
+    K: float
+    """Stiffness, mN/µm."""
+    K_f: float
+    """Force gain, mN/mN; 0 makes x_d follow x_r alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiscreteImpedance:
+    """Coefficients of (12): M̄, B̄, K̄ in mN/µm, K̄_f without unit."""
+
+    M_bar: float
+    B_bar: float
+    K_bar: float
+    K_f_bar: float
+
+
+def discretize_impedance(parameters: ImpedanceParameters, period_s: float) -> DiscreteImpedance:
+    """Turn (10) into (12) by backward Euler.
+
+        M̄ = M/T²,  B̄ = -2M/T² - B/T,  K̄ = M/T² + B/T + K,  K̄_f = K_f                   (13)
+
+    Raises
+    ------
+    ValueError
+        Where K or the period is not positive, or M, B or K_f is negative.
+    """
+    T = require_positive("period", period_s, "s")
+    M = require_not_negative("impedance mass M", parameters.M, "mN·s²/µm")
+    B = require_not_negative("impedance damping B", parameters.B, "mN·s/µm")
+    K = require_positive("impedance stiffness K", parameters.K, "mN/µm")
+    M_bar = M / T**2
+    return DiscreteImpedance(
+        M_bar=M_bar,
+        B_bar=-2.0 * M_bar - B / T,
+        K_bar=M_bar + B / T + K,
+        K_f_bar=require_not_negative("impedance force gain K_f", parameters.K_f, "mN/mN"),
+    )
+
+
+def desired_position(
+    impedance: DiscreteImpedance,
+    *,
+    deviation_1_um: float,
+    deviation_2_um: float,
+    force_mN: float,
+    force_r_mN: float,
+    x_r_um: float,
+) -> float:
+    """Desired position x_{d,k} in µm, the solution of the impedance filter (14).
+
+        x_{d,k} = -M̄/K̄ (x_{d,k-2} - x_{r,k-2}) - B̄/K̄ (x_{d,k-1} - x_{r,k-1})
+                  - K̄_f/K̄ (F_k - F_{r,k}) + x_{r,k}                                     (16)
+
+    ``deviation_1_um`` and ``deviation_2_um`` are x_d - x_r one and two samples ago.
+    """
+    return (
+        x_r_um
+        - (
+            impedance.M_bar * deviation_2_um
+            + impedance.B_bar * deviation_1_um
+            + impedance.K_f_bar * (force_mN - force_r_mN)
+        )
+        / impedance.K_bar
+    )
+
+
+def impedance_residual(
+    impedance: DiscreteImpedance,
+    *,
+    error_um: float,
+    error_1_um: float,
+    error_2_um: float,
+    force_error_mN: float,
+) -> float:
+    """By how many mN the target impedance (12) is missed; ẽ = x - x_r now, one and two ago.
+
+    M̄ ẽ_{k-2} + B̄ ẽ_{k-1} + K̄ ẽ_k + K̄_f (F_k - F_{r,k}), the impedance measure error (33).
+    """
+    return (
+        impedance.M_bar * error_2_um
+        + impedance.B_bar * error_1_um
+        + impedance.K_bar * error_um
+        + impedance.K_f_bar * force_error_mN
+    )

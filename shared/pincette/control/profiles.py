@@ -1,0 +1,105 @@
+"""Smooth moves of a reference, in position or in force: the unit is the caller's."""
+
+from dataclasses import dataclass
+from math import sqrt
+
+from pincette.control.checks import require_not_negative, require_positive
+
+PEAK_SPEED = 15.0 / 8.0
+"""Peak of |q'(s)| of the quintic from rest to rest, at s = 1/2."""
+PEAK_ACCELERATION = 10.0 / sqrt(3.0)
+"""Peak of |q''(s)| of the quintic from rest to rest."""
+
+
+def quintic(s: float) -> float:
+    """Share of a move done at the share ``s`` of its time: q = 10s³ - 15s⁴ + 6s⁵ on [0, 1].
+
+    0 before, 1 after; speed and acceleration vanish at both ends.
+    """
+    if s <= 0.0:
+        return 0.0
+    if s >= 1.0:
+        return 1.0
+    return s * s * s * (10.0 + s * (6.0 * s - 15.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Quintic:
+    """Polynomial x(t) = x_0 + v_0 t + c_3 s³ + c_4 s⁴ + c_5 s⁵, s = t/duration.
+
+    Acceleration vanishes at both ends. Before and after, x rests at its end points.
+    """
+
+    start: float
+    start_speed: float
+    end: float
+    end_speed: float
+    duration_s: float
+    c_3: float
+    c_4: float
+    c_5: float
+
+    def position(self, t_s: float) -> float:
+        """Position at ``t_s`` since the start of the move, clamped to its ends."""
+        if t_s <= 0.0:
+            return self.start
+        if t_s >= self.duration_s:
+            return self.end
+        s = t_s / self.duration_s
+        return (
+            self.start
+            + self.start_speed * t_s
+            + s * s * s * (self.c_3 + s * (self.c_4 + s * self.c_5))
+        )
+
+    def speed(self, t_s: float) -> float:
+        """Rate of change of the position, per second; the boundary speeds outside the move."""
+        if t_s <= 0.0:
+            return self.start_speed
+        if t_s >= self.duration_s:
+            return self.end_speed
+        s = t_s / self.duration_s
+        shape = s * s * (3.0 * self.c_3 + s * (4.0 * self.c_4 + s * 5.0 * self.c_5))
+        return self.start_speed + shape / self.duration_s
+
+
+def move(
+    start: float, start_speed: float, end: float, end_speed: float, duration_s: float
+) -> Quintic:
+    """Plan a move between two positions, with given speeds and no acceleration at both.
+
+    Raises
+    ------
+    ValueError
+        Where the duration is not finite and positive.
+    """
+    T = require_positive("duration of a move", duration_s, "s")
+    distance = end - start
+    return Quintic(
+        start=start,
+        start_speed=start_speed,
+        end=end,
+        end_speed=end_speed,
+        duration_s=T,
+        c_3=10.0 * distance - (6.0 * start_speed + 4.0 * end_speed) * T,
+        c_4=-15.0 * distance + (8.0 * start_speed + 7.0 * end_speed) * T,
+        c_5=6.0 * distance - 3.0 * (start_speed + end_speed) * T,
+    )
+
+
+def minimum_duration(distance: float, speed: float, acceleration: float | None = None) -> float:
+    """Shortest time in s of a move from rest to rest within a peak speed and acceleration.
+
+    The larger of (15/8)·|distance|/speed and √((10/√3)·|distance|/acceleration).
+
+    Raises
+    ------
+    ValueError
+        Where speed or acceleration is not finite and positive.
+    """
+    length = require_not_negative("distance of a move", abs(distance), "")
+    duration_s = PEAK_SPEED * length / require_positive("peak speed", speed, "1/s")
+    if acceleration is None:
+        return duration_s
+    limit = require_positive("peak acceleration", acceleration, "1/s²")
+    return max(duration_s, sqrt(PEAK_ACCELERATION * length / limit))

@@ -1,0 +1,1 @@
+"""Services at work: joining inputs, clocks, processes."""

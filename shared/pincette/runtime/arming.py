@@ -1,0 +1,33 @@
+"""Arming a rig: every service of the loop begins the same epoch, the sensor last."""
+
+from typing import cast
+
+from pincette.bus.protocol import Bus
+from pincette.control.program import Program
+from pincette.messages import Arm, Load, Status, StatusRequest
+from pincette.topics import ARM, LOAD, STATUS
+
+ORDER = ("estimator", "controller", "actuator", "sensor")
+"""The sensor last: in lockstep its arming is the first tick."""
+
+
+def status(bus: Bus, service: str, timeout_s: float = 2.0) -> Status:
+    """Ask a service how it is; raises BusError where it does not answer."""
+    return cast(Status, bus.ask(STATUS[service], StatusRequest(), timeout_s))
+
+
+def arm(bus: Bus, program: Program, *, epoch: int, digest: str, owner: int | None = None) -> None:
+    """Load a program and start it.
+
+    Raises
+    ------
+    BusError
+        Where a service is silent.
+    RefusalError
+        Where one refuses: another rig file, a latched actuator, a second controller.
+    """
+    if owner is None:
+        owner = status(bus, "controller").instance
+    bus.ask(LOAD, Load(program))
+    for service in ORDER:
+        bus.ask(ARM[service], Arm(epoch, owner, digest))

@@ -1,0 +1,167 @@
+"""Several programs started on this machine, watched, and ended together."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from urllib.parse import urlsplit
+
+from pincette.config import RigFile
+from pincette.runtime.process import READY
+from pincette.topics import LOOP
+
+START_S = 30.0
+STOP_S = 5.0
+Say = Callable[[str, str], None]
+"""Called with a program's name and one line about it."""
+
+
+class FleetError(Exception):
+    """A program could not be started; the text says which, why, and what to do."""
+
+
+@dataclass
+class Member:
+    """One program of the fleet."""
+
+    name: str
+    process: "subprocess.Popen[str]"
+    log: Path
+    ready: threading.Event = field(default_factory=threading.Event)
+    line: str = ""
+
+    def tail(self) -> str:
+        """What the program said last."""
+        lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
+        return "\n".join(lines[-12:])
+
+
+def ports(rig: RigFile) -> dict[int, str]:
+    """Ports a rig needs on this machine, and what for."""
+    wanted = {rig.bus.port: "router"}
+    wanted |= {rig.bus.port + 1 + index: name for index, name in enumerate(LOOP)}
+    wanted[rig.supervisor.port] = "supervisor"
+    if rig.simulation is not None:
+        for name, url in (("position sensor", rig.sensor.url), ("output", rig.output.url)):
+            port = urlsplit(url).port if url.startswith("socket://") else None
+            if port is not None:
+                wanted[port] = f"simulated {name}"
+    return wanted
+
+
+def check_ports(rig: RigFile) -> None:
+    """Raise FleetError where a port is taken, before anything is started."""
+    for port, purpose in ports(rig).items():
+        host = rig.supervisor.host if purpose == "supervisor" else rig.bus.host
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((host, port))
+            except OSError as error:
+                raise FleetError(
+                    f"rig {rig.rig.name!r}: {host}:{port} ({purpose}) cannot be used: "
+                    f"{error.strerror}. Is this rig up already? End that one, or give this rig "
+                    "other ports in its file"
+                ) from error
+
+
+class Fleet:
+    """The programs of one rig as child processes on a leash."""
+
+    def __init__(
+        self, rig: RigFile, path: Path, data: Path, say: Say, extra: Iterable[str] = ()
+    ) -> None:
+        self.members: dict[str, Member] = {}
+        self._rig = rig
+        self._arguments = ["--rig", str(path), "--data", str(data), "--leash", *extra]
+        self._logs = data / "logs"
+        self._logs.mkdir(parents=True, exist_ok=True)
+        self._say = say
+
+    def names(self) -> list[str]:
+        """What `pincette up` starts for this rig."""
+        rig = ["rig"] if self._rig.simulation is not None else []
+        return ["router", *rig, *LOOP, "supervisor"]
+
+    def start(self, names: Iterable[str], extra: Iterable[str] = ()) -> None:
+        """Start programs side by side and wait until all of them serve."""
+        started = [self._spawn(name, extra) for name in names]
+        deadline = monotonic() + START_S
+        for member in started:
+            while not member.ready.wait(0.05):
+                if member.process.poll() is not None:
+                    raise FleetError(f"{member.name} did not start:\n{member.tail()}")
+                if monotonic() > deadline:
+                    raise FleetError(
+                        f"{member.name} is not ready after {START_S:g} s:\n{member.tail()}"
+                    )
+            self._say(member.name, member.line)
+
+    def _spawn(self, name: str, extra: Iterable[str]) -> Member:
+        log = self._logs / f"{name}.log"
+        with log.open("w", encoding="utf-8") as stream:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "pincette", "run", name, *self._arguments, *extra],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=stream,
+                text=True,
+                start_new_session=True,
+            )
+        member = Member(name, process, log)
+        self.members[name] = member
+        threading.Thread(target=_listen, args=(member,), daemon=True).start()
+        return member
+
+    def up(self) -> None:
+        """Start everything: what others lean on first."""
+        check_ports(self._rig)
+        names = self.names()
+        self.start(names[:1])
+        self.start([name for name in names if name == "rig"])
+        self.start(LOOP)
+        self.start(["supervisor"])
+
+    def ended(self) -> list[Member]:
+        """Programs that have ended by themselves."""
+        return [member for member in self.members.values() if member.process.poll() is not None]
+
+    def signal(self, name: str, number: signal.Signals) -> None:
+        """Send a signal to one program."""
+        os.kill(self.members[name].process.pid, number)
+
+    def down(self) -> None:
+        """End every program, the supervisor first and the router last."""
+        for member in reversed(self.members.values()):
+            if member.process.poll() is None:
+                member.process.send_signal(signal.SIGCONT)
+                member.process.terminate()
+        deadline = monotonic() + STOP_S
+        for member in self.members.values():
+            try:
+                member.process.wait(max(0.1, deadline - monotonic()))
+            except subprocess.TimeoutExpired:
+                member.process.kill()
+                member.process.wait()
+            for stream in (member.process.stdin, member.process.stdout):
+                if stream is not None:
+                    stream.close()
+
+
+def _listen(member: Member) -> None:
+    stream = member.process.stdout
+    if stream is None:
+        return
+    try:
+        for line in stream:
+            if line.startswith(READY):
+                member.line = line.removeprefix(READY).strip()
+                member.ready.set()
+    except ValueError:
+        return

@@ -1,0 +1,209 @@
+"""A service at work: its state, the samples that wait for a partner, its instrument.
+
+A node knows no thread and no bus, so the same node runs in an own process over Zenoh and beside
+its neighbours in one process; what drives it hands it messages and the time.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, cast
+
+from pincette import __version__
+from pincette.config import RigFile
+from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
+from pincette.messages import Applied, Arm, Message, Sample, Status, StatusRequest
+from pincette.service import AnyService, Drive, Input, Reading, RefusedError
+from pincette.topics import COMMAND
+
+JOIN_WAIT_PERIODS = 0.25
+KEPT = 16
+"""Samples kept for a join; what waits longer than this has lost its partner."""
+
+Device = PositionSensor | VoltageOutput | None
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """A trigger that waits for its partners; ``sample`` is None for a tick of the grid."""
+
+    sample: Sample | None
+    since: float
+
+
+class Node:
+    """Joins inputs by number, steps the service, moves its instrument."""
+
+    def __init__(
+        self, service: AnyService, rig: RigFile, device: Device = None, instance: int = 1
+    ) -> None:
+        self.service = service
+        self.instance = instance
+        self.digest = rig.digest()
+        self.lockstep = rig.lockstep
+        self.period_s = rig.rig.period_s
+        self.config: Any = service.configure(rig)
+        self.state: Any = service.start(self.config)
+        self.steps = 0
+        self.missed = 0
+        self._device = device
+        self._instrument = service.instrument is not None
+        self._joins = [item for item in service.inputs if item.role == "join"]
+        self._roles: dict[type, Input] = {item.topic.message: item for item in service.inputs}
+        self._columns = [
+            item.topic.message for item in service.inputs if item.role in ("trigger", "join")
+        ]
+        self._paced = any(item.role == "pace" for item in service.inputs)
+        self._waiting: dict[type, dict[tuple[int, int], Sample]] = {
+            item.topic.message: {} for item in self._joins
+        }
+        self._pending: deque[Pending] = deque()
+        self._blank = (None,) * (len(self._columns) + self._instrument)
+
+    def accept(self, message: Message, now: float) -> None:
+        """Take a message from the bus."""
+        sample = cast(Sample, message)
+        role = self._roles[type(message)].role
+        if role == "join":
+            waiting = self._waiting[type(message)]
+            waiting[sample.epoch, sample.seq] = sample
+            if len(waiting) > KEPT:
+                del waiting[next(iter(waiting))]
+        elif role == "trigger":
+            if not self.lockstep:
+                self._drop_older(type(message))
+            self._pending.append(Pending(sample, now))
+        elif self.lockstep and not cast(Applied, message).final:
+            self._pending.append(Pending(None, (sample.seq + 1) * self.period_s))
+
+    def _drop_older(self, kind: type) -> None:
+        """In real time only the newest sample of a topic counts; a backlog is never played."""
+        for pending in self._pending:
+            if type(pending.sample) is kind:
+                self._pending.remove(pending)
+                self.missed += 1
+                return
+
+    def due(self, now: float) -> bool:
+        """Whether a step can be made."""
+        if not self._pending:
+            return False
+        first = self._pending[0]
+        if first.sample is None or self._complete(first.sample):
+            return True
+        return not self.lockstep and now - first.since >= JOIN_WAIT_PERIODS * self.period_s
+
+    def patience(self, now: float) -> float | None:
+        """Seconds until a step must be made without its partner; None where nothing waits."""
+        if self.lockstep or not self._pending:
+            return None
+        return max(0.0, self._pending[0].since + JOIN_WAIT_PERIODS * self.period_s - now)
+
+    def _complete(self, sample: Sample) -> bool:
+        for item in self._joins:
+            if (sample.epoch, sample.seq + item.offset) not in self._waiting[item.topic.message]:
+                return False
+        return True
+
+    def fire(self, now: float) -> tuple[Message, ...]:
+        """Make the step that is due; returns what is to be published."""
+        pending = self._pending.popleft()
+        sample = pending.sample
+        if sample is None:
+            return self.tick(pending.since)
+        values: list[Any] = list(self._blank)
+        values[self._columns.index(type(sample)) + self._instrument] = sample
+        for item in self._joins:
+            kind = item.topic.message
+            partner = self._waiting[kind].pop((sample.epoch, sample.seq + item.offset), None)
+            values[self._columns.index(kind) + self._instrument] = partner
+        return self._step(values, sample.seq * self.period_s if self.lockstep else now)
+
+    def tick(self, now: float) -> tuple[Message, ...]:
+        """Step because the grid says so: read the sensor first."""
+        values: list[Any] = list(self._blank)
+        if self.service.instrument == "position_sensor":
+            try:
+                values[0] = Reading(cast(PositionSensor, self._device).read_um())
+            except InstrumentError as error:
+                values[0] = Reading(0.0, str(error))
+        return self._step(values, now)
+
+    def wake(self, now: float) -> tuple[Message, ...]:
+        """Step because time has passed."""
+        return self._step(list(self._blank), now)
+
+    def _step(self, values: list[Any], now: float) -> tuple[Message, ...]:
+        self.steps += 1
+        service = self.service
+        self.state, outputs = service.step(
+            self.config, self.state, service.inputs_type(*values), now
+        )
+        if not self._instrument or not outputs or type(outputs[0]) is not Drive:
+            return cast("tuple[Message, ...]", outputs)
+        fault = self._put_out(outputs[0])
+        if fault:
+            values = list(self._blank)
+            values[0] = fault
+            self.state, outputs = service.step(
+                self.config, self.state, service.inputs_type(*values), now
+            )
+            if outputs and type(outputs[0]) is Drive:
+                self._put_out(outputs[0])
+        return tuple(output for output in outputs if not isinstance(output, Drive))
+
+    def _put_out(self, drive: Drive) -> str:
+        try:
+            cast(VoltageOutput, self._device).write_V(drive.voltage_V)
+        except InstrumentError as error:
+            return str(error)
+        return ""
+
+    def ask(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
+        """Answer a question: the reply, or the text of a refusal, and what is to be published."""
+        if isinstance(request, StatusRequest):
+            return self._status(), ()
+        try:
+            if isinstance(request, Arm):
+                self._may_arm(request)
+            self.state, reply, outputs = self.service.answer(self.config, self.state, request, now)
+        except RefusedError as error:
+            return str(error), ()
+        if isinstance(request, Arm):
+            self._pending.clear()
+            for waiting in self._waiting.values():
+                for place in [place for place in waiting if place[0] != request.epoch]:
+                    del waiting[place]
+            if self._paced and self.lockstep:
+                self._pending.append(Pending(None, 0.0))
+        return reply, outputs
+
+    def _may_arm(self, request: Arm) -> None:
+        if request.digest != self.digest:
+            raise RefusedError(
+                f"{self.service.name} runs with rig file {self.digest}, the others with "
+                f"{request.digest}: start all programs with the same file"
+            )
+        if COMMAND in self.service.outputs and request.owner != self.instance:
+            raise RefusedError(
+                f"this controller is instance {self.instance}, not {request.owner}: "
+                "a second one runs on this rig"
+            )
+
+    def _status(self) -> Status:
+        state = self.state
+        return Status(
+            service=self.service.name,
+            version=__version__,
+            instance=self.instance,
+            digest=self.digest,
+            epoch=state.epoch,
+            steps=self.steps,
+            missed=self.missed,
+            refused=getattr(state, "refused", 0),
+            detail=getattr(state, "detail", ""),
+        )
+
+    def close(self) -> None:
+        """Give the instrument back."""
+        if self._device is not None:
+            self._device.close()

@@ -1,0 +1,155 @@
+"""One program as one process: start, say that it is ready, stop cleanly, fail with a reason."""
+
+import gc
+import logging
+import os
+import secrets
+import signal
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pincette import plugins
+from pincette.bus.links import client_ends, consumers, peer_ends
+from pincette.bus.protocol import BusError
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.config import ConfigError, RigFile, read_rig
+from pincette.instruments.protocols import InstrumentError
+from pincette.runtime.context import Context
+from pincette.runtime.devices import open_device
+from pincette.runtime.loop import ServiceLoop
+from pincette.runtime.node import Node
+from pincette.service import AnyService
+from pincette.topics import LOOP
+
+log = logging.getLogger("pincette")
+READY = "ready: "
+"""How a line on standard output begins that says a program serves."""
+PARTNER_POLL_S = 0.05
+
+CannotStart = (ConfigError, BusError, InstrumentError, plugins.PluginError, OSError)
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a program is started, beside its rig file."""
+
+    data: Path = Path("data")
+    leash: bool = False
+    """End when standard input closes, so that nothing outlives whoever started it."""
+    delay_s: float = 0.0
+    """Longest random delay before a service publishes; for tests of determinism."""
+    delay_seed: int = 0
+
+
+def programs() -> list[str]:
+    """Everything that `pincette run` can start."""
+    return [*LOOP, *plugins.names(plugins.PROGRAMS)]
+
+
+def run_program(name: str, rig_path: Path, options: Options) -> int:
+    """Run one program until it is told to stop; returns the exit status."""
+    logging.basicConfig(
+        level=logging.INFO, stream=sys.stderr, format=f"%(asctime)s {name} %(message)s"
+    )
+    stop = threading.Event()
+    try:
+        rig = read_rig(rig_path)
+        if name in LOOP:
+            _run_service(name, rig, stop, options)
+        else:
+            _run_other(name, rig, stop, options)
+    except CannotStart as error:
+        log.error("%s", error)
+        return 2
+    return 0
+
+
+def _on_stop(stop: Callable[[], None], options: Options) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: stop())
+    if options.leash:
+        threading.Thread(target=_hold_leash, args=(stop,), daemon=True).start()
+
+
+def _hold_leash(stop: Callable[[], None]) -> None:
+    while os.read(0, 64):
+        pass
+    stop()
+
+
+def _say_ready(text: str) -> None:
+    sys.stdout.write(f"{READY}{text}\n")
+    sys.stdout.flush()
+
+
+def loop_services() -> dict[str, AnyService]:
+    """The services of the loop, in the order of a tick."""
+    return {name: plugins.load(plugins.SERVICES, name) for name in LOOP}
+
+
+def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
+    services = loop_services()
+    service = services[name]
+    node = Node(service, rig, open_device(service, rig), secrets.randbits(48))
+    ends = peer_ends(rig.bus.host, rig.bus.port, name, services, lockstep=rig.lockstep)
+    try:
+        bus = ZenohBus(ends, rig.rig.name, name, reliable=rig.lockstep)
+        try:
+            loop = ServiceLoop(node, bus, options.delay_s, options.delay_seed)
+            for topic in service.outputs:
+                bus.declare(topic)
+            bus.announce(name)
+
+            def end() -> None:
+                stop.set()
+                loop.stop()
+
+            _on_stop(end, options)
+            if _wait_for_partners(name, rig, bus, services, stop):
+                gc.collect()
+                gc.freeze()
+                _say_ready(f"serves at {ends.listen[0]}")
+                loop.run()
+        finally:
+            bus.close()
+    finally:
+        node.close()
+
+
+def _wait_for_partners(
+    name: str,
+    rig: RigFile,
+    bus: ZenohBus,
+    services: Mapping[str, AnyService],
+    stop: threading.Event,
+) -> bool:
+    """Wait until every consumer is linked, so that the first sample is not lost."""
+    wanted = consumers(name, services, lockstep=rig.lockstep)
+    said: set[str] = set()
+    while not stop.is_set():
+        missing = wanted - bus.alive()
+        if not missing:
+            return True
+        if missing != said:
+            log.info("waiting for %s", ", ".join(sorted(missing)))
+            said = missing
+        stop.wait(PARTNER_POLL_S)
+    return False
+
+
+def _run_other(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
+    program: Callable[[Context], None] = plugins.load(plugins.PROGRAMS, name)
+    ends = client_ends(rig.bus.host, rig.bus.port)
+    _on_stop(stop.set, options)
+    program(
+        Context(
+            rig=rig,
+            data=options.data,
+            open_bus=lambda: ZenohBus(ends, rig.rig.name, name),
+            ready=_say_ready,
+            stop=stop,
+        )
+    )

@@ -1,0 +1,17 @@
+"""The router: serves supervisor, recorder and other tools beside the loop's direct links."""
+
+from pincette.bus.links import router_ends
+from pincette.bus.zenoh_bus import serve_router
+from pincette.runtime.context import Context
+
+
+def PROGRAM(context: Context) -> None:
+    """Route until stopped."""
+    bus = context.rig.bus
+    ends = router_ends(bus.host, bus.port)
+
+    def wait() -> None:
+        context.ready(f"routes at {ends.listen[0]}")
+        context.stop.wait()
+
+    serve_router(ends, context.rig.rig.name, wait)

@@ -1,0 +1,79 @@
+"""What a service is: inputs and outputs as data, and pure functions from state to state.
+
+The runner does the rest: bus, clock, instrument, joins, deadlines, statistics, shutdown. Because
+inputs are data, replay, documents and the links between programs need no second list.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, Literal, TypeVar
+
+from pincette.messages import Message
+from pincette.topics import Question, Topic
+
+C = TypeVar("C")
+S = TypeVar("S")
+I = TypeVar("I")  # noqa: E741  the name of an inputs type, never of a number
+R = TypeVar("R")
+
+Role = Literal["trigger", "join", "pace"]
+
+
+class RefusedError(Exception):
+    """A question that a service will not act on; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What the position sensor said in this tick, or why it said nothing."""
+
+    x_um: float
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """An output for the instrument: put out this voltage before anything is published."""
+
+    voltage_V: float
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """One input of a service.
+
+    ``trigger``  each arrival makes the service step.
+    ``join``     the step for sample k waits for this topic's sample k + ``offset``.
+    ``pace``     in lockstep, each arrival begins the next tick; in real time the grid does.
+    """
+
+    topic: Topic
+    role: Role
+    offset: int = 0
+
+
+@dataclass(frozen=True)
+class Service(Generic[R, C, S, I]):
+    """One program of the loop: data and pure functions.
+
+    ``inputs_type`` is a NamedTuple whose fields are ``device`` (where there is an instrument)
+    followed by the topics of ``inputs`` whose role is trigger or join, in their order. A step
+    that is made because time has passed gets None for all of them.
+    """
+
+    name: str
+    summary: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Topic, ...]
+    questions: tuple[Question, ...]
+    inputs_type: Callable[..., I]
+    configure: Callable[[R], C]
+    start: Callable[[C], S]
+    step: Callable[[C, S, I, float], tuple[S, tuple[Message | Drive, ...]]]
+    answer: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message, ...]]]
+    instrument: Literal["position_sensor", "voltage_output"] | None = None
+    wake_periods: float | None = None
+    """In real time, step at least this often, in control periods."""
+
+
+AnyService = Service[Any, Any, Any, Any]

@@ -1,0 +1,1 @@
+"""The simulated rig: the plant in simulated time, and the instruments' side of the wire."""

@@ -1,0 +1,137 @@
+"""The ICP DAS I-7024 as its RS-485 line shows it: DCON commands, safe value, host watchdog.
+
+Commands the analog output manual lists and this module does not know answer ``?AA``.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+CHANNELS = 4
+LIMIT_V = 10.0
+HEARTBEAT = b"~**"
+COMMAND = re.compile(rb"([#$~])([0-9A-F]{2})(.*)")
+DATA = re.compile(rb"[+-]\d{2}\.\d{3}")
+TRIPPED, FINE = b"04", b"00"
+
+
+@dataclass(slots=True)
+class _Watchdog:
+    """Trips where the host has been silent for ``limit_s`` while it is enabled."""
+
+    enabled: bool = False
+    limit_s: float = 0.0
+    fed_s: float = 0.0
+    tripped: bool = False
+
+
+@dataclass(slots=True)
+class _Channel:
+    commanded_V: float = 0.0
+    actual_V: float = 0.0
+    safe_V: float = 0.0
+
+
+@dataclass(slots=True)
+class SimulatedI7024:
+    """Four channels, of which ``channel`` drives the plant through ``put_out``.
+
+    The watchdog is looked at whenever a line arrives and whenever the wire is idle, on
+    ``clock()`` in seconds.
+    """
+
+    put_out: Callable[[float], None]
+    clock: Callable[[], float]
+    address: int = 1
+    channel: int = 0
+    checksum: bool = False
+    _channels: list[_Channel] = field(
+        default_factory=lambda: [_Channel() for _ in range(CHANNELS)], init=False
+    )
+    _watchdog: _Watchdog = field(default_factory=_Watchdog, init=False)
+
+    def idle(self) -> None:
+        """Let the host watchdog trip where its time is over."""
+        dog = self._watchdog
+        if not dog.enabled or dog.tripped or self.clock() - dog.fed_s < dog.limit_s:
+            return
+        dog.tripped, dog.enabled = True, False
+        for number, channel in enumerate(self._channels):
+            self._drive(number, channel.safe_V)
+
+    def answer(self, line: bytes) -> bytes | None:
+        """Answer one command line; silence for another address or a wrong checksum."""
+        self.idle()
+        body = line
+        if self.checksum:
+            body, given = line[:-2], line[-2:]
+            if given != _sum(body):
+                return None
+        if body == HEARTBEAT:
+            self._watchdog.fed_s = self.clock()
+            return None
+        match = COMMAND.fullmatch(body)
+        if match is None or int(match[2], 16) != self.address:
+            return None
+        reply = self._set(match[3]) if match[1] == b"#" else self._ask(match[1] + match[3])
+        if reply is None:
+            reply = b"?" + match[2]
+        return reply + _sum(reply) if self.checksum else reply
+
+    def _set(self, rest: bytes) -> bytes | None:
+        """#AAN(data): put out a voltage."""
+        number, data = self._number(rest[:1]), rest[1:]
+        if number is None or DATA.fullmatch(data) is None:
+            return None
+        if self._watchdog.tripped:
+            return b"!"
+        voltage_V = float(data)
+        if abs(voltage_V) > LIMIT_V:
+            return b"?"
+        self._channels[number].commanded_V = voltage_V
+        self._drive(number, voltage_V)
+        return b">"
+
+    def _ask(self, command: bytes) -> bytes | None:
+        """Answer commands after $ and ~; None where there is no such command."""
+        prefix = b"!%02X" % self.address
+        dog = self._watchdog
+        if command in (b"$2", b"$M", b"$F", b"~0"):
+            status = TRIPPED if dog.tripped else FINE
+            known = {b"$2": b"320A00", b"$M": b"7024", b"$F": b"A1.0", b"~0": status}
+            return prefix + known[command]
+        if command == b"~1":
+            dog.tripped = False
+            return prefix
+        if re.fullmatch(rb"~3[01][0-9A-F]{2}", command):
+            dog.enabled, dog.limit_s = command[2:3] == b"1", int(command[3:], 16) * 0.1
+            dog.fed_s = self.clock()
+            return prefix
+        number = self._number(command[2:])
+        if number is None or command[:2] not in (b"$6", b"$8", b"~5", b"$4"):
+            return None
+        channel = self._channels[number]
+        if command[:2] == b"~5":
+            channel.safe_V = channel.actual_V
+        if command[:2] in (b"~5", b"$4"):
+            return prefix
+        shown_V = channel.commanded_V if command[:2] == b"$6" else channel.actual_V
+        return prefix + f"{shown_V:+07.3f}".encode()
+
+    def _drive(self, number: int, voltage_V: float) -> None:
+        self._channels[number].actual_V = voltage_V
+        if number == self.channel:
+            self.put_out(voltage_V)
+
+    @staticmethod
+    def _number(text: bytes) -> int | None:
+        known = len(text) == 1 and text.isdigit() and int(text) < CHANNELS
+        return int(text) if known else None
+
+
+def _sum(body: bytes) -> bytes:
+    """Checksum: the sum of the bytes, modulo 256, in two hexadecimal digits."""
+    total = 0
+    for byte in body:
+        total += byte
+    return b"%02X" % (total % 256)

@@ -1,0 +1,17 @@
+"""What a simulated instrument is to the wire: a table of commands, free of I/O."""
+
+from typing import Protocol
+
+TERMINATOR = b"\r"
+
+
+class Instrument(Protocol):
+    """One instrument: a line in, a line or silence out, both without their terminator."""
+
+    def answer(self, line: bytes) -> bytes | None:
+        """Answer one line; None is silence."""
+        ...
+
+    def idle(self) -> None:
+        """Let the instrument look at its own clock; called while no line arrives."""
+        ...

@@ -1,0 +1,157 @@
+"""Where a simulated instrument can be reached: a TCP port, or a pseudo-terminal."""
+
+import os
+import pty
+import socket
+import tty
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import urlsplit
+
+Wait = Callable[[int], bool]
+"""Waits until a descriptor is readable; False where the port is being closed."""
+
+
+class WireError(Exception):
+    """A simulated instrument cannot be offered; the text says where, why, and what to do."""
+
+
+class Line(Protocol):
+    """One conversation with a client."""
+
+    def fileno(self) -> int:
+        """Descriptor to wait for."""
+        ...
+
+    def recv(self, size: int, /) -> bytes:
+        """Return what has arrived; empty where the client has hung up."""
+        ...
+
+    def sendall(self, data: bytes, /) -> None:
+        """Send all of it."""
+        ...
+
+    def close(self) -> None:
+        """End the conversation."""
+        ...
+
+
+class Port(Protocol):
+    """A place that takes one client at a time."""
+
+    @property
+    def url(self) -> str:
+        """What a driver opens to get here."""
+        ...
+
+    def next_line(self, wait: Wait) -> Line | None:
+        """Wait for a client; None where the port is being closed."""
+        ...
+
+    def close(self) -> None:
+        """Take the port away."""
+        ...
+
+
+class TcpPort:
+    """A listening socket; a second client waits until the first has gone."""
+
+    def __init__(self, host: str, port: int) -> None:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._listener = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._listener.bind((host, port))
+            self._listener.listen(4)
+        except OSError as error:
+            self._listener.close()
+            raise WireError(
+                f"socket://{host}:{port}: cannot listen ({error.strerror}); stop the program that "
+                "uses this port, or change the url in the rig file"
+            ) from error
+        shown = f"[{host}]" if ":" in host else host
+        self.url = f"socket://{shown}:{self._listener.getsockname()[1]}"
+
+    def next_line(self, wait: Wait) -> Line | None:
+        """Wait for a client; None where the port is being closed."""
+        if not wait(self._listener.fileno()):
+            return None
+        client, _ = self._listener.accept()
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return client
+
+    def close(self) -> None:
+        """Take the port away."""
+        self._listener.close()
+
+
+class PtyPort:
+    """A pseudo-terminal under a path of one's own; one conversation for its whole life.
+
+    The far end is kept open here too, so that a client may come and go.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.url = str(path)
+        self._path = path
+        self._near, self._far = pty.openpty()
+        tty.setraw(self._far)
+        try:
+            if path.is_symlink():
+                path.unlink()
+            path.symlink_to(os.ttyname(self._far))
+        except OSError as error:
+            self._close_terminal()
+            raise WireError(
+                f"{path}: cannot put a pseudo-terminal there ({error.strerror}); remove what is "
+                "there, or change the url in the rig file"
+            ) from error
+
+    def next_line(self, wait: Wait) -> Line | None:
+        """Wait for the first bytes; None where the port is being closed."""
+        return self if wait(self._near) else None
+
+    def fileno(self) -> int:
+        """Descriptor to wait for."""
+        return self._near
+
+    def recv(self, size: int) -> bytes:
+        """Return what has arrived."""
+        return os.read(self._near, size)
+
+    def sendall(self, data: bytes) -> None:
+        """Send a line; the terminal's buffer holds many of them."""
+        os.write(self._near, data)
+
+    def close(self) -> None:
+        """Take the pseudo-terminal and its path away; a client then sees a hang-up."""
+        if self._path.is_symlink() and self._near >= 0:
+            self._path.unlink()
+        self._close_terminal()
+
+    def _close_terminal(self) -> None:
+        if self._near >= 0:
+            os.close(self._near)
+            os.close(self._far)
+            self._near = self._far = -1
+
+
+def open_port(url: str) -> Port:
+    """Port for a driver's url: ``socket://host:port`` (port 0: any), else a path.
+
+    Raises
+    ------
+    WireError
+        Where it cannot be offered there.
+    """
+    if "://" not in url:
+        return PtyPort(Path(url))
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise WireError(f"{url}: {error}") from error
+    if parts.scheme != "socket" or host is None or port is None:
+        raise WireError(f"{url}: a simulated instrument needs socket://host:port, or a path")
+    return TcpPort(host, port)
