@@ -46,7 +46,7 @@ lint: venv ## style, types and the direction of imports
 	@echo "== basedpyright"
 	@$(BIN)/basedpyright
 	@echo "== import-linter"
-	@$(BIN)/lint-imports --no-cache
+	@$(BIN)/lint-imports --no-cache --no-logo
 
 bench: venv ## measure the loop; writes bench.json and bench.png
 	@$(BIN)/python tests/bench/loop.py $(ARGS)

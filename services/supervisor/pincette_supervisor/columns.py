@@ -52,10 +52,11 @@ COLUMNS = (
     Column("command_age_s", Applied, "command_age_s", "float", "s", "age of the command's sample"),
     Column("phase", Telemetry, "phase", "text", "", "phase of the program"),
     Column("segment", Telemetry, "segment", "int", "", "number of the program's segment"),
+    Column("segment_tick", Telemetry, "segment_tick", "int", "", "ticks into the segment"),
     Column("x_r_um", Telemetry, "x_r_um", "float", "µm", "reference position, x_r"),
     Column("x_d_um", Telemetry, "x_d_um", "float", "µm", "target of the impedance, x_d"),
     Column("force_r_mN", Telemetry, "force_r_mN", "float", "mN", "reference force, F_r"),
-    Column("sliding", Telemetry, "sliding", "float", "", "sliding function"),
+    Column("sliding_um", Telemetry, "sliding_um", "float", "µm", "sliding function"),
     Column(
         "perturbation_error_mN",
         Telemetry,

@@ -7,6 +7,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pincette_supervisor.states import ActionType, JobState
 
 Positive = Annotated[float, Field(gt=0)]
+Duration = Annotated[float, Field(gt=0, le=3600)]
+Speed = Annotated[float, Field(ge=0.1, le=1000)]
 Label = Annotated[str, Field(max_length=200)]
 LabelName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}$")]
 
@@ -35,12 +37,12 @@ class GripJobRequest(BaseModel):
     rig: str | None = Field(default=None, max_length=40)
     """Name of the rig; may be left out where there is one."""
     force_mN: Positive | None = None
-    hold_s: Positive | None = None
+    hold_s: Duration | None = None
     until_released: bool = False
     """Hold until the action ``release``; excludes ``hold_s``."""
-    load_s: Positive | None = None
-    approach_um_per_s: Positive | None = None
-    seek_um_per_s: Positive | None = None
+    load_s: Duration | None = None
+    approach_um_per_s: Speed | None = None
+    seek_um_per_s: Speed | None = None
     contact_force_mN: Positive | None = None
     labels: dict[LabelName, Label] = Field(default_factory=dict, max_length=16)
 

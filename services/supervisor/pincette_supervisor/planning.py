@@ -5,7 +5,8 @@ from math import ceil
 from typing import Any
 
 from pincette.config import RigFile
-from pincette.control.grip_plan import GripPlan, GripRequest, PlanLimits, plan_grip, sample_plan
+from pincette.control.course import PlanLimits
+from pincette.control.grip_plan import GripPlan, GripRequest, plan_grip, sample_plan
 from pincette.control.program import Program
 from pincette_supervisor.models import (
     Curves,

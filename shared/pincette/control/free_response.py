@@ -96,8 +96,8 @@ def _branch_gain(
         sample = samples[index]
         travel_V = abs(sample.voltage_V - rest.voltage_V)
         furthest_V = max(furthest_V, travel_V)
-        # Going back in time the travel grows as long as the voltage did not turn round.
-        if travel_V > 2.0 * min_travel_V or travel_V < furthest_V - 0.5 * min_travel_V:
+        # Back in time the travel grows until the voltage turned round; a fifth is for its noise.
+        if travel_V > 2.0 * min_travel_V or travel_V < furthest_V - 0.2 * min_travel_V:
             break
         if travel_V >= min_travel_V:
             voltage_V += sample.voltage_V

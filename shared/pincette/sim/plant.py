@@ -9,7 +9,10 @@ From the voltage to the tip, in µm, mN, V and s:
     contact     F = K_e·max(0, x - x_b)         (bead rigid, held by the passive arm)
 
 Every part is advanced by its exact solution for inputs that are constant over a substep. Free
-and in contact the mode has its own matrix; which one holds is decided at the substep's start.
+and in contact the mode has its own matrix. Where the tip cannot reach the point of first touch
+within a substep, judged by the energy of the mode, that is exact too; where it might, the substep
+is cut into ``CROSSING_PARTS``, since a whole one is half a period of the mode and a change of the
+matrix at its ends would feed the oscillation.
 Not modelled: the second mode, adhesion, friction, and the bead's own mass and compliance.
 """
 
@@ -21,6 +24,7 @@ from pincette.config import Simulation
 from pincette.sim.hysteresis import BoucWen, advance_hysteresis
 
 CREEP_TIMES_S = (0.1, 1.0, 10.0, 100.0, 1000.0)
+CROSSING_PARTS = 25
 SETTLED_DECAYS = 30.0
 """After this many time constants at constant voltage only creep is left (e⁻³⁰ = 1e-13)."""
 
@@ -67,6 +71,8 @@ class _Mode:
     xv: float
     vx: float
     vv: float
+    per_square: float
+    """1/ω²: what ẋ² counts beside x² in the energy of the mode."""
 
 
 def plant_parameters(simulation: Simulation) -> PlantParameters:
@@ -157,14 +163,30 @@ def _substeps(p: PlantParameters, state: PlantState, dt_s: float, count: int) ->
         c3 += (drive - c3) * g3
         c4 += (drive - c4) * g4
         equilibrium = y + c0 + c1 + c2 + c3 + c4
-        if x > bead:
-            equilibrium = (equilibrium + ratio * bead) / (1.0 + ratio)
-            mode = touching
+        pressed = (equilibrium + ratio * bead) / (1.0 + ratio) if x > bead else equilibrium
+        mode = touching if x > bead else free
+        e = x - pressed
+        if (x > bead) == (pressed > bead) and (
+            e * e + v * v * mode.per_square < (pressed - bead) * (pressed - bead)
+        ):
+            x, v = pressed + mode.xx * e + mode.xv * v, mode.vx * e + mode.vv * v
         else:
-            mode = free
-        x -= equilibrium
-        x, v = equilibrium + mode.xx * x + mode.xv * v, mode.vx * x + mode.vv * v
+            x, v = _cross(p, dt_s, equilibrium, x, v)
     return PlantState(target, u, h, (c0, c1, c2, c3, c4), x, v)
+
+
+def _cross(
+    p: PlantParameters, dt_s: float, equilibrium: float, x: float, v: float
+) -> tuple[float, float]:
+    """One substep in which the tip may touch or leave the bead."""
+    _, _, free, touching, ratio = _coefficients(p, dt_s / CROSSING_PARTS)
+    bead = p.contact_um
+    pressed = (equilibrium + ratio * bead) / (1.0 + ratio)
+    for _ in range(CROSSING_PARTS):
+        mode, rest = (touching, pressed) if x > bead else (free, equilibrium)
+        e = x - rest
+        x, v = rest + mode.xx * e + mode.xv * v, mode.vx * e + mode.vv * v
+    return x, v
 
 
 def _creep_only(p: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
@@ -200,4 +222,6 @@ def _mode(p: PlantParameters, stiffening: float, dt_s: float) -> _Mode:
     decay = math.exp(-sigma * dt_s)
     cosine = decay * math.cos(damped * dt_s)
     sine = decay * math.sin(damped * dt_s) / damped
-    return _Mode(cosine + sigma * sine, sine, -squared * sine, cosine - sigma * sine)
+    return _Mode(
+        cosine + sigma * sine, sine, -squared * sine, cosine - sigma * sine, 1.0 / squared
+    )

@@ -163,7 +163,7 @@ def test_one_tick_in_numbers() -> None:
     # 30.2 - 5000·0.4/20349.605
     assert output.x_d_um == pytest.approx(30.2 - 2000.0 / 20349.605, abs=1e-9)
     # u = 1.61 + [k̄(x_d + 0.1) - (m̄ 30 + (b̄ - m̄)30 + (k̄ - b̄)30.12) + 0.5]/41.304348
-    # with m̄ = 9.1450e-4, b̄ = -4.1480e-3, k̄ = 2.1771466
-    assert output.voltage_V == pytest.approx(U_LITERAL, abs=1e-7)
+    # with m̄ = 9.14505e-4, b̄ = -4.147565e-3, k̄ = 2.1771461
+    assert output.voltage_V == pytest.approx(1.6264005568, abs=1e-9)
     # 0.12 - (41.304348/2.1771466)·0.01
     assert output.residual_um == pytest.approx(0.12 - 0.1897178, abs=1e-6)

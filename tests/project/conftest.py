@@ -1,0 +1,31 @@
+"""What the tests of the tree share: where it is, which files belong to it, its settings."""
+
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def files(root: Path) -> list[Path]:
+    """Files that are tracked, or would be."""
+    if shutil.which("git") is None or not (root / ".git").exists():
+        pytest.skip("no git checkout: which files belong to the tree is not known")
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.check_output(command, cwd=root, text=True).split("\0")
+    return [root / name for name in sorted(set(listed)) if name and (root / name).is_file()]
+
+
+@pytest.fixture(scope="session")
+def pyproject(root: Path) -> dict[str, Any]:
+    return tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))

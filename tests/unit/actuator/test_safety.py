@@ -1,0 +1,237 @@
+"""The actuator's rules in virtual time."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pincette.messages import Applied, Arm, Command, Done, Message, Position, Reset, Trip
+from pincette.service import Drive, RefusedError
+from pincette_actuator.config import ActuatorConfig
+from pincette_actuator.safety import SLEW_UP, VOLTAGE_MAX, State
+from pincette_actuator.step import Inputs, answer, start, step
+
+T = 0.02
+CONFIG = ActuatorConfig(
+    period_s=T,
+    lockstep=False,
+    age_limit_s=0.05,
+    grace_s=1.0,
+    ramp_s=0.035,
+    freeze_s=0.5,
+    safe_V=0.0,
+    voltage_min_V=-1.0,
+    voltage_max_V=4.0,
+    slew_V=2.0,
+)
+EPOCH, OWNER = 11, 5
+
+
+def armed(config: ActuatorConfig = CONFIG) -> State:
+    state, _, _ = answer(config, start(config), Reset(acknowledge=True), 0.0)
+    state, reply, _ = answer(config, state, Arm(EPOCH, OWNER, ""), 0.0)
+    assert reply == Done(-1)
+    return state
+
+
+def position(seq: int, epoch: int = EPOCH) -> Inputs:
+    return Inputs(None, None, Position(epoch, seq, seq * T, 1.0, True))
+
+
+def command(seq: int, voltage_V: float = 1.0, *, held: bool = False, **changes: int) -> Inputs:
+    made = Command(EPOCH, seq, OWNER, voltage_V, held, False, False, True)
+    return Inputs(None, replace(made, **changes), None)
+
+
+WAKE = Inputs(None, None, None)
+
+
+def play(state: State, *events: tuple[Inputs, float]) -> tuple[State, list[Message | Drive]]:
+    """Feed events and keep every output."""
+    outputs: list[Message | Drive] = []
+    for inputs, now in events:
+        state, made = step(CONFIG, state, inputs, now)
+        outputs += made
+    return state, outputs
+
+
+def holding(voltage_V: float = 1.0, *, held: bool) -> State:
+    state, _ = play(armed(), (position(0), 0.0), (command(0, voltage_V, held=held), 0.004))
+    assert state.voltage_V == voltage_V
+    return state
+
+
+def test_boots_latched_and_refuses_to_arm() -> None:
+    state = start(CONFIG)
+    assert (state.mode, state.cause) == ("latched", "boot")
+    with pytest.raises(RefusedError, match="boot"):
+        answer(CONFIG, state, Arm(EPOCH, OWNER, ""), 0.0)
+
+
+def test_reset_needs_an_acknowledgement() -> None:
+    with pytest.raises(RefusedError, match="acknowledge"):
+        answer(CONFIG, start(CONFIG), Reset(), 0.0)
+
+
+def test_a_good_command_is_put_out_before_it_is_published() -> None:
+    _, outputs = play(armed(), (position(0), 0.0), (command(0), 0.004))
+    assert outputs[0] == Drive(1.0)
+    applied = outputs[1]
+    assert isinstance(applied, Applied)
+    assert (applied.seq, applied.voltage_V, applied.answered) == (0, 1.0, True)
+    assert applied.command_age_s == pytest.approx(0.004)
+
+
+def test_a_command_that_overtakes_its_sample_waits_for_it() -> None:
+    state, outputs = play(armed(), (command(0), 0.001))
+    assert outputs == []
+    _, outputs = play(state, (position(0), 0.002))
+    assert outputs[0] == Drive(1.0)
+
+
+@pytest.mark.parametrize("changes", [{"owner": 6}, {"epoch": 12}])
+def test_commands_of_others_are_refused_and_counted(changes: dict[str, int]) -> None:
+    state, outputs = play(armed(), (position(0), 0.0), (command(0, **changes), 0.004))
+    assert outputs == []
+    assert state.refused == 1
+    assert state.voltage_V == 0.0
+
+
+def test_older_and_equal_commands_are_refused() -> None:
+    state, _ = play(armed(), (position(0), 0.0), (position(1), 0.02), (command(1), 0.024))
+    state, outputs = play(state, (command(1, 2.0), 0.025), (command(0, 3.0), 0.026))
+    assert outputs == []
+    assert (state.refused, state.voltage_V) == (2, 1.0)
+
+
+def test_a_late_command_is_refused_by_the_age_of_its_sample() -> None:
+    state, _ = play(armed(), (position(0), 0.0), (position(1), 0.02), (command(0), 0.051))
+    assert state.refused == 1
+    assert "51 ms old, limit 50 ms" in state.detail
+
+
+def test_range_and_slew_act_and_are_reported() -> None:
+    _, outputs = play(armed(), (position(0), 0.0), (command(0, 9.0), 0.004))
+    applied = outputs[1]
+    assert isinstance(applied, Applied)
+    assert applied.voltage_V == 2.0
+    assert applied.limits_active == VOLTAGE_MAX | SLEW_UP
+
+
+def wakes(start_s: float, end_s: float) -> list[tuple[Inputs, float]]:
+    count = round((end_s - start_s) / (T / 4))
+    return [(WAKE, start_s + index * T / 4) for index in range(count + 1)]
+
+
+def test_free_arm_ramps_within_sixty_and_is_safe_within_a_hundred_ms() -> None:
+    state = holding(3.0 - 1.0, held=False)
+    begun = safe = None
+    for inputs, now in wakes(0.005, 0.12):
+        state, _ = play(state, (inputs, now))
+        if begun is None and state.mode == "ramping":
+            begun = now
+        if safe is None and state.voltage_V == CONFIG.safe_V:
+            safe = now
+    assert begun is not None
+    assert begun <= 0.060
+    assert safe is not None
+    assert safe <= 0.100
+    assert state.mode == "latched"
+    assert "no command for" in state.cause
+
+
+def test_the_ramp_has_no_step_larger_than_its_share() -> None:
+    state, previous = holding(2.0, held=False), 2.0
+    for inputs, now in wakes(0.005, 0.12):
+        state, _ = play(state, (inputs, now))
+        assert abs(state.voltage_V - previous) <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
+        previous = state.voltage_V
+
+
+def test_held_part_is_frozen_for_a_bounded_time_then_ramped() -> None:
+    state = holding(2.0, held=True)
+    state, _ = play(state, *wakes(0.005, 0.5))
+    assert (state.mode, state.voltage_V) == ("frozen", 2.0)
+    state, _ = play(state, *wakes(0.5, 0.7))
+    assert (state.mode, state.voltage_V, state.part_held) == ("latched", 0.0, False)
+
+
+def test_after_a_trip_no_command_is_taken_until_a_reset() -> None:
+    state, _ = play(holding(held=False), *wakes(0.005, 0.12))
+    state, _ = play(state, (position(5), 0.13))
+    state, outputs = play(state, (command(5, 3.0), 0.131))
+    assert outputs == []
+    assert (state.voltage_V, state.refused) == (0.0, 1)
+    with pytest.raises(RefusedError, match="reset it first"):
+        answer(CONFIG, state, Arm(12, OWNER, ""), 0.2)
+    state, _, _ = answer(CONFIG, state, Reset(acknowledge=True), 0.3)
+    assert state.mode == "idle"
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_estop_acts_with_the_next_wake(held: bool) -> None:
+    state, _, published = answer(CONFIG, holding(2.0, held=held), Trip("estop"), 0.006)
+    assert isinstance(published[0], Applied)
+    assert published[0].state == ("frozen" if held else "ramping")
+    state, outputs = play(state, (WAKE, 0.010))
+    assert (state.voltage_V < 2.0) is not held
+    assert any(isinstance(output, Drive) for output in outputs) is not held
+
+
+def test_the_first_cause_is_kept() -> None:
+    state, _, _ = answer(CONFIG, holding(held=False), Trip("estop"), 0.006)
+    state, _, _ = answer(CONFIG, state, Trip("abort"), 0.007)
+    assert state.cause == "estop"
+
+
+def test_an_instrument_that_fails_trips() -> None:
+    state, _ = play(holding(held=True), (Inputs("refused: ?", None, None), 0.01))
+    assert (state.mode, state.cause) == ("frozen", "device: refused: ?")
+
+
+def test_a_tick_without_a_command_is_answered_with_the_kept_voltage() -> None:
+    state, outputs = play(holding(held=False), (position(1), 0.020), (WAKE, 0.0351))
+    applied = outputs[-1]
+    assert isinstance(applied, Applied)
+    assert (applied.seq, applied.answered, applied.voltage_V) == (1, False, 1.0)
+    assert state.mode == "armed"
+
+
+def test_rearming_starts_from_the_applied_voltage() -> None:
+    state = holding(1.5, held=False)
+    state, _ = play(state, (position(1), 0.02))
+    final = Command(EPOCH, 1, OWNER, 1.5, False, False, True, True)
+    state, _ = play(state, (Inputs(None, final, None), 0.022))
+    assert state.mode == "idle"
+    state, _, published = answer(CONFIG, state, Arm(12, OWNER, ""), 1.0)
+    assert published[0] == replace(
+        published[0], epoch=12, seq=-1, voltage_V=1.5, state="armed", final=False
+    )
+
+
+@given(st.lists(st.tuples(st.integers(0, 30), st.floats(-20, 20)), max_size=40))
+def test_whatever_is_commanded_the_voltage_keeps_its_limits(
+    commands: list[tuple[int, float]],
+) -> None:
+    state, previous = armed(), 0.0
+    for index, (seq, voltage_V) in enumerate(commands):
+        now = 0.001 * index
+        state, _ = play(state, (position(index), now), (command(seq, voltage_V), now))
+        assert CONFIG.voltage_min_V <= state.voltage_V <= CONFIG.voltage_max_V
+        assert abs(state.voltage_V - previous) <= CONFIG.slew_V + 1e-12
+        previous = state.voltage_V
+
+
+@given(st.lists(st.integers(0, 12), min_size=1, max_size=60))
+def test_reordered_and_repeated_commands_equal_their_increasing_part(seqs: list[int]) -> None:
+    seen = play(armed(), *[(position(seq), 0.0) for seq in range(8)])[0]
+    numbers = [seq % 8 for seq in seqs]
+    state, outputs = play(seen, *[(command(seq, 0.1 * seq), 0.001) for seq in numbers])
+    taken = [output.seq for output in outputs if isinstance(output, Applied)]
+    increasing: list[int] = []
+    for seq in numbers:
+        if not increasing or seq > increasing[-1]:
+            increasing.append(seq)
+    assert taken == increasing
+    assert state.refused == len(numbers) - len(increasing)

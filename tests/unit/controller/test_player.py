@@ -1,0 +1,192 @@
+"""Playing a program: references, guards, actions, in ticks."""
+
+from dataclasses import replace
+
+import pytest
+
+from pincette.control.program import Guards, Program, Segment
+from pincette.messages import Estimate
+from pincette_controller.player import Player, advance, begin, release, stop
+
+T = 0.02
+K_E = 2.0
+GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
+PROGRAM = Program(
+    (
+        Segment("zero", "zero", 0.1),
+        Segment("approach", "free", 0.4, x_to_um=10.0),
+        Segment("contact", "seek", 1.0, x_to_um=14.0),
+        Segment("load", "force", 0.4, force_to_mN=20.0),
+        Segment("hold", "force", 0.4, force_to_mN=20.0, move_s=0.2),
+        Segment("unload", "force", 0.4, force_to_mN=0.0),
+        Segment("retreat", "free", 0.4, x_to_um=0.0),
+    ),
+    GUARDS,
+    K_E,
+)
+BLANK = Estimate(1, 0, 0.0, 0.0, 0.1, 0.0, None, "", 0.0, 0, 0, False, False, True)
+
+
+class Arm:
+    """An arm that is where it is wanted, and a part at ``contact_um`` with ``stiffness``."""
+
+    def __init__(self, contact_um: float = 12.0, stiffness: float = K_E) -> None:
+        self.contact_um = contact_um
+        self.stiffness = stiffness
+        self.refusal = ""
+        self.lost = False
+        self.zeroed: float | None = None
+        self.player: Player = begin(PROGRAM, 0.0)
+        self.phases: list[str] = []
+        self.seq = 0
+
+    def estimate(self) -> Estimate:
+        x = self.player.x_r_um
+        force = 0.0 if self.lost else self.stiffness * max(0.0, x - self.contact_um)
+        age = None if self.zeroed is None else (self.seq - self.zeroed) * T
+        return replace(
+            BLANK, seq=self.seq, x_um=x, force_mN=force, zero_age_s=age, zero_refusal=self.refusal
+        )
+
+    def tick(self) -> None:
+        self.player = advance(PROGRAM, self.player, self.estimate(), T)
+        self.seq += 1
+        if self.player.zero and not self.refusal:
+            self.zeroed = self.seq
+        if not self.phases or self.phases[-1] != self.player.segment.phase:
+            self.phases.append(self.player.segment.phase)
+
+    def until(self, phase: str = "") -> None:
+        for _ in range(1000):
+            self.tick()
+            if self.player.ended or self.player.segment.phase == phase:
+                return
+        pytest.fail(f"never came to {phase or 'the end'}; it went {self.phases}")
+
+
+def test_a_grip_goes_through_every_phase_and_ends_gripped() -> None:
+    arm = Arm()
+    arm.until()
+    assert arm.phases == ["zero", "approach", "contact", "load", "hold", "unload", "retreat"]
+    assert arm.player.outcome == "gripped"
+    assert arm.player.x_r_um == pytest.approx(0.0)
+    assert not arm.player.held
+
+
+def test_in_the_hold_position_and_force_agree_on_the_fitted_line() -> None:
+    arm = Arm(contact_um=11.5, stiffness=1.8)
+    arm.until("hold")
+    for _ in range(12):
+        arm.tick()
+    player = arm.player
+    assert player.K_e_mN_per_um == pytest.approx(1.8)
+    assert player.contact_x_um == pytest.approx(11.5)
+    assert player.force_r_mN == pytest.approx(20.0)
+    assert player.x_r_um == pytest.approx(11.5 + 20.0 / 1.8)
+
+
+def test_references_never_jump() -> None:
+    arm = Arm()
+    previous = arm.player
+    while not arm.player.ended:
+        arm.tick()
+        step_um = abs(arm.player.x_r_um - previous.x_r_um)
+        step_mN = abs(arm.player.force_r_mN - previous.force_r_mN)
+        assert step_um < 1.1
+        # F_r is blended in from the force at contact, and ends with the pressing.
+        assert step_mN < 2.0 or (arm.player.segment.kind == "force") != (
+            previous.segment.kind == "force"
+        )
+        previous = arm.player
+
+
+def test_part_is_held_from_contact_to_the_end_of_the_unload() -> None:
+    arm = Arm()
+    held: set[str] = set()
+    while not arm.player.ended:
+        arm.tick()
+        if arm.player.held:
+            held.add(arm.player.segment.phase)
+    assert held == {"load", "hold", "unload"}
+
+
+def test_without_a_part_the_outcome_is_no_contact() -> None:
+    arm = Arm(contact_um=99.0)
+    arm.until()
+    assert arm.player.outcome == "no_contact"
+    assert arm.phases[-1] == "retreat"
+
+
+@pytest.mark.parametrize("stiffness", [1.2, 3.0])
+def test_a_part_of_another_stiffness_is_let_go(stiffness: float) -> None:
+    arm = Arm(stiffness=stiffness)
+    arm.until()
+    assert arm.player.outcome == "wrong_stiffness"
+    assert "hold" not in arm.phases
+    assert arm.player.K_e_mN_per_um == pytest.approx(stiffness)
+
+
+def test_a_lost_part_ends_the_hold_after_five_samples() -> None:
+    arm = Arm()
+    arm.until("hold")
+    arm.lost = True
+    for _ in range(4):
+        arm.tick()
+    assert arm.player.segment.phase == "hold"
+    arm.tick()
+    assert (arm.player.segment.phase, arm.player.outcome) == ("retreat", "lost")
+    assert not arm.player.held
+
+
+def test_too_much_force_ends_the_grip_at_once() -> None:
+    arm = Arm()
+    arm.until("hold")
+    strong = replace(arm.estimate(), force_mN=40.1)
+    player = advance(PROGRAM, arm.player, strong, T)
+    assert (player.segment.phase, player.outcome, player.held) == ("retreat", "overforce", False)
+
+
+def test_a_refused_zero_ends_the_program() -> None:
+    arm = Arm()
+    arm.refusal = "the arm has not settled"
+    arm.until()
+    assert arm.player.outcome == "zero_refused"
+    assert arm.phases == ["zero", "retreat"]
+
+
+def test_a_zero_that_nobody_confirms_ends_the_program() -> None:
+    player = begin(PROGRAM, 0.0)
+    for _ in range(200):
+        player = advance(PROGRAM, player, BLANK, T)
+    assert player.outcome == "zero_refused"
+
+
+@pytest.mark.parametrize("phase", ["load", "hold", "unload"])
+def test_stop_with_a_part_keeps_the_force_until_release(phase: str) -> None:
+    arm = Arm()
+    arm.until(phase)
+    arm.tick()
+    force_mN = arm.player.force_r_mN
+    arm.player = stop(arm.player)
+    for _ in range(200):
+        arm.tick()
+    assert arm.player.held
+    assert arm.player.segment.phase == "hold"
+    assert arm.player.force_r_mN == pytest.approx(force_mN)
+    arm.player = release(PROGRAM, arm.player)
+    arm.until()
+    assert arm.phases[-2:] == ["unload", "retreat"]
+    assert (arm.player.outcome, arm.player.held) == ("stopped", False)
+
+
+def test_stop_without_a_part_comes_to_rest_and_ends() -> None:
+    arm = Arm()
+    arm.until("approach")
+    for _ in range(8):
+        arm.tick()
+    speed = arm.player.speed_um_per_s
+    at_um = arm.player.x_r_um
+    arm.player = stop(arm.player)
+    arm.until()
+    assert arm.player.outcome == "stopped"
+    assert at_um < arm.player.x_r_um < at_um + 0.3 * speed

@@ -1,0 +1,93 @@
+"""The codec carries every message unchanged and refuses everything else."""
+
+import math
+from dataclasses import fields
+from typing import Any, cast
+
+import msgpack
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pincette.codec import MAX_BYTES, CodecError, decode, encode
+from pincette.control.program import Guards, Program, Segment
+from pincette.messages import Applied, Command, Estimate, Load, Position, Telemetry
+
+packb = cast(Any, msgpack).packb
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+SEQ = st.integers(-1, 2**48)
+POSITIONS = st.builds(Position, SEQ, SEQ, FINITE, FINITE, st.booleans(), st.text(max_size=40))
+COMMANDS = st.builds(
+    Command, SEQ, SEQ, SEQ, FINITE, st.booleans(), st.booleans(), st.booleans(), st.booleans()
+)
+GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
+LOAD = Load(Program((Segment("hold", "force", None, force_to_mN=20.0),), GUARDS, 2.17))
+POSITION = Position(7, 3, 0.06, 12.5, True)
+
+
+@given(POSITIONS)
+def test_position_travels_unchanged(position: Position) -> None:
+    assert decode(Position, encode(position)) == position
+
+
+@given(COMMANDS)
+def test_command_travels_unchanged(command: Command) -> None:
+    assert decode(Command, encode(command)) == command
+
+
+def test_nested_program_travels_unchanged() -> None:
+    assert decode(Load, encode(LOAD)) == LOAD
+
+
+def test_a_stranger_reads_names_and_units() -> None:
+    tree = cast(Any, msgpack).unpackb(encode(POSITION))
+    assert tree == {
+        "epoch": 7,
+        "seq": 3,
+        "t_s": 0.06,
+        "x_um": 12.5,
+        "valid": True,
+        "fault": "",
+    }
+
+
+@pytest.mark.parametrize("kind", [Position, Estimate, Command, Applied, Telemetry])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, "1", None, [1.0], {"a": 1}, 2**60])
+def test_no_field_takes_what_it_is_not(kind: type, bad: object) -> None:
+    good: dict[str, object] = {}
+    for field in fields(kind):
+        good[field.name] = {int: 1, bool: True, str: "a"}.get(cast(type, field.type), 1.5)
+    for field in fields(kind):
+        allowed = {int: (int,), bool: (bool,), str: (str,), float: (float, int)}
+        kinds = allowed.get(cast(type, field.type), (float, int, type(None)))
+        finite = not isinstance(bad, float) or math.isfinite(bad)
+        big = isinstance(bad, int) and field.type is not int
+        if type(bad) in kinds and finite and not big:
+            continue
+        with pytest.raises(CodecError, match=field.name):
+            decode(kind, packb({**good, field.name: bad}))
+
+
+def test_missing_and_unknown_fields_are_named() -> None:
+    tree = {"epoch": 7, "seq": 3, "t_s": 0.1, "x_um": 1.0, "valid": True, "colour": 1}
+    with pytest.raises(CodecError, match="colour, fault"):
+        decode(Position, packb(tree))
+
+
+def test_size_is_bounded() -> None:
+    with pytest.raises(CodecError, match="limit 65536"):
+        decode(Position, b"\x00" * (MAX_BYTES + 1))
+
+
+@settings(max_examples=500)
+@given(st.binary(max_size=200))
+def test_noise_never_raises_anything_else(noise: bytes) -> None:
+    with pytest.raises(CodecError):
+        decode(Command, noise)
+
+
+@given(POSITIONS, st.integers(0, 60))
+def test_truncated_bytes_are_refused(position: Position, cut: int) -> None:
+    payload = encode(position)
+    with pytest.raises(CodecError):
+        decode(Position, payload[: max(0, len(payload) - 1 - cut)])
