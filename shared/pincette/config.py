@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from pincette.control.hysteresis import HysteresisModel
+
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
@@ -62,6 +64,31 @@ class Output(Table):
     options: dict[str, str | int | float | bool] = {}
 
 
+class IdentifiedFreeResponse(Table):
+    """The free response as ``pincette teach`` identified it; see ``control.hysteresis``."""
+
+    thresholds_V: tuple[float, ...] = Field(strict=False)
+    weights_um_per_V: tuple[float, ...] = Field(strict=False)
+    creep_times_s: tuple[float, ...] = Field(default=(), strict=False)
+    creep_fractions: tuple[float, ...] = Field(default=(), strict=False)
+    residual_um: NotNegative
+    """r.m.s. left of free motion that was not fitted; enters the force uncertainty."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> "IdentifiedFreeResponse":
+        self.hysteresis()
+        return self
+
+    def hysteresis(self) -> HysteresisModel:
+        """Model of the table; raises ValueError where it is impossible."""
+        return HysteresisModel(
+            thresholds_V=self.thresholds_V,
+            weights_um_per_V=self.weights_um_per_V,
+            creep_times_s=self.creep_times_s,
+            creep_fractions=self.creep_fractions,
+        )
+
+
 class Model(Table):
     """The arm as the controller and the estimator know it."""
 
@@ -74,6 +101,8 @@ class Model(Table):
     """Error of the linear free response, as a share of the voltage travel since the zero."""
     creep_mN_per_decade: NotNegative = 0.3
     """Growth of the force uncertainty per decade of zero age."""
+    free_response: IdentifiedFreeResponse | None = None
+    """Without it the free response is a straight line."""
 
 
 class Law(Table):

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass
 
-from pincette.config import RigFile
+from pincette.config import Model, RigFile
 from pincette.control.force import ZeroLimits
+from pincette.control.free_response import FreeResponse, FreeSample, nominal_response
+from pincette.control.identified_response import identified_response
 from pincette.control.plant import (
     DifferenceEquation,
     consistent_arm,
@@ -18,10 +20,10 @@ class EstimatorConfig:
 
     period_s: float
     plant: DifferenceEquation
-    piezo_um_per_V: float
+    response: FreeResponse
+    """x_1 before anything has happened: the arm unpoled, at 0 V."""
     compliance_um_per_mN: float
     noise_um: float
-    hysteresis_fraction: float
     creep_mN_per_decade: float
     zero_limits: ZeroLimits
 
@@ -42,10 +44,18 @@ def configure(rig: RigFile) -> EstimatorConfig:
     return EstimatorConfig(
         period_s=rig.rig.period_s,
         plant=discretize(arm, rig.rig.period_s),
-        piezo_um_per_V=model.piezo_um_per_V,
+        response=_response(model),
         compliance_um_per_mN=model.compliance_um_per_mN,
         noise_um=rig.sensor.noise_um,
-        hysteresis_fraction=model.hysteresis_fraction,
         creep_mN_per_decade=model.creep_mN_per_decade,
         zero_limits=ZeroLimits(),
     )
+
+
+def _response(model: Model) -> FreeResponse:
+    """The identified response where the rig file has one, a line elsewhere."""
+    taught = model.free_response
+    if taught is None:
+        at_rest = FreeSample(0.0, 0.0)
+        return nominal_response(model.piezo_um_per_V, at_rest, model.hysteresis_fraction)
+    return identified_response(taught.hysteresis(), model.piezo_um_per_V, taught.residual_um)

@@ -1,17 +1,12 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import NamedTuple
 
 from pincette.config import RigFile
 from pincette.control.force import force, uncertainty, zero_refusal
-from pincette.control.free_response import (
-    FreeResponse,
-    FreeSample,
-    free_position,
-    nominal_response,
-    relinearize,
-)
+from pincette.control.free_response import FreeResponse, FreeSample
 from pincette.control.plant import perturbation
 from pincette.messages import Applied, Arm, Done, Estimate, Message, Position
 from pincette.service import Drive, Input, RefusedError, Service
@@ -34,20 +29,24 @@ class Inputs(NamedTuple):
 class State:
     """The free response in use, the samples behind it, and the past the perturbation needs."""
 
+    response: FreeResponse
+    """Its memory outlives an arming, as the arm's does."""
     epoch: int = 0
-    response: FreeResponse | None = None
+    followed_seq: int = -1
+    """The sample up to which ``response`` has followed the voltage."""
+    begun: bool = False
+    """Whether x_1 has been put to a position in this epoch."""
     samples: tuple[FreeSample, ...] = ()
     zero_s: float | None = None
     zero_refusal: str = ""
     x_2_um: float = 0.0
     x_3_um: float = 0.0
-    voltage_V: float = 0.0
     refused: int = 0
 
 
-def start(_config: EstimatorConfig) -> State:
-    """Nothing is known before the first sample."""
-    return State()
+def start(config: EstimatorConfig) -> State:
+    """Nothing has been applied and nothing measured."""
+    return State(config.response)
 
 
 def step(
@@ -59,26 +58,21 @@ def step(
         return state, ()
     if position.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
-    if applied is None or not position.valid:
-        return _degraded(state, position, applied)
+    if applied is None or not isfinite(applied.voltage_V):
+        return state, (_degraded(state, position, None),)
+    state = _follow(config, state, position.seq, applied.voltage_V)
+    if not position.valid or not isfinite(position.x_um):
+        return state, (_degraded(state, position, applied),)
+    state = _begin(state, position.x_um)
     x_um, u_V = position.x_um, applied.voltage_V
     t_s = position.seq * config.period_s
-    if state.response is None:
-        response = nominal_response(config.piezo_um_per_V, FreeSample(u_V, x_um))
-        state = replace(state, response=response, x_2_um=x_um, x_3_um=x_um)
-    state = _listen(config, state, FreeSample(u_V, x_um), applied, t_s)
-    response = state.response
-    if response is None:
-        return state, ()
-    free_um = free_position(response, u_V)
-    F_mN = force(x_um, free_um, config.compliance_um_per_mN)
+    state = _listen(config, state, x_um, applied, t_s)
+    F_mN = force(x_um, state.response.position_um(), config.compliance_um_per_mN)
     age_s = None if state.zero_s is None else t_s - state.zero_s
     u_F_mN = uncertainty(
         noise_um=config.noise_um,
+        free_error_um=state.response.error_um(),
         compliance_um_per_mN=config.compliance_um_per_mN,
-        piezo_um_per_V=response.gain_um_per_V,
-        hysteresis_fraction=config.hysteresis_fraction,
-        travel_V=abs(u_V - response.zero_V),
         creep_mN_per_decade=config.creep_mN_per_decade,
         zero_age_s=t_s if age_s is None else age_s,
     )
@@ -106,32 +100,44 @@ def step(
         degraded=False,
         valid=True,
     )
-    return replace(state, x_2_um=x_um, x_3_um=state.x_2_um, voltage_V=u_V), (estimate,)
+    return replace(state, x_2_um=x_um, x_3_um=state.x_2_um), (estimate,)
+
+
+def _follow(config: EstimatorConfig, state: State, seq: int, voltage_V: float) -> State:
+    """Let x_1 follow the voltage over the samples since the last that had one."""
+    dt_s = (seq - state.followed_seq) * config.period_s
+    return replace(state, response=state.response.follow(voltage_V, dt_s), followed_seq=seq)
+
+
+def _begin(state: State, x_um: float) -> State:
+    """Start an epoch from the first position measured in it."""
+    if state.begun:
+        return state
+    response = state.response.begin(x_um)
+    return replace(state, response=response, begun=True, x_2_um=x_um, x_3_um=x_um)
 
 
 def _listen(
-    config: EstimatorConfig, state: State, sample: FreeSample, applied: Applied, t_s: float
+    config: EstimatorConfig, state: State, x_um: float, applied: Applied, t_s: float
 ) -> State:
     """Keep samples of free motion, and zero on them where the command of k-1 asked for it."""
     if applied.part_held:
         samples: tuple[FreeSample, ...] = ()
     else:
-        samples = (*state.samples[1 - FREE_SAMPLES :], sample)
-    if not applied.zero or state.response is None:
+        samples = (*state.samples[1 - FREE_SAMPLES :], state.response.sample(x_um))
+    if not applied.zero:
         return replace(state, samples=samples)
     limits = config.zero_limits
     refusal = zero_refusal(state.response, samples, part_held=applied.part_held, limits=limits)
     if refusal:
         return replace(state, samples=samples, zero_refusal=refusal)
-    response = relinearize(state.response, samples, rest_samples=limits.rest_samples)
+    response = state.response.rezero(samples, limits.rest_samples)
     return replace(state, samples=samples, response=response, zero_s=t_s, zero_refusal="")
 
 
-def _degraded(
-    state: State, position: Position, applied: Applied | None
-) -> tuple[State, tuple[Message | Drive, ...]]:
+def _degraded(state: State, position: Position, applied: Applied | None) -> Estimate:
     """An estimate that nobody may control by: the partner or the measurement is missing."""
-    estimate = Estimate(
+    return Estimate(
         epoch=position.epoch,
         seq=position.seq,
         x_um=position.x_um,
@@ -140,23 +146,22 @@ def _degraded(
         perturbation_mN=0.0,
         zero_age_s=None,
         zero_refusal=state.zero_refusal,
-        applied_V=state.voltage_V if applied is None else applied.voltage_V,
+        applied_V=state.response.voltage_V if applied is None else applied.voltage_V,
         applied_seq=-1 if applied is None else applied.seq,
         limits_active=0 if applied is None else applied.limits_active,
         tripped=applied is not None and applied.state in TRIPPED,
         degraded=applied is None,
         valid=False,
     )
-    return state, (estimate,)
 
 
 def answer(
     _config: EstimatorConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
-    """Begin a new epoch with nothing known."""
+    """Begin a new epoch without a zero; x_1 remembers what the arm has been through."""
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
-    return State(epoch=request.epoch, refused=state.refused), Done(0), ()
+    return State(state.response, epoch=request.epoch, refused=state.refused), Done(0), ()
 
 
 SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(

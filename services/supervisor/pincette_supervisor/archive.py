@@ -8,10 +8,11 @@ from typing import Any
 from pincette import __version__
 from pincette.config import RigFile
 from pincette.messages import Message
-from pincette_supervisor import record
-from pincette_supervisor.columns import columns
+from pincette_supervisor import record as files
+from pincette_supervisor.columns import Columns, columns
 from pincette_supervisor.plot import grip_png
 from pincette_supervisor.result import grip_result
+from pincette_supervisor.result_models import GripResult
 from pincette_supervisor.store import JobRow
 
 
@@ -24,33 +25,57 @@ class Take:
     dropped: int = 0
 
 
-def write_record(
-    folder: Path, rig: RigFile, job: JobRow, values: dict[str, Any], take: Take
-) -> dict[str, Any]:
-    """Write samples, plot, request, result and manifest; returns the result."""
-    folder.mkdir(parents=True, exist_ok=True)
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A job's samples in columns, and what came of them."""
+
+    job: JobRow
+    rig: RigFile
+    values: dict[str, Any]
+    table: Columns
+    result: GripResult
+    epoch: int
+
+    @property
+    def tree(self) -> dict[str, Any]:
+        """The result as it is stored and sent."""
+        return self.result.model_dump(mode="json")
+
+
+def gather(rig: RigFile, job: JobRow, values: dict[str, Any], take: Take) -> Record:
+    """Join the samples and work out the result."""
     period_s = rig.rig.period_s
     table = columns(take.messages, period_s)
     result = grip_result(
         table, period_s=period_s, target_mN=values["force_mN"], dropped=take.dropped
     )
+    return Record(job, rig, values, table, result, take.epoch)
+
+
+def write(folder: Path, record: Record) -> None:
+    """Write samples, plot, request, result and manifest; raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rig, job = record.rig, record.job
     about = {
         "job": job.id,
         "rig": rig.rig.name,
         "rig_file_digest": rig.digest(),
-        "epoch": str(take.epoch),
-        "period_s": repr(period_s),
+        "epoch": str(record.epoch),
+        "period_s": repr(rig.rig.period_s),
         "created_at": job.created_at,
         "pincette": __version__,
     }
-    tree = result.model_dump(mode="json")
-    record.write_samples(folder / record.SAMPLES, table, about)
-    name = f"{rig.rig.name} · {job.id}"
-    picture = grip_png(table, result, name=name, period_s=period_s)
-    record.write_bytes(folder / record.PLOT, picture)
-    record.write_json(
-        folder / record.REQUEST, {"request": job.request, "values": values, "plan": job.plan}
+    files.write_samples(folder / files.SAMPLES, record.table, about)
+    picture = grip_png(
+        record.table,
+        record.result,
+        name=f"{rig.rig.name} · {job.id}",
+        period_s=rig.rig.period_s,
     )
-    record.write_json(folder / record.RESULT, tree)
-    record.write_manifest(folder, about)
-    return tree
+    files.write_bytes(folder / files.PLOT, picture)
+    files.write_json(
+        folder / files.REQUEST,
+        {"request": job.request, "values": record.values, "plan": job.plan},
+    )
+    files.write_json(folder / files.RESULT, record.tree)
+    files.write_manifest(folder, about)

@@ -15,6 +15,7 @@ from pincette.messages import (
     Truth,
 )
 from pincette.topics import TOPIC_OF
+from pincette_supervisor.truths import number_truths
 
 Kind = Literal["float", "int", "bool", "text"]
 
@@ -92,10 +93,16 @@ def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]
     is the sample's number times the control period.
     """
     found: dict[type[Message], dict[int, Message]] = {}
+    truths: list[Truth] = []
+    applied: dict[int, Applied] = {}
     for message in messages:
-        if type(message) in TOPIC_OF:
-            number = cast("Sample | Truth", message).seq
-            found.setdefault(type(message), {})[number] = message
+        if isinstance(message, Truth):
+            truths.append(message)
+        elif type(message) in TOPIC_OF:
+            found.setdefault(type(message), {})[cast(Sample, message).seq] = message
+            if isinstance(message, Applied):
+                applied[message.seq] = message
+    found[Truth] = dict(number_truths(truths, applied))
     numbers = sorted({seq for samples in found.values() for seq in samples if seq >= 0})
     table: dict[str, list[Any]] = {"seq": numbers, "t_s": [seq * period_s for seq in numbers]}
     for column in COLUMNS:

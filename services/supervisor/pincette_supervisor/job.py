@@ -45,9 +45,18 @@ class Changes:
 class LiveJob:
     """The state of a job, shared by the run that moves it and the requests that act on it."""
 
-    def __init__(self, row: JobRow, planned: Planned, store: Store, changes: Changes) -> None:
+    def __init__(
+        self,
+        row: JobRow,
+        planned: Planned,
+        store: Store,
+        changes: Changes,
+        *,
+        autostart: bool,
+    ) -> None:
         self.id = row.id
         self.planned = planned
+        self.autostart = autostart
         self.state: JobState = row.state
         self.cause = ""
         self.held = False
@@ -90,6 +99,12 @@ class LiveJob:
         self.wake.set()
         self._changes.tell()
         return True
+
+    def end(self, event: Event, cause: str = "") -> None:
+        """Move to an end; a stop or an abort that came in between is confirmed instead."""
+        with self._lock:
+            if not self.terminal:
+                self.move(event if event in STATES[self.state].events else "confirm", cause)
 
     def blame(self, cause: str) -> None:
         """Keep the first cause of a failure."""

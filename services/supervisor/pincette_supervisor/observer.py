@@ -52,7 +52,7 @@ class Observer:
     """The newest message of each topic, which programs are alive, and a tap for a run."""
 
     def __init__(self, bus: WatchedBus, clock: Callable[[], float] = monotonic) -> None:
-        self._clock = clock
+        self.clock = clock
         self._newest: dict[str, tuple[Message, float]] = {}
         self._alive: dict[str, bool] = {}
         self._collection: Collection | None = None
@@ -61,7 +61,7 @@ class Observer:
         bus.watch(self._turn)
 
     def _take(self, topic: Topic, message: Message) -> None:
-        self._newest[topic.name] = (message, self._clock())
+        self._newest[topic.name] = (message, self.clock())
         collection = self._collection
         if collection is not None:
             collection.put(message)
@@ -77,7 +77,7 @@ class Observer:
     def age_s(self, topic: Topic) -> float | None:
         """Seconds since the newest message of a topic came."""
         entry = self._newest.get(topic.name)
-        return None if entry is None else self._clock() - entry[1]
+        return None if entry is None else self.clock() - entry[1]
 
     def alive(self, program: str) -> bool:
         """Whether a program's token is seen."""

@@ -46,8 +46,8 @@ def grip_png(table: Columns, result: GripResult, *, name: str, period_s: float) 
     period_s
         Gives the end of the last sample.
     """
-    figure = Figure(figsize=(WIDTH_PX / DPI, HEIGHT_PX / DPI), dpi=DPI, facecolor="white")
-    canvas = FigureCanvasAgg(figure)
+    figure: Any = Figure(figsize=(WIDTH_PX / DPI, HEIGHT_PX / DPI), dpi=DPI, facecolor="white")
+    canvas: Any = FigureCanvasAgg(figure)
     axes: list[Axis] = list(figure.subplots(4, 1, sharex=True, height_ratios=(3.0, 3.0, 1.6, 1.6)))
     figure.subplots_adjust(left=0.085, right=0.985, top=0.875, bottom=0.06, hspace=0.12)
     t_s = _series(table["t_s"])

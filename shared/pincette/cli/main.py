@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pincette import __version__
-from pincette.cli import doctor, job, topics, up
+from pincette.cli import doctor, job, teach, topics, up
 from pincette.cli.rest import DEFAULT_URL, CliError
 from pincette.runtime.process import Options, programs, run_program
 
@@ -36,6 +36,9 @@ def parser() -> argparse.ArgumentParser:
     rigged("demo", "start the demo rig, grip its bead, show the result, end")
     rigged("doctor", "say what is missing for this rig, and how to get it")
     rigged("topics", "list the keys of a rig and who publishes them")
+
+    teaching = rigged("teach", "identify the free response of a rig's arm, nothing in its way")
+    teaching.add_argument("--write", type=Path, metavar="OUT", help="write the table there too")
 
     run = rigged("run", "run one program of a rig in the foreground")
     run.add_argument("name", choices=programs(), metavar="NAME", help=", ".join(programs()))
@@ -84,6 +87,8 @@ def _call(given: argparse.Namespace) -> int:
             return doctor.doctor(given.rig)
         case "topics":
             return topics.topics(given.rig)
+        case "teach":
+            return teach.teach(given.rig, given.write)
         case "estop":
             return job.estop(given.rig, given.url)
         case "reset":

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log10, sqrt
 
-from pincette.control.free_response import FreeResponse, FreeSample, free_position, rest_mean
+from pincette.control.free_response import FreeResponse, FreeSample, rest_mean
 
 COVERAGE = 2.0
 """Coverage factor of the uncertainty: about 95 % where the parts are normal."""
@@ -29,25 +29,21 @@ def force(x_um: float, free_um: float, compliance_um_per_mN: float) -> float:
 def uncertainty(
     *,
     noise_um: float,
+    free_error_um: float,
     compliance_um_per_mN: float,
-    piezo_um_per_V: float,
-    hysteresis_fraction: float,
-    travel_V: float,
     creep_mN_per_decade: float,
     zero_age_s: float,
 ) -> float:
     """Expanded uncertainty of the force in mN: root sum of squares, times ``COVERAGE``.
 
-    Its parts, each taken as a standard uncertainty: the sensor's r.m.s. noise over s_p; the free
-    response's error, a share of the travel |u - u_zero| since the zero, d_p·|u - u_zero|/s_p; and
-    creep, which grows with log10(1 + age/1 s) of the zero.
+    Its parts, each taken as a standard uncertainty: the sensor's r.m.s. noise and the error of the
+    free response since the zero, both over s_p; and the creep that x_1 does not know, which grows
+    with log10(1 + age/1 s) of the zero.
     """
     noise_mN = noise_um / compliance_um_per_mN
-    hysteresis_mN = hysteresis_fraction * piezo_um_per_V * travel_V / compliance_um_per_mN
+    free_mN = free_error_um / compliance_um_per_mN
     creep_mN = creep_mN_per_decade * log10(1.0 + max(0.0, zero_age_s))
-    return COVERAGE * sqrt(
-        noise_mN * noise_mN + hysteresis_mN * hysteresis_mN + creep_mN * creep_mN
-    )
+    return COVERAGE * sqrt(noise_mN * noise_mN + free_mN * free_mN + creep_mN * creep_mN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +78,12 @@ def zero_refusal(
         return f"zero refused: {len(samples)} samples of rest, {count} are wanted"
     first = len(samples) - count
     lowest_um = highest_um = samples[first].x_um
-    lowest_residual_um = highest_residual_um = _residual_um(model, samples[first])
+    lowest_residual_um = highest_residual_um = model.residual_um(samples[first])
     for index in range(first + 1, len(samples)):
         sample = samples[index]
         lowest_um = min(lowest_um, sample.x_um)
         highest_um = max(highest_um, sample.x_um)
-        residual_um = _residual_um(model, sample)
+        residual_um = model.residual_um(sample)
         lowest_residual_um = min(lowest_residual_um, residual_um)
         highest_residual_um = max(highest_residual_um, residual_um)
     spread_um = max(highest_um - lowest_um, highest_residual_um - lowest_residual_um)
@@ -97,7 +93,7 @@ def zero_refusal(
             f"in {count} samples, limit {limits.spread_um} µm"
         )
     rest = rest_mean(samples, count)
-    change_um = _residual_um(model, rest)
+    change_um = model.residual_um(rest)
     travel_um = model.nominal_um_per_V * abs(rest.voltage_V - model.zero_V)
     limit_um = limits.offset_um + limits.offset_fraction * travel_um
     if not abs(change_um) <= limit_um:
@@ -106,7 +102,3 @@ def zero_refusal(
             f"limit {limit_um:.3f} µm after {travel_um:.1f} µm of travel"
         )
     return ""
-
-
-def _residual_um(model: FreeResponse, sample: FreeSample) -> float:
-    return sample.x_um - free_position(model, sample.voltage_V)

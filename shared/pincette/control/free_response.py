@@ -1,13 +1,13 @@
-"""The free response x_1: where the voltage alone would put the arm.
+"""The free response x_1: where the voltage alone would put the arm; and its linear model.
 
-A straight line through the last zero, with the slope of the branch of the hysteresis loop on
-which the arm arrived there. The line errs as the branch bends and as the arm creeps, and grows
-wrong where the voltage reverses; ``force.uncertainty`` carries that.
+The linear model is a straight line through the last zero, with the slope of the branch of the
+hysteresis loop on which the arm arrived there. The line errs as the branch bends and as the arm
+creeps, and grows wrong where the voltage reverses; its ``error_um`` carries that.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol, Self
 
 from pincette.control.checks import require_positive
 
@@ -17,10 +17,59 @@ class FreeSample(NamedTuple):
 
     voltage_V: float
     x_um: float
+    displacement_um: float = 0.0
+    """What a model with a memory made of the path that led to the voltage, without offset."""
+
+
+class FreeResponse(Protocol):
+    """A model of x_1 that follows the voltage sample by sample; immutable."""
+
+    @property
+    def nominal_um_per_V(self) -> float:
+        """d_p."""
+        ...
+
+    @property
+    def zero_V(self) -> float:
+        """Voltage at the last zero."""
+        ...
+
+    @property
+    def voltage_V(self) -> float:
+        """The voltage followed last."""
+        ...
+
+    def follow(self, voltage_V: float, dt_s: float) -> Self:
+        """Take in that ``voltage_V`` has been applied for ``dt_s``."""
+        ...
+
+    def position_um(self) -> float:
+        """Return x_1 at the voltage followed last."""
+        ...
+
+    def error_um(self) -> float:
+        """Return the standard uncertainty of x_1 since the last zero."""
+        ...
+
+    def sample(self, x_um: float) -> FreeSample:
+        """Note a position of the free arm at the voltage followed last."""
+        ...
+
+    def residual_um(self, sample: FreeSample) -> float:
+        """Return x - x_1 of a sample, by the zero that holds at present."""
+        ...
+
+    def begin(self, x_um: float) -> Self:
+        """Put x_1 at ``x_um`` until the first zero; what the model remembers stays."""
+        ...
+
+    def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
+        """Put x_1 through the rest that ends ``samples``."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
-class FreeResponse:
+class LinearResponse:
     """x_1 = offset + gain·(u - u_zero)."""
 
     offset_um: float
@@ -28,36 +77,79 @@ class FreeResponse:
     zero_V: float
     nominal_um_per_V: float
     """d_p: the gain where none could be measured, and what a measured one is judged by."""
+    hysteresis_fraction: float = 0.0
+    """Standard error of the line, as a share of the travel since the zero."""
+    voltage_V: float = 0.0
+    """The voltage followed last."""
+
+    def follow(self, voltage_V: float, dt_s: float) -> "LinearResponse":  # noqa: ARG002
+        """Take in the voltage; a line knows no time."""
+        return replace(self, voltage_V=voltage_V)
+
+    def position_um(self) -> float:
+        """Return x_1 at the voltage followed last."""
+        return free_position(self, self.voltage_V)
+
+    def error_um(self) -> float:
+        """Return the share of gain·|u - u_zero|."""
+        travel_um = self.gain_um_per_V * abs(self.voltage_V - self.zero_V)
+        return self.hysteresis_fraction * travel_um
+
+    def sample(self, x_um: float) -> FreeSample:
+        """Note a position at the voltage followed last."""
+        return FreeSample(self.voltage_V, x_um)
+
+    def residual_um(self, sample: FreeSample) -> float:
+        """Return x - x_1 of a sample."""
+        return sample.x_um - free_position(self, sample.voltage_V)
+
+    def begin(self, x_um: float) -> "LinearResponse":
+        """Return the line of slope d_p through ``x_um`` at the voltage followed last."""
+        return replace(
+            self,
+            offset_um=x_um,
+            gain_um_per_V=self.nominal_um_per_V,
+            zero_V=self.voltage_V,
+        )
+
+    def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "LinearResponse":
+        """Return the line through the rest, as ``relinearize`` draws it."""
+        return relinearize(self, samples, rest_samples=rest_samples)
 
 
-def nominal_response(piezo_um_per_V: float, at: FreeSample) -> FreeResponse:
+def nominal_response(
+    piezo_um_per_V: float, at: FreeSample, hysteresis_fraction: float = 0.0
+) -> LinearResponse:
     """Line of slope d_p through one sample; raises ValueError unless d_p is positive."""
     d_p = require_positive("piezoelectric constant", piezo_um_per_V, "µm/V")
-    return FreeResponse(at.x_um, d_p, at.voltage_V, d_p)
+    return LinearResponse(at.x_um, d_p, at.voltage_V, d_p, hysteresis_fraction, at.voltage_V)
 
 
-def free_position(model: FreeResponse, voltage_V: float) -> float:
+def free_position(model: LinearResponse, voltage_V: float) -> float:
     """Displacement x_1 in µm that the voltage alone would give."""
     return model.offset_um + model.gain_um_per_V * (voltage_V - model.zero_V)
 
 
 def rest_mean(samples: Sequence[FreeSample], rest_samples: int) -> FreeSample:
-    """Mean voltage and position of the last ``rest_samples``."""
-    voltage_V = x_um = 0.0
+    """Mean of the last ``rest_samples``; raises ValueError where there are fewer."""
+    if not 1 <= rest_samples <= len(samples):
+        raise ValueError(f"{len(samples)} samples, where a rest of {rest_samples} is wanted")
+    voltage_V = x_um = displacement_um = 0.0
     for index in range(len(samples) - rest_samples, len(samples)):
         voltage_V += samples[index].voltage_V
         x_um += samples[index].x_um
-    return FreeSample(voltage_V / rest_samples, x_um / rest_samples)
+        displacement_um += samples[index].displacement_um
+    return FreeSample(voltage_V / rest_samples, x_um / rest_samples, displacement_um / rest_samples)
 
 
 def relinearize(
-    model: FreeResponse,
+    model: LinearResponse,
     samples: Sequence[FreeSample],
     *,
     rest_samples: int,
     min_travel_V: float = 0.1,
     gain_tolerance: float = 0.4,
-) -> FreeResponse:
+) -> LinearResponse:
     """Put the line through the rest that ends ``samples``, with the gain of the last branch.
 
     Parameters
@@ -76,14 +168,12 @@ def relinearize(
     ValueError
         Where there are fewer than ``rest_samples``.
     """
-    if not 1 <= rest_samples <= len(samples):
-        raise ValueError(f"{len(samples)} samples, where a rest of {rest_samples} is wanted")
     rest = rest_mean(samples, rest_samples)
     gain = _branch_gain(samples, len(samples) - rest_samples, rest, min_travel_V)
     nominal = model.nominal_um_per_V
     if gain is None or abs(gain - nominal) > gain_tolerance * nominal:
         gain = nominal
-    return FreeResponse(rest.x_um, gain, rest.voltage_V, nominal)
+    return replace(model, offset_um=rest.x_um, gain_um_per_V=gain, zero_V=rest.voltage_V)
 
 
 def _branch_gain(

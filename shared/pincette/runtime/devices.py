@@ -4,9 +4,11 @@ from collections.abc import Callable
 
 from pincette import plugins
 from pincette.config import RigFile
+from pincette.instruments.memory_link import MemoryLink
 from pincette.messages import Truth
 from pincette.runtime.node import Device
 from pincette.service import AnyService
+from pincette.sim.bench import open_bench
 
 
 def open_device(service: AnyService, rig: RigFile) -> Device:
@@ -18,6 +20,17 @@ def open_device(service: AnyService, rig: RigFile) -> Device:
     return None
 
 
-def simulated_devices(rig: RigFile, truth: Callable[[Truth], None]) -> dict[str, Device]:
-    """Placeholder."""
-    raise NotImplementedError
+def simulated_devices(rig: RigFile, publish: Callable[[Truth], None]) -> dict[str, Device]:
+    """Both instruments in this process: the drivers speak the real bytes, over memory.
+
+    The time of the bench is the lockstep's own, so its clock is never asked.
+    """
+    bench = open_bench(
+        rig, lambda: 0.0, lambda seq, x_um, F_mN, u_V: publish(Truth(seq, x_um, F_mN, u_V))
+    )
+    sensor = plugins.load(plugins.POSITION_SENSORS, rig.sensor.driver)
+    output = plugins.load(plugins.VOLTAGE_OUTPUTS, rig.output.driver)
+    return {
+        "sensor": sensor(rig.sensor, MemoryLink(bench.sensor.answer)),
+        "actuator": output(rig.output, MemoryLink(bench.output.answer)),
+    }

@@ -72,7 +72,8 @@ class Node:
             if not self.lockstep:
                 self._drop_older(type(message))
             self._pending.append(Pending(sample, now))
-        elif self.lockstep and not cast(Applied, message).final:
+        elif self.lockstep and sample.seq >= 0 and not cast(Applied, message).final:
+            # Arming began tick 0; the applied voltage of seq -1 is where it starts from.
             self._pending.append(Pending(None, (sample.seq + 1) * self.period_s))
 
     def _drop_older(self, kind: type) -> None:

@@ -22,6 +22,7 @@ from pincette.runtime.devices import open_device
 from pincette.runtime.loop import ServiceLoop
 from pincette.runtime.node import Node
 from pincette.service import AnyService
+from pincette.sim.ports import WireError
 from pincette.topics import LOOP
 
 log = logging.getLogger("pincette")
@@ -29,7 +30,14 @@ READY = "ready: "
 """How a line on standard output begins that says a program serves."""
 PARTNER_POLL_S = 0.05
 
-CannotStart = (ConfigError, BusError, InstrumentError, plugins.PluginError, OSError)
+CannotStart = (
+    ConfigError,
+    BusError,
+    InstrumentError,
+    WireError,
+    plugins.PluginError,
+    OSError,
+)
 
 
 @dataclass(frozen=True)

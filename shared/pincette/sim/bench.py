@@ -43,9 +43,7 @@ def open_bench(
             raise ConfigError(f"{table}.driver = {driver!r}: only {simulated!r} is simulated")
     wanted = rig_file.output.options
     try:
-        rig = SimulatedRig(
-            simulation, rig_file.rig.period_s, rig_file.lockstep, clock, truth
-        )
+        rig = SimulatedRig(simulation, rig_file.rig.period_s, rig_file.lockstep, clock, truth)
     except ValueError as error:
         raise ConfigError(f"[simulation] is no possible rig: {error}") from error
     output = SimulatedI7024(

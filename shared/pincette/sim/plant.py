@@ -222,6 +222,4 @@ def _mode(p: PlantParameters, stiffening: float, dt_s: float) -> _Mode:
     decay = math.exp(-sigma * dt_s)
     cosine = decay * math.cos(damped * dt_s)
     sine = decay * math.sin(damped * dt_s) / damped
-    return _Mode(
-        cosine + sigma * sine, sine, -squared * sine, cosine - sigma * sine, 1.0 / squared
-    )
+    return _Mode(cosine + sigma * sine, sine, -squared * sine, cosine - sigma * sine, 1.0 / squared)

@@ -29,7 +29,7 @@ class Line(Protocol):
         ...
 
     def sendall(self, data: bytes, /) -> None:
-        """Send all of it."""
+        """Send all of it, at once; raises OSError where the client does not read."""
         ...
 
     def close(self) -> None:
@@ -79,11 +79,31 @@ class TcpPort:
             return None
         client, _ = self._listener.accept()
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client.setblocking(False)
         return client
 
     def close(self) -> None:
         """Take the port away."""
         self._listener.close()
+
+
+class _PtyLine:
+    """The near end of a pseudo-terminal, which outlives the conversation."""
+
+    def __init__(self, near: int) -> None:
+        self._near = near
+
+    def fileno(self) -> int:
+        return self._near
+
+    def recv(self, size: int) -> bytes:
+        return os.read(self._near, size)
+
+    def sendall(self, data: bytes) -> None:
+        os.write(self._near, data)
+
+    def close(self) -> None:
+        """Keep it open for the next client."""
 
 
 class PtyPort:
@@ -97,6 +117,7 @@ class PtyPort:
         self._path = path
         self._near, self._far = pty.openpty()
         tty.setraw(self._far)
+        os.set_blocking(self._near, False)
         try:
             if path.is_symlink():
                 path.unlink()
@@ -110,19 +131,7 @@ class PtyPort:
 
     def next_line(self, wait: Wait) -> Line | None:
         """Wait for the first bytes; None where the port is being closed."""
-        return self if wait(self._near) else None
-
-    def fileno(self) -> int:
-        """Descriptor to wait for."""
-        return self._near
-
-    def recv(self, size: int) -> bytes:
-        """Return what has arrived."""
-        return os.read(self._near, size)
-
-    def sendall(self, data: bytes) -> None:
-        """Send a line; the terminal's buffer holds many of them."""
-        os.write(self._near, data)
+        return _PtyLine(self._near) if wait(self._near) else None
 
     def close(self) -> None:
         """Take the pseudo-terminal and its path away; a client then sees a hang-up."""

@@ -4,6 +4,7 @@ import os
 import select
 import threading
 import time
+from contextlib import suppress
 
 from pincette.sim.instrument import TERMINATOR, Instrument
 from pincette.sim.ports import Line, Port, open_port
@@ -41,16 +42,18 @@ class Wire:
         os.close(self._wake)
         os.close(self._waker)
 
+    def __enter__(self) -> "Wire":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def _run(self) -> None:
         while (line := self._port.next_line(self._wait)) is not None:
-            try:
+            # A client may be gone, or deaf, in the middle of an answer; the next begins afresh.
+            with suppress(OSError):
                 self._converse(line)
-            except OSError:
-                # The client is gone in the middle of an answer; the next one begins afresh.
-                continue
-            finally:
-                if line is not self._port:
-                    line.close()
+            line.close()
 
     def _wait(self, descriptor: int) -> bool:
         while True:

@@ -39,9 +39,10 @@ def position(seq: int, epoch: int = EPOCH) -> Inputs:
     return Inputs(None, None, Position(epoch, seq, seq * T, 1.0, True))
 
 
-def command(seq: int, voltage_V: float = 1.0, *, held: bool = False, **changes: int) -> Inputs:
-    made = Command(EPOCH, seq, OWNER, voltage_V, held, False, False, True)
-    return Inputs(None, replace(made, **changes), None)
+def command(
+    seq: int, voltage_V: float = 1.0, *, held: bool = False, epoch: int = EPOCH, owner: int = OWNER
+) -> Inputs:
+    return Inputs(None, Command(epoch, seq, owner, voltage_V, held, False, False, True), None)
 
 
 WAKE = Inputs(None, None, None)
@@ -90,9 +91,10 @@ def test_a_command_that_overtakes_its_sample_waits_for_it() -> None:
     assert outputs[0] == Drive(1.0)
 
 
-@pytest.mark.parametrize("changes", [{"owner": 6}, {"epoch": 12}])
-def test_commands_of_others_are_refused_and_counted(changes: dict[str, int]) -> None:
-    state, outputs = play(armed(), (position(0), 0.0), (command(0, **changes), 0.004))
+@pytest.mark.parametrize(("epoch", "owner"), [(EPOCH, 6), (12, OWNER)])
+def test_commands_of_others_are_refused_and_counted(epoch: int, owner: int) -> None:
+    foreign = command(0, epoch=epoch, owner=owner)
+    state, outputs = play(armed(), (position(0), 0.0), (foreign, 0.004))
     assert outputs == []
     assert state.refused == 1
     assert state.voltage_V == 0.0

@@ -43,28 +43,28 @@ def test_what_other_ages_and_the_printed_term_would_read() -> None:
     assert rms_of_free_arm(1.0, 1.0) == pytest.approx(3.67, abs=0.01)
 
 
-def the_uncertainty(noise_um: float = 0.0, travel_V: float = 0.0, zero_age_s: float = 0.0) -> float:
+def the_uncertainty(
+    noise_um: float = 0.0, free_error_um: float = 0.0, zero_age_s: float = 0.0
+) -> float:
     return uncertainty(
         noise_um=noise_um,
+        free_error_um=free_error_um,
         compliance_um_per_mN=S_P,
-        piezo_um_per_V=D_P,
-        hysteresis_fraction=0.06,
-        travel_V=travel_V,
         creep_mN_per_decade=0.3,
         zero_age_s=zero_age_s,
     )
 
 
 def test_uncertainty_has_three_parts_and_coverage_two() -> None:
-    noise, travel, age = (
+    noise, free, age = (
         the_uncertainty(noise_um=0.03),
-        the_uncertainty(travel_V=0.5),
+        the_uncertainty(free_error_um=0.1),
         the_uncertainty(zero_age_s=99.0),
     )
     assert noise == pytest.approx(2.0 * 0.03 / 0.46)
-    assert travel == pytest.approx(2.0 * 0.06 * 19.0 * 0.5 / 0.46)
+    assert free == pytest.approx(2.0 * 0.1 / 0.46)
     assert age == pytest.approx(2.0 * 0.3 * log10(100.0))
-    assert the_uncertainty(0.03, 0.5, 99.0) == pytest.approx(sqrt(noise**2 + travel**2 + age**2))
+    assert the_uncertainty(0.03, 0.1, 99.0) == pytest.approx(sqrt(noise**2 + free**2 + age**2))
 
 
 MODEL = nominal_response(D_P, FreeSample(0.0, 0.0))

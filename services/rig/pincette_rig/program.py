@@ -1,0 +1,41 @@
+"""The rig program: the simulated plant behind its instruments' real bytes."""
+
+import time
+
+from pincette.messages import Truth
+from pincette.runtime.context import Context
+from pincette.sim.bench import open_bench
+from pincette.sim.wire import serve
+from pincette_rig.config import configure
+
+
+def run(context: Context) -> None:
+    """Offer both instruments at the urls of the rig file until told to stop.
+
+    What is true is published from the output's thread, before the write is answered; its ``seq``
+    counts the writes since the start, from 0.
+
+    Raises
+    ------
+    ConfigError
+        Where the rig file describes no rig that can be simulated.
+    WireError
+        Where a port is taken.
+    """
+    config = configure(context.rig)
+    bus = context.open_bus()
+
+    def tell(seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:
+        bus.publish(Truth(seq, x_um, force_mN, voltage_V))
+
+    try:
+        bench = open_bench(context.rig, time.monotonic, tell if config.truth else None)
+        with (
+            serve(config.sensor_url, bench.sensor, config.baud),
+            serve(config.output_url, bench.output, config.baud),
+        ):
+            bus.announce("rig")
+            context.ready(f"simulates {config.sensor_url} and {config.output_url}")
+            context.stop.wait()
+    finally:
+        bus.close()

@@ -1,0 +1,47 @@
+"""Rigs over REST, and the emergency stop."""
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+
+from fastapi import APIRouter
+
+from pincette_supervisor import problems
+from pincette_supervisor.conductor import Conductor
+from pincette_supervisor.problem_models import responses
+from pincette_supervisor.rig_models import ResetRequest, Rig, RigList, Stopped
+from pincette_supervisor.view import rig_view
+
+
+def routes(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> APIRouter:
+    """Everything under ``/rigs``; the emergency stop has threads of its own."""
+    router = APIRouter(prefix="/rigs", tags=["rigs"])
+
+    def require(rig: str) -> None:
+        name = conductor.site.rig.rig.name
+        if rig != name:
+            raise problems.not_found("rig", rig, [name])
+
+    @router.get("")
+    def rigs() -> RigList:  # pyright: ignore[reportUnusedFunction]
+        """The rigs this supervisor serves."""
+        return RigList(rigs=[rig_view(conductor.site, conductor.active)])
+
+    @router.get("/{rig}", responses=responses(404))
+    def rig_state(rig: str) -> Rig:  # pyright: ignore[reportUnusedFunction]
+        """One rig: programs, interlocks, limits, latch, and whether a job can start."""
+        require(rig)
+        return rig_view(conductor.site, conductor.active)
+
+    @router.post("/{rig}/estop", responses=responses(404, 503))
+    async def estop(rig: str) -> Stopped:  # pyright: ignore[reportUnusedFunction]
+        """Stop at once: freeze a held part, ramp a free arm, latch. Always accepted; no body."""
+        require(rig)
+        return await asyncio.get_running_loop().run_in_executor(estop_pool, conductor.estop)
+
+    @router.post("/{rig}/reset", responses=responses(404, 409, 422, 503))
+    def reset(rig: str, _body: ResetRequest) -> Stopped:  # pyright: ignore[reportUnusedFunction]
+        """Clear the latch, once a person has seen the cause."""
+        require(rig)
+        return conductor.reset()
+
+    return router

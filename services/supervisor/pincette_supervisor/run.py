@@ -1,0 +1,285 @@
+"""One job from its preparation to its end, in a thread of its own; never inside the loop."""
+
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.config import RigFile
+from pincette.messages import Act, Trip
+from pincette.runtime.arming import arm
+from pincette.topics import ACT, APPLIED, LOOP, TRIP
+from pincette_supervisor import archive
+from pincette_supervisor.archive import Take
+from pincette_supervisor.health import Health
+from pincette_supervisor.job import LiveJob
+from pincette_supervisor.observer import Collection, Observer, WatchedBus
+from pincette_supervisor.states import GOOD_OUTCOMES, STATES, Event
+from pincette_supervisor.store import Store
+from pincette_supervisor.tracker import Tracker, outcome_words
+
+PROGRAMS = (*LOOP, "rig")
+LOOK_S = 0.02
+"""How often the run looks at what has come."""
+STALE_S, STALE_PERIODS = 1.0, 10.0
+GONE_S = 1.0
+"""Lockstep: how long the loop may stand still once a program's token has vanished."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where jobs run."""
+
+    rig: RigFile
+    bus: WatchedBus
+    observer: Observer
+    health: Health
+    store: Store
+    records: Path
+    guard_s: float = 5.0
+    """Lockstep: how long the loop may stand still, by the clock on the wall."""
+
+
+class Run:
+    """Prepares, plays and watches one job, and writes its record."""
+
+    def __init__(self, site: Site, job: LiveJob) -> None:
+        self._site, self._job = site, job
+        self._epoch = secrets.randbits(48) | 1
+        planned = job.planned
+        open_end = planned.values["hold_s"] is None
+        planned_s = None if open_end else planned.plan.duration_s
+        self._planned_s = planned_s
+        self._tracker = Tracker(
+            self._epoch, site.rig.rig.period_s, planned_s, lockstep=site.rig.lockstep
+        )
+        self._heard_at = self._asked_at = monotonic()
+        """When the rig was last heard of, and when it was last asked for something."""
+        self._stop_asked = self._trip_asked = False
+        self.interrupted = False
+        """Set where the supervisor ends."""
+
+    def main(self) -> None:
+        """Live the job; the rig is free when this returns."""
+        job, observer = self._job, self._site.observer
+        try:
+            if not self._prepare() or not self._await_start():
+                return
+            collection = observer.collect()
+            if self._arm():
+                self._watch(collection)
+        except BusError as error:
+            job.end("fail", str(error))
+        finally:
+            observer.stop_collecting()
+            try:
+                job.end("fail", "the supervisor has a fault; its log says more")
+            finally:
+                job.finish()
+
+    def _prepare(self) -> bool:
+        job, health = self._job, self._site.health
+        job.move("prepare", only_from="queued")
+        if job.state == "preparing":
+            health.refresh(force=True)
+            reasons = health.reasons()
+            if not reasons:
+                health.clear_boot()
+                reasons = [f"actuator: latched ({cause})"] if (cause := health.latched()) else []
+            if reasons:
+                job.end("fail", "; ".join(reasons))
+                return False
+        return job.move("prepared", only_from="preparing") or self._give_up()
+
+    def _await_start(self) -> bool:
+        job = self._job
+        if job.autostart:
+            job.move("start", only_from="ready")
+        while job.state == "ready" and not self.interrupted:
+            job.wait(0.2)
+        if job.state == "ready":
+            job.end("interrupt", "the supervisor ended")
+        return job.state == "running" or self._give_up()
+
+    def _give_up(self) -> bool:
+        """End a job that was stopped or aborted before it moved."""
+        self._job.end("confirm")
+        return False
+
+    def _arm(self) -> bool:
+        site, job = self._site, self._job
+        self._asked_at = monotonic()
+        try:
+            arm(site.bus, job.planned.program, epoch=self._epoch, digest=site.rig.digest())
+        except RefusalError as error:
+            # An abort that came while the rig was being armed has latched the actuator.
+            job.end("fail" if job.state == "running" else "confirm", str(error))
+            return False
+        return True
+
+    def _watch(self, collection: Collection) -> None:
+        """Follow the samples until the actuator has said that the arming is over."""
+        tracker, job = self._tracker, self._job
+        while True:
+            if tracker.take(collection.drain()):
+                self._heard_at = monotonic()
+                self._share()
+            if tracker.over:
+                self._conclude(collection)
+                return
+            if self.interrupted:
+                self._interrupt(collection)
+                return
+            if self._given_up(collection):
+                return
+            job.wait(LOOK_S)
+
+    def _share(self) -> None:
+        """Let requests see how far the run is."""
+        job, tracker = self._job, self._tracker
+        job.progress, job.held = tracker.progress(), tracker.held and not tracker.over
+        job.phase = tracker.phase
+        for action, seq in tracker.acted:
+            job.acted(action, seq)
+        tracker.acted.clear()
+        state = job.state
+        if tracker.trip_cause and state in ("running", "stopping"):
+            job.move("trip", tracker.trip_words(), only_from=state)
+
+    def _given_up(self, collection: Collection) -> bool:
+        """Do what the state asks for; true where nothing more is to be expected of the rig."""
+        job, tracker = self._job, self._tracker
+        silence = silent_words(self._site, tracker, self._heard_at, self._asked_at)
+        state = job.state
+        if job.terminal:  # stopped, with a part in the gripper
+            return bool(silence)
+        if state == "aborting":
+            return self._abort(collection, silence)
+        if self._overdue():
+            silence = f"{state} took too long: {tracker.silent()} lags"
+        if silence:
+            job.move("overdue", silence, only_from=state)
+        elif state == "stopping":
+            self._stop(collection)
+        return False
+
+    def _stop(self, collection: Collection) -> None:
+        """Ask the controller once; a part that it holds makes the stop complete."""
+        job, tracker = self._job, self._tracker
+        if not self._stop_asked:
+            self._stop_asked = True
+            try:
+                self._site.bus.ask(ACT, Act("stop"))
+            except RefusalError:
+                return  # the program has just ended; its last sample is on its way
+            except BusError as error:
+                job.move("overdue", str(error), only_from="stopping")
+        if tracker.stop_acted and tracker.held:
+            self._close(collection, "confirm")
+
+    def _abort(self, collection: Collection, silence: str) -> bool:
+        """Ask the actuator once; where it does not answer, or in time, the job has failed."""
+        job = self._job
+        if not self._trip_asked and not self._tracker.trip_cause:
+            self._trip_asked = True
+            self._asked_at = monotonic()
+            cause = f"supervisor: {job.cause}"[:200] if job.cause else "abort"
+            try:
+                self._site.bus.ask(TRIP, Trip(cause), 1.0)
+            except BusError as error:
+                job.blame(str(error))
+                self._close(collection, "fail")
+                return True
+            return False
+        if silence or self._overdue():
+            job.blame(silence or "the actuator did not say in time that it is safe")
+            self._close(collection, "fail")
+            return True
+        return False
+
+    def _overdue(self) -> bool:
+        job, safety = self._job, self._site.rig.safety
+        state = STATES[job.state]
+        if state.deadline_s is None or (state.beyond == "program" and self._planned_s is None):
+            return False
+        beyond_s = {
+            "": 0.0,
+            "program": self._planned_s or 0.0,
+            "freeze": safety.freeze_s + safety.ramp_s,
+        }[state.beyond]
+        return monotonic() - job.entered_at > state.deadline_s + beyond_s
+
+    def _conclude(self, collection: Collection) -> None:
+        """End a run whose last sample has come."""
+        job, tracker = self._job, self._tracker
+        if job.terminal:
+            self._record(collection)  # with the release of the part that a stop had kept
+        elif tracker.trip_cause:
+            self._close(collection, "confirm" if tracker.trip_cause == "abort" else "fail")
+        elif job.state in ("stopping", "aborting"):
+            self._close(collection, "confirm")
+        elif tracker.ending() == "stopped":
+            job.move("stop", only_from="running")
+            self._close(collection, "confirm")
+        else:
+            good = tracker.ending() in GOOD_OUTCOMES
+            self._close(collection, "done" if good else "fail")
+
+    def _close(self, collection: Collection, event: Event) -> None:
+        """Write the record, then let the state say that the job has ended."""
+        job, tracker = self._job, self._tracker
+        if event == "fail":
+            if tracker.trip_cause and not self._trip_asked:
+                gone = self._site.observer.gone(PROGRAMS)
+                job.cause = tracker.trip_words()
+                job.cause += f"; killed: {', '.join(gone)}" if gone else ""
+            job.blame(outcome_words(tracker.ending()))
+        self._record(collection)
+        job.end(event)
+
+    def _record(self, collection: Collection) -> None:
+        site, job = self._site, self._job
+        row = site.store.get(job.id)
+        if row is None:
+            return
+        take = Take(self._epoch, self._tracker.messages, collection.dropped)
+        record = archive.gather(site.rig, row, job.planned.values, take)
+        job.keep_result(record.tree)
+        try:
+            archive.write(site.records / job.id, record)
+        except OSError as error:
+            job.blame(f"the record is incomplete: {error}")
+
+    def _interrupt(self, collection: Collection) -> None:
+        """The supervisor ends: leave the rig stopped, holding what it holds."""
+        try:
+            self._site.bus.ask(ACT, Act("stop"), 0.5)
+        except BusError as error:
+            self._job.blame(str(error))
+        if not self._job.terminal:
+            self._record(collection)
+            self._job.end("interrupt", "the supervisor ended")
+
+
+def silent_words(site: Site, tracker: Tracker, heard_at: float, asked_at: float) -> str:
+    """Who has gone silent, in words; empty where nobody has.
+
+    In lockstep the whole loop stands still when one program does; in real time the actuator
+    speaks for the loop, since it notices by itself when the others are silent.
+    """
+    gone = site.observer.gone(PROGRAMS)
+    killed = f"killed: {', '.join(gone)}" if gone else ""
+    if site.rig.lockstep:
+        stood_s = monotonic() - max(heard_at, asked_at)
+        if gone and stood_s > min(GONE_S, site.guard_s):
+            return killed
+        if stood_s > site.guard_s:
+            return f"{tracker.silent()} is silent: no progress for {site.guard_s:g} s"
+        return ""
+    limit_s = max(STALE_S, STALE_PERIODS * site.rig.rig.period_s)
+    age_s = site.observer.age_s(APPLIED)
+    if (age_s is None or age_s > limit_s) and monotonic() - asked_at > limit_s:
+        silent = f"actuator: silent for more than {limit_s:g} s"
+        return f"{killed}; {silent}" if killed else silent
+    return ""

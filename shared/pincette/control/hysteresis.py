@@ -1,0 +1,118 @@
+"""Hysteresis and creep of a piezoelectric arm: Prandtl-Ishlinskii operator and linear creep.
+
+With u in V, the displacement in µm, and thresholds r_i, from one sample to the next:
+
+    play           y_i ← max(u - r_i, min(u + r_i, y_i))
+    static         y = Σ w_i·y_i,  r_0 = 0 being the linear part
+    creep          τ_j·ċ_j = y - c_j
+    displacement   y + Σ κ_j·c_j
+
+The plays depend on the path of the voltage alone, not on its speed; the creep states are linear.
+Sources: M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, chapter 2;
+K. Kuhnen, European Journal of Control 9(4), 2003, for the operator with creep in an actuator.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import exp, isfinite
+
+from pincette.control.checks import require_not_negative, require_positive
+
+
+@dataclass(frozen=True, slots=True)
+class HysteresisModel:
+    """Coefficients; ``thresholds_V`` ascend from 0, the play that is the linear part.
+
+    Raises
+    ------
+    ValueError
+        Where lengths disagree, a number is not finite, thresholds do not ascend from 0, a time is
+        not positive, or the displacement would fall on some branch of rising voltage.
+    """
+
+    thresholds_V: tuple[float, ...]
+    """r_i."""
+    weights_um_per_V: tuple[float, ...]
+    """w_i."""
+    creep_times_s: tuple[float, ...] = ()
+    """τ_j."""
+    creep_fractions: tuple[float, ...] = ()
+    """κ_j, shares of the static displacement."""
+
+    def __post_init__(self) -> None:
+        _require_same("weights_um_per_V", self.weights_um_per_V, "thresholds_V", self.thresholds_V)
+        _require_same("creep_fractions", self.creep_fractions, "creep_times_s", self.creep_times_s)
+        if not self.thresholds_V or self.thresholds_V[0] != 0.0:
+            raise ValueError(f"thresholds_V = {self.thresholds_V} V, the first must be 0 V")
+        below = -1.0
+        for threshold in self.thresholds_V:
+            if require_not_negative("threshold", threshold, "V") <= below:
+                raise ValueError(f"threshold {threshold} V, must be above {below} V before it")
+            below = threshold
+        for time_s in self.creep_times_s:
+            require_positive("creep time", time_s, "s")
+        for fraction in self.creep_fractions:
+            if not isfinite(fraction):
+                raise ValueError(f"creep fraction {fraction}, must be finite")
+        # A branch that has passed r_i moves all plays up to it, so its slope is their sum.
+        slope = 0.0
+        for threshold, weight in zip(self.thresholds_V, self.weights_um_per_V, strict=True):
+            slope = require_positive(f"slope up to {threshold} V", slope + weight, "µm/V")
+
+
+@dataclass(frozen=True, slots=True)
+class HysteresisState:
+    """What the actuator remembers."""
+
+    voltage_V: float
+    plays_V: tuple[float, ...]
+    static_um: float
+    creep_um: tuple[float, ...]
+    """c_j, before their fractions."""
+
+
+def start(model: HysteresisModel) -> HysteresisState:
+    """The actuator unpoled: 0 V, 0 µm, nothing remembered."""
+    plays = (0.0,) * len(model.thresholds_V)
+    return HysteresisState(0.0, plays, 0.0, (0.0,) * len(model.creep_times_s))
+
+
+def step(
+    model: HysteresisModel, state: HysteresisState, voltage_V: float, dt_s: float
+) -> HysteresisState:
+    """Memory after the voltage went straight to ``voltage_V`` and stayed there for ``dt_s``."""
+    u, plays, static_um = voltage_V, state.plays_V, state.static_um
+    if u != state.voltage_V:
+        moved: list[float] = []
+        static_um = 0.0
+        for r, w, y in zip(model.thresholds_V, model.weights_um_per_V, plays, strict=True):
+            play = max(u - r, min(u + r, y))
+            moved.append(play)
+            static_um += w * play
+        plays = tuple(moved)
+    factors = creep_factors(model.creep_times_s, dt_s)
+    creep = tuple(
+        [static_um + (c - static_um) * a for c, a in zip(state.creep_um, factors, strict=True)]
+    )
+    return HysteresisState(u, plays, static_um, creep)
+
+
+def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:
+    """Free displacement y + Σ κ_j·c_j in µm."""
+    total = state.static_um
+    for fraction, creep in zip(model.creep_fractions, state.creep_um, strict=True):
+        total += fraction * creep
+    return total
+
+
+@lru_cache(maxsize=64)
+def creep_factors(creep_times_s: tuple[float, ...], dt_s: float) -> tuple[float, ...]:
+    """Exact factors exp(-dt/τ_j), worked out once for a model and a step."""
+    return tuple([exp(-dt_s / time_s) for time_s in creep_times_s])
+
+
+def _require_same(
+    name: str, values: tuple[float, ...], other: str, others: tuple[float, ...]
+) -> None:
+    if len(values) != len(others):
+        raise ValueError(f"{len(values)} {name}, must be {len(others)}, as many as {other}")

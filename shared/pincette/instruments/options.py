@@ -1,0 +1,30 @@
+"""The options of a driver, read from the rig file: unknown or impossible ones are refused."""
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+from pydantic import ValidationError
+
+from pincette.config import ConfigError, Table
+
+T = TypeVar("T", bound=Table)
+
+
+def read_options(model: type[T], driver: str, options: Mapping[str, object]) -> T:
+    """Check the options against a driver's model.
+
+    Raises
+    ------
+    ConfigError
+        With one line for each fault, and the options there are.
+    """
+    try:
+        return model.model_validate(dict(options))
+    except ValidationError as error:
+        faults = [
+            f"{driver} option {'.'.join(str(part) for part in fault['loc'])} = "
+            f"{fault['input']!r}: {fault['msg']}"
+            for fault in error.errors(include_url=False)
+        ]
+        known = ", ".join(model.model_fields)
+        raise ConfigError("\n".join([*faults, f"{driver} has the options {known}"])) from error

@@ -1,0 +1,189 @@
+"""What every driver of a position sensor must do, over every kind of link."""
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+
+import pytest
+
+from pincette.config import ConfigError, Sensor
+from pincette.instruments import keyence_lkg
+from pincette.instruments.protocols import InstrumentError, Link, PositionSensor
+from pincette.sim.instrument import Instrument
+from pincette.sim.keyence import SimulatedKeyence
+
+Reach = Callable[[Instrument], tuple[str, Link | None]]
+TIMEOUT_S = 0.1
+GARBAGE = (b"", b"\xff\x00;", b"nan", b"1.0", b"MS,01,", b"MS,01,+NAN0000", b"MS,01,+1.5")
+
+
+def _always(reply: bytes) -> Callable[[bytes], bytes]:
+    return lambda _line: reply
+
+
+class Target:
+    """What an instrument looks at; it can be replaced by a voice of its own."""
+
+    def __init__(self, instrument: Callable[[Callable[[], float | None]], Instrument]) -> None:
+        self.x_um: float | None = 0.0
+        self.voice: Callable[[bytes], bytes | None] | None = None
+        self._instrument = instrument(lambda: self.x_um)
+
+    def answer(self, line: bytes) -> bytes | None:
+        return self._instrument.answer(line) if self.voice is None else self.voice(line)
+
+    def idle(self) -> None:
+        self._instrument.idle()
+
+
+class PositionSensorContract:
+    """Derive from it, and say how the driver is opened and which instrument it meets."""
+
+    step_um: float
+    far_um: float
+
+    def instrument(self, measure: Callable[[], float | None]) -> Instrument:
+        raise NotImplementedError
+
+    def open(self, url: str, link: Link | None) -> PositionSensor:
+        raise NotImplementedError
+
+    @contextmanager
+    def opened(self, reach: Reach) -> Generator[tuple[Target, PositionSensor]]:
+        target = Target(self.instrument)
+        sensor = self.open(*reach(target))
+        yield target, sensor
+        sensor.close()
+
+    def test_reads_what_is_there(self, reach: Reach) -> None:
+        with self.opened(reach) as (target, sensor):
+            for x_um in (0.0, 30.02, -12.575, 1234.5, -9000.0):
+                target.x_um = x_um
+                assert sensor.read_um() == pytest.approx(x_um, abs=0.501 * self.step_um)
+
+    def test_what_is_no_measurement_is_an_error_until_it_is_one_again(self, reach: Reach) -> None:
+        with self.opened(reach) as (target, sensor):
+            for x_um, cause in (
+                (self.far_um, "above the measuring range"),
+                (-self.far_um, "below the measuring range"),
+                (None, "invalid reading"),
+            ):
+                target.x_um = x_um
+                with pytest.raises(InstrumentError, match=cause):
+                    sensor.read_um()
+            target.x_um = 1.0
+            assert sensor.read_um() == 1.0
+
+    def test_silence_is_an_error_until_it_ends(self, reach: Reach) -> None:
+        with self.opened(reach) as (target, sensor):
+            target.voice = lambda _line: None
+            with pytest.raises(InstrumentError, match="no answer"):
+                sensor.read_um()
+            target.voice, target.x_um = None, 2.0
+            assert sensor.read_um() == 2.0
+
+    def test_garbage_is_an_error(self, reach: Reach) -> None:
+        with self.opened(reach) as (target, sensor):
+            for garbage in GARBAGE:
+                target.voice = _always(garbage)
+                with pytest.raises(InstrumentError):
+                    sensor.read_um()
+
+    def test_a_closed_sensor_says_so_and_may_be_closed_again(self, reach: Reach) -> None:
+        with self.opened(reach) as (_, sensor):
+            sensor.close()
+            with pytest.raises(InstrumentError, match="port is closed"):
+                sensor.read_um()
+
+    def test_a_silent_instrument_is_not_opened(self, reach: Reach) -> None:
+        target = Target(self.instrument)
+        target.voice = lambda _line: None
+        with pytest.raises(InstrumentError, match="no answer"):
+            self.open(*reach(target))
+
+
+def settings(url: str = "memory://", /, **options: str | float | bool) -> Sensor:
+    return Sensor(
+        driver="keyence_lkg",
+        url=url,
+        minimum_um=-9999.0,
+        maximum_um=9999.0,
+        timeout_s=TIMEOUT_S,
+        noise_um=0.03,
+        options=dict(options),
+    )
+
+
+class TestKeyenceMicrometres(PositionSensorContract):
+    step_um, far_um = 0.01, 10_000.0
+
+    def instrument(self, measure: Callable[[], float | None]) -> Instrument:
+        return SimulatedKeyence(measure)
+
+    def open(self, url: str, link: Link | None) -> PositionSensor:
+        return keyence_lkg.open_sensor(settings(url), link)
+
+
+class TestKeyenceMillimetres(PositionSensorContract):
+    step_um, far_um = 0.01, 10_000.0
+
+    def instrument(self, measure: Callable[[], float | None]) -> Instrument:
+        return SimulatedKeyence(measure, "mm")
+
+    def open(self, url: str, link: Link | None) -> PositionSensor:
+        return keyence_lkg.open_sensor(settings(url, unit="mm", output=12), link)
+
+
+class Lines:
+    """A link that answers from a table."""
+
+    def __init__(self, table: dict[bytes, bytes]) -> None:
+        self.table = table
+        self.closed = False
+
+    def exchange(self, request: bytes) -> bytes:
+        return self.table[request]
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_set_up_mode_is_left_and_given_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept = list[float]()
+    monkeypatch.setattr(keyence_lkg.time, "sleep", slept.append)
+    instrument = SimulatedKeyence(lambda: 1.0)
+    instrument.answer(b"Q0")
+    reply = instrument.answer(b"MS,01")
+    assert reply == b"ER,MS,01"
+    sensor = keyence_lkg.open_sensor(settings(), Lines({b"R0": b"R0", b"MS,01": reply}))
+    assert slept == [keyence_lkg.MODE_CHANGE_S]
+    with pytest.raises(InstrumentError, match=r"error 01 \(not in this mode\)"):
+        sensor.read_um()
+
+
+@pytest.mark.parametrize("reply", [b"ER,R0,99", b"ER,R0,50", b"hello", b"MS,01,+0001.00"])
+def test_another_answer_to_the_mode_closes_the_port(reply: bytes) -> None:
+    link = Lines({b"R0": reply})
+    with pytest.raises(InstrumentError, match="R0"):
+        keyence_lkg.open_sensor(settings(), link)
+    assert link.closed
+
+
+def test_an_answer_to_another_output_is_refused() -> None:
+    link = Lines({b"R0": b"ER,R0,01", b"MS,01": b"MS,02,+0001.00"})
+    with pytest.raises(InstrumentError, match="no answer to"):
+        keyence_lkg.open_sensor(settings(), link).read_um()
+
+
+def test_it_warns_that_it_has_not_met_its_instrument(caplog: pytest.LogCaptureFixture) -> None:
+    keyence_lkg.open_sensor(settings(), Lines({b"R0": b"ER,R0,01"}))
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "has not met its instrument" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("output", 13), ("output", "1"), ("unit", "nm"), ("baud", 12345), ("colour", "red")],
+)
+def test_impossible_options_are_refused(option: str, value: str | int) -> None:
+    with pytest.raises(ConfigError, match=f"keyence_lkg option {option} = {value!r}"):
+        keyence_lkg.open_sensor(settings(**{option: value}))

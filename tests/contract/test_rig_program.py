@@ -1,0 +1,85 @@
+"""The rig program: both instruments at the urls of the rig file, and the truth for the record."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.config import ConfigError, RigFile, read_rig
+from pincette.instruments.icpdas_i7024 import open_output
+from pincette.instruments.keyence_lkg import open_sensor
+from pincette.messages import Message, Truth
+from pincette.runtime.context import Context
+from pincette_rig import PROGRAM
+
+DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
+
+
+class DeafBus:
+    """Keeps what is published."""
+
+    def __init__(self) -> None:
+        self.told: list[Message] = []
+        self.names: list[str] = []
+        self.closed = False
+
+    def publish(self, message: Message) -> None:
+        self.told.append(message)
+
+    def announce(self, name: str) -> None:
+        self.names.append(name)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def _rig_file(tmp_path: Path, pace: str) -> RigFile:
+    demo = read_rig(DEMO)
+    return demo.model_copy(
+        update={
+            "rig": demo.rig.model_copy(update={"time": pace}),
+            "sensor": demo.sensor.model_copy(update={"url": str(tmp_path / "sensor")}),
+            "output": demo.output.model_copy(update={"url": str(tmp_path / "output")}),
+        }
+    )
+
+
+def _context(rig: RigFile, bus: DeafBus, ready: Callable[[str], None], data: Path) -> Context:
+    return Context(rig, data, lambda: cast(ZenohBus, bus), ready, threading.Event())
+
+
+@pytest.mark.parametrize("pace", ["lockstep", "real"])
+def test_it_offers_both_instruments_until_stopped(tmp_path: Path, pace: str) -> None:
+    bus, ready = DeafBus(), threading.Event()
+    context = _context(_rig_file(tmp_path, pace), bus, lambda _line: ready.set(), tmp_path)
+    thread = threading.Thread(target=PROGRAM, args=(context,))
+    thread.start()
+    seen = list[float]()
+    try:
+        assert ready.wait(timeout=5.0)
+        sensor, output = open_sensor(context.rig.sensor), open_output(context.rig.output)
+        for voltage_V in (1.0, 1.0, 0.5):
+            output.write_V(voltage_V)
+            seen.append(sensor.read_um())
+        sensor.close()
+        output.close()
+    finally:
+        context.stop.set()
+        thread.join(timeout=5.0)
+    assert not thread.is_alive()
+    told = [message for message in bus.told if isinstance(message, Truth)]
+    assert [truth.seq for truth in told] == [0, 1, 2]
+    assert [truth.voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=0.0007)
+    assert [truth.x_um for truth in told[1:]] == pytest.approx(seen[:2], abs=0.2)
+    assert bus.names == ["rig"]
+    assert bus.closed
+    assert not (tmp_path / "sensor").is_symlink()
+
+
+def test_it_needs_a_simulation(tmp_path: Path) -> None:
+    real = _rig_file(tmp_path, "real").model_copy(update={"simulation": None})
+    with pytest.raises(ConfigError, match=r"rig 'demo' has no \[simulation\]"):
+        PROGRAM(_context(real, DeafBus(), lambda _line: None, tmp_path))

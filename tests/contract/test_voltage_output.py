@@ -1,0 +1,185 @@
+"""What every driver of a voltage output must do, over every kind of link."""
+
+import math
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+
+import pytest
+
+from pincette.config import ConfigError, Output
+from pincette.instruments import icpdas_i7024
+from pincette.instruments.protocols import InstrumentError, Link, VoltageOutput
+from pincette.sim.dcon import SimulatedI7024
+from pincette.sim.instrument import Instrument
+
+Reach = Callable[[Instrument], tuple[str, Link | None]]
+TIMEOUT_S = 0.1
+GARBAGE = (b"", b"\xff\x00;", b">>", b"> ", b"MS,01,+0001.50")
+
+
+def _always(reply: bytes) -> Callable[[bytes], bytes]:
+    return lambda _line: reply
+
+
+class Load:
+    """What an output drives; the instrument can be replaced by a voice of its own."""
+
+    def __init__(self, instrument: Callable[[Callable[[float], None]], Instrument]) -> None:
+        self.voltages_V: list[float] = []
+        self.voice: Callable[[bytes], bytes | None] | None = None
+        self._instrument = instrument(self.voltages_V.append)
+
+    def answer(self, line: bytes) -> bytes | None:
+        return self._instrument.answer(line) if self.voice is None else self.voice(line)
+
+    def idle(self) -> None:
+        self._instrument.idle()
+
+
+class VoltageOutputContract:
+    """Derive from it, and say how the driver is opened and which instrument it meets."""
+
+    step_V: float
+    limit_V: float
+
+    def instrument(self, put_out: Callable[[float], None]) -> Instrument:
+        raise NotImplementedError
+
+    def open(self, url: str, link: Link | None) -> VoltageOutput:
+        raise NotImplementedError
+
+    @contextmanager
+    def opened(self, reach: Reach) -> Generator[tuple[Load, VoltageOutput]]:
+        load = Load(self.instrument)
+        output = self.open(*reach(load))
+        yield load, output
+        output.close()
+
+    def test_puts_out_what_is_asked_for(self, reach: Reach) -> None:
+        asked_V = [0.0, 1.2345, -0.0004, -self.limit_V, self.limit_V, 2.0]
+        with self.opened(reach) as (load, output):
+            for voltage_V in asked_V:
+                output.write_V(voltage_V)
+            assert load.voltages_V == pytest.approx(asked_V, abs=0.501 * self.step_V)
+
+    def test_opening_moves_nothing(self, reach: Reach) -> None:
+        with self.opened(reach) as (load, _):
+            assert load.voltages_V == []
+
+    def test_what_it_cannot_put_out_is_refused_before_it_is_sent(self, reach: Reach) -> None:
+        with self.opened(reach) as (load, output):
+            for voltage_V in (self.limit_V + 1e-3, -self.limit_V - 1e-3, math.nan, math.inf):
+                with pytest.raises(InstrumentError, match=rf"{voltage_V} V refused, limit"):
+                    output.write_V(voltage_V)
+            assert load.voltages_V == []
+
+    def test_silence_is_an_error_until_it_ends(self, reach: Reach) -> None:
+        with self.opened(reach) as (load, output):
+            load.voice = lambda _line: None
+            with pytest.raises(InstrumentError, match="no answer"):
+                output.write_V(1.0)
+            load.voice = None
+            output.write_V(2.0)
+            assert load.voltages_V == [2.0]
+
+    def test_garbage_is_an_error(self, reach: Reach) -> None:
+        with self.opened(reach) as (load, output):
+            for garbage in GARBAGE:
+                load.voice = _always(garbage)
+                with pytest.raises(InstrumentError):
+                    output.write_V(1.0)
+
+    def test_a_closed_output_says_so_and_may_be_closed_again(self, reach: Reach) -> None:
+        with self.opened(reach) as (_, output):
+            output.close()
+            with pytest.raises(InstrumentError, match="port is closed"):
+                output.write_V(1.0)
+
+    def test_a_silent_instrument_is_not_opened(self, reach: Reach) -> None:
+        load = Load(self.instrument)
+        load.voice = lambda _line: None
+        with pytest.raises(InstrumentError, match="no answer"):
+            self.open(*reach(load))
+
+
+def settings(url: str = "memory://", /, **options: str | float | bool) -> Output:
+    return Output(driver="icpdas_i7024", url=url, timeout_s=TIMEOUT_S, options=dict(options))
+
+
+class TestI7024(VoltageOutputContract):
+    step_V, limit_V = 0.001, 10.0
+
+    def instrument(self, put_out: Callable[[float], None]) -> Instrument:
+        return SimulatedI7024(put_out, lambda: 0.0)
+
+    def open(self, url: str, link: Link | None) -> VoltageOutput:
+        return icpdas_i7024.open_output(settings(url), link)
+
+
+class TestI7024WithChecksum(VoltageOutputContract):
+    step_V, limit_V = 0.001, 10.0
+
+    def instrument(self, put_out: Callable[[float], None]) -> Instrument:
+        return SimulatedI7024(put_out, lambda: 0.0, address=0xAB, channel=3, checksum=True)
+
+    def open(self, url: str, link: Link | None) -> VoltageOutput:
+        chosen = settings(url, address=0xAB, channel=3, checksum=True)
+        return icpdas_i7024.open_output(chosen, link)
+
+
+class Lines:
+    """A link that answers the module's name, and one reply to all else."""
+
+    def __init__(self, reply: bytes, name: bytes = b"!017024") -> None:
+        self.reply, self.name = reply, name
+        self.asked: list[bytes] = []
+        self.closed = False
+
+    def exchange(self, request: bytes) -> bytes:
+        self.asked.append(request)
+        return self.name if request == b"$01M" else self.reply
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.mark.parametrize(
+    ("reply", "cause"),
+    [
+        (b"?", "out of range"),
+        (b"?01", "invalid command"),
+        (b"!", "host watchdog has tripped"),
+        (b"!01", "means nothing here"),
+    ],
+)
+def test_a_refusal_names_value_and_cause(reply: bytes, cause: str) -> None:
+    output = icpdas_i7024.open_output(settings(), Lines(reply))
+    with pytest.raises(InstrumentError, match=rf"-1\.500 V .*{cause}"):
+        output.write_V(-1.5)
+
+
+def test_the_bytes_are_those_of_the_manual() -> None:
+    link = Lines(b">")
+    icpdas_i7024.open_output(settings(channel=2), link).write_V(5.0)
+    assert link.asked == [b"$01M", b"#012+05.000"]
+
+
+def test_something_else_at_the_address_is_not_opened() -> None:
+    link = Lines(b">", name=b"MS,01")
+    with pytest.raises(InstrumentError, match="does not name a module"):
+        icpdas_i7024.open_output(settings(), link)
+    assert link.closed
+
+
+def test_a_wrong_checksum_is_refused() -> None:
+    with pytest.raises(InstrumentError, match="wrong checksum"):
+        icpdas_i7024.open_output(settings(checksum=True), Lines(b">00", name=b"!01702400"))
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("address", 256), ("channel", 4), ("checksum", "yes"), ("baud", 300), ("colour", "red")],
+)
+def test_impossible_options_are_refused(option: str, value: str | int) -> None:
+    with pytest.raises(ConfigError, match=f"icpdas_i7024 option {option} = {value!r}"):
+        icpdas_i7024.open_output(settings(**{option: value}))

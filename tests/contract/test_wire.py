@@ -1,0 +1,81 @@
+"""Simulated instruments on real ports: reconnection, line speed, clean refusals."""
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from pincette.instruments.link import open_link
+from pincette.sim.dcon import SimulatedI7024
+from pincette.sim.keyence import SimulatedKeyence
+from pincette.sim.ports import WireError
+from pincette.sim.wire import serve
+
+ANY = "socket://127.0.0.1:0"
+
+
+@pytest.mark.parametrize("kind", ["tcp", "pty"])
+def test_a_client_that_comes_back_is_served(kind: str, tmp_path: Path) -> None:
+    url = ANY if kind == "tcp" else str(tmp_path / "port")
+    with serve(url, SimulatedKeyence(lambda: 1.0)) as wire:
+        for _ in range(3):
+            link = open_link(wire.url, baud=115200, timeout_s=0.5)
+            assert link.exchange(b"MS,01") == b"MS,01,+0001.00"
+            link.close()
+
+
+def test_bytes_take_their_time_on_the_line() -> None:
+    with serve(ANY, SimulatedKeyence(lambda: 1.0), baud=9600) as wire:
+        link = open_link(wire.url, baud=9600, timeout_s=1.0)
+        began_s = time.monotonic()
+        reply = link.exchange(b"MS,01")
+        took_s = time.monotonic() - began_s
+        link.close()
+    assert reply == b"MS,01,+0001.00"
+    assert took_s >= (6 + 15) * 10 / 9600
+
+
+def test_a_watchdog_trips_while_the_line_is_idle() -> None:
+    out = list[float]()
+    tripped = threading.Event()
+
+    def put_out(voltage_V: float) -> None:
+        out.append(voltage_V)
+        if len(out) == 2:
+            tripped.set()
+
+    with serve(ANY, SimulatedI7024(put_out, time.monotonic)) as wire:
+        link = open_link(wire.url, baud=115200, timeout_s=0.5)
+        assert link.exchange(b"#010+01.000") == b">"
+        assert link.exchange(b"~013101") == b"!01"
+        assert tripped.wait(timeout=2.0)
+        assert link.exchange(b"#010+01.000") == b"!"
+        link.close()
+    assert out == [1.0, 0.0]
+
+
+def test_a_busy_port_is_named() -> None:
+    instrument = SimulatedKeyence(lambda: 1.0)
+    with serve(ANY, instrument) as wire:
+        port = wire.url.rpartition(":")[2]
+        with pytest.raises(WireError, match=rf":{port}: cannot listen .*; stop the program"):
+            serve(wire.url, instrument)
+
+
+def test_a_stale_link_is_replaced_and_a_file_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "port"
+    path.symlink_to(tmp_path / "gone")
+    with serve(str(path), SimulatedKeyence(lambda: 1.0)):
+        assert path.resolve().is_char_device()
+    assert not path.is_symlink()
+    path.write_text("kept")
+    with pytest.raises(WireError, match="cannot put a pseudo-terminal there"):
+        serve(str(path), SimulatedKeyence(lambda: 1.0))
+    assert path.read_text() == "kept"
+
+
+@pytest.mark.parametrize("url", ["socket://127.0.0.1", "socket://127.0.0.1:x", "ftp://a:1"])
+def test_a_url_that_is_none_is_refused(url: str) -> None:
+    with pytest.raises(WireError, match=url):
+        serve(url, SimulatedKeyence(lambda: 1.0))

@@ -1,0 +1,33 @@
+"""The committed OpenAPI document is what the supervisor says of itself."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pincette_supervisor.openapi import REGENERATE, document
+
+COMMITTED = Path(__file__).parents[2] / "deploy" / "openapi.json"
+
+
+def test_committed_document_is_what_the_supervisor_generates() -> None:
+    assert COMMITTED.read_text(encoding="utf-8") == document(), (
+        "deploy/openapi.json differs from the REST interface; "
+        f"if the change is wanted: {REGENERATE}"
+    )
+
+
+def test_every_model_has_an_example() -> None:
+    schemas: dict[str, Any] = json.loads(document())["components"]["schemas"]
+    without = [
+        name
+        for name, schema in schemas.items()
+        if "enum" not in schema and "examples" not in schema
+    ]
+    assert not without
+
+
+def test_every_reference_leads_somewhere() -> None:
+    text = document()
+    schemas = json.loads(text)["components"]["schemas"]
+    wanted = {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}
+    assert wanted <= schemas.keys()

@@ -1,0 +1,41 @@
+"""Links follow from the topics: one for each pair of services that share one."""
+
+from itertools import combinations
+
+import pytest
+
+from pincette.bus.links import consumers, endpoint, peer_ends, producers
+from pincette.runtime.process import loop_services
+from pincette.topics import LOOP
+
+SERVICES = loop_services()
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_every_pair_that_shares_a_topic_has_exactly_one_link(lockstep: bool) -> None:
+    links: list[frozenset[str]] = []
+    for name in LOOP:
+        ends = peer_ends("127.0.0.1", 7000, name, SERVICES, lockstep=lockstep)
+        for other in LOOP:
+            if endpoint("127.0.0.1", 7000, other) in ends.connect:
+                links.append(frozenset({name, other}))
+    wanted = {
+        frozenset(pair)
+        for pair in combinations(LOOP, 2)
+        if pair[0] in producers(SERVICES[pair[1]], lockstep=lockstep)
+        or pair[1] in producers(SERVICES[pair[0]], lockstep=lockstep)
+    }
+    assert set(links) == wanted
+    assert len(links) == len(wanted)
+
+
+def test_everybody_has_a_link_to_the_router() -> None:
+    for name in LOOP:
+        ends = peer_ends("127.0.0.1", 7000, name, SERVICES, lockstep=False)
+        assert ends.connect[0] == "tcp/127.0.0.1:7000"
+        assert ends.mode == "peer"
+
+
+def test_the_pace_is_a_link_in_lockstep_only() -> None:
+    assert consumers("actuator", SERVICES, lockstep=False) == {"estimator"}
+    assert consumers("actuator", SERVICES, lockstep=True) == {"estimator", "sensor"}

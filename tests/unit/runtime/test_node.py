@@ -1,0 +1,144 @@
+"""Joins by number, in both kinds of time."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from pincette.config import RigFile, read_rig
+from pincette.instruments.protocols import InstrumentError
+from pincette.messages import Applied, Arm, Done, Message, Position, Status, StatusRequest
+from pincette.runtime.node import Node
+from pincette.service import Drive, Input, Service
+from pincette.topics import APPLIED, ESTIMATE, POSITION
+from pincette_sensor import SERVICE as SENSOR
+
+RIG = read_rig(Path("deploy/rigs/demo.toml"))
+LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
+APPLIED_0 = Applied(1, 0, 0.5, "armed", "", 0, False, False, False, True, 0, 0.0)
+
+
+class Inputs(NamedTuple):
+    position: Position | None
+    applied: Applied | None
+
+
+@dataclass(frozen=True)
+class State:
+    seen: tuple[tuple[Inputs, float], ...] = ()
+    epoch: int = 0
+
+
+def step(
+    _config: None, state: State, inputs: Inputs, now: float
+) -> tuple[State, tuple[Message | Drive, ...]]:
+    return replace(state, seen=(*state.seen, (inputs, now))), ()
+
+
+def answer(
+    _config: None, state: State, request: Message, _now: float
+) -> tuple[State, Message, tuple[Message, ...]]:
+    assert isinstance(request, Arm)
+    return replace(state, epoch=request.epoch), Done(0), ()
+
+
+def joiner(rig: RigFile) -> Node:
+    service: Service[RigFile, None, State, Inputs] = Service(
+        name="joiner",
+        summary="keeps what it gets",
+        inputs=(Input(POSITION, "trigger"), Input(APPLIED, "join", offset=-1)),
+        outputs=(ESTIMATE,),
+        questions=(),
+        inputs_type=Inputs,
+        configure=lambda _rig: None,
+        start=lambda _config: State(),
+        step=step,
+        answer=answer,
+    )
+    return Node(service, rig)
+
+
+def position(seq: int, epoch: int = 1) -> Position:
+    return Position(epoch, seq, 0.0, 1.0, True)
+
+
+@pytest.mark.parametrize("rig", [RIG, LOCKSTEP])
+@pytest.mark.parametrize("applied_first", [True, False])
+def test_sample_k_meets_applied_of_k_minus_one(rig: RigFile, applied_first: bool) -> None:
+    node = joiner(rig)
+    messages: list[Message] = [APPLIED_0, position(1)]
+    for message in messages if applied_first else reversed(messages):
+        node.accept(message, 0.0)
+    assert node.due(0.0)
+    node.fire(0.0)
+    assert node.state.seen[0][0] == Inputs(position(1), APPLIED_0)
+
+
+def test_other_numbers_and_epochs_are_no_partners() -> None:
+    node = joiner(LOCKSTEP)
+    node.accept(replace(APPLIED_0, seq=1), 0.0)
+    node.accept(replace(APPLIED_0, epoch=2), 0.0)
+    node.accept(position(1), 0.0)
+    assert not node.due(1e9)
+
+
+def test_real_time_goes_on_without_a_partner_after_a_quarter_period() -> None:
+    node = joiner(RIG)
+    node.accept(position(1), 0.0)
+    assert not node.due(0.0049)
+    assert node.patience(0.001) == pytest.approx(0.004)
+    assert node.due(0.005)
+    node.fire(0.005)
+    assert node.state.seen == ((Inputs(position(1), None), 0.005),)
+
+
+def test_real_time_plays_no_backlog() -> None:
+    node = joiner(RIG)
+    for seq in range(300):
+        node.accept(replace(APPLIED_0, seq=seq - 1), 10.0)
+        node.accept(position(seq), 10.0)
+    while node.due(10.0):
+        node.fire(10.0)
+    assert [inputs.position for inputs, _ in node.state.seen] == [position(299)]
+    assert node.missed == 299
+
+
+def test_lockstep_answers_every_tick_in_virtual_time() -> None:
+    node = joiner(LOCKSTEP)
+    for seq in range(3):
+        node.accept(replace(APPLIED_0, seq=seq - 1), 77.0)
+        node.accept(position(seq), 77.0)
+    while node.due(77.0):
+        node.fire(77.0)
+    assert [now for _, now in node.state.seen] == pytest.approx([0.0, 0.02, 0.04])
+
+
+def test_arming_is_refused_with_another_rig_file() -> None:
+    reply, _ = joiner(RIG).ask(Arm(1, 1, "0000"), 0.0)
+    assert isinstance(reply, str)
+    assert RIG.digest() in reply
+
+
+def test_status_tells_epoch_digest_and_instance() -> None:
+    node = joiner(RIG)
+    node.ask(Arm(9, 1, RIG.digest()), 0.0)
+    reply, _ = node.ask(StatusRequest(), 0.0)
+    assert isinstance(reply, Status)
+    assert (reply.epoch, reply.digest, reply.instance) == (9, RIG.digest(), 1)
+
+
+class BrokenSensor:
+    def read_um(self) -> float:
+        raise InstrumentError("laser off")
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def test_a_sensor_that_fails_gives_an_invalid_sample_with_the_reason() -> None:
+
+    node = Node(SENSOR, RIG, BrokenSensor())
+    (sample,) = node.tick(1.0)
+    assert isinstance(sample, Position)
+    assert (sample.valid, sample.fault, sample.seq) == (False, "laser off", 0)

@@ -1,0 +1,94 @@
+import pytest
+
+from pincette.sim.dcon import SimulatedI7024
+
+
+class Stage:
+    """A clock that is set by hand, and the voltages that came out."""
+
+    def __init__(self, checksum: bool = False) -> None:
+        self.now_s = 0.0
+        self.voltages_V: list[float] = []
+        self.module = SimulatedI7024(
+            self.voltages_V.append, lambda: self.now_s, address=0x1A, checksum=checksum
+        )
+
+
+@pytest.mark.parametrize(
+    ("line", "reply"),
+    [
+        (b"#1A0+05.000", b">"),
+        (b"#1A0+10.000", b">"),
+        (b"#1A0+10.001", b"?"),
+        (b"#1A0-99.999", b"?"),
+        (b"#1A0+5", b"?1A"),
+        (b"#1A4+05.000", b"?1A"),
+        (b"#1B0+05.000", None),
+        (b"#1a0+05.000", None),
+        (b"garbage", None),
+        (b"", None),
+        (b"$1AM", b"!1A7024"),
+        (b"$1AF", b"!1AA1.0"),
+        (b"$1A60", b"!1A+00.000"),
+        (b"$1A80", b"!1A+00.000"),
+        (b"$1A40", b"!1A"),
+        (b"$1AZ", b"?1A"),
+        (b"~1A0", b"!1A00"),
+        (b"~1A1", b"!1A"),
+        (b"~**", None),
+    ],
+)
+def test_a_fresh_module(line: bytes, reply: bytes | None) -> None:
+    assert Stage().module.answer(line) == reply
+
+
+def test_the_configuration_names_type_speed_and_format() -> None:
+    reply = Stage().module.answer(b"$1A2")
+    assert reply is not None
+    assert len(reply) == 9
+    assert reply.startswith(b"!1A")
+
+
+def test_only_its_channel_drives_the_plant() -> None:
+    stage = Stage()
+    stage.module.answer(b"#1A0-01.250")
+    stage.module.answer(b"#1A2+03.000")
+    assert stage.voltages_V == [-1.25]
+    assert stage.module.answer(b"$1A62") == b"!1A+03.000"
+
+
+def test_the_host_watchdog_trips_to_the_safe_value_and_latches() -> None:
+    stage = Stage()
+    ask = stage.module.answer
+    assert [ask(line) for line in (b"#1A0+00.500", b"~1A50", b"#1A0+02.000")] == [
+        b">",
+        b"!1A",
+        b">",
+    ]
+    assert ask(b"~1A3105") == b"!1A"
+    stage.now_s = 0.4
+    ask(b"~**")
+    stage.now_s = 0.8
+    stage.module.idle()
+    assert stage.voltages_V == [0.5, 2.0]
+    stage.now_s = 0.95
+    stage.module.idle()
+    assert stage.voltages_V == [0.5, 2.0, 0.5]
+    assert ask(b"#1A0+01.000") == b"!"
+    assert ask(b"~1A0") == b"!1A04"
+    assert ask(b"$1A60") == b"!1A+02.000"
+    assert ask(b"$1A80") == b"!1A+00.500"
+    assert ask(b"~1A1") == b"!1A"
+    assert ask(b"#1A0+01.000") == b">"
+    assert stage.voltages_V == [0.5, 2.0, 0.5, 1.0]
+
+
+def test_a_checksum_is_asked_for_and_given() -> None:
+    stage = Stage(checksum=True)
+    # The bytes of $1AM add up to 0x24 + 0x31 + 0x41 + 0x4D = 0xE3.
+    assert stage.module.answer(b"$1AM") is None
+    assert stage.module.answer(b"$1AME4") is None
+    reply = stage.module.answer(b"$1AME3")
+    assert reply is not None
+    assert reply[:-2] == b"!1A7024"
+    assert int(reply[-2:], 16) == (0x21 + 0x31 + 0x41 + 0x37 + 0x30 + 0x32 + 0x34) % 256

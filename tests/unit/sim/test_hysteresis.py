@@ -1,0 +1,57 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pincette.sim.hysteresis import BoucWen, advance_hysteresis
+
+SHAPE = BoucWen(A_um_per_V=9.0, b_per_V=1.04, g_per_V=0.26)
+LEVELS = st.floats(-7.0, 7.0)
+MOVES = st.floats(-4.0, 4.0)
+
+
+@pytest.mark.parametrize("h_um", [-6.0, -1.0, 0.0, 2.0, 6.5])
+@pytest.mark.parametrize("du_V", [-2.0, -0.3, 0.3, 2.0])
+def test_solves_the_equation(h_um: float, du_V: float) -> None:
+    steps = 50_000
+    step_V = du_V / steps
+    expected = h_um
+    for _ in range(steps):
+        middle = expected + 0.5 * _slope(expected, step_V)
+        expected += _slope(middle, step_V)
+    assert advance_hysteresis(SHAPE, h_um, du_V) == pytest.approx(expected, abs=1e-6)
+
+
+def _slope(h_um: float, du_V: float) -> float:
+    return 9.0 * du_V - 1.04 * abs(du_V) * h_um - 0.26 * du_V * abs(h_um)
+
+
+@given(LEVELS, MOVES, st.floats(0.0, 1.0))
+def test_a_monotone_piece_may_be_cut_anywhere(h_um: float, du_V: float, share: float) -> None:
+    whole = advance_hysteresis(SHAPE, h_um, du_V)
+    first = advance_hysteresis(SHAPE, h_um, share * du_V)
+    assert advance_hysteresis(SHAPE, first, (1.0 - share) * du_V) == pytest.approx(whole, abs=1e-9)
+
+
+@given(LEVELS, MOVES)
+def test_it_is_odd_and_bounded(h_um: float, du_V: float) -> None:
+    after = advance_hysteresis(SHAPE, h_um, du_V)
+    assert advance_hysteresis(SHAPE, -h_um, -du_V) == -after
+    assert abs(after) <= max(abs(h_um), 9.0 / (1.04 + 0.26)) + 1e-9
+
+
+def test_a_cycle_closes_on_itself() -> None:
+    h_um, ends = 0.0, list[float]()
+    for _ in range(12):
+        h_um = advance_hysteresis(SHAPE, advance_hysteresis(SHAPE, h_um, 2.0), -2.0)
+        ends.append(h_um)
+    assert ends[-1] == pytest.approx(ends[-2], abs=1e-9)
+    assert abs(ends[-1]) > 1.0
+
+
+def test_without_shape_it_is_a_straight_line() -> None:
+    assert advance_hysteresis(BoucWen(9.0, 0.0, 0.0), -1.0, 0.5) == pytest.approx(3.5)
+
+
+def test_an_unbounded_shape_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"b = 0\.1 per V is below \|g\| = 0\.2 per V"):
+        BoucWen(1.0, 0.1, -0.2)

@@ -1,0 +1,26 @@
+import math
+from itertools import pairwise
+
+import pytest
+
+from pincette.sim.noise import BLOCK, GaussianNoise
+
+
+def test_mean_variance_and_whiteness() -> None:
+    noise = GaussianNoise(1)
+    values = [noise.at(index) for index in range(20_000)]
+    mean = math.fsum(values) / len(values)
+    variance = math.fsum((value - mean) ** 2 for value in values) / len(values)
+    neighbours = math.fsum(a * b for a, b in pairwise(values)) / len(values)
+    assert mean == pytest.approx(0.0, abs=0.03)
+    assert variance == pytest.approx(1.0, abs=0.04)
+    assert neighbours == pytest.approx(0.0, abs=0.03)
+
+
+def test_a_number_depends_on_seed_and_index_alone() -> None:
+    asked, again = GaussianNoise(7), GaussianNoise(7)
+    places = [0, 5 * BLOCK, 3, BLOCK - 1, BLOCK, 3]
+    assert [asked.at(index) for index in places] == [GaussianNoise(7).at(index) for index in places]
+    assert again.at(3) == asked.at(3)
+    assert GaussianNoise(8).at(3) != asked.at(3)
+    assert asked.at(3) != asked.at(BLOCK + 3)

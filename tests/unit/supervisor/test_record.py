@@ -1,0 +1,72 @@
+"""A record says what its numbers mean, and its picture is one."""
+
+import hashlib
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+
+from pincette.config import RigFile
+from pincette_supervisor import archive, record
+from pincette_supervisor.plot import HEIGHT_PX, WIDTH_PX
+from pincette_supervisor.store import JobRow
+
+from . import samples
+
+parquet: Any = pyarrow.parquet
+JOB = JobRow("a", "grip", "demo", "running", {"kind": "grip"}, {}, "2026-03-01T12:00:00.000Z")
+
+
+def write(folder: Path, rig_file: RigFile) -> archive.Record:
+    messages = [m for tick in samples.grip() for m in tick.messages()]
+    taken = archive.Take(7, messages)
+    made = archive.gather(rig_file, JOB, {"force_mN": 20.0}, taken)
+    archive.write(folder, made)
+    return made
+
+
+def test_samples_carry_units_and_whose_they_are(tmp_path: Path, rig_file: RigFile) -> None:
+    made = write(tmp_path, rig_file)
+    table = parquet.read_table(tmp_path / record.SAMPLES)
+    assert table.schema.field("force_mN").metadata[b"unit"] == b"mN"
+    assert table.schema.field("x_r_um").metadata == {
+        b"unit": "µm".encode(),
+        b"meaning": b"reference position, x_r",
+    }
+    assert all(field.metadata[b"meaning"] for field in table.schema)
+    about = table.schema.metadata
+    assert (about[b"job"], about[b"rig"], about[b"epoch"]) == (b"a", b"demo", b"7")
+    assert table.column("x_um").to_pylist() == made.table["x_um"]
+    assert table.num_rows == len(samples.grip())
+
+
+def test_the_manifest_has_the_sum_of_every_file(tmp_path: Path, rig_file: RigFile) -> None:
+    write(tmp_path, rig_file)
+    manifest = json.loads((tmp_path / record.MANIFEST).read_text(encoding="utf-8"))
+    files = {entry["name"]: entry["sha256"] for entry in manifest["files"]}
+    assert set(files) == {record.SAMPLES, record.PLOT, record.REQUEST, record.RESULT}
+    for name, digest in files.items():
+        assert hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() == digest
+    assert {path.name for path in tmp_path.iterdir()} == set(record.MEDIA_TYPES)
+
+
+def test_the_result_can_be_read_back(tmp_path: Path, rig_file: RigFile) -> None:
+    made = write(tmp_path, rig_file)
+    assert json.loads((tmp_path / record.RESULT).read_text(encoding="utf-8")) == made.tree
+
+
+def test_the_picture_is_a_png_of_its_size(tmp_path: Path, rig_file: RigFile) -> None:
+    write(tmp_path, rig_file)
+    content = (tmp_path / record.PLOT).read_bytes()
+    assert content[:8] == b"\x89PNG\r\n\x1a\n"
+    assert struct.unpack(">II", content[16:24]) == (WIDTH_PX, HEIGHT_PX)
+
+
+def test_a_job_that_ended_before_its_first_sample_has_a_record(
+    tmp_path: Path, rig_file: RigFile
+) -> None:
+    made = archive.gather(rig_file, JOB, {"force_mN": 20.0}, archive.Take(7, []))
+    archive.write(tmp_path, made)
+    assert parquet.read_table(tmp_path / record.SAMPLES).num_rows == 0

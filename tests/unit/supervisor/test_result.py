@@ -1,0 +1,125 @@
+"""Figures of a grip from samples whose figures are known."""
+
+from dataclasses import fields, replace
+from itertools import pairwise
+from math import sqrt
+
+import pytest
+
+from pincette.messages import Applied, Message
+from pincette_supervisor.columns import COLUMNS, columns, missed
+from pincette_supervisor.result import grip_result
+from pincette_supervisor.result_models import GripResult
+
+from . import samples
+from .samples import PERIOD_S, Tick
+
+
+def result_of(ticks: list[Tick]) -> GripResult:
+    table = columns([m for tick in ticks for m in tick.messages()], PERIOD_S)
+    return grip_result(table, period_s=PERIOD_S, target_mN=20.0, dropped=0)
+
+
+def test_a_grip_has_the_figures_it_was_made_with() -> None:
+    result = result_of(samples.grip())
+    assert result.outcome == "gripped"
+    assert result.force_held_mN == pytest.approx(20.0 + samples.FORCE_ERROR_MN)
+    assert result.force_error_mN == pytest.approx(samples.FORCE_ERROR_MN)
+    assert result.rmse_force_mN == pytest.approx(samples.FORCE_ERROR_MN)
+    assert result.force_uncertainty_mN == samples.UNCERTAINTY_MN
+    assert result.rmse_position_um == pytest.approx(0.03 / sqrt(2.0), rel=0.02)
+    assert result.contact_rmse_force_mN == pytest.approx(samples.FORCE_ERROR_MN / sqrt(2.0))
+    assert result.peak_force_mN == pytest.approx(20.0 + samples.FORCE_ERROR_MN)
+    assert result.final_force_mN == pytest.approx(0.0)
+    assert result.contact_x_um == samples.CONTACT_UM
+    assert result.contact_stiffness_mN_per_um == samples.STIFFNESS
+    assert result.true_force_held_mN == pytest.approx(20.0)
+    assert result.residual_um is not None
+    assert result.residual_um.p99 == pytest.approx(0.05)
+    assert (result.missed_ticks, result.unanswered_ticks) == (0, 0)
+
+
+def test_phases_follow_each_other_without_gaps() -> None:
+    phases = result_of(samples.grip()).phases
+    assert [phase.phase for phase in phases] == [name for name, *_ in samples.PHASES]
+    for phase, (_, ticks, *_) in zip(phases, samples.PHASES, strict=True):
+        assert phase.duration_s == pytest.approx(ticks * PERIOD_S)
+    for before, after in pairwise(phases):
+        assert before.start_s + before.duration_s == pytest.approx(after.start_s)
+
+
+def test_a_limit_that_acted_is_named_with_its_first_sample() -> None:
+    (limit,) = result_of(samples.grip()).limits_acted
+    assert (limit.limit, limit.first_seq, limit.samples) == ("slew_up", 20, 5)
+
+
+def test_lost_samples_are_counted_and_change_no_figure() -> None:
+    ticks = samples.grip()
+    result = result_of(ticks[:300] + ticks[303:])
+    assert result.missed_ticks == 3
+    assert result.force_error_mN == pytest.approx(samples.FORCE_ERROR_MN)
+
+
+def test_a_grip_that_never_held_has_no_force_held() -> None:
+    result = result_of(samples.grip()[:100])
+    assert result.outcome == "unfinished"
+    assert result.force_held_mN is None
+    assert result.rmse_force_mN is None
+    assert result.contact_x_um is None
+
+
+def test_a_trip_is_the_outcome_whatever_the_controller_said() -> None:
+    ticks = samples.grip()
+    last = ticks[-1]
+    tripped = replace(last.applied, state="latched", cause="estop", answered=False)
+    result = result_of([*ticks[:-1], replace(last, applied=tripped)])
+    assert result.outcome == "tripped"
+    assert result.unanswered_ticks == 1
+
+
+def test_actions_are_listed_with_their_sample() -> None:
+    ticks = samples.grip()
+    acted = replace(ticks[400].telemetry, acted="stop release", outcome="")
+    ticks[400] = replace(ticks[400], telemetry=acted)
+    result = result_of(ticks)
+    assert [(a.type, a.seq) for a in result.actions] == [("stop", 400), ("release", 400)]
+
+
+def test_no_sample_at_all_makes_an_empty_result() -> None:
+    result = result_of([])
+    assert (result.samples, result.phases, result.outcome) == (0, [], "unfinished")
+
+
+def test_every_column_names_a_field_of_its_message() -> None:
+    for column in COLUMNS:
+        assert column.field in {field.name for field in fields(column.message)}
+
+
+def test_a_sample_that_never_came_leaves_a_hole_in_its_columns_only() -> None:
+    tick = samples.grip()[0]
+    messages: list[Message] = [m for m in tick.messages() if not isinstance(m, Applied)]
+    table = columns(messages, PERIOD_S)
+    assert table["voltage_V"] == [None]
+    assert table["x_um"] == [tick.position.x_um]
+    assert missed(table) == 0
+
+
+def test_truths_are_numbered_by_their_order() -> None:
+    ticks = samples.grip()[:10]
+    # The rig counts on from an earlier job, and tick 4 wrote nothing.
+    applied = [replace(t.applied, answered=t.applied.seq != 4) for t in ticks]
+    written = [t for t in ticks if t.applied.seq != 4]
+    truths = [replace(t.truth, seq=900 + place) for place, t in enumerate(written)]
+    table = columns([*applied, *truths], PERIOD_S)
+    expected = [None if t.applied.seq == 4 else t.truth.x_um for t in ticks]
+    assert table["true_x_um"] == expected
+
+
+def test_truths_after_a_trip_are_left_out() -> None:
+    ticks = samples.grip()[:10]
+    applied = [
+        replace(t.applied, state="ramping" if t.applied.seq >= 7 else "armed") for t in ticks
+    ]
+    table = columns([*applied, *(t.truth for t in ticks)], PERIOD_S)
+    assert table["true_x_um"][:7] == [t.truth.x_um for t in ticks[:7]]
+    assert table["true_x_um"][7:] == [None, None, None]

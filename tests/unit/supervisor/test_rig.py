@@ -1,0 +1,131 @@
+"""What is said of the rig: who is there, what is latched, why a job cannot start."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from pincette.config import RigFile
+from pincette.messages import Position
+from pincette_supervisor.program import PortInUseError, bind
+
+from .rig import Desk
+
+
+def test_a_rig_that_was_switched_on_can_start(desk: Desk) -> None:
+    rig = desk.get("/rigs/demo")
+    assert rig["can_start"] is True
+    assert rig["reasons"] == []
+    assert rig["allowed_actions"] == ["start_job", "estop"]
+    assert {program["name"] for program in rig["programs"]} == set(desk.bus.instances)
+    assert all(interlock["satisfied"] for interlock in rig["interlocks"])
+    assert {"quantity": "force_max", "value": 40.0, "unit": "mN"} in rig["limits"]
+
+
+def test_the_boot_latch_is_cleared_once(desk: Desk) -> None:
+    for _ in range(2):
+        assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
+    assert desk.bus.asked.count("actuator/reset") == 1
+
+
+def test_an_actuator_that_was_started_anew_needs_a_person(desk: Desk) -> None:
+    assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
+    desk.bus.instances["actuator"] = 2
+    desk.bus.latch = "boot"
+    desk.health.refresh(force=True)
+    response = desk.post("/jobs", {"kind": "grip"})
+    assert response.status_code == 409
+    assert response.json()["cause"] == "restart"
+    assert desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
+    assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
+
+
+def test_an_emergency_stop_is_cleared_by_an_acknowledged_reset_only(desk: Desk) -> None:
+    assert desk.post("/rigs/demo/estop").json()["cause"] == "estop"
+    rig = desk.get("/rigs/demo")
+    assert rig["latch"]["cause"] == "estop"
+    assert "reset" in rig["allowed_actions"]
+    assert rig["can_start"] is False
+    refused = desk.post("/jobs", {"kind": "grip", "autostart": True})
+    assert refused.status_code == 409
+    assert refused.json()["type"] == "urn:pincette:problem:estop-engaged"
+    assert "acknowledge" in refused.json()["detail"]
+    assert desk.post("/rigs/demo/reset", {"acknowledge": False}).status_code == 422
+    assert desk.post("/rigs/demo/reset").status_code == 422
+    assert desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
+    assert desk.get("/rigs/demo")["can_start"] is True
+
+
+def test_an_emergency_stop_that_nobody_confirms_says_what_to_do(desk: Desk) -> None:
+    desk.bus.silent.add("actuator")
+    response = desk.post("/rigs/demo/estop")
+    assert response.status_code == 503
+    assert "switch the amplifier off" in response.json()["detail"]
+
+
+def test_a_silent_program_is_a_reason(desk: Desk) -> None:
+    desk.bus.kill("estimator")
+    response = desk.post("/jobs", {"kind": "grip"})
+    assert response.status_code == 503
+    (reason,) = response.json()["reasons"]
+    assert reason.startswith("estimator: nobody answers")
+    assert desk.call("GET", "/readyz").status_code == 503
+    program = next(p for p in desk.get("/rigs/demo")["programs"] if p["name"] == "estimator")
+    assert program["alive"] is False
+
+
+def test_a_program_with_another_rig_file_is_named(desk: Desk) -> None:
+    desk.bus.digests["sensor"] = "0123456789abcdef"
+    (reason,) = desk.post("/jobs", {"kind": "grip"}).json()["reasons"]
+    assert reason.startswith("sensor: runs with rig file 0123456789abcdef")
+
+
+def test_in_real_time_the_sensor_must_have_spoken(
+    real_time: RigFile, open_desk: Callable[..., Desk]
+) -> None:
+    desk = open_desk(real_time)
+    assert desk.get("/rigs/demo")["reasons"] == ["sensor: no sample has come yet"]
+    desk.bus.idle()
+    assert desk.get("/rigs/demo")["can_start"] is True
+    desk.bus.publish(replace(Position(0, 1, 0.02, 0.0), fault="no answer on the line"))
+    (reason,) = desk.get("/rigs/demo")["reasons"]
+    assert reason == "sensor: reads no position: no answer on the line"
+
+
+def test_a_sensor_that_falls_silent_is_a_reason_with_its_age_and_limit(
+    real_time: RigFile, open_desk: Callable[..., Desk]
+) -> None:
+    desk = open_desk(real_time)
+    desk.bus.idle()
+    later = desk.observer.clock() + 0.62
+    desk.observer.clock = lambda: later
+    (reason,) = desk.get("/rigs/demo")["reasons"]
+    assert reason.startswith("sensor: silent for 62")
+    assert reason.endswith("ms, limit 200 ms")
+
+
+def test_the_latch_of_an_earlier_supervisors_rig_is_not_cleared_unseen(
+    desk: Desk, rig_file: RigFile, open_desk: Callable[..., Desk]
+) -> None:
+    desk.health.refresh(force=True)
+    second = open_desk(rig_file)
+    second.health.refresh(force=True)
+    assert second.store.noted("actuator_met") == "1"
+    job = second.ended(second.grip()["id"])
+    assert job["state"] == "failed"
+    assert "reset it first" in job["cause"]
+
+
+def test_probes(desk: Desk) -> None:
+    assert desk.call("GET", "/livez").json() == {"status": "alive"}
+    assert desk.call("GET", "/readyz").json() == {"status": "ready", "reasons": []}
+    assert desk.call("GET", "/version").json()["rig"] == "demo"
+
+
+def test_a_port_in_use_is_named_with_what_to_do() -> None:
+    taken = bind("127.0.0.1", 0)
+    taken.listen()
+    port = taken.getsockname()[1]
+    with pytest.raises(PortInUseError, match=rf"127\.0\.0\.1:{port} is in use.*\[supervisor\]"):
+        bind("127.0.0.1", port)
+    taken.close()

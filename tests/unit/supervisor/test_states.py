@@ -1,0 +1,91 @@
+"""The table of job states, walked."""
+
+from typing import get_args
+
+import pytest
+
+from pincette_supervisor.states import (
+    HOLDS,
+    OUTCOMES,
+    STATES,
+    ActionType,
+    Event,
+    JobState,
+    TransitionError,
+    allowed_actions,
+    next_state,
+)
+
+
+EVENTS: tuple[Event, ...] = get_args(Event)
+
+
+def reachable(start: JobState) -> set[JobState]:
+    seen: set[JobState] = set()
+    ahead: list[JobState] = [start]
+    while ahead:
+        state = ahead.pop()
+        if state not in seen:
+            seen.add(state)
+            ahead += STATES[state].events.values()
+    return seen
+
+
+def test_every_state_is_declared_and_reached() -> None:
+    assert set(STATES) == set(get_args(JobState)) == reachable("queued")
+
+
+@pytest.mark.parametrize("state", [s for s in STATES if s.endswith("ing")])
+def test_a_state_that_ends_in_ing_has_a_deadline_that_leads_to_an_end(state: JobState) -> None:
+    assert STATES[state].deadline_s is not None
+    assert next_state(state, "overdue") == ("failed" if state == "aborting" else "aborting")
+
+
+def test_only_states_in_ing_have_deadlines() -> None:
+    late = {state for state, row in STATES.items() if row.deadline_s is not None}
+    assert late == {state for state in STATES if state.endswith("ing")}
+
+
+def test_an_end_is_reached_from_every_state_and_left_from_none() -> None:
+    ends = {state for state in STATES if STATES[state].terminal}
+    assert ends == {"succeeded", "stopped", "aborted", "failed", "interrupted"}
+    for state in STATES:
+        assert reachable(state) & ends
+        if state not in ends:
+            assert next_state(state, "interrupt") == "interrupted"
+
+
+@pytest.mark.parametrize("state", list(STATES))
+def test_each_event_leads_where_the_table_says_or_nowhere(state: JobState) -> None:
+    for event in EVENTS:
+        if event in STATES[state].events:
+            assert next_state(state, event) in STATES
+        else:
+            with pytest.raises(TransitionError, match=f"{state} knows no {event}"):
+                next_state(state, event)
+
+
+@pytest.mark.parametrize("state", list(STATES))
+def test_an_allowed_action_is_an_event_of_the_state_or_acts_on_a_held_part(
+    state: JobState,
+) -> None:
+    free = allowed_actions(state, held=False)
+    assert all(action in STATES[state].events for action in free)
+    assert set(free) <= set(allowed_actions(state, held=True))
+
+
+def test_a_part_can_be_released_from_the_hold_and_after_a_stop() -> None:
+    assert "release" in allowed_actions("running", held=True)
+    assert "release" in allowed_actions("stopped", held=True)
+    assert allowed_actions("stopped", held=False) == []
+
+
+def test_stop_and_abort_lead_to_states_in_which_they_hold() -> None:
+    assert set(HOLDS) == set(get_args(ActionType))
+    for state in ("preparing", "running"):
+        assert next_state(state, "stop") in HOLDS["stop"]
+        assert next_state(state, "abort") in HOLDS["abort"]
+
+
+def test_outcomes_have_meanings() -> None:
+    assert all(OUTCOMES.values())
