@@ -48,8 +48,8 @@ lint: venv ## style, types and the direction of imports
 	@echo "== import-linter"
 	@$(BIN)/lint-imports --no-cache --no-logo
 
-bench: venv ## measure the loop; writes bench.json and bench.png
-	@$(BIN)/python tests/bench/loop.py $(ARGS)
+bench: venv ## measure the loop; writes bench.json
+	@$(BIN)/python -m tests.bench.loop $(ARGS)
 
 soak: venv ## the slow tests, some of them minutes long
 	@$(BIN)/pytest -m slow $(ARGS)

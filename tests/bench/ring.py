@@ -4,6 +4,7 @@ Roles have the names of the services. The sensor begins a tick with a serial exc
 actuator ends it with one; each hands on a payload of the size that its service sends.
 """
 
+import os
 import signal
 import sys
 import threading
@@ -11,7 +12,6 @@ from queue import SimpleQueue
 
 import zenoh
 
-from pincette.bus.links import Ends
 from pincette.bus.zenoh_bus import open_session
 from pincette.instruments.link import open_link
 from pincette.topics import LOOP
@@ -22,8 +22,8 @@ REQUESTS = {"sensor": b"MS,01", "actuator": b"#010+01.000"}
 
 def main(role: str, port: int, url: str) -> None:
     """Hand on until standard input closes."""
-    session = open_session(_with_router(ends(port, role)), role)
-    link = open_link(url, timeout_s=5.0) if role in REQUESTS else None
+    session = open_session(ends(port, role), role)
+    link = open_link(url, baud=115200, timeout_s=5.0) if role in REQUESTS else None
     queue: SimpleQueue[int] = SimpleQueue()
     payload = bytes(SIZES[role])
     publisher = session.declare_publisher(
@@ -48,8 +48,7 @@ def main(role: str, port: int, url: str) -> None:
     sys.stdout.write("ready\n")
     sys.stdout.flush()
     while (item := queue.get()) != 0:
-        if item < 0:
-            left = -item
+        left = -item if item < 0 else left
         if role == "sensor":
             left -= 1
             if left < 0:
@@ -60,12 +59,8 @@ def main(role: str, port: int, url: str) -> None:
     session.close()
 
 
-def _with_router(place: Ends) -> Ends:
-    return place
-
-
 def _leash(queue: "SimpleQueue[int]") -> None:
-    sys.stdin.buffer.raw.read(1)
+    os.read(0, 1)
     queue.put(0)
 
 

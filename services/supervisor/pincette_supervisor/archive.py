@@ -1,6 +1,10 @@
 """From the samples of a job to its folder and its result."""
 
+import os
+import sys
+import threading
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +18,21 @@ from pincette_supervisor.plot import grip_png
 from pincette_supervisor.result import grip_result
 from pincette_supervisor.result_models import GripResult
 from pincette_supervisor.store import JobRow
+
+NICENESS = 10
+
+
+def archivist() -> ThreadPoolExecutor:
+    """One thread that makes records, and lets every other program of the machine go first.
+
+    The loop may still hold a part while a record is drawn, and must not wait for it.
+    """
+    return ThreadPoolExecutor(1, thread_name_prefix="archive", initializer=_step_back)
+
+
+def _step_back() -> None:
+    if sys.platform == "linux":  # where a thread has a priority of its own
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,7 +88,9 @@ class Conductor:
         active = self.active
         if active is None:
             return
-        doing = "holds a part: release it" if active.terminal else f"is {active.state}"
+        doing = f"is {active.state}"
+        if active.terminal:
+            doing += ", holds a part: release it" if active.held else ", the arm is not at rest yet"
         raise ProblemError(
             409,
             "job-active",

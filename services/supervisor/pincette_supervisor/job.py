@@ -110,6 +110,11 @@ class LiveJob:
         """Keep the first cause of a failure."""
         self.cause = self.cause or cause
 
+    def amend(self, cause: str) -> None:
+        """Add what befell a job after its end."""
+        self.cause = f"{self.cause}; {cause}" if self.cause else cause
+        self._store.change(self.id, cause=self.cause)
+
     def keep_result(self, result: dict[str, object]) -> None:
         """Keep what came of it, before the state says that it has ended."""
         self._store.change(self.id, result=result)

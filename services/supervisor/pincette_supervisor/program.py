@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import uvicorn
 
 from pincette.runtime.context import Context
+from pincette_supervisor import archive
 from pincette_supervisor.api import create_app
 from pincette_supervisor.conductor import Conductor
 from pincette_supervisor.health import Health
@@ -57,10 +58,12 @@ def run(context: Context) -> None:
 def _serve(context: Context, listener: socket.socket, store: Store) -> None:
     bus = context.open_bus()
     estop_pool = ThreadPoolExecutor(ESTOP_THREADS, thread_name_prefix="estop")
+    archivist = archive.archivist()
     try:
         observer = Observer(bus)
         health = Health(context.rig, bus, observer, store)
-        site = Site(context.rig, bus, observer, health, store, context.data / RECORDS)
+        records = context.data / RECORDS
+        site = Site(context.rig, bus, observer, health, store, records, archivist)
         conductor = Conductor(site)
         health.refresh()
         server = uvicorn.Server(
@@ -89,4 +92,5 @@ def _serve(context: Context, listener: socket.socket, store: Store) -> None:
             health.close()
     finally:
         estop_pool.shutdown(wait=False, cancel_futures=True)
+        archivist.shutdown(cancel_futures=True)
         bus.close()

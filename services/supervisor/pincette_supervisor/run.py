@@ -1,6 +1,7 @@
 """One job from its preparation to its end, in a thread of its own; never inside the loop."""
 
 import secrets
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
@@ -37,6 +38,8 @@ class Site:
     health: Health
     store: Store
     records: Path
+    archivist: Executor
+    """Where records are made; see ``archive.archivist``."""
     guard_s: float = 5.0
     """Lockstep: how long the loop may stand still, by the clock on the wall."""
 
@@ -138,7 +141,8 @@ class Run:
     def _share(self) -> None:
         """Let requests see how far the run is."""
         job, tracker = self._job, self._tracker
-        job.progress, job.held = tracker.progress(), tracker.held and not tracker.over
+        job.progress = tracker.progress()
+        job.held = tracker.held and not tracker.over and not tracker.trip_cause
         job.phase = tracker.phase
         for action, seq in tracker.acted:
             job.acted(action, seq)
@@ -214,7 +218,10 @@ class Run:
         """End a run whose last sample has come."""
         job, tracker = self._job, self._tracker
         if job.terminal:
-            self._record(collection)  # with the release of the part that a stop had kept
+            # A stop had kept a part, and this is how it was let go.
+            self._record(collection)
+            if tracker.trip_cause:
+                job.amend(tracker.trip_words())
         elif tracker.trip_cause:
             self._close(collection, "confirm" if tracker.trip_cause == "abort" else "fail")
         elif job.state in ("stopping", "aborting"):
@@ -244,10 +251,11 @@ class Run:
         if row is None:
             return
         take = Take(self._epoch, self._tracker.messages, collection.dropped)
-        record = archive.gather(site.rig, row, job.planned.values, take)
+        values, folder = job.planned.values, site.records / job.id
+        record = site.archivist.submit(archive.gather, site.rig, row, values, take).result()
         job.keep_result(record.tree)
         try:
-            archive.write(site.records / job.id, record)
+            site.archivist.submit(archive.write, folder, record).result()
         except OSError as error:
             job.blame(f"the record is incomplete: {error}")
 

@@ -111,7 +111,7 @@ def _fit(shape: HysteresisModel, u: Column, x: Column, period_s: float) -> Hyste
     plays = _plays(shape, u)
     target = x - x.mean()
     count = plays.shape[1]
-    static = u * float(np.polyfit(u, target, 1)[0])
+    static: Column = plays[:, 0] * (float(np.dot(u, target)) / float(np.dot(u, u)))
     solution = np.empty(0)
     for _ in range(ROUNDS):
         columns = np.hstack([plays, _creep(shape, static, period_s), np.ones((len(u), 1))])

@@ -26,6 +26,7 @@ from pincette.messages import (
     Trip,
 )
 from pincette.topics import LOOP, TOPIC_OF, Question, Topic
+from pincette_supervisor import archive
 from pincette_supervisor.api import create_app
 from pincette_supervisor.conductor import Conductor
 from pincette_supervisor.health import Health
@@ -174,8 +175,16 @@ class Desk:
         self.store = Store(data / "supervisor.sqlite")
         self.observer = Observer(self.bus)
         self.health = Health(rig, self.bus, self.observer, self.store)
+        self.archivist = archive.archivist()
         site = Site(
-            rig, self.bus, self.observer, self.health, self.store, data / "jobs", guard_s=guard_s
+            rig=rig,
+            bus=self.bus,
+            observer=self.observer,
+            health=self.health,
+            store=self.store,
+            records=data / "jobs",
+            archivist=self.archivist,
+            guard_s=guard_s,
         )
         self.conductor = Conductor(site)
         self.estop_pool = ThreadPoolExecutor(1)
@@ -222,5 +231,6 @@ class Desk:
     def close(self) -> None:
         self.conductor.close()
         self.estop_pool.shutdown()
+        self.archivist.shutdown()
         self.health.close()
         self.store.close()

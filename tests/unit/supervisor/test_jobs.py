@@ -124,6 +124,19 @@ def test_a_stop_keeps_the_part_until_it_is_released(desk: Desk) -> None:
     assert [action["type"] for action in freed["actions"]] == ["stop", "release"]
 
 
+def test_a_part_that_a_fault_takes_after_a_stop_is_told_of(desk: Desk) -> None:
+    job = paused(desk, IN_HOLD)
+    desk.post(f"/jobs/{job}/actions", {"type": "stop"})
+    assert desk.ended(job)["cause"] == ""
+    live = desk.conductor.active
+    assert live is not None
+    desk.bus.trip("device: no answer")
+    assert live.done.wait(10.0)
+    ended = desk.get(f"/jobs/{job}")
+    assert ended["state"] == "stopped"
+    assert ended["cause"] == "actuator tripped: device: no answer"
+
+
 def test_a_release_in_the_hold_ends_the_job_well(desk: Desk) -> None:
     def released(ticks: list[Tick]) -> list[Tick]:
         return [replace(t, telemetry=replace(t.telemetry, outcome="")) for t in ticks]

@@ -16,7 +16,6 @@ from pincette_supervisor.states import (
     next_state,
 )
 
-
 EVENTS: tuple[Event, ...] = get_args(Event)
 
 

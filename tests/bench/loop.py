@@ -1,0 +1,270 @@
+"""The loop in lockstep beside a bare ring of do-nothing processes: rates, tails, their ratio.
+
+Both turn over the same hops with the same bus settings, payload sizes and serial exchanges with a
+simulated rig in this process, which takes the time of every tick; blocks of one and of the other
+alternate in one run, so that a slow machine slows both. Writes ``bench.json``.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+from time import monotonic, perf_counter, sleep
+
+import zenoh
+
+from pincette.bus.links import Ends, client_ends, endpoint
+from pincette.bus.zenoh_bus import ZenohBus, open_session
+from pincette.config import RigFile, parse_rig, read_rig
+from pincette.control.program import Guards, Program, Segment
+from pincette.messages import Applied, Message, Reset
+from pincette.runtime.arming import arm
+from pincette.runtime.fleet import Fleet
+from pincette.sim.bench import open_bench
+from pincette.sim.wire import serve
+from pincette.topics import APPLIED, LOOP, RESET, Topic
+from tests.bench.shape import SIZES, start_key
+
+TICKS = 2000
+BLOCKS = 6
+WARM_UP = 300
+BLOCK_LIMIT_S = 60.0
+LOOP_PORT, RING_PORT = 17447, 17457
+LOOP_WIRES, RING_WIRES = (17467, 17468), (17469, 17470)
+GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
+
+
+class Stopwatch:
+    """An instrument that notes when it is asked, and hands on to the real one or answers blank."""
+
+    def __init__(self, answer: Callable[[bytes], bytes | None]) -> None:
+        self._answer = answer
+        self.asked_s: list[float] = []
+
+    def answer(self, line: bytes) -> bytes | None:
+        """Note the time of a measurement; it begins a tick."""
+        if line.startswith(b"MS"):
+            self.asked_s.append(perf_counter())
+        return self._answer(line)
+
+    def idle(self) -> None:
+        """Nothing to look after."""
+
+    def ticks(self) -> list[float]:
+        """Lengths of the ticks since the last call, in seconds, the warm-up left out."""
+        times, self.asked_s = self.asked_s, []
+        return [later - sooner for sooner, later in zip(times, times[1:], strict=False)][WARM_UP:]
+
+
+def blank(line: bytes) -> bytes:
+    """What an instrument without a plant says."""
+    return b"MS,01,+0030.02" if line.startswith(b"MS") else b">"
+
+
+def bench_rig() -> RigFile:
+    """The demo rig in lockstep on ports of its own, without the simulation's own log."""
+    rig = read_rig(Path("deploy/rigs/demo.toml")).model_dump()
+    rig["rig"] |= {"name": "bench", "time": "lockstep"}
+    rig["bus"]["port"] = LOOP_PORT
+    rig["sensor"]["url"], rig["output"]["url"] = urls(LOOP_WIRES)
+    rig["simulation"]["truth"] = False
+    return parse_rig(rig)
+
+
+def urls(wires: tuple[int, int]) -> tuple[str, str]:
+    """Where the two instruments are."""
+    return f"socket://127.0.0.1:{wires[0]}", f"socket://127.0.0.1:{wires[1]}"
+
+
+def to_toml(rig: RigFile) -> str:
+    """A rig file's text; JSON values are TOML values where no table is nested in a list."""
+    lines: list[str] = []
+
+    def table(name: str, tree: dict[str, object]) -> None:
+        lines.append(f"[{name}]")
+        nested = {key: value for key, value in tree.items() if isinstance(value, dict)}
+        for key, value in tree.items():
+            if key not in nested and value is not None:
+                lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
+        for key, value in nested.items():
+            table(f"{name}.{key}", value)
+
+    for name, tree in rig.model_dump().items():
+        if tree is not None:
+            table(name, tree)
+    return "\n".join(lines) + "\n"
+
+
+def program(ticks: int, period_s: float) -> Program:
+    """Rest for a number of ticks."""
+    return Program((Segment("rest", "free", ticks * period_s, x_to_um=0.0),), GUARDS, 2.17)
+
+
+@contextmanager
+def real_loop(folder: Path, rig: RigFile) -> Iterator[Callable[[int], None]]:
+    """The four services of the loop; yields a function that runs a number of ticks."""
+    path = folder / "bench.toml"
+    path.write_text(to_toml(rig), encoding="utf-8")
+    fleet = Fleet(rig, path, folder, lambda _name, _line: None)
+    bus: ZenohBus | None = None
+    try:
+        fleet.start(["router"])
+        fleet.start(LOOP)
+        bus = ZenohBus(client_ends(rig.bus.host, rig.bus.port), rig.rig.name, "bench")
+        final: dict[int, bool] = {}
+
+        def take(_topic: Topic, message: Message) -> None:
+            if isinstance(message, Applied) and message.final:
+                final[message.epoch] = True
+
+        bus.subscribe(APPLIED, take)
+        bus.ask(RESET, Reset(acknowledge=True))
+        joined = bus
+        epoch = 0
+
+        def run(ticks: int) -> None:
+            nonlocal epoch
+            epoch += 1
+            wish = program(ticks, rig.rig.period_s)
+            arm(joined, wish, epoch=epoch, digest=rig.digest())
+            wait(lambda: epoch in final, "loop")
+
+        yield run
+    finally:
+        if bus is not None:
+            bus.close()
+        fleet.down()
+
+
+@contextmanager
+def bare_ring(watch: Stopwatch) -> Iterator[Callable[[int], None]]:
+    """Four do-nothing processes; yields a function that runs a number of ticks."""
+    wires = dict(zip(("sensor", "actuator"), urls(RING_WIRES), strict=True))
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-m", "tests.bench.ring", role, str(RING_PORT), wires.get(role, "-")],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        for role in LOOP
+    ]
+    session: zenoh.Session | None = None
+    try:
+        for process in processes:
+            if process.stdout is None or process.stdout.readline() != b"ready\n":
+                raise RuntimeError("a process of the bare ring did not start")
+        first = endpoint("127.0.0.1", RING_PORT, LOOP[0])
+        session = open_session(Ends("client", connect=(first,)), "bench")
+        sleep(1.0)
+        joined = session
+
+        def run(ticks: int) -> None:
+            joined.put(start_key(), str(ticks).encode())
+            wait(lambda: len(watch.asked_s) >= ticks, "bare ring")
+
+        yield run
+    finally:
+        if session is not None:
+            session.close()
+        for process in processes:
+            process.terminate()
+            process.communicate()
+
+
+def wait(done: Callable[[], bool], what: str) -> None:
+    """Wait for the end of a block."""
+    deadline = monotonic() + BLOCK_LIMIT_S
+    while not done():
+        if monotonic() > deadline:
+            raise TimeoutError(f"the {what} did not end within {BLOCK_LIMIT_S:g} s")
+        sleep(0.01)
+
+
+def quantile(values: list[float], share: float) -> float:
+    """Value below which a share of the values lies."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def stolen_s() -> float:
+    """Time that the machine's host took away since it started, in CPU seconds."""
+    with Path("/proc/stat").open(encoding="ascii") as stream:
+        return int(stream.readline().split()[8]) / os.sysconf("SC_CLK_TCK")
+
+
+def summarize(loop: list[list[float]], ring: list[list[float]], period_s: float) -> dict[str, float]:
+    """Ratios over all blocks, and the rates behind them."""
+
+    def rate(blocks: list[list[float]]) -> float:
+        return median(len(block) / sum(block) for block in blocks)
+
+    def tail_ms(blocks: list[list[float]]) -> float:
+        return 1e3 * median(quantile(block, 0.99) for block in blocks)
+
+    return {
+        "loop_over_bare": rate(loop) / rate(ring),
+        "p99_over_bare": tail_ms(loop) / tail_ms(ring),
+        "lockstep_over_realtime": rate(loop) * period_s,
+        "bare_over_realtime": rate(ring) * period_s,
+        "loop_per_s": rate(loop),
+        "bare_per_s": rate(ring),
+        "loop_p50_ms": 1e3 * median(median(block) for block in loop),
+        "bare_p50_ms": 1e3 * median(median(block) for block in ring),
+        "loop_p99_ms": tail_ms(loop),
+        "bare_p99_ms": tail_ms(ring),
+    }
+
+
+def main() -> None:
+    """Measure, print, write."""
+    rig = bench_rig()
+    stolen = stolen_s()
+    simulated = open_bench(rig, perf_counter)
+    loop_watch, ring_watch = Stopwatch(simulated.sensor.answer), Stopwatch(blank)
+    loop_urls, ring_urls = urls(LOOP_WIRES), urls(RING_WIRES)
+    loop_blocks: list[list[float]] = []
+    ring_blocks: list[list[float]] = []
+    with (
+        tempfile.TemporaryDirectory() as name,
+        serve(loop_urls[0], loop_watch),
+        serve(loop_urls[1], simulated.output),
+        serve(ring_urls[0], ring_watch),
+        serve(ring_urls[1], Stopwatch(blank)),
+        real_loop(Path(name), rig) as loop,
+        bare_ring(ring_watch) as ring,
+    ):
+        for block in range(BLOCKS):
+            loop(TICKS)
+            loop_blocks.append(loop_watch.ticks())
+            ring(TICKS)
+            ring_blocks.append(ring_watch.ticks())
+            rates = [len(last) / sum(last) for last in (loop_blocks[-1], ring_blocks[-1])]
+            print(
+                f"block {block + 1} of {BLOCKS}: loop {rates[0]:.0f} ticks/s, "
+                f"bare ring {rates[1]:.0f} ticks/s"
+            )
+    summary = summarize(loop_blocks, ring_blocks, rig.rig.period_s)
+    report = {
+        "summary": summary,
+        "ticks_per_block": TICKS,
+        "blocks": BLOCKS,
+        "payload_bytes": SIZES,
+        "stolen_s": stolen_s() - stolen,
+    }
+    Path("bench.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    print(
+        f"loop {summary['loop_per_s']:.0f} ticks/s, bare ring {summary['bare_per_s']:.0f} ticks/s:"
+        f" ratio {summary['loop_over_bare']:.2f}; p99 ratio {summary['p99_over_bare']:.2f}; "
+        f"{summary['lockstep_over_realtime']:.1f} times real time at T = "
+        f"{1e3 * rig.rig.period_s:g} ms (bare ring {summary['bare_over_realtime']:.1f}); "
+        "bench.json written"
+    )
+
+
+if __name__ == "__main__":
+    main()
