@@ -20,7 +20,7 @@ import zenoh
 
 from pincette.bus.links import Ends, client_ends, endpoint
 from pincette.bus.zenoh_bus import ZenohBus, open_session
-from pincette.config import RigFile, parse_rig, read_rig
+from pincette.config import RigFile
 from pincette.control.program import Guards, Program, Segment
 from pincette.messages import Applied, Message, Reset
 from pincette.runtime.arming import arm
@@ -29,13 +29,13 @@ from pincette.sim.bench import open_bench
 from pincette.sim.wire import serve
 from pincette.topics import APPLIED, LOOP, RESET, Topic
 from tests.bench.shape import SIZES, start_key
+from tests.support.rigs import demo_rig, free_ports, rig_toml
 
 TICKS = 2000
 BLOCKS = 6
 WARM_UP = 300
 BLOCK_LIMIT_S = 60.0
-LOOP_PORT, RING_PORT = 17447, 17457
-LOOP_WIRES, RING_WIRES = (17467, 17468), (17469, 17470)
+WIRED = ("sensor", "actuator")
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
 
 
@@ -68,36 +68,7 @@ def blank(line: bytes) -> bytes:
 
 def bench_rig() -> RigFile:
     """The demo rig in lockstep on ports of its own, without the simulation's own log."""
-    rig = read_rig(Path("deploy/rigs/demo.toml")).model_dump()
-    rig["rig"] |= {"name": "bench", "time": "lockstep"}
-    rig["bus"]["port"] = LOOP_PORT
-    rig["sensor"]["url"], rig["output"]["url"] = urls(LOOP_WIRES)
-    rig["simulation"]["truth"] = False
-    return parse_rig(rig)
-
-
-def urls(wires: tuple[int, int]) -> tuple[str, str]:
-    """Where the two instruments are."""
-    return f"socket://127.0.0.1:{wires[0]}", f"socket://127.0.0.1:{wires[1]}"
-
-
-def to_toml(rig: RigFile) -> str:
-    """A rig file's text; JSON values are TOML values where no table is nested in a list."""
-    lines: list[str] = []
-
-    def table(name: str, tree: dict[str, object]) -> None:
-        lines.append(f"[{name}]")
-        nested = {key: value for key, value in tree.items() if isinstance(value, dict)}
-        for key, value in tree.items():
-            if key not in nested and value is not None:
-                lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
-        for key, value in nested.items():
-            table(f"{name}.{key}", value)
-
-    for name, tree in rig.model_dump().items():
-        if tree is not None:
-            table(name, tree)
-    return "\n".join(lines) + "\n"
+    return demo_rig({"rig": {"name": "bench"}, "simulation": {"truth": False}}, time="lockstep")
 
 
 def program(ticks: int, period_s: float) -> Program:
@@ -109,7 +80,7 @@ def program(ticks: int, period_s: float) -> Program:
 def real_loop(folder: Path, rig: RigFile) -> Iterator[Callable[[int], None]]:
     """The four services of the loop; yields a function that runs a number of ticks."""
     path = folder / "bench.toml"
-    path.write_text(to_toml(rig), encoding="utf-8")
+    path.write_text(rig_toml(rig), encoding="utf-8")
     fleet = Fleet(rig, path, folder, lambda _name, _line: None)
     bus: ZenohBus | None = None
     try:
@@ -142,12 +113,13 @@ def real_loop(folder: Path, rig: RigFile) -> Iterator[Callable[[int], None]]:
 
 
 @contextmanager
-def bare_ring(watch: Stopwatch) -> Iterator[Callable[[int], None]]:
+def bare_ring(
+    port: int, wires: dict[str, str], watch: Stopwatch
+) -> Iterator[Callable[[int], None]]:
     """Four do-nothing processes; yields a function that runs a number of ticks."""
-    wires = dict(zip(("sensor", "actuator"), urls(RING_WIRES), strict=True))
     processes = [
         subprocess.Popen(
-            [sys.executable, "-m", "tests.bench.ring", role, str(RING_PORT), wires.get(role, "-")],
+            [sys.executable, "-m", "tests.bench.ring", role, str(port), wires.get(role, "-")],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )
@@ -158,7 +130,7 @@ def bare_ring(watch: Stopwatch) -> Iterator[Callable[[int], None]]:
         for process in processes:
             if process.stdout is None or process.stdout.readline() != b"ready\n":
                 raise RuntimeError("a process of the bare ring did not start")
-        first = endpoint("127.0.0.1", RING_PORT, LOOP[0])
+        first = endpoint("127.0.0.1", port, LOOP[0])
         session = open_session(Ends("client", connect=(first,)), "bench")
         sleep(1.0)
         joined = session
@@ -197,7 +169,9 @@ def stolen_s() -> float:
         return int(stream.readline().split()[8]) / os.sysconf("SC_CLK_TCK")
 
 
-def summarize(loop: list[list[float]], ring: list[list[float]], period_s: float) -> dict[str, float]:
+def summarize(
+    loop: list[list[float]], ring: list[list[float]], period_s: float
+) -> dict[str, float]:
     """Ratios over all blocks, and the rates behind them."""
 
     def rate(blocks: list[list[float]]) -> float:
@@ -226,17 +200,18 @@ def main() -> None:
     stolen = stolen_s()
     simulated = open_bench(rig, perf_counter)
     loop_watch, ring_watch = Stopwatch(simulated.sensor.answer), Stopwatch(blank)
-    loop_urls, ring_urls = urls(LOOP_WIRES), urls(RING_WIRES)
+    port = free_ports(8)
+    wires = {name: f"socket://127.0.0.1:{port + 6 + n}" for n, name in enumerate(WIRED)}
     loop_blocks: list[list[float]] = []
     ring_blocks: list[list[float]] = []
     with (
         tempfile.TemporaryDirectory() as name,
-        serve(loop_urls[0], loop_watch),
-        serve(loop_urls[1], simulated.output),
-        serve(ring_urls[0], ring_watch),
-        serve(ring_urls[1], Stopwatch(blank)),
+        serve(rig.sensor.url, loop_watch),
+        serve(rig.output.url, simulated.output),
+        serve(wires["sensor"], ring_watch),
+        serve(wires["actuator"], Stopwatch(blank)),
         real_loop(Path(name), rig) as loop,
-        bare_ring(ring_watch) as ring,
+        bare_ring(port, wires, ring_watch) as ring,
     ):
         for block in range(BLOCKS):
             loop(TICKS)

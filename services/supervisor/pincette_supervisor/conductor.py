@@ -3,10 +3,10 @@
 import secrets
 import threading
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, cast
 
 from pincette.bus.protocol import BusError, RefusalError
-from pincette.messages import Act, Trip
+from pincette.messages import Act, Done, Trip
 from pincette.topics import ACT, TRIP
 from pincette_supervisor import problems
 from pincette_supervisor.job import Changes, LiveJob
@@ -148,7 +148,8 @@ class Conductor:
             elif not live.terminal and not live.move(action, only_from=state):
                 raise TransitionError(f"the job has just become {live.state}")
             if action == "abort" and state in ("running", "stopping", "stopped"):
-                self.site.bus.ask(TRIP, Trip("abort"), 1.0)
+                reply = self.site.bus.ask(TRIP, Trip("abort"), 1.0)
+                live.acted("abort", cast(Done, reply).seq)
         except (RefusalError, TransitionError) as error:
             raise self._invalid(action, live.state, allowed, str(error)) from error
         except BusError as error:

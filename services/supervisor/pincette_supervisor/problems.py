@@ -12,7 +12,7 @@ from starlette.exceptions import HTTPException
 MEDIA_TYPE = "application/problem+json"
 TYPE = "urn:pincette:problem:"
 UNITS = {"_mN_per_um": "mN/µm", "_um_per_s": "µm/s", "_mN": "mN", "_um": "µm", "_V": "V", "_s": "s"}
-CODES = {404: "not-found", 405: "method-not-allowed", 413: "too-large", 422: "invalid-request"}
+CODES = {404: "not-found", 405: "method-not-allowed", 422: "invalid-request"}
 
 
 class ProblemError(Exception):

@@ -119,6 +119,7 @@ class Run:
             # An abort that came while the rig was being armed has latched the actuator.
             job.end("fail" if job.state == "running" else "confirm", str(error))
             return False
+        job.acted("start", 0)
         return True
 
     def _watch(self, collection: Collection) -> None:
@@ -238,9 +239,8 @@ class Run:
         job, tracker = self._job, self._tracker
         if event == "fail":
             if tracker.trip_cause and not self._trip_asked:
-                gone = self._site.observer.gone(PROGRAMS)
-                job.cause = tracker.trip_words()
-                job.cause += f"; killed: {', '.join(gone)}" if gone else ""
+                gone = gone_words(self._site)
+                job.cause = f"{tracker.trip_words()}; {gone}" if gone else tracker.trip_words()
             job.blame(outcome_words(tracker.ending()))
         self._record(collection)
         job.end(event)
@@ -270,17 +270,22 @@ class Run:
             self._job.end("interrupt", "the supervisor ended")
 
 
+def gone_words(site: Site) -> str:
+    """Programs whose token has vanished, in words."""
+    gone = site.observer.gone(PROGRAMS)
+    return f"killed or hung: {', '.join(gone)}" if gone else ""
+
+
 def silent_words(site: Site, tracker: Tracker, heard_at: float, asked_at: float) -> str:
     """Who has gone silent, in words; empty where nobody has.
 
     In lockstep the whole loop stands still when one program does; in real time the actuator
     speaks for the loop, since it notices by itself when the others are silent.
     """
-    gone = site.observer.gone(PROGRAMS)
-    killed = f"killed: {', '.join(gone)}" if gone else ""
+    killed = gone_words(site)
     if site.rig.lockstep:
         stood_s = monotonic() - max(heard_at, asked_at)
-        if gone and stood_s > min(GONE_S, site.guard_s):
+        if killed and stood_s > min(GONE_S, site.guard_s):
             return killed
         if stood_s > site.guard_s:
             return f"{tracker.silent()} is silent: no progress for {site.guard_s:g} s"

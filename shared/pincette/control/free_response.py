@@ -39,7 +39,7 @@ class FreeResponse(Protocol):
         """The voltage followed last."""
         ...
 
-    def follow(self, voltage_V: float, dt_s: float) -> Self:
+    def follow(self, voltage_V: float, dt_s: float, /) -> Self:
         """Take in that ``voltage_V`` has been applied for ``dt_s``."""
         ...
 
@@ -82,7 +82,7 @@ class LinearResponse:
     voltage_V: float = 0.0
     """The voltage followed last."""
 
-    def follow(self, voltage_V: float, dt_s: float) -> "LinearResponse":  # noqa: ARG002
+    def follow(self, voltage_V: float, _dt_s: float, /) -> "LinearResponse":
         """Take in the voltage; a line knows no time."""
         return replace(self, voltage_V=voltage_V)
 

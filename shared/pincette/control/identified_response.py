@@ -1,11 +1,13 @@
 """The free response x_1 by an identified model of hysteresis and creep.
 
 Its memory follows every voltage, whether the arm is free, pressed or idle: an actuator does not
-forget either. A zero moves the offset alone.
+forget either. A zero moves the offset alone: creep bends the branch that leads to it, so that a
+gain drawn from there misses the slope of the next stroke by more than the model does.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import sqrt
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.free_response import FreeSample, rest_mean
@@ -39,7 +41,7 @@ class IdentifiedResponse:
         """The voltage followed last."""
         return self.memory.voltage_V
 
-    def follow(self, voltage_V: float, dt_s: float) -> "IdentifiedResponse":
+    def follow(self, voltage_V: float, dt_s: float, /) -> "IdentifiedResponse":
         """Take in that ``voltage_V`` has been applied for ``dt_s``."""
         return replace(self, memory=step(self.model, self.memory, voltage_V, dt_s))
 
@@ -54,7 +56,7 @@ class IdentifiedResponse:
         the same where they lie together.
         """
         travel_V = abs(self.voltage_V - self.zero_V)
-        return 1.4142135623730951 * self.model_error_um * min(1.0, travel_V / GROWTH_V)
+        return sqrt(2.0) * self.model_error_um * min(1.0, travel_V / GROWTH_V)
 
     def sample(self, x_um: float) -> FreeSample:
         """Note a position of the free arm at the voltage followed last."""

@@ -6,7 +6,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -74,12 +74,10 @@ def check_ports(rig: RigFile) -> None:
 class Fleet:
     """The programs of one rig as child processes on a leash."""
 
-    def __init__(
-        self, rig: RigFile, path: Path, data: Path, say: Say, extra: Iterable[str] = ()
-    ) -> None:
+    def __init__(self, rig: RigFile, path: Path, data: Path, say: Say) -> None:
         self.members: dict[str, Member] = {}
         self._rig = rig
-        self._arguments = ["--rig", str(path), "--data", str(data), "--leash", *extra]
+        self._arguments = ["--rig", str(path), "--data", str(data), "--leash"]
         self._logs = data / "logs"
         self._logs.mkdir(parents=True, exist_ok=True)
         self._say = say
@@ -89,9 +87,13 @@ class Fleet:
         rig = ["rig"] if self._rig.simulation is not None else []
         return ["router", *rig, *LOOP, "supervisor"]
 
-    def start(self, names: Iterable[str], extra: Iterable[str] = ()) -> None:
+    def start(self, names: Iterable[str]) -> None:
         """Start programs side by side and wait until all of them serve."""
-        started = [self._spawn(name, extra) for name in names]
+        self.start_each(dict.fromkeys(names, ()))
+
+    def start_each(self, programs: Mapping[str, Iterable[str]]) -> None:
+        """The same, with further arguments for each."""
+        started = [self._spawn(name, extra) for name, extra in programs.items()]
         deadline = monotonic() + START_S
         for member in started:
             while not member.ready.wait(0.05):

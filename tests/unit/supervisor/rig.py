@@ -104,7 +104,9 @@ class CannedRig:
                 self.latch = ""
                 self.publish(self._applied("idle", ""))
             case Trip():
+                seq = self.place
                 self.trip(request.cause)
+                return Done(seq)
             case Act():
                 self._act(request.action)
             case Load():

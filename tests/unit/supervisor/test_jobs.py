@@ -70,7 +70,7 @@ def test_without_autostart_a_job_waits_for_the_action(desk: Desk) -> None:
     assert desk.post(f"/jobs/{job}/actions", {"type": "start"}).status_code == 202
     ended = desk.ended(job)
     assert ended["state"] == "succeeded"
-    assert [action["type"] for action in ended["actions"]] == ["start"]
+    assert [(action["type"], action["seq"]) for action in ended["actions"]] == [("start", 0)]
 
 
 @pytest.mark.parametrize(("action", "state"), [("stop", "stopped"), ("abort", "aborted")])
@@ -172,7 +172,9 @@ def test_a_release_without_a_part_is_no_action_of_the_state(desk: Desk) -> None:
 def test_an_abort_latches_and_needs_a_reset(desk: Desk) -> None:
     job = paused(desk, IN_APPROACH)
     assert desk.post(f"/jobs/{job}/actions", {"type": "abort"}).status_code == 202
-    assert desk.ended(job)["state"] == "aborted"
+    ended = desk.ended(job)
+    assert ended["state"] == "aborted"
+    assert ended["actions"][0]["seq"] == IN_APPROACH
     response = desk.post("/jobs", {"kind": "grip"})
     assert response.status_code == 409
     assert response.json()["type"] == "urn:pincette:problem:rig-latched"
@@ -239,7 +241,7 @@ def test_lockstep_names_the_program_that_was_killed(
     desk.bus.kill("controller")
     ended = desk.ended(job)
     assert ended["state"] == "failed"
-    assert ended["cause"] == "killed: controller"
+    assert ended["cause"] == "killed or hung: controller"
     assert ended["result"]["samples"] == IN_HOLD
 
 

@@ -1,0 +1,81 @@
+"""Variants of the demo rig: other ports, the other kind of time, other values."""
+
+import json
+import socket
+from pathlib import Path
+from typing import Any, cast
+
+from pincette.config import RigFile, parse_rig, read_rig
+
+DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
+Tree = dict[str, Any]
+
+
+def free_ports(count: int) -> int:
+    """First of ``count`` adjacent ports that nobody uses at the moment."""
+    while True:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            first = cast(int, probe.getsockname()[1])
+        if first + count < 65500 and all(_is_free(first + offset) for offset in range(count)):
+            return first
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def merged(tree: Tree, changes: Tree) -> Tree:
+    """A tree with changes laid over it."""
+    result = dict(tree)
+    for key, value in changes.items():
+        both = isinstance(value, dict) and isinstance(result.get(key), dict)
+        result[key] = merged(result[key], value) if both else value
+    return result
+
+
+def demo_rig(changes: Tree | None = None, *, time: str = "real") -> RigFile:
+    """The demo rig on ports of its own, with changes."""
+    port = free_ports(8)
+    own: Tree = {
+        "rig": {"time": time},
+        "bus": {"port": port},
+        "sensor": {"url": f"socket://127.0.0.1:{port + 5}"},
+        "output": {"url": f"socket://127.0.0.1:{port + 6}"},
+        "supervisor": {"port": port + 7},
+    }
+    tree = merged(read_rig(DEMO).model_dump(mode="json"), own)
+    return parse_rig(_as_toml_gives(merged(tree, changes or {})))
+
+
+def _as_toml_gives(tree: Tree) -> Tree:
+    """Without absent tables, which TOML cannot write."""
+    return {
+        key: _as_toml_gives(cast(Tree, value)) if isinstance(value, dict) else value
+        for key, value in tree.items()
+        if value is not None
+    }
+
+
+def rig_toml(rig: RigFile) -> str:
+    """The text of a rig file."""
+    lines: list[str] = []
+
+    def table(name: str, tree: Tree) -> None:
+        lines.append(f"[{name}]")
+        for key, value in tree.items():
+            if not isinstance(value, dict) and value is not None:
+                lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
+        for key, value in tree.items():
+            if isinstance(value, dict):
+                table(f"{name}.{key}", cast(Tree, value))
+
+    for name, tree in rig.model_dump(mode="json").items():
+        if tree is not None:
+            table(name, tree)
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,102 @@
+"""A whole rig as processes, for the tests that need the real thing."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any, cast
+
+import httpx
+
+from pincette.config import RigFile
+from pincette.runtime.fleet import Fleet
+from pincette.topics import LOOP
+from tests.support.rigs import rig_toml
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class RunningRig:
+    """A rig that is up: its programs and its REST interface."""
+
+    rig: RigFile
+    path: Path
+    data: Path
+    fleet: Fleet
+    client: httpx.Client
+
+    def get(self, path: str, **query: str | float) -> Json:
+        """Read a resource."""
+        return cast(Json, self.client.get(path, params=query).raise_for_status().json())
+
+    def post(self, path: str, body: Json | None = None) -> httpx.Response:
+        """Ask for something; the test looks at the status itself."""
+        return self.client.post(path, json=body)
+
+    def start_grip(self, **wishes: object) -> str:
+        """Start a grip and return its job's id."""
+        body: Json = {"kind": "grip", "autostart": True, **wishes}
+        return cast(str, self.post("/jobs", body).raise_for_status().json()["id"])
+
+    def job(self, name: str) -> Json:
+        """A job as it stands."""
+        return self.get(f"/jobs/{name}")
+
+    def ended(self, name: str, timeout_s: float = 60.0) -> Json:
+        """A job once it has ended."""
+        deadline = monotonic() + timeout_s
+        while monotonic() < deadline:
+            job = self.get(f"/jobs/{name}", wait="terminal", timeout_s=5.0)
+            if job["state"] in ("succeeded", "stopped", "aborted", "failed", "interrupted"):
+                return job
+        raise TimeoutError(f"job {name} did not end within {timeout_s:g} s: {self.job(name)}")
+
+    def until_phase(self, name: str, phase: str, timeout_s: float = 40.0) -> None:
+        """Wait until a job is in a phase."""
+        deadline = monotonic() + timeout_s
+        while monotonic() < deadline:
+            job = self.job(name)
+            if (job.get("progress") or {}).get("phase") == phase:
+                return
+            sleep(0.02)
+        raise TimeoutError(f"job {name} never came to {phase}: {self.job(name)}")
+
+    def view(self) -> Json:
+        """The rig over REST."""
+        return self.get(f"/rigs/{self.rig.rig.name}")
+
+
+@contextmanager
+def running_rig(
+    rig: RigFile, folder: Path, delays: dict[str, int] | None = None
+) -> Generator[RunningRig]:
+    """Bring a rig up in its own processes and down again.
+
+    ``delays`` gives services a seed each, by which they wait up to 3 ms before they publish.
+    """
+    path = folder / "rig.toml"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    data = folder / "data"
+    fleet = Fleet(rig, path, data, lambda _name, _line: None)
+    url = f"http://{rig.supervisor.host}:{rig.supervisor.port}/api/v1"
+    try:
+        if delays is None:
+            fleet.up()
+        else:
+            fleet.start(["router"])
+            fleet.start(["rig"])
+            fleet.start_each(
+                {
+                    name: ("--delay-ms", "3", "--delay-seed", str(delays[name]))
+                    if name in delays
+                    else ()
+                    for name in LOOP
+                }
+            )
+            fleet.start(["supervisor"])
+        with httpx.Client(base_url=url, timeout=30.0, trust_env=False) as client:
+            yield RunningRig(rig, path, data, fleet, client)
+    finally:
+        fleet.down()

@@ -1,0 +1,85 @@
+"""The same job gives the same bits in one process and in seven, and nothing hangs."""
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as parquet
+import pytest
+
+from pincette.config import RigFile
+from pincette.messages import Applied, Estimate, Message, Position
+from pincette.runtime.composed import ComposedLoop
+from pincette.topics import LOOP
+from pincette_supervisor.models import GripJobRequest
+from pincette_supervisor.planning import plan_job
+from tests.support.rigs import demo_rig
+from tests.support.running import running_rig
+
+Numbers = dict[str, list[Any]]
+FAST: dict[str, float] = {"hold_s": 1.0, "load_s": 1.0}
+LONG_HOLD_S = 600.0
+SEED = 20131
+
+
+def in_one_process(rig: RigFile) -> Numbers:
+    """Position, force and voltage of the job, on the bus in memory."""
+    request = GripJobRequest(kind="grip", **FAST)
+    published: list[Message] = ComposedLoop(rig).play(plan_job(request, rig).program)
+    return {
+        "x_um": [message.x_um for message in published if isinstance(message, Position)],
+        "force_mN": [message.force_mN for message in published if isinstance(message, Estimate)],
+        "voltage_V": [
+            message.voltage_V
+            for message in published
+            if isinstance(message, Applied) and message.seq >= 0
+        ],
+    }
+
+
+def recorded(folder: Path) -> Numbers:
+    """The same from the record of a job."""
+    names = ["x_um", "force_mN", "voltage_V"]
+    return parquet.read_table(folder / "samples.parquet", columns=names).to_pydict()
+
+
+def test_one_process_repeats_itself() -> None:
+    rig = demo_rig(time="lockstep")
+    first, second = in_one_process(rig), in_one_process(rig)
+    assert len(first["x_um"]) > 400
+    assert first == second
+
+
+@pytest.mark.parametrize("delayed", [False, True], ids=["prompt", "delayed"])
+def test_seven_processes_give_the_same_bits(tmp_path: Path, delayed: bool) -> None:
+    rig = demo_rig(time="lockstep")
+    delays = {name: SEED + place for place, name in enumerate(LOOP)} if delayed else None
+    print(f"delay seeds: {delays}")
+    with running_rig(rig, tmp_path, delays) as running:
+        job = running.ended(running.start_grip(**FAST))
+    assert job["state"] == "succeeded"
+    assert recorded(tmp_path / "data" / "jobs" / job["id"]) == in_one_process(rig)
+
+
+@pytest.mark.parametrize("name", [*LOOP, "rig"])
+def test_a_killed_program_ends_the_run_with_its_name(tmp_path: Path, name: str) -> None:
+    rig = demo_rig(time="lockstep")
+    with running_rig(rig, tmp_path) as running:
+        job = running.start_grip(hold_s=LONG_HOLD_S)
+        running.until_phase(job, "hold")
+        running.fleet.signal(name, signal.SIGKILL)
+        ended = running.ended(job, timeout_s=20.0)
+    assert ended["state"] == "failed"
+    assert name in ended["cause"]
+
+
+@pytest.mark.parametrize("name", LOOP)
+def test_a_hung_program_ends_the_run_with_its_name(tmp_path: Path, name: str) -> None:
+    rig = demo_rig(time="lockstep")
+    with running_rig(rig, tmp_path) as running:
+        job = running.start_grip(hold_s=LONG_HOLD_S)
+        running.until_phase(job, "hold")
+        running.fleet.signal(name, signal.SIGSTOP)
+        ended = running.ended(job, timeout_s=30.0)
+    assert ended["state"] == "failed"
+    assert name in ended["cause"]

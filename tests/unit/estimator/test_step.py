@@ -1,0 +1,178 @@
+"""The estimator's step: matched ages, missing partners, zeros, and a memory that lives on."""
+
+from dataclasses import replace
+from math import inf, isfinite, nan
+from pathlib import Path
+
+import pytest
+
+from pincette.config import IdentifiedFreeResponse, RigFile, read_rig
+from pincette.control.program import Guards, Program
+from pincette.messages import Applied, Arm, Estimate, Load, Position
+from pincette.service import RefusedError
+from pincette_estimator.config import EstimatorConfig, configure
+from pincette_estimator.step import Inputs, State, answer, start, step
+
+DEMO = read_rig(Path(__file__).parents[3] / "deploy/rigs/demo.toml")
+TAUGHT = IdentifiedFreeResponse(
+    thresholds_V=(0.0, 0.5),
+    weights_um_per_V=(10.0, 5.0),
+    creep_times_s=(1.0,),
+    creep_fractions=(0.1,),
+    residual_um=0.1,
+)
+POSITION = Position(1, 0, 0.0, 0.0, valid=True)
+APPLIED = Applied(1, -1, 0.0, "closed", "", 0, False, False, False, True, 0, 0.02)
+
+
+def a_rig(taught: IdentifiedFreeResponse | None) -> RigFile:
+    return DEMO.model_copy(
+        update={"model": DEMO.model.model_copy(update={"free_response": taught})}
+    )
+
+
+LINEAR = configure(a_rig(None))
+IDENTIFIED = configure(a_rig(TAUGHT))
+BOTH = pytest.mark.parametrize("config", [LINEAR, IDENTIFIED], ids=["linear", "identified"])
+
+
+class Bench:
+    """Feeds an estimator sample by sample, always with the voltage of the sample before."""
+
+    def __init__(self, config: EstimatorConfig) -> None:
+        self.config = config
+        self.state: State = start(config)
+        self.arm(1)
+
+    def arm(self, epoch: int) -> None:
+        self.state, _, _ = answer(self.config, self.state, Arm(epoch, 1, ""), 0.0)
+        self.epoch, self.seq = epoch, 0
+
+    def feed(
+        self, x_um: float, voltage_V: float | None, *, zero: bool = False, held: bool = False
+    ) -> Estimate:
+        applied = None
+        if voltage_V is not None:
+            applied = replace(
+                APPLIED,
+                epoch=self.epoch,
+                seq=self.seq - 1,
+                voltage_V=voltage_V,
+                zero=zero,
+                part_held=held,
+            )
+        position = replace(POSITION, epoch=self.epoch, seq=self.seq, x_um=x_um)
+        self.state, outputs = step(self.config, self.state, Inputs(position, applied), 0.0)
+        self.seq += 1
+        (estimate,) = outputs
+        assert isinstance(estimate, Estimate)
+        return estimate
+
+    def rest(self, x_um: float, voltage_V: float, count: int = 12) -> None:
+        for _ in range(count):
+            self.feed(x_um, voltage_V)
+
+
+def test_position_and_voltage_of_matched_ages_read_no_force() -> None:
+    bench = Bench(LINEAR)
+    for tick in range(50):
+        voltage_V = 0.03 * tick
+        estimate = bench.feed(19.0 * voltage_V, voltage_V)
+        assert estimate.force_mN == pytest.approx(0.0, abs=1e-9)
+        assert estimate.applied_seq == estimate.seq - 1
+
+
+@BOTH
+def test_pressing_reads_a_compressive_force(config: EstimatorConfig) -> None:
+    bench = Bench(config)
+    bench.rest(0.0, 0.0)
+    free_um = bench.state.response.position_um()
+    assert bench.feed(free_um - 4.6, 0.0).force_mN == pytest.approx(10.0)
+
+
+@BOTH
+def test_without_its_partner_an_estimate_is_degraded(config: EstimatorConfig) -> None:
+    bench = Bench(config)
+    bench.rest(0.0, 0.0)
+    estimate = bench.feed(1.0, None)
+    assert (estimate.valid, estimate.degraded, estimate.applied_seq) == (False, True, -1)
+    assert bench.feed(0.0, 0.0).valid
+
+
+@BOTH
+def test_a_zero_is_refused_while_a_part_is_held(config: EstimatorConfig) -> None:
+    bench = Bench(config)
+    bench.rest(0.0, 0.0)
+    estimate = bench.feed(0.0, 0.0, zero=True, held=True)
+    assert "a part is held" in estimate.zero_refusal
+    assert estimate.zero_age_s is None
+
+
+@BOTH
+def test_a_zero_takes_the_offset_away_and_starts_its_age(config: EstimatorConfig) -> None:
+    bench = Bench(config)
+    bench.rest(0.0, 0.0)
+    bench.rest(0.8, 0.0)
+    estimate = bench.feed(0.8, 0.0, zero=True)
+    assert estimate.zero_refusal == ""
+    assert estimate.zero_age_s == 0.0
+    assert estimate.force_mN == pytest.approx(0.0, abs=1e-9)
+    assert bench.feed(0.8, 0.0).zero_age_s == pytest.approx(0.02)
+
+
+def test_the_memory_lives_across_arming_and_the_zero_does_not() -> None:
+    bench = Bench(IDENTIFIED)
+    bench.rest(0.0, 0.0)
+    bench.feed(0.0, 0.0, zero=True)
+    for voltage_V in (1.0, 2.0, 1.0):
+        bench.feed(0.0, voltage_V, held=True)
+    before = bench.state.response
+    bench.arm(2)
+    assert bench.state.response == before
+    estimate = bench.feed(12.0, 1.0)
+    assert estimate.zero_age_s is None
+    assert estimate.zero_refusal == ""
+    assert estimate.force_mN == pytest.approx(0.0)
+    # Falling from 2 V the play of 0.5 V rests until 1 V, then moves: 15 µm/V from there.
+    fallen = bench.state.response.follow(0.9, 0.0).position_um()
+    assert bench.state.response.position_um() - fallen == pytest.approx(0.1 * 15.0, rel=0.01)
+
+
+def test_the_memory_advances_over_samples_without_a_position() -> None:
+    bench, other = Bench(IDENTIFIED), Bench(IDENTIFIED)
+    bench.feed(0.0, 0.0)
+    other.feed(0.0, 0.0)
+    bench.feed(5.0, 1.0)
+    assert not other.feed(nan, 1.0).valid
+    assert bench.state.response.follow(0.0, 0.0) == other.state.response.follow(0.0, 0.0)
+
+
+@BOTH
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+def test_what_is_no_number_cannot_enter(config: EstimatorConfig, value: float) -> None:
+    bench = Bench(config)
+    bench.rest(0.0, 0.0)
+    for estimate in (bench.feed(value, 0.0), bench.feed(0.0, value)):
+        assert not estimate.valid
+        assert isfinite(estimate.force_mN)
+    estimate = bench.feed(0.0, 0.0)
+    assert estimate.valid
+    assert abs(estimate.force_mN) < 1e-6
+    assert isfinite(estimate.force_uncertainty_mN)
+    assert isfinite(estimate.perturbation_mN)
+
+
+@BOTH
+def test_a_sample_of_another_epoch_is_counted_and_dropped(config: EstimatorConfig) -> None:
+    bench = Bench(config)
+    stray = replace(POSITION, epoch=7)
+    state, outputs = step(config, bench.state, Inputs(stray, APPLIED), 0.0)
+    assert outputs == ()
+    assert state.refused == 1
+    assert step(config, state, Inputs(None, APPLIED), 0.0) == (state, ())
+
+
+def test_it_answers_arming_alone() -> None:
+    guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
+    with pytest.raises(RefusedError, match="does not answer Load"):
+        answer(LINEAR, start(LINEAR), Load(Program((), guards, 2.0)), 0.0)
