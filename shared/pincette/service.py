@@ -70,7 +70,7 @@ class Service(Generic[R, C, S, I]):
     configure: Callable[[R], C]
     start: Callable[[C], S]
     step: Callable[[C, S, I, float], tuple[S, tuple[Message | Drive, ...]]]
-    answer: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message, ...]]]
+    answer: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | Drive, ...]]]
     instrument: Literal["position_sensor", "voltage_output"] | None = None
     wake_periods: float | None = None
     """In real time, step at least this often, in control periods."""

@@ -5,18 +5,24 @@ simulated rig in this process, which takes the time of every tick; blocks of one
 alternate in one run, so that a slow machine slows both. Writes ``bench.json``.
 """
 
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
 import json
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from time import monotonic, perf_counter, sleep
 
 import zenoh
+from tests.bench.shape import SIZES, start_key
+from tests.support.rigs import demo_rig, free_ports, rig_toml
 
 from pincette.bus.links import Ends, client_ends, endpoint
 from pincette.bus.zenoh_bus import ZenohBus, open_session
@@ -28,8 +34,6 @@ from pincette.runtime.fleet import Fleet
 from pincette.sim.bench import open_bench
 from pincette.sim.wire import serve
 from pincette.topics import APPLIED, LOOP, RESET, Topic
-from tests.bench.shape import SIZES, start_key
-from tests.support.rigs import demo_rig, free_ports, rig_toml
 
 TICKS = 2000
 BLOCKS = 6
@@ -58,7 +62,7 @@ class Stopwatch:
     def ticks(self) -> list[float]:
         """Lengths of the ticks since the last call, in seconds, the warm-up left out."""
         times, self.asked_s = self.asked_s, []
-        return [later - sooner for sooner, later in zip(times, times[1:], strict=False)][WARM_UP:]
+        return [later - sooner for sooner, later in pairwise(times)][WARM_UP:]
 
 
 def blank(line: bytes) -> bytes:
@@ -77,7 +81,7 @@ def program(ticks: int, period_s: float) -> Program:
 
 
 @contextmanager
-def real_loop(folder: Path, rig: RigFile) -> Iterator[Callable[[int], None]]:
+def real_loop(folder: Path, rig: RigFile) -> Generator[Callable[[int], None]]:
     """The four services of the loop; yields a function that runs a number of ticks."""
     path = folder / "bench.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
@@ -115,7 +119,7 @@ def real_loop(folder: Path, rig: RigFile) -> Iterator[Callable[[int], None]]:
 @contextmanager
 def bare_ring(
     port: int, wires: dict[str, str], watch: Stopwatch
-) -> Iterator[Callable[[int], None]]:
+) -> Generator[Callable[[int], None]]:
     """Four do-nothing processes; yields a function that runs a number of ticks."""
     processes = [
         subprocess.Popen(

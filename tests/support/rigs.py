@@ -35,7 +35,7 @@ def merged(tree: Tree, changes: Tree) -> Tree:
     result = dict(tree)
     for key, value in changes.items():
         both = isinstance(value, dict) and isinstance(result.get(key), dict)
-        result[key] = merged(result[key], value) if both else value
+        result[key] = merged(cast(Tree, result[key]), cast(Tree, value)) if both else value
     return result
 
 

@@ -8,11 +8,11 @@ from time import monotonic, sleep
 from typing import Any, cast
 
 import httpx
+from tests.support.rigs import rig_toml
 
 from pincette.config import RigFile
 from pincette.runtime.fleet import Fleet
 from pincette.topics import LOOP
-from tests.support.rigs import rig_toml
 
 Json = dict[str, Any]
 
@@ -58,7 +58,8 @@ class RunningRig:
         deadline = monotonic() + timeout_s
         while monotonic() < deadline:
             job = self.job(name)
-            if (job.get("progress") or {}).get("phase") == phase:
+            progress: Json = job.get("progress") or {}
+            if progress.get("phase") == phase:
                 return
             sleep(0.02)
         raise TimeoutError(f"job {name} never came to {phase}: {self.job(name)}")

@@ -2,10 +2,12 @@
 
 import signal
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pyarrow.parquet as parquet
 import pytest
+from tests.support.rigs import demo_rig
+from tests.support.running import running_rig
 
 from pincette.config import RigFile
 from pincette.messages import Applied, Estimate, Message, Position
@@ -13,18 +15,16 @@ from pincette.runtime.composed import ComposedLoop
 from pincette.topics import LOOP
 from pincette_supervisor.models import GripJobRequest
 from pincette_supervisor.planning import plan_job
-from tests.support.rigs import demo_rig
-from tests.support.running import running_rig
 
 Numbers = dict[str, list[Any]]
-FAST: dict[str, float] = {"hold_s": 1.0, "load_s": 1.0}
+HOLD_S, LOAD_S = 1.0, 1.0
 LONG_HOLD_S = 600.0
 SEED = 20131
 
 
 def in_one_process(rig: RigFile) -> Numbers:
     """Position, force and voltage of the job, on the bus in memory."""
-    request = GripJobRequest(kind="grip", **FAST)
+    request = GripJobRequest(kind="grip", hold_s=HOLD_S, load_s=LOAD_S)
     published: list[Message] = ComposedLoop(rig).play(plan_job(request, rig).program)
     return {
         "x_um": [message.x_um for message in published if isinstance(message, Position)],
@@ -40,7 +40,8 @@ def in_one_process(rig: RigFile) -> Numbers:
 def recorded(folder: Path) -> Numbers:
     """The same from the record of a job."""
     names = ["x_um", "force_mN", "voltage_V"]
-    return parquet.read_table(folder / "samples.parquet", columns=names).to_pydict()
+    table = cast(Any, parquet).read_table(folder / "samples.parquet", columns=names)
+    return cast(Numbers, table.to_pydict())
 
 
 def test_one_process_repeats_itself() -> None:
@@ -56,7 +57,7 @@ def test_seven_processes_give_the_same_bits(tmp_path: Path, delayed: bool) -> No
     delays = {name: SEED + place for place, name in enumerate(LOOP)} if delayed else None
     print(f"delay seeds: {delays}")
     with running_rig(rig, tmp_path, delays) as running:
-        job = running.ended(running.start_grip(**FAST))
+        job = running.ended(running.start_grip(hold_s=HOLD_S, load_s=LOAD_S))
     assert job["state"] == "succeeded"
     assert recorded(tmp_path / "data" / "jobs" / job["id"]) == in_one_process(rig)
 

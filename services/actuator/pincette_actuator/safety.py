@@ -40,7 +40,13 @@ class State:
     ramp_from_V: float = 0.0
     limits_active: int = 0
     refused: int = 0
-    detail: str = ""
+    refusal: str = ""
+    """Why a command was refused last."""
+
+    @property
+    def detail(self) -> str:
+        """What a person asks for first: the mode, its cause, and the last refusal."""
+        return "; ".join(text for text in (self.mode, self.cause, self.refusal) if text)
 
 
 def newest_sample(state: State) -> tuple[int, float]:
@@ -65,7 +71,7 @@ def saw(state: State, seq: int, now: float) -> State:
 
 def refuse(state: State, reason: str) -> State:
     """Count a command that is not taken."""
-    return replace(state, refused=state.refused + 1, detail=reason)
+    return replace(state, refused=state.refused + 1, refusal=reason)
 
 
 def objection(config: ActuatorConfig, state: State, command: Command, now: float) -> str:

@@ -112,7 +112,7 @@ def _applied(state: State, seq: int, now: float, command: Command | None) -> App
 
 def answer(
     config: ActuatorConfig, state: State, request: Message, now: float
-) -> tuple[State, Message, tuple[Message, ...]]:
+) -> tuple[State, Message, Outputs]:
     """Arm, trip or reset."""
     if isinstance(request, Arm):
         if state.mode != "idle":
@@ -130,22 +130,35 @@ def answer(
         return state, Done(-1), (_applied(state, -1, now, None),)
     if isinstance(request, Trip):
         state = trip(config, state, request.cause, now)
-    elif isinstance(request, Reset):
-        state = _reset(state, request)
-    else:
-        raise RefusedError(f"the actuator does not answer {type(request).__name__}")
-    seq = newest_sample(state)[0]
-    return state, Done(seq), (_applied(state, seq, now, None),)
+        return state, Done(newest_sample(state)[0]), _said(config, state, now)
+    if isinstance(request, Reset):
+        return _reset(config, state, request, now)
+    raise RefusedError(f"the actuator does not answer {type(request).__name__}")
 
 
-def _reset(state: State, request: Reset) -> State:
+def _said(config: ActuatorConfig, state: State, now: float) -> tuple[Message, ...]:
+    """The state as it is; in lockstep a tick that is under way says it at its own end."""
+    applied = _applied(state, newest_sample(state)[0], now, None)
+    return (applied,) if applied.final or not config.lockstep else ()
+
+
+def _reset(
+    config: ActuatorConfig, state: State, request: Reset, now: float
+) -> tuple[State, Message, Outputs]:
     if not request.acknowledge:
         raise RefusedError("a reset needs acknowledge = true")
+    drive: Outputs = ()
     if state.mode in ("frozen", "ramping"):
-        raise RefusedError(
-            f"the actuator is {state.mode} ({state.cause}): reset it when the arm is safe"
-        )
-    return replace(state, mode="idle", cause="") if state.mode == "latched" else state
+        if not config.lockstep:
+            raise RefusedError(
+                f"the actuator is {state.mode} ({state.cause}): reset it when the arm is safe"
+            )
+        # Where a program has died in lockstep no tick will come to end the freeze or the ramp.
+        state = replace(state, mode="latched", voltage_V=config.safe_V, part_held=False)
+        drive = (Drive(config.safe_V),)
+    if state.mode == "latched":
+        state = replace(state, mode="idle", cause="")
+    return state, Done(newest_sample(state)[0]), (*drive, *_said(config, state, now))
 
 
 SERVICE: Service[RigFile, ActuatorConfig, State, Inputs] = Service(

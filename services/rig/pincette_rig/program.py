@@ -4,6 +4,7 @@ import time
 
 from pincette.messages import Truth
 from pincette.runtime.context import Context
+from pincette.runtime.priority import come_first
 from pincette.sim.bench import open_bench
 from pincette.sim.wire import serve
 from pincette_rig.config import configure
@@ -23,6 +24,7 @@ def run(context: Context) -> None:
         Where a port is taken.
     """
     config = configure(context.rig)
+    come_first()
     bus = context.open_bus()
 
     def tell(seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:

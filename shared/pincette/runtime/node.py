@@ -45,6 +45,7 @@ class Node:
         self.state: Any = service.start(self.config)
         self.steps = 0
         self.missed = 0
+        self._now = 0.0
         self._device = device
         self._instrument = service.instrument is not None
         self._joins = [item for item in service.inputs if item.role == "join"]
@@ -135,6 +136,7 @@ class Node:
 
     def _step(self, values: list[Any], now: float) -> tuple[Message, ...]:
         self.steps += 1
+        self._now = now
         service = self.service
         self.state, outputs = service.step(
             self.config, self.state, service.inputs_type(*values), now
@@ -150,7 +152,7 @@ class Node:
             )
             if outputs and type(outputs[0]) is Drive:
                 self._put_out(outputs[0])
-        return tuple(output for output in outputs if not isinstance(output, Drive))
+        return _published(outputs)
 
     def _put_out(self, drive: Drive) -> str:
         try:
@@ -160,7 +162,11 @@ class Node:
         return ""
 
     def ask(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
-        """Answer a question: the reply, or the text of a refusal, and what is to be published."""
+        """Answer a question: the reply, or the text of a refusal, and what is to be published.
+
+        In lockstep it is the time of the last tick, whatever the clock on the wall says.
+        """
+        now = self._now if self.lockstep else now
         if isinstance(request, StatusRequest):
             return self._status(), ()
         try:
@@ -176,7 +182,11 @@ class Node:
                     del waiting[place]
             if self._paced and self.lockstep:
                 self._pending.append(Pending(None, 0.0))
-        return reply, outputs
+        if outputs and type(outputs[0]) is Drive:
+            fault = self._put_out(outputs[0])
+            if fault:
+                return fault, ()
+        return reply, _published(outputs)
 
     def _may_arm(self, request: Arm) -> None:
         if request.digest != self.digest:
@@ -208,3 +218,8 @@ class Node:
         """Give the instrument back."""
         if self._device is not None:
             self._device.close()
+
+
+def _published(outputs: tuple[Message | Drive, ...]) -> tuple[Message, ...]:
+    """Outputs without what was for the instrument."""
+    return tuple(output for output in outputs if not isinstance(output, Drive))

@@ -21,6 +21,7 @@ from pincette.runtime.context import Context
 from pincette.runtime.devices import open_device
 from pincette.runtime.loop import ServiceLoop
 from pincette.runtime.node import Node
+from pincette.runtime.priority import come_first
 from pincette.service import AnyService
 from pincette.sim.ports import WireError
 from pincette.topics import LOOP
@@ -116,6 +117,7 @@ def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Option
                 loop.stop()
 
             _on_stop(end, options)
+            come_first()
             if _wait_for_partners(name, rig, bus, services, stop):
                 gc.collect()
                 gc.freeze()

@@ -110,7 +110,7 @@ def test_older_and_equal_commands_are_refused() -> None:
 def test_a_late_command_is_refused_by_the_age_of_its_sample() -> None:
     state, _ = play(armed(), (position(0), 0.0), (position(1), 0.02), (command(0), 0.051))
     assert state.refused == 1
-    assert "51 ms old, limit 50 ms" in state.detail
+    assert "51 ms old, limit 50 ms" in state.refusal
 
 
 def test_range_and_slew_act_and_are_reported() -> None:
