@@ -148,3 +148,20 @@ def pass_time(config: ActuatorConfig, state: State, now: float) -> State:
         return replace(state, mode="latched", voltage_V=config.safe_V, part_held=False)
     voltage_V = state.ramp_from_V + share * (config.safe_V - state.ramp_from_V)
     return replace(state, voltage_V=voltage_V)
+
+
+def wind_down(config: ActuatorConfig, state: State, now: float) -> tuple[State, bool]:
+    """Ramp to the safe voltage because the program is told to end, a part held or not."""
+    if state.voltage_V == config.safe_V:
+        return state, True
+    if state.mode != "ramping":
+        state = replace(
+            state,
+            mode="ramping",
+            cause=state.cause or "shutdown",
+            since_s=now,
+            ramp_from_V=state.voltage_V,
+            part_held=False,
+            pending=None,
+        )
+    return state, False

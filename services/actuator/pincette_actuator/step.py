@@ -18,6 +18,7 @@ from pincette_actuator.safety import (
     saw,
     take,
     trip,
+    wind_down,
 )
 
 ANSWER_PERIODS = 0.75
@@ -174,4 +175,5 @@ SERVICE: Service[RigFile, ActuatorConfig, State, Inputs] = Service(
     answer=answer,
     instrument="voltage_output",
     wake_periods=0.25,
+    wind_down=wind_down,
 )

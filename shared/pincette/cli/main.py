@@ -1,71 +1,136 @@
-"""Words of the command line, and what each calls."""
+"""The words of the command line, and what each calls."""
 
 import argparse
+import io
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pincette import __version__
-from pincette.cli import doctor, job, teach, topics, up
+from pincette.cli import doctor, job, rig_file, stop, teach, topics, up
 from pincette.cli.rest import DEFAULT_URL, CliError
 from pincette.runtime.process import Options, programs, run_program
 
-DEMO_RIG = Path("deploy/rigs/demo.toml")
+ABOUT = "Control position and contact force of a piezoelectric microgripper."
+EXAMPLES = f"""\
+to begin with:
+  pincette demo                     a simulated rig grips a bead; nothing else is needed
+  pincette up                       start a rig; then, in another terminal:
+  pincette job grip --force-mN 15   grip its part, and follow it
+  pincette estop                    stop the rig at once; `pincette reset` clears the latch
+  pincette doctor                   what is missing, and how to get it
+
+The rig file is that of --rig, else of the environment variable {rig_file.VARIABLE},
+else {rig_file.IN_A_CHECKOUT} in a checkout. `pincette COMMAND --help` says more of each.
+"""
+WISHES = {"force_mN": "force to hold", "hold_s": "time to hold it", "load_s": "time to load"}
+JOB_ACTIONS = {
+    "stop": "stop a job; a held part stays held",
+    "abort": "abort a job: the actuator goes to its safe state and latches",
+    "release": "let the part of a job go",
+}
 
 
-def _number(text: str) -> float:
-    value = float(text)
-    if not value == value or value in (float("inf"), float("-inf")):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
-    return value
+def number(unit: str) -> Callable[[str], float]:
+    """Reader of an argument that must be a finite number of a unit."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise argparse.ArgumentTypeError(
+                f"{text!r} {unit} cannot be used: give a finite number of {unit}, such as 15"
+            )
+        return value
+
+    return read
 
 
 def parser() -> argparse.ArgumentParser:
     """The whole command line."""
-    top = argparse.ArgumentParser(prog="pincette", description=__doc__)
+    top = argparse.ArgumentParser(
+        prog="pincette",
+        description=ABOUT,
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     top.add_argument("--version", action="version", version=f"pincette {__version__}")
     words = top.add_subparsers(dest="word", required=True, metavar="COMMAND")
 
-    def rigged(name: str, text: str) -> argparse.ArgumentParser:
+    def rigged(name: str, text: str, *, records: bool = False) -> argparse.ArgumentParser:
         word = words.add_parser(name, help=text, description=text)
-        word.add_argument("--rig", type=Path, default=DEMO_RIG, metavar="FILE", help="rig file")
-        word.add_argument("--data", type=Path, default=Path("data"), metavar="FOLDER")
+        word.add_argument("--rig", type=Path, metavar="FILE", help="rig file")
+        if records:
+            word.add_argument(
+                "--data",
+                type=Path,
+                default=Path("data"),
+                metavar="FOLDER",
+                help="where records and logs go; %(default)s if not given",
+            )
         return word
 
-    rigged("up", "start every program of a rig on this machine; Ctrl-C ends them")
-    rigged("demo", "start the demo rig, grip its bead, show the result, end")
-    rigged("doctor", "say what is missing for this rig, and how to get it")
-    rigged("topics", "list the keys of a rig and who publishes them")
+    rigged("up", "start every program of a rig on this machine; Ctrl-C ends them", records=True)
+    rigged("demo", "start a rig, grip its part, show the result, end", records=True)
+    rigged("doctor", "say what is missing for a rig, and how to get it", records=True)
+    rigged("topics", "list the keys of a rig and what goes over them")
+    _jobs(words.add_parser("job", help="start a job and follow it, or act on one"))
+
+    estop = rigged("estop", "stop the rig at once: REST first, then straight to the actuator")
+    estop.add_argument("--url", help="of the supervisor; as the rig file says if not given")
+    reset = words.add_parser("reset", help="clear the latch; its cause has been seen to")
+    _addressed(reset)
 
     teaching = rigged("teach", "identify the free response of a rig's arm, nothing in its way")
     teaching.add_argument("--write", type=Path, metavar="OUT", help="write the table there too")
 
-    run = rigged("run", "run one program of a rig in the foreground")
+    run = rigged("run", "run one program of a rig in the foreground", records=True)
     run.add_argument("name", choices=programs(), metavar="NAME", help=", ".join(programs()))
     run.add_argument("--leash", action="store_true", help="end when standard input closes")
-    run.add_argument("--delay-ms", type=_number, default=0.0, help=argparse.SUPPRESS)
+    run.add_argument("--delay-ms", type=number("ms"), default=0.0, help=argparse.SUPPRESS)
     run.add_argument("--delay-seed", type=int, default=0, help=argparse.SUPPRESS)
-
-    stop = rigged("estop", "stop the rig at once: REST first, then straight to the actuator")
-    stop.add_argument("--url", default=None, help="of the supervisor")
-    reset = words.add_parser("reset", help="clear a latched rig, acknowledging the cause")
-    reset.add_argument("--url", default=DEFAULT_URL)
-
-    jobs = words.add_parser("job", help="start a job and follow it")
-    kinds = jobs.add_subparsers(dest="kind", required=True, metavar="KIND")
-    grip = kinds.add_parser("grip", help="grip the part of the rig file")
-    grip.add_argument("--url", default=DEFAULT_URL, help="of the supervisor")
-    grip.add_argument("--force-mN", type=_number, dest="force_mN")
-    grip.add_argument("--hold-s", type=_number, dest="hold_s")
-    grip.add_argument("--load-s", type=_number, dest="load_s")
-    grip.add_argument("--dry-run", action="store_true", help="plan and predict only")
     return top
+
+
+def _addressed(word: argparse.ArgumentParser) -> None:
+    word.add_argument(
+        "--url", default=DEFAULT_URL, help="of the supervisor; %(default)s if not given"
+    )
+
+
+def _jobs(jobs: argparse.ArgumentParser) -> None:
+    kinds = jobs.add_subparsers(dest="kind", required=True, metavar="KIND")
+    text = "grip the part of the rig file; what is not given is as the file says"
+    grip = kinds.add_parser("grip", help=text, description=text)
+    _addressed(grip)
+    for name, meaning in WISHES.items():
+        unit = name.rpartition("_")[2]
+        grip.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=number(unit),
+            dest=name,
+            metavar=unit,
+            help=f"{meaning}, in {unit}",
+        )
+    grip.add_argument("--dry-run", action="store_true", help="plan and predict only")
+    for action, meaning in JOB_ACTIONS.items():
+        word = kinds.add_parser(action, help=meaning, description=meaning)
+        word.add_argument("name", metavar="JOB", help="its id")
+        _addressed(word)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A terminal that cannot show µ is no reason to fail.
+        sys.stdout.reconfigure(errors="replace")
     given = parser().parse_args(arguments)
     try:
+        if "rig" in given:
+            given.rig = rig_file.chosen(given.rig)
         return _call(given)
     except CliError as error:
         sys.stderr.write(f"pincette: {error}\n")
@@ -84,19 +149,21 @@ def _call(given: argparse.Namespace) -> int:
         case "demo":
             return up.demo(given.rig, given.data)
         case "doctor":
-            return doctor.doctor(given.rig)
+            return doctor.doctor(given.rig, given.data)
         case "topics":
             return topics.topics(given.rig)
         case "teach":
             return teach.teach(given.rig, given.write)
         case "estop":
-            return job.estop(given.rig, given.url)
+            return stop.estop(given.rig, given.url)
         case "reset":
-            return job.reset(given.url)
+            return stop.reset(given.url)
         case _:
-            wishes = {name: getattr(given, name) for name in ("force_mN", "hold_s", "load_s")}
-            return job.grip(
-                given.url,
-                {name: value for name, value in wishes.items() if value is not None},
-                dry_run=given.dry_run,
-            )
+            return _job(given)
+
+
+def _job(given: argparse.Namespace) -> int:
+    if given.kind in JOB_ACTIONS:
+        return job.act(given.url, given.kind, given.name)
+    wishes = {name: value for name in WISHES if (value := getattr(given, name)) is not None}
+    return job.grip(given.url, wishes, dry_run=given.dry_run)

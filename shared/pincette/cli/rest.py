@@ -14,9 +14,14 @@ class CliError(Exception):
 class Supervisor:
     """REST calls that return JSON or raise CliError with the problem's own words."""
 
-    def __init__(self, url: str) -> None:
-        self._url = url
-        self._client = httpx.Client(base_url=f"{url}/api/v1", timeout=70.0, trust_env=False)
+    def __init__(self, url: str, timeout_s: float = 70.0) -> None:
+        self._url = url.rstrip("/")
+        try:
+            self._client = httpx.Client(
+                base_url=f"{self._url}/api/v1", timeout=timeout_s, trust_env=False
+            )
+        except httpx.InvalidURL as error:
+            raise CliError(f"--url {url} is no address ({error}); one is {DEFAULT_URL}") from error
 
     def get(self, path: str, **query: str | float) -> Any:
         """Read a resource."""
@@ -29,25 +34,34 @@ class Supervisor:
     def _call(self, method: str, path: str, **details: Any) -> Any:
         try:
             response = self._client.request(method, path, **details)
-        except httpx.TransportError as error:
+        except (httpx.TransportError, httpx.InvalidURL) as error:
             raise CliError(
                 f"no supervisor answers at {self._url} ({error}); start one with `pincette up`, "
                 "or name another with --url"
             ) from error
         if response.is_error:
             raise CliError(problem_text(response))
-        return response.json() if response.content else None
+        try:
+            return response.json() if response.content else None
+        except ValueError as error:
+            raise CliError(
+                f"what answers at {self._url} is no supervisor; name another with --url"
+            ) from error
 
 
 def problem_text(response: httpx.Response) -> str:
-    """What an RFC 9457 answer says, in lines."""
+    """What an RFC 9457 answer says: its title, then each fault in a line, or its detail."""
+    place = f"{response.request.method} {response.request.url}"
     try:
         problem = cast("dict[str, Any]", response.json())
-    except ValueError:
-        return f"{response.request.method} {response.request.url}: {response.status_code}"
-    lines = [f"{problem.get('title', response.status_code)}: {problem.get('detail', '')}"]
-    for name in ("violations", "errors"):
-        for entry in problem.get(name, []):
-            lines.append(f"  {entry.get('pointer', '')} {entry.get('message', entry)}")
-    lines += [f"  {reason}" for reason in problem.get("reasons", [])]
-    return "\n".join(lines)
+        title = str(problem["title"])
+    except (ValueError, TypeError, KeyError):
+        return f"{place}: status {response.status_code}, and no words; is it a supervisor?"
+    faults = [
+        str(entry.get("message", entry)) if isinstance(entry, dict) else str(entry)
+        for name in ("violations", "errors", "reasons")
+        for entry in cast("list[dict[str, Any] | str]", problem.get(name, []))
+    ]
+    if not faults:
+        return f"{title}: {problem.get('detail', '')}"
+    return "\n".join([f"{title}:", *(f"  {fault}" for fault in faults)])

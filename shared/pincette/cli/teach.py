@@ -4,7 +4,8 @@ import sys
 from pathlib import Path
 
 from pincette.cli.rest import CliError
-from pincette.config import ConfigError, RigFile, read_rig
+from pincette.cli.rig_file import opened
+from pincette.config import RigFile
 from pincette.control.identification import Identification, identify_free_response
 from pincette.control.teaching import teaching_program
 from pincette.messages import Estimate
@@ -20,10 +21,7 @@ BELOW_REST = 0.1
 
 def teach(path: Path, write: Path | None) -> int:
     """Print the table of an identified free response, and write it where asked."""
-    try:
-        rig = read_rig(path)
-    except ConfigError as error:
-        raise CliError(str(error)) from error
+    rig = opened(path)
     if rig.simulation is None:
         raise CliError(
             f"{path} has no [simulation]: teaching on hardware comes with calibration "

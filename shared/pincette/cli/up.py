@@ -1,78 +1,102 @@
 """Every program of a rig on this machine: `pincette up` and `pincette demo`."""
 
 import signal
-import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
+from time import sleep
+from types import FrameType
 
 from rich.console import Console
+from rich.text import Text
 
-from pincette.cli.job import follow, show_result
+from pincette.cli.follow import follow
 from pincette.cli.rest import CliError, Supervisor
-from pincette.config import ConfigError, RigFile, read_rig
-from pincette.runtime.fleet import Fleet, FleetError
+from pincette.cli.rig_file import opened
+from pincette.cli.show import show_result
+from pincette.config import RigFile
+from pincette.runtime.fleet import Fleet, FleetError, Member
 
 WATCH_S = 0.3
+ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def _stop_event() -> threading.Event:
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda _number, _frame: stop.set())
-    return stop
+def _end(_number: int, _frame: FrameType | None) -> None:
+    """Leave, once; what is ending already is not disturbed again."""
+    for number in ENDINGS:
+        signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 @contextmanager
 def running(rig_path: Path, data: Path, console: Console) -> Generator[tuple[RigFile, Fleet]]:
     """A rig that is up, and that is down again afterwards whatever happened."""
-    try:
-        rig = read_rig(rig_path)
-    except ConfigError as error:
-        raise CliError(str(error)) from error
+    rig = opened(rig_path)
 
     def say(name: str, line: str) -> None:
-        process = fleet.members[name].process.pid
-        console.print(f"[green]●[/green] {name:<11} {line}  [dim]process {process}[/dim]")
+        _say(console, fleet.members[name], "green", line.replace("socket://", ""))
 
-    fleet = Fleet(rig, rig_path, data, say)
+    try:
+        fleet = Fleet(rig, rig_path, data, say)
+    except OSError as error:
+        raise CliError(
+            f"folder {data} cannot be made or written ({error.strerror}): name another with --data"
+        ) from error
+    for number in ENDINGS:
+        signal.signal(number, _end)
     try:
         fleet.up()
         yield rig, fleet
     except FleetError as error:
         raise CliError(str(error)) from error
     finally:
+        for number in ENDINGS:
+            signal.signal(number, signal.SIG_IGN)
         fleet.down()
+        for number in ENDINGS:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _say(console: Console, member: Member, colour: str, line: str) -> None:
+    """One line of status; in a terminal never more than one."""
+    text = Text.assemble(
+        ("● ", colour), f"{member.name:<10} ", (f"{member.process.pid:>7} ", "dim"), line
+    )
+    if console.is_terminal:
+        text.truncate(console.width, overflow="ellipsis")
+    console.print(text, soft_wrap=True)
 
 
 def up(rig_path: Path, data: Path) -> int:
     """Start all programs, a line each; report what ends; end all on Ctrl-C."""
     console = Console(highlight=False)
-    stop = _stop_event()
-    with running(rig_path, data, console) as (rig, fleet):
-        url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
-        console.print(f"rig [bold]{rig.rig.name}[/bold] is up at {url}; Ctrl-C ends it")
-        gone: set[str] = set()
-        while not stop.wait(WATCH_S):
-            for member in fleet.ended():
-                if member.name not in gone:
-                    gone.add(member.name)
-                    console.print(
-                        f"[red]●[/red] {member.name:<11} ended with status "
-                        f"{member.process.returncode}; its words are in {member.log}"
-                    )
-        console.print("ending every program")
-    console.print("all programs have ended")
+    try:
+        with running(rig_path, data, console) as (rig, fleet):
+            _watch(rig, fleet, console)
+    except KeyboardInterrupt:
+        console.print("every program has ended")
     return 0
 
 
+def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
+    url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
+    console.print(f"rig [bold]{rig.rig.name}[/bold] is up at {url}; Ctrl-C ends it")
+    gone: set[str] = set()
+    while True:
+        sleep(WATCH_S)
+        for member in fleet.ended():
+            if member.name not in gone:
+                gone.add(member.name)
+                status = member.process.returncode
+                _say(console, member, "red", f"ended, status {status}; see {member.log}")
+
+
 def demo(rig_path: Path, data: Path) -> int:
-    """Grip the bead of a rig once, from start to end."""
+    """Grip the part of a rig once, from start to end."""
     console = Console(highlight=False)
     with running(rig_path, data, console) as (rig, _fleet):
         supervisor = Supervisor(f"http://{rig.supervisor.host}:{rig.supervisor.port}")
         created = supervisor.post("/jobs", {"kind": "grip", "autostart": True})
         job = follow(supervisor, created["id"], console)
-        show_result(job, console)
-    succeeded = job["state"] == "succeeded"
-    return 0 if succeeded else 1
+    show_result(job, console)
+    return 0 if job["state"] == "succeeded" else 1

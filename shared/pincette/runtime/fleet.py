@@ -139,21 +139,27 @@ class Fleet:
         os.kill(self.members[name].process.pid, number)
 
     def down(self) -> None:
-        """End every program, the supervisor first and the router last."""
-        for member in reversed(self.members.values()):
-            if member.process.poll() is None:
-                member.process.send_signal(signal.SIGCONT)
-                member.process.terminate()
-        deadline = monotonic() + STOP_S
-        for member in self.members.values():
-            try:
-                member.process.wait(max(0.1, deadline - monotonic()))
-            except subprocess.TimeoutExpired:
-                member.process.kill()
-                member.process.wait()
-            for stream in (member.process.stdin, member.process.stdout):
-                if stream is not None:
-                    stream.close()
+        """End every program: first who plans, then the loop, then what it leans on."""
+        others = [name for name in self.members if name not in (*LOOP, "supervisor")]
+        for stage in (["supervisor"], list(LOOP), others):
+            _end([self.members[name] for name in stage if name in self.members])
+
+
+def _end(members: list[Member]) -> None:
+    for member in members:
+        if member.process.poll() is None:
+            member.process.send_signal(signal.SIGCONT)
+            member.process.terminate()
+    deadline = monotonic() + STOP_S
+    for member in members:
+        try:
+            member.process.wait(max(0.1, deadline - monotonic()))
+        except subprocess.TimeoutExpired:
+            member.process.kill()
+            member.process.wait()
+        for stream in (member.process.stdin, member.process.stdout):
+            if stream is not None:
+                stream.close()
 
 
 def _listen(member: Member) -> None:

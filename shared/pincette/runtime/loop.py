@@ -16,6 +16,10 @@ Item = Message | tuple[Message, Reply] | None
 
 IDLE_S = 0.5
 """How often a loop with nothing to do looks whether it shall stop."""
+WIND_DOWN_S = 3.0
+"""Longest time an instrument may take to come to rest when its program is ended."""
+MOST_AT_ONCE = 1000
+"""Messages taken before the clock is looked at again, whatever somebody may flood the bus with."""
 
 
 class ServiceLoop:
@@ -77,12 +81,19 @@ class ServiceLoop:
                     # A missed grid point is skipped, never caught up in a burst.
                     node.missed += late
                 due_at += (late + 1) * every
+        self._wind_down(every or period)
+
+    def _wind_down(self, every: float) -> None:
+        deadline = monotonic() + WIND_DOWN_S
+        while not self._node.wind_down(monotonic()) and monotonic() < deadline:
+            self._publish(self._node.wake(monotonic()))
+            sleep(every)
 
     def _collect(self, timeout: float) -> None:
         """Wait for something, then take all that is there: only the newest sample will count."""
         try:
             self._handle(self._queue.get(timeout=timeout) if timeout else self._queue.get_nowait())
-            while True:
+            for _ in range(MOST_AT_ONCE):
                 self._handle(self._queue.get_nowait())
         except Empty:
             return

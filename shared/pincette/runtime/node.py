@@ -134,6 +134,13 @@ class Node:
         """Step because time has passed."""
         return self._step(list(self._blank), now)
 
+    def wind_down(self, now: float) -> bool:
+        """Bring the instrument to rest before the program ends; true where it is."""
+        if self.service.wind_down is None or self.lockstep:
+            return True
+        self.state, at_rest = self.service.wind_down(self.config, self.state, now)
+        return at_rest
+
     def _step(self, values: list[Any], now: float) -> tuple[Message, ...]:
         self.steps += 1
         self._now = now

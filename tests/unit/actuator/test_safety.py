@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pincette.messages import Applied, Arm, Command, Done, Message, Position, Reset, Trip
 from pincette.service import Drive, RefusedError
 from pincette_actuator.config import ActuatorConfig
-from pincette_actuator.safety import SLEW_UP, VOLTAGE_MAX, State
+from pincette_actuator.safety import SLEW_UP, VOLTAGE_MAX, State, wind_down
 from pincette_actuator.step import Inputs, answer, start, step
 
 T = 0.02
@@ -179,6 +179,19 @@ def test_estop_acts_with_the_next_wake(held: bool) -> None:
     state, outputs = play(state, (WAKE, 0.010))
     assert (state.voltage_V < 2.0) is not held
     assert any(isinstance(output, Drive) for output in outputs) is not held
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_told_to_end_it_ramps_to_the_safe_voltage_first(held: bool) -> None:
+    state, now = holding(2.0, held=held), 0.01
+    for _ in range(20):
+        state, at_rest = wind_down(CONFIG, state, now)
+        if at_rest:
+            break
+        state, _ = play(state, (WAKE, now))
+        now += T / 4
+    assert state.voltage_V == CONFIG.safe_V
+    assert now <= 0.01 + CONFIG.ramp_s + T / 4
 
 
 def test_the_first_cause_is_kept() -> None:

@@ -1,0 +1,39 @@
+"""Which rig file the command line means, and what it says where there is none."""
+
+import os
+from pathlib import Path
+
+from pincette.cli.rest import CliError
+from pincette.config import ConfigError, RigFile, read_rig
+
+VARIABLE = "PINCETTE_RIG"
+IN_A_CHECKOUT = Path("deploy/rigs/demo.toml")
+
+
+def chosen(given: Path | None) -> Path:
+    """The file of ``--rig``, else of the environment, else the demo's of a checkout.
+
+    Raises
+    ------
+    CliError
+        Where none of them names a file.
+    """
+    if given is not None:
+        return given
+    named = os.environ.get(VARIABLE)
+    if named:
+        return Path(named)
+    if IN_A_CHECKOUT.is_file():
+        return IN_A_CHECKOUT
+    raise CliError(
+        f"no rig file: {IN_A_CHECKOUT} is not in {Path.cwd()}. Name one with --rig FILE or in "
+        f"the environment variable {VARIABLE}, or work in a checkout of pincette"
+    )
+
+
+def opened(path: Path) -> RigFile:
+    """Read a rig file; raises CliError with what is wrong in it."""
+    try:
+        return read_rig(path)
+    except ConfigError as error:
+        raise CliError(f"{error}\nMend the file, or name another with --rig") from error

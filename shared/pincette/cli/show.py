@@ -1,0 +1,103 @@
+"""What a plan and a result look like on a screen."""
+
+from pathlib import Path
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+PLOT = "grip.png"
+LABEL = 19
+"""Width of the names of figures."""
+
+
+def _table(*names: str) -> Table:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for place, name in enumerate(names):
+        table.add_column(name, justify="left" if place == 0 else "right")
+    return table
+
+
+def show_result(job: dict[str, Any], console: Console) -> None:
+    """Print what a grip came to."""
+    good = job["state"] == "succeeded"
+    colour = "green" if good else "red"
+    console.print(f"\njob {job['id']} [bold {colour}]{job['state']}[/]")
+    if job.get("cause"):
+        console.print(f"  {job['cause']}", markup=False)
+    result: dict[str, Any] | None = job.get("result")
+    if result is None:
+        return
+    phases = _table("phase", "begins", "lasts")
+    for phase in result["phases"]:
+        phases.add_row(phase["phase"], f"{phase['start_s']:.2f} s", f"{phase['duration_s']:.2f} s")
+    console.print()
+    console.print(phases)
+    console.print()
+    for label, text in [*result_lines(result), *record_lines(job)]:
+        console.print(f"{label:<{LABEL}} {text}", markup=False, soft_wrap=True)
+
+
+def _quantity(value: float | None, unit: str, digits: int = 2) -> str:
+    return "not known" if value is None else f"{value:.{digits}f} {unit}"
+
+
+def result_lines(result: dict[str, Any]) -> list[tuple[str, str]]:
+    """The figures of a result, named, with their units."""
+    error = result["force_error_mN"]
+    lines = [
+        ("outcome", str(result["outcome"])),
+        ("contact position", _quantity(result["contact_x_um"], "µm")),
+        ("contact stiffness", _quantity(result["contact_stiffness_mN_per_um"], "mN/µm", 3)),
+        (
+            "force held",
+            f"{_quantity(result['force_held_mN'], 'mN')} "
+            f"± {_quantity(result['force_uncertainty_mN'], 'mN')} "
+            f"of {result['force_target_mN']:g} mN, "
+            f"error {'not known' if error is None else f'{error:+.2f} mN'}",
+        ),
+        ("peak force", _quantity(result["peak_force_mN"], "mN")),
+        (
+            "RMSE over the hold",
+            f"position {_quantity(result['rmse_position_um'], 'µm', 3)}, "
+            f"force {_quantity(result['rmse_force_mN'], 'mN', 3)}",
+        ),
+    ]
+    true_mN = result.get("true_force_held_mN")
+    if true_mN is not None:
+        lines.append(("true force held", f"{true_mN:.2f} mN, known to the simulation alone"))
+    return lines
+
+
+def record_lines(job: dict[str, Any]) -> list[tuple[str, str]]:
+    """Where a job's record is, and its plot where the folder can be seen from here."""
+    if not job.get("record"):
+        return []
+    folder = Path(job["record"])
+    lines = [("record", str(folder))]
+    if (folder / PLOT).is_file():
+        lines.append(("plot", str(folder / PLOT)))
+    return lines
+
+
+def show_plan(plan: dict[str, Any], console: Console) -> None:
+    """Print what a grip would do."""
+    phases = _table("phase", "begins", "lasts", "to", "force", "voltage")
+    for phase in plan["phases"]:
+        phases.add_row(
+            phase["phase"],
+            f"{phase['start_s']:.2f} s",
+            f"{phase['duration_s']:.2f} s",
+            f"{phase['x_um']:.2f} µm",
+            f"{phase['force_mN']:.2f} mN",
+            f"{phase['voltage_V']:.3f} V",
+        )
+    console.print(phases)
+    console.print()
+    if plan["feasible"]:
+        console.print(f"feasible: {plan['duration_s']:.2f} s, within every limit of the rig")
+        return
+    console.print("[red]not feasible[/red]: the plan breaks a limit of the rig")
+    for violation in plan["violations"]:
+        console.print(f"  {violation['message']}", markup=False)

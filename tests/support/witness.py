@@ -1,0 +1,74 @@
+"""An outsider who hears what a rig publishes and notes when it came."""
+
+from bisect import bisect_left
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from time import monotonic, sleep
+from typing import Any, TypeVar
+
+from pincette.bus.links import client_ends
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.config import RigFile
+from pincette.messages import Applied, Message
+from pincette.topics import APPLIED, COMMAND, POSITION, TELEMETRY, TRUTH, Topic
+
+M = TypeVar("M", bound=Message)
+HEARD = (POSITION, COMMAND, APPLIED, TELEMETRY, TRUTH)
+LOOK_S = 0.002
+
+
+class Witness:
+    """Messages by kind, each with the monotonic time of its arrival here.
+
+    What it measures contains the way through the router, so it never flatters.
+    """
+
+    def __init__(self, bus: ZenohBus) -> None:
+        self.bus = bus
+        self._times: dict[type, list[float]] = {topic.message: [] for topic in HEARD}
+        self._heard: dict[type, list[Any]] = {topic.message: [] for topic in HEARD}
+        for topic in HEARD:
+            bus.subscribe(topic, self._take)
+
+    def _take(self, topic: Topic, message: Message) -> None:
+        self._heard[topic.message].append(message)
+        self._times[topic.message].append(monotonic())
+
+    def since(self, kind: type[M], since_s: float) -> list[tuple[float, M]]:
+        """Messages of a kind that came at ``since_s`` or later, with their times."""
+        times, heard = self._times[kind], self._heard[kind]
+        first, last = bisect_left(times, since_s), len(times)
+        return [(times[place], heard[place]) for place in range(first, last)]
+
+    def newest(self, kind: type[M]) -> M:
+        """The message of a kind that came last; raises IndexError where none has come."""
+        return self._heard[kind][len(self._times[kind]) - 1]
+
+    def until(
+        self, kind: type[M], holds: Callable[[M], bool], since_s: float, timeout_s: float = 10.0
+    ) -> tuple[float, M]:
+        """The first message of a kind of which something holds, with its time."""
+        deadline = monotonic() + timeout_s
+        first = bisect_left(self._times[kind], since_s)
+        while monotonic() < deadline:
+            for place in range(first, len(self._times[kind])):
+                if holds(self._heard[kind][place]):
+                    return self._times[kind][place], self._heard[kind][place]
+                first = place + 1
+            sleep(LOOK_S)
+        newest = {topic.name: self._heard[topic.message][-1:] for topic in HEARD}
+        raise TimeoutError(f"no such {kind.__name__} within {timeout_s:g} s; newest: {newest}")
+
+    def until_state(self, states: tuple[str, ...], since_s: float) -> tuple[float, Applied]:
+        """The first word of the actuator that it is in one of some states, with its time."""
+        return self.until(Applied, lambda applied: applied.state in states, since_s)
+
+
+@contextmanager
+def witness(rig: RigFile) -> Generator[Witness]:
+    """Listen to a rig that is up, by way of its router."""
+    bus = ZenohBus(client_ends(rig.bus.host, rig.bus.port), rig.rig.name, "witness")
+    try:
+        yield Witness(bus)
+    finally:
+        bus.close()
