@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pincette.control.hysteresis import HysteresisModel
+from pincette.control.plant import ArmParameters, consistent_arm, printed_arm
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -103,6 +104,17 @@ class Model(Table):
     """Growth of the force uncertainty per decade of zero age."""
     free_response: IdentifiedFreeResponse | None = None
     """Without it the free response is a straight line."""
+
+    def arm(self) -> ArmParameters:
+        """m, b, k, d of the set that is named."""
+        if self.parameters == "printed":
+            return printed_arm()
+        return consistent_arm(
+            self.natural_frequency_rad_per_s,
+            self.damping_ratio,
+            self.piezo_um_per_V,
+            self.compliance_um_per_mN,
+        )
 
 
 class Law(Table):

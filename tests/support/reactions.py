@@ -46,26 +46,25 @@ def await_reaction(
     Free: it is ramped at once.
     """
     safe_at, _ = seen.until_state(("latched",), fault_s)
-    echoes = seen.since(Applied, fault_s)
-    tripped = [(at, echo) for at, echo in echoes if echo.state in TRIPPED]
-    taken = [echo for _, echo in seen.since(Applied, fault_s - 1.0) if echo.state == "armed"]
-    kept_V, (begun_at, first) = taken[-1].voltage_V, tripped[0]
-    ramp = [(at, echo) for at, echo in echoes if echo.state in ("ramping", "latched")]
+    armed = [echo for _, echo in seen.since(Applied, fault_s - 1.0) if echo.state == "armed"]
+    kept_V = armed[-1].voltage_V
+    tripped = [(at, echo) for at, echo in seen.since(Applied, fault_s) if echo.state in TRIPPED]
+    begun_at, first = tripped[0]
     assert first.state == ("frozen" if held else "ramping")
     for _, echo in tripped:
-        if echo.state == "frozen":
-            assert echo.voltage_V == kept_V
-    _check_ramp(rig, [echo.voltage_V for _, echo in ramp], kept_V)
+        assert echo.state == "ramping" or echo.voltage_V == kept_V
+    ramped_at = _check_ramp(rig, seen, begun_at, kept_V)
     if held:
-        moved_at = ramp[0][0]
-        step_s = WAKE_PERIODS * rig.rig.period_s
-        frozen_s, stood_s = moved_at - begun_at, stalls.between(begun_at, moved_at)
-        assert frozen_s >= rig.safety.freeze_s - step_s - stood_s
-        within(rig.safety.freeze_s + 2 * step_s, frozen_s, stood_s, "the freeze")
-    ramped_at = ramp[0][0]
-    ramped_s, ramp_stalls_s = safe_at - ramped_at, stalls.between(ramped_at, safe_at)
-    within(SAFE_S - REACTION_S, ramped_s, ramp_stalls_s, "the ramp")
-    _check_instrument(rig, seen, begun_at, ramped_at, kept_V, held=held)
+        limit_s = rig.safety.freeze_s
+        step_s, frozen_s = WAKE_PERIODS * rig.rig.period_s, ramped_at - begun_at
+        stood_s = stalls.between(begun_at, ramped_at)
+        assert frozen_s >= limit_s - step_s - stood_s
+        within(limit_s + 2 * step_s, frozen_s, stood_s, "the freeze")
+    else:
+        begun_at = ramped_at
+    stood_s = stalls.between(ramped_at, safe_at)
+    within(SAFE_S - REACTION_S, safe_at - ramped_at, stood_s, "the ramp")
+    _check_instrument(rig, seen, begun_at, ramped_at, kept_V)
     return Reaction(
         begun_at - fault_s,
         stalls.between(fault_s, begun_at),
@@ -75,28 +74,32 @@ def await_reaction(
     )
 
 
-def _check_ramp(rig: RigFile, voltages_V: Sequence[float], kept_V: float) -> None:
+def _check_ramp(rig: RigFile, seen: Witness, begun_at: float, kept_V: float) -> float:
+    """When the voltage first moved; it must go to the safe voltage and never turn back."""
+    echoes = seen.since(Applied, begun_at)
     safe_V = rig.safety.safe_V
-    away_V = [abs(voltage_V - safe_V) for voltage_V in (kept_V, *voltages_V)]
+    away_V = [abs(echo.voltage_V - safe_V) for _, echo in echoes]
     assert away_V == sorted(away_V, reverse=True), "the ramp turned back"
-    assert voltages_V[-1] == safe_V
+    assert away_V[-1] == 0.0
+    return next(at for at, echo in echoes if echo.voltage_V != kept_V)
 
 
 def _check_instrument(
-    rig: RigFile, seen: Witness, begun_at: float, ramped_at: float, kept_V: float, *, held: bool
+    rig: RigFile, seen: Witness, begun_at: float, ramped_at: float, kept_V: float
 ) -> None:
-    """What the instrument put out: the same while frozen, and the safe voltage in the end."""
+    """What the instrument put out: the last voltage until the ramp, the safe one in the end."""
     assert rig.simulation is not None
-    step_V = rig.simulation.output_step_V
-    if held:
-        before = seen.since(Truth, begun_at - 1.0)
-        frozen_V = [truth.voltage_V for at, truth in before if at < ramped_at - 0.002]
-        assert abs(frozen_V[-1] - kept_V) <= step_V
-        assert not [at for at, _ in before if begun_at < at < ramped_at - 0.01]
-    _, last = seen.until(
-        Truth, lambda truth: abs(truth.voltage_V - rig.safety.safe_V) <= step_V, ramped_at, 1.0
-    )
-    assert abs(last.voltage_V - rig.safety.safe_V) <= step_V
+    step_V, exchange_s = rig.simulation.output_step_V, WAKE_PERIODS * rig.rig.period_s
+    until_ramp = [
+        (at, truth.voltage_V)
+        for at, truth in seen.since(Truth, begun_at - 1.0)
+        if at < ramped_at - exchange_s
+    ]
+    assert abs(until_ramp[-1][1] - kept_V) <= step_V
+    assert all(abs(put_V - kept_V) <= step_V for at, put_V in until_ramp if at > begun_at)
+    safe_V = rig.safety.safe_V
+    seen.until(Truth, lambda truth: abs(truth.voltage_V - safe_V) <= step_V, ramped_at, 1.0)
+    assert abs(seen.newest(Truth).voltage_V - safe_V) <= step_V
 
 
 def distribution(name: str, times_s: Sequence[float], bound_s: float, stalls_s: float) -> str:

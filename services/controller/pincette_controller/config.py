@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pincette.config import RigFile
 from pincette.control.impedance import ImpedanceParameters, discretize_impedance
 from pincette.control.pbsmic import PbsmicParameters
-from pincette.control.plant import consistent_arm, discretize, printed_arm
+from pincette.control.plant import discretize
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,21 +19,11 @@ class ControllerConfig:
 def configure(rig: RigFile) -> ControllerConfig:
     """Take the controller's part of a rig file."""
     model, law, period_s = rig.model, rig.law, rig.rig.period_s
-    arm = (
-        printed_arm()
-        if model.parameters == "printed"
-        else consistent_arm(
-            model.natural_frequency_rad_per_s,
-            model.damping_ratio,
-            model.piezo_um_per_V,
-            model.compliance_um_per_mN,
-        )
-    )
     impedance = ImpedanceParameters(M=law.M, B=law.B, K=law.K, K_f=law.K_f)
     return ControllerConfig(
         period_s=period_s,
         law=PbsmicParameters(
-            plant=discretize(arm, period_s),
+            plant=discretize(model.arm(), period_s),
             impedance=discretize_impedance(impedance, period_s),
             K_P=law.K_P,
             K_I=law.K_I,

@@ -6,12 +6,7 @@ from pincette.config import Model, RigFile
 from pincette.control.force import ZeroLimits
 from pincette.control.free_response import FreeResponse, FreeSample, nominal_response
 from pincette.control.identified_response import identified_response
-from pincette.control.plant import (
-    DifferenceEquation,
-    consistent_arm,
-    discretize,
-    printed_arm,
-)
+from pincette.control.plant import DifferenceEquation, discretize
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,19 +26,9 @@ class EstimatorConfig:
 def configure(rig: RigFile) -> EstimatorConfig:
     """Take the estimator's part of a rig file."""
     model = rig.model
-    arm = (
-        printed_arm()
-        if model.parameters == "printed"
-        else consistent_arm(
-            model.natural_frequency_rad_per_s,
-            model.damping_ratio,
-            model.piezo_um_per_V,
-            model.compliance_um_per_mN,
-        )
-    )
     return EstimatorConfig(
         period_s=rig.rig.period_s,
-        plant=discretize(arm, rig.rig.period_s),
+        plant=discretize(model.arm(), rig.rig.period_s),
         response=_response(model),
         compliance_um_per_mN=model.compliance_um_per_mN,
         noise_um=rig.sensor.noise_um,

@@ -1,7 +1,6 @@
 """The words of the command line, and what each calls."""
 
 import argparse
-import io
 import math
 import sys
 from collections.abc import Callable, Sequence
@@ -124,9 +123,10 @@ def _jobs(jobs: argparse.ArgumentParser) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
+    reconfigure = getattr(sys.stdout, "reconfigure", None)
+    if reconfigure is not None:
         # A terminal that cannot show µ is no reason to fail.
-        sys.stdout.reconfigure(errors="replace")
+        reconfigure(errors="replace")
     given = parser().parse_args(arguments)
     try:
         if "rig" in given:

@@ -42,8 +42,7 @@ def running(rig_path: Path, data: Path, console: Console) -> Generator[tuple[Rig
         raise CliError(
             f"folder {data} cannot be made or written ({error.strerror}): name another with --data"
         ) from error
-    for number in ENDINGS:
-        signal.signal(number, _end)
+    before = {number: signal.signal(number, _end) for number in ENDINGS}
     try:
         fleet.up()
         yield rig, fleet
@@ -53,8 +52,8 @@ def running(rig_path: Path, data: Path, console: Console) -> Generator[tuple[Rig
         for number in ENDINGS:
             signal.signal(number, signal.SIG_IGN)
         fleet.down()
-        for number in ENDINGS:
-            signal.signal(number, signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _say(console: Console, member: Member, colour: str, line: str) -> None:

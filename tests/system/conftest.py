@@ -1,0 +1,48 @@
+"""What the tests of real processes share: a rig that is up, a witness, and a place for figures."""
+
+from collections.abc import Generator
+
+import pytest
+
+from tests.support.grips import SHORT
+from tests.support.rigs import demo_rig
+from tests.support.running import RunningRig, running_rig
+from tests.support.stalls import StallRecorder
+from tests.support.witness import Witness, witness
+
+FIGURES = pytest.StashKey[list[str]]()
+
+
+@pytest.fixture(scope="session")
+def figures(pytestconfig: pytest.Config) -> list[str]:
+    """Lines that the summary of the run shows, whether its tests pass or fail."""
+    return pytestconfig.stash.setdefault(FIGURES, [])
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    lines = config.stash.get(FIGURES, [])
+    if lines:
+        terminalreporter.section("figures")
+        for line in lines:
+            terminalreporter.write_line(line)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    """One rig for a whole file; its grips are short."""
+    with running_rig(demo_rig(SHORT), tmp_path_factory.mktemp("rig")) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def seen(rig: RunningRig) -> Generator[Witness]:
+    with witness(rig.rig) as outsider:
+        yield outsider
+
+
+@pytest.fixture(scope="module")
+def stalls() -> Generator[StallRecorder]:
+    with StallRecorder() as recorder:
+        yield recorder

@@ -1,0 +1,133 @@
+"""The controller dies or hangs, with the arm free and with a part held; T = 20 ms.
+
+Its end is not announced: the actuator sees only that no command comes. After a hang the commands
+that had waited come in a burst, sometimes while the voltage is still frozen, sometimes when
+everything is over.
+"""
+
+import random
+import re
+import signal
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.messages import Applied, Command
+from tests.support.grips import approach, hold, kill, refused, reset, restart, wait_for_any_phase
+from tests.support.reactions import (
+    REACTION_S,
+    SAFE_S,
+    Reaction,
+    await_reaction,
+    distribution,
+    within,
+)
+from tests.support.running import RunningRig
+from tests.support.stalls import StallRecorder
+from tests.support.witness import Witness
+
+ROUNDS = 10
+WAKE_EARLY_S = 0.15
+"""A hung controller goes on while the voltage of a held part is still frozen."""
+WAKE_LATE_S = 0.8
+"""It goes on when the actuator is latched and Zenoh has given up its links."""
+SILENCE = re.compile(r"command_age: no command for (\d+) ms, limit 50 ms")
+
+
+def suffer(rig: RunningRig, seen: Witness, stalls: StallRecorder, *, held: bool) -> Reaction:
+    """Kill the controller."""
+    return await_reaction(rig.rig, seen, stalls, kill(rig, "controller"), held=held)
+
+
+def hang(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, *, held: bool, wake_s: float
+) -> Reaction:
+    """Stop the controller without its knowledge, and let it go on."""
+    hung_at = monotonic()
+    rig.fleet.signal("controller", signal.SIGSTOP)
+    sleep(wake_s)
+    rig.fleet.signal("controller", signal.SIGCONT)
+    return await_reaction(rig.rig, seen, stalls, hung_at, held=held)
+
+
+def check_no_command_was_taken(seen: Witness, since_s: float) -> tuple[int, int]:
+    """Commands that came once the actuator had tripped, and how many of them it refused."""
+    tripped_at, trip = seen.until_state(("frozen", "ramping"), since_s)
+    echoes = [echo for _, echo in seen.since(Applied, tripped_at)]
+    assert not [echo for echo in echoes if echo.answered]
+    came = [command for _, command in seen.since(Command, tripped_at) if command.valid]
+    return len(came), echoes[-1].refused - trip.refused
+
+
+def check_words(rig: RunningRig, job: str) -> None:
+    """The job has failed and says why; so does the refusal of the next, until a reset."""
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    silence = SILENCE.search(ended["cause"])
+    assert silence is not None, ended["cause"]
+    assert int(silence[1]) >= 50
+    problem = refused(rig)
+    assert problem["type"].endswith("rig-latched")
+    assert SILENCE.search(problem["cause"])
+    assert silence[0] in problem["detail"]
+
+
+@pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
+@pytest.mark.parametrize("fault", ["killed", "hung"])
+def test_without_the_controller_the_actuator_makes_the_rig_safe(
+    rig: RunningRig,
+    seen: Witness,
+    stalls: StallRecorder,
+    figures: list[str],
+    fault: str,
+    held: bool,
+) -> None:
+    chance = random.Random(f"{fault} {held}")
+    reactions: list[Reaction] = []
+    late = refusals = 0
+    try:
+        for count in range(ROUNDS):
+            job = hold(rig, seen) if held else approach(rig, seen)
+            wait_for_any_phase(chance, rig.rig.rig.period_s)
+            begun = monotonic()
+            if fault == "killed":
+                reactions.append(suffer(rig, seen, stalls, held=held))
+            else:
+                wake_s = WAKE_EARLY_S if count % 2 else WAKE_LATE_S
+                reactions.append(hang(rig, seen, stalls, held=held, wake_s=wake_s))
+            check_words(rig, job)
+            came, refusal_count = check_no_command_was_taken(seen, begun)
+            late, refusals = late + came, refusals + refusal_count
+            if fault == "killed":
+                assert "controller" in rig.job(job)["cause"]
+                restart(rig, "controller")
+            reset(rig)
+        job = rig.start_grip()
+        assert rig.ended(job)["state"] == "succeeded"
+    finally:
+        figures += describe(f"controller {fault}, part {'held' if held else 'free'}", reactions)
+        if fault == "hung":
+            figures.append(f"  of {late} commands that came late, {refusals} were refused")
+    for reaction in reactions:
+        within(REACTION_S, reaction.reaction_s, reaction.reaction_stalls_s, "the reaction")
+        if not held:
+            within(SAFE_S, reaction.safe_s, reaction.safe_stalls_s, "the way to the safe voltage")
+
+
+def describe(name: str, reactions: list[Reaction]) -> list[str]:
+    if not reactions:
+        return [f"{name}: no round came to its end"]
+    return [
+        distribution(
+            f"{name}: reaction",
+            [reaction.reaction_s for reaction in reactions],
+            REACTION_S,
+            max(reaction.reaction_stalls_s for reaction in reactions),
+        ),
+        distribution(
+            f"{name}: safe",
+            [reaction.safe_s for reaction in reactions],
+            SAFE_S,
+            max(reaction.safe_stalls_s for reaction in reactions),
+        ),
+    ]
