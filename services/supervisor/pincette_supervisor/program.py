@@ -10,12 +10,12 @@ from pincette.runtime.context import Context
 from pincette_supervisor import archive
 from pincette_supervisor.api import create_app
 from pincette_supervisor.conductor import Conductor
+from pincette_supervisor.config import SupervisorConfig, configure
 from pincette_supervisor.health import Health
 from pincette_supervisor.observer import Observer
 from pincette_supervisor.run import Site
 from pincette_supervisor.store import Store, utc_now
 
-STORE, RECORDS = "supervisor.sqlite", "jobs"
 ESTOP_THREADS = 4
 STOP_S = 5.0
 
@@ -42,28 +42,29 @@ def bind(host: str, port: int) -> socket.socket:
 
 def run(context: Context) -> None:
     """Serve REST until told to stop."""
-    address = context.rig.supervisor
-    listener = bind(address.host, address.port)
+    config = configure(context.rig, context.data)
+    listener = bind(config.host, config.port)
     try:
-        store = Store(context.data / STORE)
+        store = Store(config.store)
         try:
             store.interrupt_left_over(utc_now())
-            _serve(context, listener, store)
+            _serve(context, config, listener, store)
         finally:
             store.close()
     finally:
         listener.close()
 
 
-def _serve(context: Context, listener: socket.socket, store: Store) -> None:
+def _serve(
+    context: Context, config: SupervisorConfig, listener: socket.socket, store: Store
+) -> None:
     bus = context.open_bus()
     estop_pool = ThreadPoolExecutor(ESTOP_THREADS, thread_name_prefix="estop")
     archivist = archive.archivist()
     try:
         observer = Observer(bus)
         health = Health(context.rig, bus, observer, store)
-        records = context.data / RECORDS
-        site = Site(context.rig, bus, observer, health, store, records, archivist)
+        site = Site(context.rig, bus, observer, health, store, config.records, archivist)
         conductor = Conductor(site)
         health.refresh()
         server = uvicorn.Server(
@@ -82,8 +83,7 @@ def _serve(context: Context, listener: socket.socket, store: Store) -> None:
         try:
             while thread.is_alive() and not server.started:
                 context.stop.wait(0.02)
-            address = context.rig.supervisor
-            context.ready(f"serves at http://{address.host}:{address.port}/api/v1")
+            context.ready(f"serves at http://{config.host}:{config.port}/api/v1")
             context.stop.wait()
         finally:
             conductor.close()
