@@ -4,6 +4,8 @@ PYTHON ?=
 ARGS ?=
 BIN := .venv/bin
 TEST_FLAGS := -m "not slow"
+COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+  --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
 .PHONY: help venv demo up test lint bench soak pins docs clean
@@ -54,12 +56,12 @@ bench: venv ## measure the loop; writes bench.json
 soak: venv ## the slow tests, some of them minutes long
 	@$(BIN)/pytest -m slow $(ARGS)
 
-pins: venv ## pin requirements/dev.txt anew; ARGS=--upgrade takes newer versions
+pins: venv ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 	@$(BIN)/python -m pip install --quiet uv
-	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-	  --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
-	  --extra dev --output-file requirements/dev.txt $(ARGS) pyproject.toml
-	@echo "requirements/dev.txt: $$(grep -c == requirements/dev.txt) pins"
+	@$(COMPILE) --extra dev --output-file requirements/dev.txt $(ARGS) pyproject.toml
+	@$(COMPILE) -c requirements/dev.txt --output-file requirements/run.txt pyproject.toml
+	@echo hatchling | $(COMPILE) -c requirements/dev.txt --output-file requirements/build.txt -
+	@grep -c == requirements/dev.txt requirements/run.txt requirements/build.txt
 
 docs: venv ## write the generated pages of docs/reference
 	@$(BIN)/python docs/generate.py

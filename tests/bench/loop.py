@@ -21,19 +21,19 @@ from statistics import median
 from time import monotonic, perf_counter, sleep
 
 import zenoh
-from tests.bench.shape import SIZES, start_key
-from tests.support.rigs import demo_rig, free_ports, rig_toml
 
 from pincette.bus.links import Ends, client_ends, endpoint
 from pincette.bus.zenoh_bus import ZenohBus, open_session
 from pincette.config import RigFile
 from pincette.control.program import Guards, Program, Segment
-from pincette.messages import Applied, Message, Reset
-from pincette.runtime.arming import arm
+from pincette.messages import Reset
+from pincette.runtime.arming import arm, status
 from pincette.runtime.fleet import Fleet
 from pincette.sim.bench import open_bench
 from pincette.sim.wire import serve
-from pincette.topics import APPLIED, LOOP, RESET, Topic
+from pincette.topics import LOOP, RESET
+from tests.bench.shape import SIZES, start_key
+from tests.support.rigs import demo_rig, free_ports, rig_toml
 
 TICKS = 2000
 BLOCKS = 6
@@ -81,7 +81,7 @@ def program(ticks: int, period_s: float) -> Program:
 
 
 @contextmanager
-def real_loop(folder: Path, rig: RigFile) -> Generator[Callable[[int], None]]:
+def real_loop(folder: Path, rig: RigFile, watch: Stopwatch) -> Generator[Callable[[int], None]]:
     """The four services of the loop; yields a function that runs a number of ticks."""
     path = folder / "bench.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
@@ -91,13 +91,6 @@ def real_loop(folder: Path, rig: RigFile) -> Generator[Callable[[int], None]]:
         fleet.start(["router"])
         fleet.start(LOOP)
         bus = ZenohBus(client_ends(rig.bus.host, rig.bus.port), rig.rig.name, "bench")
-        final: dict[int, bool] = {}
-
-        def take(_topic: Topic, message: Message) -> None:
-            if isinstance(message, Applied) and message.final:
-                final[message.epoch] = True
-
-        bus.subscribe(APPLIED, take)
         bus.ask(RESET, Reset(acknowledge=True))
         joined = bus
         epoch = 0
@@ -107,7 +100,8 @@ def real_loop(folder: Path, rig: RigFile) -> Generator[Callable[[int], None]]:
             epoch += 1
             wish = program(ticks, rig.rig.period_s)
             arm(joined, wish, epoch=epoch, digest=rig.digest())
-            wait(lambda: epoch in final, "loop")
+            wait(lambda: len(watch.asked_s) >= ticks, "loop")
+            wait(lambda: status(joined, "actuator").detail.startswith("idle"), "loop")
 
         yield run
     finally:
@@ -214,7 +208,7 @@ def main() -> None:
         serve(rig.output.url, simulated.output),
         serve(wires["sensor"], ring_watch),
         serve(wires["actuator"], Stopwatch(blank)),
-        real_loop(Path(name), rig) as loop,
+        real_loop(Path(name), rig, loop_watch) as loop,
         bare_ring(port, wires, ring_watch) as ring,
     ):
         for block in range(BLOCKS):

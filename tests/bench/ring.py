@@ -14,11 +14,11 @@ import threading
 from queue import SimpleQueue
 
 import zenoh
-from tests.bench.shape import SIZES, ends, hop_key, start_key
 
 from pincette.bus.zenoh_bus import open_session
 from pincette.instruments.link import open_link
 from pincette.topics import LOOP
+from tests.bench.shape import SIZES, ends, hop_key, start_key
 
 REQUESTS = {"sensor": b"MS,01", "actuator": b"#010+01.000"}
 

@@ -26,9 +26,9 @@ SHORT: Tree = {
     },
 }
 """Changes to the demo rig: a bead close by, gripped lightly and at once, frozen briefly."""
-SLOWLY_UM_PER_S = 2.0
+SLOWLY_UM_PER_S = 3.0
 """Of an approach that is still under way when the fault comes."""
-MOVED_V = 0.08
+MOVED_V = 0.05
 """Voltage from which the arm counts as under way."""
 
 
@@ -82,6 +82,19 @@ def reset(rig: RunningRig) -> None:
     """Acknowledge the cause."""
     path = f"/rigs/{rig.rig.rig.name}/reset"
     rig.post(path, {"acknowledge": True}).raise_for_status()
+
+
+def make_ready(rig: RunningRig, timeout_s: float = 10.0) -> None:
+    """Clear what a test before has left, where that one failed half way."""
+    deadline = monotonic() + timeout_s
+    while monotonic() < deadline:
+        view = rig.view()
+        if view["can_start"]:
+            return
+        if "reset" in view["allowed_actions"]:
+            reset(rig)
+        sleep(0.1)
+    raise TimeoutError(f"the rig is not ready: {rig.view()['reasons']}")
 
 
 def command(*words: str) -> "subprocess.CompletedProcess[str]":

@@ -8,11 +8,11 @@ from time import monotonic, sleep
 from typing import Any, cast
 
 import httpx
-from tests.support.rigs import rig_toml
 
 from pincette.config import RigFile
 from pincette.runtime.fleet import Fleet
 from pincette.topics import LOOP
+from tests.support.rigs import rig_toml
 
 Json = dict[str, Any]
 

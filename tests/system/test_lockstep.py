@@ -6,8 +6,6 @@ from typing import Any, cast
 
 import pyarrow.parquet as parquet
 import pytest
-from tests.support.rigs import demo_rig
-from tests.support.running import running_rig
 
 from pincette.config import RigFile
 from pincette.messages import Applied, Estimate, Message, Position
@@ -15,6 +13,8 @@ from pincette.runtime.composed import ComposedLoop
 from pincette.topics import LOOP
 from pincette_supervisor.models import GripJobRequest
 from pincette_supervisor.planning import plan_job
+from tests.support.rigs import demo_rig
+from tests.support.running import running_rig
 
 Numbers = dict[str, list[Any]]
 HOLD_S, LOAD_S = 1.0, 1.0

@@ -13,7 +13,16 @@ from time import monotonic, sleep
 import pytest
 
 from pincette.messages import Applied, Command
-from tests.support.grips import approach, hold, kill, refused, reset, restart, wait_for_any_phase
+from tests.support.grips import (
+    approach,
+    hold,
+    kill,
+    make_ready,
+    refused,
+    reset,
+    restart,
+    wait_for_any_phase,
+)
 from tests.support.reactions import (
     REACTION_S,
     SAFE_S,
@@ -82,6 +91,7 @@ def test_without_the_controller_the_actuator_makes_the_rig_safe(
     fault: str,
     held: bool,
 ) -> None:
+    make_ready(rig)
     chance = random.Random(f"{fault} {held}")
     reactions: list[Reaction] = []
     late = refusals = 0

@@ -1,5 +1,7 @@
 """A job followed to its end: a bar in a terminal, a line for each phase elsewhere."""
 
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from typing import Any
 
 from rich.console import Console
@@ -21,54 +23,76 @@ COLUMNS = (
 
 def follow(supervisor: Supervisor, name: str, console: Console) -> dict[str, Any]:
     """Show a job's progress until it has ended, and return it as it is then."""
-    if not console.is_terminal:
-        return _in_lines(supervisor, name, console)
-    with Progress(*COLUMNS, console=console) as progress:
-        bar = progress.add_task("queued", total=None, share="", now="", left="")
-        while True:
-            job = _poll(supervisor, name)
-            live: dict[str, Any] = job.get("progress") or {}
-            over = job["state"] in TERMINAL
-            elapsed_s, planned_s = live.get("elapsed_s", 0.0), live.get("planned_s")
-            if over:
-                # Where contact comes sooner than planned, the course is shorter.
-                planned_s = elapsed_s
-            progress.update(
-                bar,
-                description=job["state"] if over else phase_of(job),
-                total=planned_s,
-                completed=elapsed_s,
-                share=share(elapsed_s, planned_s),
-                now=newest(live),
-                left="" if over else left(elapsed_s, planned_s),
-            )
-            if over:
-                return job
-
-
-def _in_lines(supervisor: Supervisor, name: str, console: Console) -> dict[str, Any]:
-    said = ""
-    while True:
-        job = _poll(supervisor, name)
-        live: dict[str, Any] = job.get("progress") or {}
-        phase = phase_of(job)
-        if phase != said:
-            line = f"{live.get('elapsed_s', 0.0):6.2f} s  {phase:<9} {newest(live)}"
-            console.print(line.rstrip(), soft_wrap=True, markup=False)
-            said = phase
-        if job["state"] in TERMINAL:
-            return job
-
-
-def _poll(supervisor: Supervisor, name: str) -> dict[str, Any]:
-    job: dict[str, Any] = supervisor.get(f"/jobs/{name}", wait="terminal", timeout_s=POLL_S)
+    job: dict[str, Any] = {}
+    show = _Bar(console) if console.is_terminal else _Lines(console)
+    with show:
+        for job, live in polls(supervisor, name):
+            show.show(job, live)
     return job
 
 
-def phase_of(job: dict[str, Any]) -> str:
+def polls(supervisor: Supervisor, name: str) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """A job again and again until it has ended, with the newest progress that is known."""
+    live: dict[str, Any] = {}
+    state = ""
+    while state not in TERMINAL:
+        job = supervisor.get(f"/jobs/{name}", wait="terminal", timeout_s=POLL_S)
+        live, state = job.get("progress") or live, job["state"]
+        yield job, live
+
+
+class _Bar(AbstractContextManager[None]):
+    """One line that is drawn anew."""
+
+    def __init__(self, console: Console) -> None:
+        self._progress = Progress(*COLUMNS, console=console)
+        self._bar = self._progress.add_task("queued", total=None, share="", now="", left="")
+
+    def __enter__(self) -> None:
+        self._progress.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def show(self, job: dict[str, Any], live: dict[str, Any]) -> None:
+        elapsed_s, planned_s = live.get("elapsed_s", 0.0), live.get("planned_s")
+        if job["state"] == "succeeded":
+            # Where contact comes sooner than planned, the course is shorter.
+            planned_s = elapsed_s
+        self._progress.update(
+            self._bar,
+            description=phase_of(job, live),
+            total=planned_s,
+            completed=elapsed_s,
+            share=share(elapsed_s, planned_s),
+            now=newest(live),
+            left="" if job["state"] in TERMINAL else left(elapsed_s, planned_s),
+        )
+
+
+class _Lines(AbstractContextManager[None]):
+    """A line for each phase, for a file or a pipe."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._said = ""
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+    def show(self, job: dict[str, Any], live: dict[str, Any]) -> None:
+        phase = phase_of(job, live)
+        if phase == self._said:
+            return
+        self._said = phase
+        line = f"{live.get('elapsed_s', 0.0):6.2f} s  {phase:<9} {newest(live)}"
+        self._console.print(line.rstrip(), soft_wrap=True, markup=False)
+
+
+def phase_of(job: dict[str, Any], live: dict[str, Any]) -> str:
     """The phase of a job that runs, else its state."""
-    live: dict[str, Any] = job.get("progress") or {}
-    return live.get("phase") or job["state"] if job["state"] == "running" else job["state"]
+    state: str = job["state"]
+    return (live.get("phase") or state) if state == "running" else state
 
 
 def newest(live: dict[str, Any]) -> str:

@@ -75,6 +75,8 @@ def record_lines(job: dict[str, Any]) -> list[tuple[str, str]]:
     if not job.get("record"):
         return []
     folder = Path(job["record"])
+    if folder.is_relative_to(Path.cwd()):
+        folder = folder.relative_to(Path.cwd())
     lines = [("record", str(folder))]
     if (folder / PLOT).is_file():
         lines.append(("plot", str(folder / PLOT)))

@@ -1,0 +1,120 @@
+"""Every command of README.md is run: in its order, against the rig that `make up` starts."""
+
+import re
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+from tests.support.checkout import (
+    ROOT,
+    await_demo_ports,
+    await_text,
+    run,
+    until_interrupted,
+    workspace,
+)
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```sh\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+MAKE = [block.strip() for block in BLOCKS if block.startswith("make ")]
+LISTENING = [block.strip() for block in BLOCKS if "subscribe.py" in block]
+SHELL = [block for block in BLOCKS if block.strip() not in (*MAKE, *LISTENING)]
+BLOCK_S = 90.0
+
+SAYS = {
+    "pincette doctor": "in use by this very rig",
+    "job grip --dry-run": "feasible",
+    "job grip --force-mN 15": "outcome             gripped",
+    "dry_run=true": '"feasible":true',
+    "$API/rigs/demo": '"can_start":true',
+    "artifacts": '"name":"samples.parquet"',
+    "wait=terminal": '"state":"succeeded"',
+    '"type": "stop"': '"state":"stopped"',
+    "pincette estop": "stopped through the supervisor",
+    "acknowledge": '"acknowledged":true',
+    "parquet.read_table": "x_um µm",
+}
+"""What a block prints that has such a command in it."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return workspace(tmp_path_factory.mktemp("readme") / "pincette")
+
+
+@pytest.fixture(scope="module")
+def rig(folder: Path) -> Generator[None]:
+    """What `make up` starts."""
+    await_demo_ports()
+    log = folder / "up.log"
+    with until_interrupted(["make", "up"], folder, log) as process:
+        await_text(log, "is up at http://127.0.0.1:8000", process, 60.0)
+        yield
+    assert "every program has ended" in log.read_text(encoding="utf-8")
+    await_demo_ports(5.0)
+
+
+def test_no_command_escapes() -> None:
+    assert MAKE == ["make demo", "make test", "make up"]
+    assert LISTENING == [".venv/bin/python docs/examples/subscribe.py"]
+    unread = [text for text in SAYS if not any(text in block for block in SHELL)]
+    assert unread == []
+    assert all(any(text in block for text in SAYS) for block in SHELL)
+
+
+def test_make_test() -> None:
+    pytest.skip("`make test` is what runs this test")
+
+
+def test_make_demo(folder: Path) -> None:
+    await_demo_ports()
+    done = run(["make", "demo"], folder, 170.0)
+    assert done.returncode == 0, done.stdout
+    phases = ("zero", "approach", "contact", "load", "hold", "unload", "retreat")
+    for wanted in (
+        r"outcome +gripped",
+        r"contact position +\d+\.\d+ µm",
+        r"contact stiffness +\d\.\d+ mN/µm",
+        r"force held +\d+\.\d+ mN ± \d+\.\d+ mN of 20 mN, error [+-]\d+\.\d+ mN",
+        r"peak force +\d+\.\d+ mN",
+        r"RMSE over the hold +position \d+\.\d+ µm, force \d+\.\d+ mN",
+        r"record +data/jobs/",
+        r"plot +data/jobs/.*/grip\.png",
+        *(rf"{phase} +\d+\.\d\d s +\d+\.\d\d s" for phase in phases),
+    ):
+        assert re.search(rf"^{wanted}", done.stdout, re.MULTILINE), f"{wanted}\n{done.stdout}"
+    processes = re.findall(r"^● (\w+) +(\d+) ", done.stdout, re.MULTILINE)
+    loop = {"sensor", "estimator", "controller", "actuator", "rig"}
+    assert loop <= {name for name, _ in processes}
+    assert len({process for _, process in processes}) == len(processes)
+    await_demo_ports(5.0)
+
+
+@pytest.mark.usefixtures("rig")
+def test_every_block_does_what_it_says(folder: Path) -> None:
+    state = folder / "shell-state"
+    state.touch()
+    for block in SHELL:
+        # A reader types all blocks into one shell, so its variables live on.
+        script = f"set -eu\n. {state}\n{block}\nset | grep -E '^(API|JOB)=' > {state} || true"
+        done = run(["bash", "-c", script], folder, BLOCK_S)
+        assert done.returncode == 0, f"{block}\n{done.stdout}"
+        for command, words in SAYS.items():
+            if command in block:
+                assert words in done.stdout, f"{block}\n{done.stdout}"
+    assert (folder / "data/grip.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.usefixtures("rig")
+def test_another_tool_subscribes(folder: Path) -> None:
+    log = folder / "subscribe.log"
+    with until_interrupted(LISTENING[0].split(), folder, log) as process:
+        said = await_text(log, " V\n", process, 20.0)
+    assert re.match(r" *-?\d+\.\d{3} µm +-?\d+\.\d{3} mN +-?\d+\.\d{4} V\n", said)
+
+
+def test_the_subscriber_needs_nothing_of_pincette() -> None:
+    text = (ROOT / "docs/examples/subscribe.py").read_text(encoding="utf-8")
+    assert re.findall(r"^(?:import|from) (\w+)", text, re.MULTILINE) == ["msgpack", "zenoh"]
+    assert len(text.splitlines()) <= 15

@@ -1,0 +1,151 @@
+"""What a person can do to a job that moves: stop it, abort it, stop everything; T = 20 ms."""
+
+import signal
+from statistics import mean
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.messages import Applied, Position, Trip, Truth
+from pincette.topics import TRIP
+from tests.support.grips import approach, command, hold, make_ready, refused, reset, restart
+from tests.support.reactions import Reaction, await_reaction, distribution, within
+from tests.support.running import RunningRig
+from tests.support.stalls import StallRecorder
+from tests.support.witness import Witness
+
+ROUNDS = 3
+REST_UM = 0.3
+"""Peak to peak of an arm at rest: the sensor's noise, and what creeps in a few samples."""
+
+
+@pytest.fixture(autouse=True)
+def ready(rig: RunningRig) -> None:
+    make_ready(rig)
+
+
+def act(rig: RunningRig, job: str, action: str) -> None:
+    rig.post(f"/jobs/{job}/actions", {"type": action}).raise_for_status()
+
+
+def check_estop_is_latched(rig: RunningRig) -> None:
+    assert refused(rig)["type"].endswith("estop-engaged")
+    assert refused(rig)["cause"] == "estop"
+    reset(rig)
+    assert rig.view()["can_start"]
+
+
+@pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
+def test_an_emergency_stop_over_rest_acts_within_one_period(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str], held: bool
+) -> None:
+    period_s = rig.rig.rig.period_s
+    reactions: list[Reaction] = []
+    for _ in range(ROUNDS):
+        job = hold(rig, seen) if held else approach(rig, seen)
+        asked_at = monotonic()
+        response = rig.post("/rigs/demo/estop")
+        assert response.status_code == 200, response.text
+        reactions.append(await_reaction(rig.rig, seen, stalls, asked_at, held=held))
+        ended = rig.ended(job)
+        assert ended["state"] == "failed"
+        assert "estop" in ended["cause"]
+        check_estop_is_latched(rig)
+    figures.append(
+        distribution(
+            f"e-stop over REST, {'part held' if held else 'arm free'}",
+            [reaction.reaction_s for reaction in reactions],
+            period_s,
+            max(reaction.reaction_stalls_s for reaction in reactions),
+        )
+    )
+    for reaction in reactions:
+        within(period_s, reaction.reaction_s, reaction.reaction_stalls_s, "the emergency stop")
+
+
+@pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
+def test_an_emergency_stop_works_without_the_supervisor(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, held: bool
+) -> None:
+    job = hold(rig, seen) if held else approach(rig, seen)
+    killed_at = monotonic()
+    rig.fleet.signal("supervisor", signal.SIGKILL)
+    stopped = command("estop", "--rig", str(rig.path))
+    assert stopped.returncode == 0, stopped.stderr
+    assert "stopped at the actuator" in stopped.stdout
+    # The actuator says in the same step that it was asked, and moves at its next.
+    asked_at, echo = seen.until_state(("frozen", "ramping"), killed_at)
+    assert echo.cause == "estop"
+    assert asked_at <= monotonic()
+    reaction = await_reaction(rig.rig, seen, stalls, asked_at, held=held)
+    period_s = rig.rig.rig.period_s
+    within(period_s, reaction.reaction_s, reaction.reaction_stalls_s, "the emergency stop")
+    restart(rig, "supervisor")
+    assert rig.job(job)["state"] == "interrupted"
+    check_estop_is_latched(rig)
+
+
+def test_an_emergency_stop_asked_of_the_actuator_acts_within_one_period(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = approach(rig, seen)
+    asked_at = monotonic()
+    seen.bus.ask(TRIP, Trip("estop"))
+    reaction = await_reaction(rig.rig, seen, stalls, asked_at, held=False)
+    period_s = rig.rig.rig.period_s
+    within(period_s, reaction.reaction_s, reaction.reaction_stalls_s, "the emergency stop")
+    assert rig.ended(job)["state"] == "failed"
+    check_estop_is_latched(rig)
+
+
+def test_a_stop_of_the_free_arm_leaves_it_at_rest(rig: RunningRig, seen: Witness) -> None:
+    job = approach(rig, seen)
+    asked_at = monotonic()
+    act(rig, job, "stop")
+    assert rig.ended(job)["state"] == "stopped"
+    sleep(0.3)
+    echoes = [echo for _, echo in seen.since(Applied, asked_at)]
+    assert all(echo.state in ("armed", "idle") for echo in echoes)
+    assert echoes[-1].state == "idle"
+    assert echoes[-1].voltage_V > 0.0
+    xs_um = [position.x_um for _, position in seen.since(Position, asked_at)][-10:]
+    assert max(xs_um) - min(xs_um) < REST_UM
+    assert rig.view()["part"] == "none"
+    assert rig.view()["can_start"]
+
+
+def test_a_stop_keeps_a_held_part_until_it_is_released(rig: RunningRig, seen: Witness) -> None:
+    job = hold(rig, seen)
+    act(rig, job, "stop")
+    assert rig.ended(job)["state"] == "stopped"
+    stopped_at = monotonic()
+    sleep(0.6)
+    wanted_mN = rig.rig.grip.force_mN
+    kept_mN = [truth.force_mN for _, truth in seen.since(Truth, stopped_at)]
+    assert mean(kept_mN) == pytest.approx(wanted_mN, rel=0.15)
+    assert max(kept_mN) - min(kept_mN) < 0.15 * wanted_mN
+    assert rig.view()["part"] == "held"
+    assert not rig.view()["can_start"]
+    act(rig, job, "release")
+    seen.until(Applied, lambda echo: echo.state == "idle", stopped_at)
+    make_ready(rig)
+    assert rig.view()["part"] == "none"
+    assert rig.job(job)["state"] == "stopped"
+    assert seen.newest(Truth).force_mN == 0.0
+
+
+def test_an_abort_freezes_a_held_part_and_then_lets_it_go(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = hold(rig, seen)
+    asked_at = monotonic()
+    act(rig, job, "abort")
+    reaction = await_reaction(rig.rig, seen, stalls, asked_at, held=True)
+    assert reaction.cause == "abort"
+    period_s = rig.rig.rig.period_s
+    within(period_s, reaction.reaction_s, reaction.reaction_stalls_s, "the abort")
+    ended = rig.ended(job)
+    assert ended["state"] == "aborted"
+    assert refused(rig)["cause"] == "abort"
+    reset(rig)
+    assert rig.view()["can_start"]
