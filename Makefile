@@ -63,9 +63,10 @@ pins: venv ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 	@echo hatchling | $(COMPILE) -c requirements/dev.txt --output-file requirements/build.txt -
 	@grep -c == requirements/dev.txt requirements/run.txt requirements/build.txt
 
-docs: venv ## write the generated pages of docs/reference
+docs: venv ## write what is generated: docs/reference and deploy/openapi.json
 	@$(BIN)/python docs/generate.py
+	@$(BIN)/python -m pincette_supervisor.openapi deploy/openapi.json
 
 clean: ## remove .venv, caches and measurements; records under data/ stay
-	rm -rf .venv .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json bench.png
+	rm -rf .venv .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

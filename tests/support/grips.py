@@ -4,11 +4,13 @@ import random
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from time import monotonic, sleep
 
 from pincette.messages import Applied, Telemetry
 from tests.support.rigs import Tree
 from tests.support.running import Json, RunningRig
+from tests.support.stalls import STALL_S, StallRecorder
 from tests.support.witness import Witness
 
 FREEZE_S = 0.4
@@ -28,25 +30,85 @@ SHORT: Tree = {
 """Changes to the demo rig: a bead close by, gripped lightly and at once, frozen briefly."""
 SLOWLY_UM_PER_S = 3.0
 """Of an approach that is still under way when the fault comes."""
-MOVED_V = 0.05
-"""Voltage from which the arm counts as under way."""
+MOVED_UM = 1.0
+"""Reference from which the arm counts as under way."""
+TRIES = 4
+WAIT_S = 10.0
+LOOK_S = 0.002
+BLAMED_S = 0.1
+"""A stall this long before a trip may have caused it: the age limit and two periods."""
+TRIPPED = ("frozen", "ramping")
 
 
-def hold(rig: RunningRig, seen: Witness, **wishes: object) -> str:
+def hold(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> str:
     """Grip and wait for the hold, which lasts until it is released; the job's id."""
-    begun = monotonic()
-    job = rig.start_grip(until_released=True, **wishes)
-    seen.until(Telemetry, lambda view: view.phase == "hold" and view.segment_tick >= 5, begun)
-    return job
+
+    def holds(view: Telemetry) -> bool:
+        return view.phase == "hold" and view.segment_tick >= 5
+
+    return _begin(rig, seen, stalls, holds, {"until_released": True})
 
 
-def approach(rig: RunningRig, seen: Witness) -> str:
+def approach(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> str:
     """Begin a grip and wait until the free arm is well under way; the job's id."""
-    begun = monotonic()
-    job = rig.start_grip(approach_um_per_s=SLOWLY_UM_PER_S)
-    seen.until(Telemetry, lambda view: view.phase == "approach", begun)
-    seen.until(Applied, lambda applied: applied.voltage_V > MOVED_V, begun)
-    return job
+
+    def under_way(view: Telemetry) -> bool:
+        return view.phase == "approach" and view.x_r_um > MOVED_UM
+
+    return _begin(rig, seen, stalls, under_way, {"approach_um_per_s": SLOWLY_UM_PER_S})
+
+
+def whole_grip(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Json:
+    """Grip, hold and let go; the job as it ended."""
+    ended: Json = {}
+    for _ in range(TRIES):
+        begun = monotonic()
+        ended = rig.ended(rig.start_grip())
+        trip = next(
+            ((at, echo) for at, echo in seen.since(Applied, begun) if echo.state in TRIPPED), None
+        )
+        if trip is None:
+            break
+        check_excused(stalls, *trip)
+        make_ready(rig)
+    return ended
+
+
+def _begin(
+    rig: RunningRig,
+    seen: Witness,
+    stalls: StallRecorder,
+    there: Callable[[Telemetry], bool],
+    wishes: Tree,
+) -> str:
+    """Start a grip and see it to a place; again, where the machine stood still on the way."""
+    for _ in range(TRIES):
+        begun = monotonic()
+        job = rig.start_grip(**wishes)
+        while monotonic() < begun + WAIT_S:
+            if any(there(view) for _, view in seen.since(Telemetry, begun)):
+                return job
+            tripped = [
+                (at, echo) for at, echo in seen.since(Applied, begun) if echo.state in TRIPPED
+            ]
+            if tripped:
+                check_excused(stalls, *tripped[0])
+                rig.ended(job)
+                make_ready(rig)
+                break
+            sleep(LOOK_S)
+        else:
+            raise TimeoutError(f"the grip does not get there: {rig.job(job)}")
+    raise TimeoutError(f"the machine stood still in each of {TRIES} grips")
+
+
+def check_excused(stalls: StallRecorder, tripped_at: float, echo: Applied) -> None:
+    """Fail where a trip that nobody caused has no stall of the machine to blame."""
+    stood_s = stalls.between(tripped_at - BLAMED_S, tripped_at)
+    assert stood_s >= STALL_S, (
+        f"trip without a fault at seq {echo.seq} ({echo.cause}); "
+        f"stalls of the machine in the {1e3 * BLAMED_S:.0f} ms before: {1e3 * stood_s:.1f} ms"
+    )
 
 
 def wait_for_any_phase(chance: random.Random, period_s: float) -> None:
@@ -91,6 +153,8 @@ def make_ready(rig: RunningRig, timeout_s: float = 10.0) -> None:
         view = rig.view()
         if view["can_start"]:
             return
+        if view["active_job"] is not None and view["latch"]["state"] == "armed":
+            rig.post(f"/rigs/{rig.rig.rig.name}/estop").raise_for_status()
         if "reset" in view["allowed_actions"]:
             reset(rig)
         sleep(0.1)

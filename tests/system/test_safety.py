@@ -22,6 +22,7 @@ from tests.support.grips import (
     reset,
     restart,
     wait_for_any_phase,
+    whole_grip,
 )
 from tests.support.reactions import (
     REACTION_S,
@@ -98,7 +99,7 @@ def test_without_the_controller_the_actuator_makes_the_rig_safe(
     safe_s = SAFE_S + (rig.rig.safety.freeze_s if held else 0.0)
     try:
         for count in range(ROUNDS):
-            job = hold(rig, seen) if held else approach(rig, seen)
+            job = hold(rig, seen, stalls) if held else approach(rig, seen, stalls)
             wait_for_any_phase(chance, rig.rig.rig.period_s)
             begun = monotonic()
             if fault == "killed":
@@ -113,8 +114,7 @@ def test_without_the_controller_the_actuator_makes_the_rig_safe(
                 assert "controller" in rig.job(job)["cause"]
                 restart(rig, "controller")
             reset(rig)
-        job = rig.start_grip()
-        assert rig.ended(job)["state"] == "succeeded"
+        assert whole_grip(rig, seen, stalls)["state"] == "succeeded"
     finally:
         arm = "part held" if held else "arm free"
         figures += describe(f"controller {fault}, {arm}", reactions, safe_s)

@@ -1,7 +1,6 @@
 """What a person can do to a job that moves: stop it, abort it, stop everything; T = 20 ms."""
 
 import signal
-from statistics import mean
 from time import monotonic, sleep
 
 import pytest
@@ -17,6 +16,10 @@ from tests.support.witness import Witness
 ROUNDS = 3
 REST_UM = 0.3
 """Peak to peak of an arm at rest: the sensor's noise, and what creeps in a few samples."""
+
+SETTLED_S = 0.6
+KEPT_MN = 1.0
+"""By how much the true force may drift while a stop takes effect and the part is held on."""
 
 
 @pytest.fixture(autouse=True)
@@ -42,7 +45,7 @@ def test_an_emergency_stop_over_rest_acts_within_one_period(
     period_s = rig.rig.rig.period_s
     reactions: list[Reaction] = []
     for _ in range(ROUNDS):
-        job = hold(rig, seen) if held else approach(rig, seen)
+        job = hold(rig, seen, stalls) if held else approach(rig, seen, stalls)
         asked_at = monotonic()
         response = rig.post("/rigs/demo/estop")
         assert response.status_code == 200, response.text
@@ -67,7 +70,7 @@ def test_an_emergency_stop_over_rest_acts_within_one_period(
 def test_an_emergency_stop_works_without_the_supervisor(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, held: bool
 ) -> None:
-    job = hold(rig, seen) if held else approach(rig, seen)
+    job = hold(rig, seen, stalls) if held else approach(rig, seen, stalls)
     killed_at = monotonic()
     rig.fleet.signal("supervisor", signal.SIGKILL)
     stopped = command("estop", "--rig", str(rig.path))
@@ -88,7 +91,7 @@ def test_an_emergency_stop_works_without_the_supervisor(
 def test_an_emergency_stop_asked_of_the_actuator_acts_within_one_period(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
-    job = approach(rig, seen)
+    job = approach(rig, seen, stalls)
     asked_at = monotonic()
     seen.bus.ask(TRIP, Trip("estop"))
     reaction = await_reaction(rig.rig, seen, stalls, asked_at, held=False)
@@ -98,8 +101,10 @@ def test_an_emergency_stop_asked_of_the_actuator_acts_within_one_period(
     check_estop_is_latched(rig)
 
 
-def test_a_stop_of_the_free_arm_leaves_it_at_rest(rig: RunningRig, seen: Witness) -> None:
-    job = approach(rig, seen)
+def test_a_stop_of_the_free_arm_leaves_it_at_rest(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = approach(rig, seen, stalls)
     asked_at = monotonic()
     act(rig, job, "stop")
     assert rig.ended(job)["state"] == "stopped"
@@ -114,16 +119,19 @@ def test_a_stop_of_the_free_arm_leaves_it_at_rest(rig: RunningRig, seen: Witness
     assert rig.view()["can_start"]
 
 
-def test_a_stop_keeps_a_held_part_until_it_is_released(rig: RunningRig, seen: Witness) -> None:
-    job = hold(rig, seen)
+def test_a_stop_keeps_a_held_part_until_it_is_released(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = hold(rig, seen, stalls)
+    sleep(SETTLED_S)
+    before_mN = seen.newest(Truth).force_mN
     act(rig, job, "stop")
     assert rig.ended(job)["state"] == "stopped"
     stopped_at = monotonic()
-    sleep(0.6)
-    wanted_mN = rig.rig.grip.force_mN
+    sleep(SETTLED_S)
     kept_mN = [truth.force_mN for _, truth in seen.since(Truth, stopped_at)]
-    assert mean(kept_mN) == pytest.approx(wanted_mN, rel=0.15)
-    assert max(kept_mN) - min(kept_mN) < 0.15 * wanted_mN
+    assert min(kept_mN) > before_mN - KEPT_MN
+    assert max(kept_mN) < before_mN + KEPT_MN
     assert rig.view()["part"] == "held"
     assert not rig.view()["can_start"]
     act(rig, job, "release")
@@ -137,7 +145,7 @@ def test_a_stop_keeps_a_held_part_until_it_is_released(rig: RunningRig, seen: Wi
 def test_an_abort_freezes_a_held_part_and_then_lets_it_go(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
-    job = hold(rig, seen)
+    job = hold(rig, seen, stalls)
     asked_at = monotonic()
     act(rig, job, "abort")
     reaction = await_reaction(rig.rig, seen, stalls, asked_at, held=True)

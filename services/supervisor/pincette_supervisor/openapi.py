@@ -9,7 +9,7 @@ from typing import cast
 from pincette_supervisor.api import create_app
 from pincette_supervisor.conductor import Conductor
 
-REGENERATE = "python -m pincette_supervisor.openapi deploy/openapi.json"
+REGENERATE = "make docs"
 
 
 def document() -> str:

@@ -1,0 +1,121 @@
+"""A program of the loop dies while a job moves, and a grip in which nothing dies; T = 20 ms."""
+
+import signal
+from math import ceil
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.messages import Applied, Truth
+from tests.support.grips import (
+    approach,
+    hold,
+    kill,
+    make_ready,
+    refused,
+    reset,
+    restart,
+    whole_grip,
+)
+from tests.support.reactions import REACTION_S, SAFE_S, await_reaction, within
+from tests.support.running import RunningRig
+from tests.support.stalls import StallRecorder
+from tests.support.witness import Witness
+
+
+@pytest.fixture(autouse=True)
+def ready(rig: RunningRig) -> None:
+    make_ready(rig)
+
+
+def missed(rig: RunningRig) -> dict[str, int]:
+    """Ticks that each program has missed since it was started."""
+    return {program["name"]: program["missed"] for program in rig.view()["programs"]}
+
+
+def test_a_grip_without_a_fault_has_no_trip_and_refuses_nothing(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
+) -> None:
+    before, refused_before = missed(rig), seen.newest(Applied).refused
+    begun = monotonic()
+    ended = whole_grip(rig, seen, stalls)
+    assert ended["result"]["outcome"] == "gripped"
+    period_s = rig.rig.rig.period_s
+    echoes = seen.since(Applied, begun)
+    stood_s = [length_s for at, length_s in stalls.stalls if at >= begun]
+    excuse = len([length_s for length_s in stood_s if length_s >= 0.25 * period_s])
+    excuse += ceil(stalls.between(begun, monotonic()) / period_s)
+    assert echoes[-1][1].refused == refused_before
+    ticks = {name: count - before[name] for name, count in missed(rig).items()}
+    kept = [at for at, echo in echoes if echo.state == "armed" and echo.seq >= 0]
+    unanswered = [
+        at for at, echo in echoes if echo.state == "armed" and echo.seq >= 0 and not echo.answered
+    ]
+    figures.append(
+        f"grip without a fault: {len(kept)} ticks, missed {ticks}, without a command "
+        f"{len(unanswered)}, stalls of 5 ms and more: {len(stood_s)}"
+    )
+    for name, count in ticks.items():
+        assert count <= excuse, f"{name} missed {count} ticks, stalls excuse {excuse}"
+    for at in unanswered:
+        assert stalls.between(at - 3 * period_s, at) > 0.0, "a tick without a command, nor a stall"
+
+
+@pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
+@pytest.mark.parametrize("name", ["sensor", "estimator"])
+def test_without_samples_the_actuator_makes_the_rig_safe(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, name: str, held: bool
+) -> None:
+    job = hold(rig, seen, stalls) if held else approach(rig, seen, stalls)
+    reaction = await_reaction(rig.rig, seen, stalls, kill(rig, name), held=held)
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    assert "command_age" in ended["cause"]
+    assert name in ended["cause"]
+    assert "command_age" in refused(rig)["cause"]
+    restart(rig, name)
+    reset(rig)
+    make_ready(rig)
+    assert whole_grip(rig, seen, stalls)["state"] == "succeeded"
+    safe_s = SAFE_S + (rig.rig.safety.freeze_s if held else 0.0)
+    within(REACTION_S, reaction.reaction_s, reaction.reaction_stalls_s, "the reaction")
+    within(safe_s, reaction.safe_s, reaction.safe_stalls_s, "the way to the safe voltage")
+
+
+def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = approach(rig, seen, stalls)
+    kill(rig, "actuator")
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    assert "actuator" in ended["cause"]
+    restart(rig, "actuator")
+    started_at = monotonic()
+    problem = refused(rig)
+    assert problem["type"].endswith("rig-latched")
+    assert problem["cause"] in ("boot", "restart")
+    sleep(0.3)
+    assert not [echo for _, echo in seen.since(Applied, started_at) if echo.state == "armed"]
+    reset(rig)
+    make_ready(rig)
+    begun = monotonic()
+    assert whole_grip(rig, seen, stalls)["state"] == "succeeded"
+    assert rig.rig.simulation is not None
+    put_V = [truth.voltage_V for _, truth in seen.since(Truth, begun)]
+    assert abs(put_V[-1] - seen.newest(Applied).voltage_V) <= rig.rig.simulation.output_step_V
+
+
+def test_a_job_whose_actuator_was_restarted_at_once_has_failed(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = hold(rig, seen, stalls)
+    rig.fleet.signal("actuator", signal.SIGKILL)
+    restart(rig, "actuator")
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    assert "actuator" in ended["cause"]
+    assert refused(rig)["type"].endswith("rig-latched")
+    reset(rig)
+    make_ready(rig)
+    assert whole_grip(rig, seen, stalls)["state"] == "succeeded"
