@@ -69,7 +69,7 @@ def whole_grip(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Json:
         )
         if trip is None:
             break
-        check_excused(stalls, *trip)
+        check_excused(seen, stalls, *trip)
         make_ready(rig)
     return ended
 
@@ -92,7 +92,7 @@ def _begin(
                 (at, echo) for at, echo in seen.since(Applied, begun) if echo.state in TRIPPED
             ]
             if tripped:
-                check_excused(stalls, *tripped[0])
+                check_excused(seen, stalls, *tripped[0])
                 rig.ended(job)
                 make_ready(rig)
                 break
@@ -102,12 +102,13 @@ def _begin(
     raise TimeoutError(f"the machine stood still in each of {TRIES} grips")
 
 
-def check_excused(stalls: StallRecorder, tripped_at: float, echo: Applied) -> None:
+def check_excused(seen: Witness, stalls: StallRecorder, tripped_at: float, echo: Applied) -> None:
     """Fail where a trip that nobody caused has no stall of the machine to blame."""
     stood_s = stalls.between(tripped_at - BLAMED_S, tripped_at)
     assert stood_s >= STALL_S, (
         f"trip without a fault at seq {echo.seq} ({echo.cause}); "
-        f"stalls of the machine in the {1e3 * BLAMED_S:.0f} ms before: {1e3 * stood_s:.1f} ms"
+        f"stalls of the machine in the {1e3 * BLAMED_S:.0f} ms before: {1e3 * stood_s:.1f} ms\n"
+        f"{seen.account(tripped_at, 2.0 * BLAMED_S)}"
     )
 
 

@@ -49,7 +49,7 @@ class StallRecorder:
     def between(self, begin_s: float, end_s: float) -> float:
         """Seconds of an interval in which some processor stood still, each counted once."""
         stood_s, reached_s = 0.0, begin_s
-        for stall_s, length_s in sorted(list(self.stalls)):
+        for stall_s, length_s in sorted(self.stalls):
             first_s, last_s = max(reached_s, stall_s), min(end_s, stall_s + length_s)
             if last_s > first_s:
                 stood_s, reached_s = stood_s + last_s - first_s, last_s

@@ -10,10 +10,10 @@ from pincette.bus.links import client_ends
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.messages import Applied, Message
-from pincette.topics import APPLIED, COMMAND, POSITION, TELEMETRY, TRUTH, Topic
+from pincette.topics import APPLIED, COMMAND, ESTIMATE, POSITION, TELEMETRY, TRUTH, Topic
 
 M = TypeVar("M", bound=Message)
-HEARD = (POSITION, COMMAND, APPLIED, TELEMETRY, TRUTH)
+HEARD = (POSITION, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH)
 LOOK_S = 0.002
 
 
@@ -58,6 +58,16 @@ class Witness:
             sleep(LOOK_S)
         newest = {topic.name: self._heard[topic.message][-1:] for topic in HEARD}
         raise TimeoutError(f"no such {kind.__name__} within {timeout_s:g} s; newest: {newest}")
+
+    def account(self, at_s: float, span_s: float) -> str:
+        """What came shortly before and after a time, in ms since then; for a failure's text."""
+        lines: list[tuple[float, str]] = []
+        for topic in HEARD:
+            for came_s, message in self.since(topic.message, at_s - span_s):
+                if came_s < at_s + 0.2 * span_s:
+                    seq, state = getattr(message, "seq", None), getattr(message, "state", "")
+                    lines.append((1e3 * (came_s - at_s), f"{topic.name} {seq} {state}"))
+        return "\n".join(f"{came_ms:8.1f} {text}" for came_ms, text in sorted(lines))
 
     def until_state(self, states: tuple[str, ...], since_s: float) -> tuple[float, Applied]:
         """The first word of the actuator that it is in one of some states, with its time."""

@@ -22,7 +22,7 @@ def figures(pytestconfig: pytest.Config) -> list[str]:
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    lines = config.stash.get(FIGURES, [])
+    lines = config.stash.get(FIGURES, list[str]())
     if lines:
         terminalreporter.section("figures")
         for line in lines:

@@ -3,7 +3,9 @@
 import re
 from collections.abc import Generator
 from pathlib import Path
+from time import monotonic, sleep
 
+import httpx
 import pytest
 
 from tests.support.checkout import (
@@ -21,18 +23,20 @@ MAKE = [block.strip() for block in BLOCKS if block.startswith("make ")]
 LISTENING = [block.strip() for block in BLOCKS if "subscribe.py" in block]
 SHELL = [block for block in BLOCKS if block.strip() not in (*MAKE, *LISTENING)]
 BLOCK_S = 90.0
+RIG = "http://127.0.0.1:8000/api/v1/rigs/demo"
 
 SAYS = {
     "pincette doctor": "in use by this very rig",
     "job grip --dry-run": "feasible",
     "job grip --force-mN 15": "outcome             gripped",
     "dry_run=true": '"feasible":true',
-    "$API/rigs/demo": '"can_start":true',
+    '$API/rigs/demo"': '"can_start":true',
     "-O": '"state":"succeeded"',
     "$JOB/artifacts": '"name":"samples.parquet"',
     '"type": "stop"': '"state":"stopped"',
-    "pincette estop": "stopped through the supervisor",
-    "acknowledge": '"acknowledged":true',
+    "pincette estop": "reset; the cause was: estop",
+    "/estop": '"cause":"estop"',
+    "/reset": '"acknowledged":true',
     "parquet.read_table": "x_um µm",
 }
 """What a block prints that has such a command in it."""
@@ -44,7 +48,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def rig(folder: Path) -> Generator[None]:
+def made_up(folder: Path) -> Generator[None]:
     """What `make up` starts."""
     await_demo_ports()
     log = folder / "up.log"
@@ -91,11 +95,22 @@ def test_make_demo(folder: Path) -> None:
     await_demo_ports(5.0)
 
 
-@pytest.mark.usefixtures("rig")
+def await_latched() -> None:
+    """Wait, as a person would, until the arm is safe."""
+    deadline = monotonic() + 5.0
+    with httpx.Client(trust_env=False) as client:
+        while client.get(RIG).json()["latch"]["state"] != "latched":
+            assert monotonic() < deadline, "the emergency stop never came to its end"
+            sleep(0.05)
+
+
+@pytest.mark.usefixtures("made_up")
 def test_every_block_does_what_it_says(folder: Path) -> None:
     state = folder / "shell-state"
     state.touch()
     for block in SHELL:
+        if "/reset" in block:
+            await_latched()
         # A reader types all blocks into one shell, so its variables live on.
         script = f"set -eu\n. {state}\n{block}\nset | grep -E '^(API|JOB)=' > {state} || true"
         done = run(["bash", "-c", script], folder, BLOCK_S)
@@ -106,7 +121,7 @@ def test_every_block_does_what_it_says(folder: Path) -> None:
     assert (folder / "data/grip.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.usefixtures("rig")
+@pytest.mark.usefixtures("made_up")
 def test_another_tool_subscribes(folder: Path) -> None:
     log = folder / "subscribe.log"
     with until_interrupted(LISTENING[0].split(), folder, log) as process:

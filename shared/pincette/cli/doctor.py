@@ -61,6 +61,8 @@ def findings(rig_path: Path, data: Path) -> Iterator[Finding]:
         yield Finding(False, str(error), "mend what is named, or name another with --rig")
         return
     yield Finding(True, f"rig file {rig_path}: rig {rig.rig.name!r}, digest {rig.digest()}")
+    yield driver(plugins.POSITION_SENSORS, rig.sensor.driver)
+    yield driver(plugins.VOLTAGE_OUTPUTS, rig.output.driver)
     ports = port_finding(rig)
     yield ports
     if rig.simulation is not None:
@@ -95,6 +97,13 @@ def disk(data: Path) -> Finding:
     )
 
 
+def driver(group: str, name: str) -> Finding:
+    """Whether a driver is installed."""
+    there = plugins.names(group)
+    remedy = f"install it, or name another in the rig file; there are {', '.join(there)}"
+    return Finding(name in there, f"driver {name}", remedy)
+
+
 def port_finding(rig: RigFile) -> Finding:
     """Ports of a rig: free, in use because it is up, or taken by something else."""
     try:
@@ -123,9 +132,9 @@ def _who(url: str) -> dict[str, Any]:
 def _instruments(rig: RigFile) -> Iterator[Finding]:
     for service in loop_services().values():
         if service.instrument == "position_sensor":
-            yield _reached(service, rig, f"sensor {rig.sensor.driver} at {rig.sensor.url}")
+            yield _reached(service, rig, f"position sensor at {rig.sensor.url}")
         elif service.instrument == "voltage_output":
-            yield _reached(service, rig, f"output {rig.output.driver} at {rig.output.url}")
+            yield _reached(service, rig, f"voltage output at {rig.output.url}")
 
 
 def _reached(service: AnyService, rig: RigFile, what: str) -> Finding:
@@ -133,7 +142,7 @@ def _reached(service: AnyService, rig: RigFile, what: str) -> Finding:
         device = open_device(service, rig)
     except (InstrumentError, plugins.PluginError) as error:
         remedy = "check cable, power, address, and the url in the rig file"
-        return Finding(False, f"{what}: {error}", remedy)
+        return Finding(False, f"{service.name}: {error}", remedy)
     if device is not None:
         device.close()
     return Finding(True, what)

@@ -1,7 +1,7 @@
 """Emergency stop and reset from the command line."""
 
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 
 from pincette.bus.links import client_ends, direct_ends
 from pincette.bus.protocol import BusError
@@ -13,6 +13,8 @@ from pincette.topics import TRIP
 
 REST_S, ASK_S = 2.0, 1.0
 """How long the supervisor, and then the actuator itself, may take to answer."""
+RAMP_S, LOOK_S = 3.0, 0.05
+"""How long a reset waits for an arm that is on its way to the safe voltage."""
 
 
 def estop(rig_path: Path, url: str | None) -> int:
@@ -61,7 +63,12 @@ def _stopped(way: str, begin: float) -> int:
 def reset(url: str) -> int:
     """Acknowledge the cause and clear the latch."""
     supervisor = Supervisor(url)
-    for rig in supervisor.get("/rigs")["rigs"]:
+    deadline = monotonic() + RAMP_S
+    for found in supervisor.get("/rigs")["rigs"]:
+        rig = found
+        while rig["latch"]["state"] == "ramping" and monotonic() < deadline:
+            sleep(LOOK_S)
+            rig = supervisor.get(f"/rigs/{rig['name']}")
         cause = rig["latch"]["cause"] or "none"
         supervisor.post(f"/rigs/{rig['name']}/reset", {"acknowledge": True})
         print(f"rig {rig['name']}: reset; the cause was: {cause}")

@@ -1,5 +1,6 @@
 """Every program of a rig on this machine: `pincette up` and `pincette demo`."""
 
+import re
 import signal
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -18,6 +19,8 @@ from pincette.config import RigFile
 from pincette.runtime.fleet import Fleet, FleetError, Member
 
 WATCH_S = 0.3
+LOG_STAMP = re.compile(r"^\d{4}-\d\d-\d\d [\d:,]+ \w+ ", re.MULTILINE)
+"""What a program's log says of time and place, which one person at one screen knows."""
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -47,7 +50,7 @@ def running(rig_path: Path, data: Path, console: Console) -> Generator[tuple[Rig
         fleet.up()
         yield rig, fleet
     except FleetError as error:
-        raise CliError(str(error)) from error
+        raise CliError(LOG_STAMP.sub("  ", str(error))) from error
     finally:
         for number in ENDINGS:
             signal.signal(number, signal.SIG_IGN)

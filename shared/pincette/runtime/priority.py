@@ -10,7 +10,8 @@ NICENESS = -10
 def come_first() -> None:
     """Ask the scheduler to run this program before plots, tests and browsers.
 
-    A wish, not a need: where it is not permitted the program runs as others do.
+    To be asked before the bus is joined, since only threads that begin afterwards inherit it. A
+    wish, not a need: where it is not permitted the program runs as others do.
     """
     try:
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)

@@ -100,6 +100,7 @@ def loop_services() -> dict[str, AnyService]:
 
 
 def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
+    come_first()
     services = loop_services()
     service = services[name]
     node = Node(service, rig, open_device(service, rig), secrets.randbits(48))
@@ -117,7 +118,6 @@ def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Option
                 loop.stop()
 
             _on_stop(end, options)
-            come_first()
             if _wait_for_partners(name, rig, bus, services, stop):
                 gc.collect()
                 gc.freeze()

@@ -1,0 +1,90 @@
+"""The compose file and the image run the programs there are, from pins that are the same."""
+
+import re
+import shutil
+import socket
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from pincette.config import read_rig
+from pincette.runtime.fleet import ports
+from pincette.runtime.process import programs
+
+HOLDS_THE_NETWORK = "loopback"
+
+
+@pytest.fixture(scope="module")
+def compose(root: Path) -> str:
+    return (root / "docker-compose.yml").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def services(compose: str) -> dict[str, str]:
+    """The text of each service, by its name."""
+    part = re.split(r"^(?:services|volumes):\n", compose, flags=re.MULTILINE)[1]
+    pieces = re.split(r"^  ([a-z]+):.*\n", part, flags=re.MULTILINE)[1:]
+    return dict(zip(pieces[::2], pieces[1::2], strict=True))
+
+
+def test_there_is_a_service_for_each_program(services: dict[str, str]) -> None:
+    assert sorted(services) == sorted([*programs(), HOLDS_THE_NETWORK])
+    for name in programs():
+        assert f"command: [run, {name}" in services[name]
+        assert "<<: *program" in services[name]
+
+
+def test_health_is_asked_for_at_the_ports_of_the_rig_file(
+    root: Path, services: dict[str, str]
+) -> None:
+    rig = read_rig(root / "deploy/rigs/demo.toml")
+    for port, purpose in ports(rig).items():
+        name = "rig" if purpose.startswith("simulated") else purpose
+        assert re.search(rf"\b{port}\b", services[name]), f"{name} does not look at {port}"
+
+
+def test_nothing_is_published_beyond_this_machine(compose: str, services: dict[str, str]) -> None:
+    assert re.findall(r"ports: (.*)", compose) == ['["127.0.0.1:8000:8000"]']
+    assert "ports:" in services[HOLDS_THE_NETWORK]
+
+
+def test_one_service_builds_the_image(compose: str) -> None:
+    assert compose.count("build:") == 1
+    assert compose.count("image: pincette\n") == 2
+
+
+def test_the_file_is_valid(root: Path) -> None:
+    if shutil.which("docker") is None:
+        pytest.skip("no docker here: docker-compose.yml is not validated")
+    command = ["docker", "compose", "config", "--quiet"]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["run", "build"])
+def test_the_image_is_filled_from_the_pins_that_are_tested(root: Path, name: str) -> None:
+    def pins(file: str) -> set[str]:
+        text = (root / "requirements" / file).read_text(encoding="utf-8")
+        return {line.rstrip(" \\") for line in text.splitlines()}
+
+    used = pins(f"{name}.txt")
+    assert len(used) > 5
+    assert used - pins("dev.txt") == set()
+    assert f"--require-hashes -r requirements/{name}.txt" in (root / "deploy/Dockerfile").read_text(
+        encoding="utf-8"
+    )
+
+
+def test_the_image_listens_where_compose_publishes(root: Path) -> None:
+    rig = (root / "deploy/rigs/demo.toml").read_text(encoding="utf-8")
+    assert re.search(r'^\[supervisor\]\nhost = "127\.0\.0\.1"\nport = 8000$', rig, re.MULTILINE)
+    script = (root / "deploy/Dockerfile").read_text(encoding="utf-8")
+    assert r"""sed -i '/^\[supervisor\]/,/^\[/ s/^host = .*/host = "0.0.0.0"/'""" in script
+
+
+def test_listens(root: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        assert subprocess.call([root / "deploy/listens", str(port)]) == 0
+    assert subprocess.call([root / "deploy/listens", str(port)]) == 1

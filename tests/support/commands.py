@@ -1,0 +1,39 @@
+"""The command `pincette` as a process, and what is left of a rig on this machine."""
+
+import subprocess
+import sys
+from pathlib import Path
+from time import monotonic, sleep
+
+from pincette.config import RigFile
+from pincette.runtime.fleet import check_ports
+
+PINCETTE = (sys.executable, "-m", "pincette")
+
+
+def pincette(*arguments: str | Path, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    command = [*PINCETTE, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, check=False)
+
+
+def processes_of(path: Path) -> dict[int, str]:
+    """Processes whose command line names a rig file, by their ids."""
+    found: dict[int, str] = {}
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (place / "cmdline").read_bytes().decode(errors="replace").split("\0")
+        except OSError:
+            continue
+        if str(path) in words:
+            found[int(place.name)] = " ".join(words)
+    return found
+
+
+def assert_nothing_is_left(rig: RigFile, path: Path, timeout_s: float = 0.0) -> None:
+    """No process of a rig lives, and each of its ports can be had."""
+    deadline = monotonic() + timeout_s
+    while monotonic() < deadline and processes_of(path):
+        sleep(0.05)
+    assert processes_of(path) == {}
+    check_ports(rig)

@@ -1,0 +1,47 @@
+"""Which rig file is meant, and what is said where there is none."""
+
+from pathlib import Path
+
+import pytest
+
+from pincette.cli.main import main
+from pincette.cli.rest import CliError
+from pincette.cli.rig_file import chosen, opened
+
+ROOT = Path(__file__).parents[3]
+DEMO = ROOT / "deploy/rigs/demo.toml"
+
+
+def test_a_named_file_comes_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PINCETTE_RIG", "of/the/environment.toml")
+    assert chosen(Path("mine.toml")) == Path("mine.toml")
+    assert chosen(None) == Path("of/the/environment.toml")
+
+
+def test_a_checkout_has_the_demo(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PINCETTE_RIG", raising=False)
+    monkeypatch.chdir(ROOT)
+    assert chosen(None).resolve() == DEMO
+
+
+def test_elsewhere_the_ways_out_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("PINCETTE_RIG", raising=False)
+    monkeypatch.chdir(tmp_path)
+    assert main(["topics"]) == 1
+    said = capsys.readouterr().err
+    assert str(tmp_path) in said
+    assert "--rig FILE" in said
+    assert "PINCETTE_RIG" in said
+
+
+@pytest.mark.parametrize(
+    "url", ["socket://127.0.0.1", "socket://127.0.0.1:x", "socket://127.0.0.1:70000"]
+)
+def test_an_address_without_a_port_is_refused(tmp_path: Path, url: str) -> None:
+    path = tmp_path / "rig.toml"
+    text = DEMO.read_text(encoding="utf-8")
+    path.write_text(text.replace("socket://127.0.0.1:7462", url), encoding="utf-8")
+    with pytest.raises(CliError, match=r"output\.url = .* names no port from 1 to 65535"):
+        opened(path)
