@@ -59,7 +59,7 @@ def approach(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> str:
 
 
 def whole_grip(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Json:
-    """Grip, hold and let go; the job as it ended."""
+    """Grip, hold and let go, and fail where that does not succeed; the job as it ended."""
     ended: Json = {}
     for _ in range(TRIES):
         begun = monotonic()
@@ -71,6 +71,7 @@ def whole_grip(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Json:
             break
         check_excused(seen, stalls, *trip)
         make_ready(rig)
+    assert ended["state"] == "succeeded", ended["cause"]
     return ended
 
 

@@ -59,7 +59,7 @@ def await_reaction(
         step_s, frozen_s = WAKE_PERIODS * rig.rig.period_s, ramped_at - begun_at
         stood_s = stalls.between(begun_at, ramped_at)
         assert frozen_s >= limit_s - step_s - stood_s
-        within(limit_s + 2 * step_s, frozen_s, stood_s, "the freeze")
+        within(limit_s + rig.rig.period_s, frozen_s, stood_s, "the freeze")
     else:
         begun_at = ramped_at
     stood_s = stalls.between(ramped_at, safe_at)

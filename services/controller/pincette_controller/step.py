@@ -27,6 +27,8 @@ class State:
     epoch: int = 0
     owner: int = 0
     seq: int = -1
+    loaded: Program | None = None
+    """What the next arming plays; loading it does not touch what plays now."""
     program: Program | None = None
     playing: bool = False
     player: Player | None = None
@@ -163,18 +165,17 @@ def answer(
 ) -> tuple[State, Message, tuple[Message, ...]]:
     """Load a program, begin an epoch with it, or note an action."""
     if isinstance(request, Load):
-        if state.playing:
-            raise RefusedError("the controller plays a program: stop it first")
         if not request.program.segments:
             raise RefusedError("the program has no segments")
-        return replace(state, program=request.program), Done(state.seq), ()
+        return replace(state, loaded=request.program), Done(state.seq), ()
     if isinstance(request, Arm):
-        if state.program is None:
+        if state.loaded is None:
             raise RefusedError("the controller has no program: load one first")
         fresh = State(
             epoch=request.epoch,
             owner=request.owner,
-            program=state.program,
+            loaded=state.loaded,
+            program=state.loaded,
             playing=True,
             refused=state.refused,
         )

@@ -68,6 +68,12 @@ def utc_now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
+def _unusable(path: Path, error: sqlite3.Error) -> StoreError:
+    return StoreError(
+        f"the job store {path} cannot be used: {error}; move it away to begin a new one"
+    )
+
+
 class Store:
     """One file; safe to use from several threads."""
 
@@ -76,19 +82,23 @@ class Store:
         self._lock = threading.Lock()
         try:
             self._base = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+        except sqlite3.Error as error:
+            raise _unusable(path, error) from error
+        try:
             self._base.execute("PRAGMA journal_mode = WAL")
             self._prepare(path)
         except sqlite3.Error as error:
-            raise StoreError(
-                f"the job store {path} cannot be used: {error}; move it away to begin a new one"
-            ) from error
+            self._base.close()
+            raise _unusable(path, error) from error
+        except StoreError:
+            self._base.close()
+            raise
 
     def _prepare(self, path: Path) -> None:
         (version,) = self._base.execute("PRAGMA user_version").fetchone()
         if version == 0:
             self._base.executescript(f"BEGIN; {SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; END")
         elif version != SCHEMA_VERSION:
-            self._base.close()
             raise StoreError(
                 f"the job store {path} has schema {version}, this program knows {SCHEMA_VERSION}: "
                 "use the version that wrote it, or move the file away"

@@ -52,10 +52,11 @@ def result_lines(result: dict[str, Any]) -> list[tuple[str, str]]:
         ("contact stiffness", _quantity(result["contact_stiffness_mN_per_um"], "mN/µm", 3)),
         (
             "force held",
-            f"{_quantity(result['force_held_mN'], 'mN')} "
+            f"not known, of {result['force_target_mN']:g} mN"
+            if error is None
+            else f"{_quantity(result['force_held_mN'], 'mN')} "
             f"± {_quantity(result['force_uncertainty_mN'], 'mN')} "
-            f"of {result['force_target_mN']:g} mN, "
-            f"error {'not known' if error is None else f'{error:+.2f} mN'}",
+            f"of {result['force_target_mN']:g} mN, error {error:+.2f} mN",
         ),
         ("peak force", _quantity(result["peak_force_mN"], "mN")),
         (

@@ -7,8 +7,9 @@ from pincette.control.program import Program
 from pincette.messages import Arm, Load, Status, StatusRequest
 from pincette.topics import ARM, LOAD, STATUS
 
-ORDER = ("estimator", "controller", "actuator", "sensor")
-"""The sensor last: in lockstep its arming is the first tick."""
+ORDER = ("actuator", "estimator", "controller", "sensor")
+"""The actuator first: where it refuses, nothing else has changed. The sensor last: in lockstep its
+arming is the first tick."""
 
 
 def status(bus: Bus, service: str, timeout_s: float = 2.0) -> Status:

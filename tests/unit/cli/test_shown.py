@@ -74,6 +74,7 @@ def test_what_is_not_known_is_said() -> None:
     show_result(job | {"result": nothing}, console)
     assert "no_contact: [x]" in out.getvalue()
     assert "contact position    not known" in out.getvalue()
+    assert "force held          not known, of 20 mN" in out.getvalue()
 
 
 def test_the_plot_is_named_where_it_is(tmp_path: Path) -> None:
