@@ -6,6 +6,10 @@ from pincette.config import ConfigError, RigFile
 
 GRACE_PERIODS = 50.0
 """How long after arming the first command may come."""
+WAKE_PERIODS = 0.25
+"""How often the actuator looks at its clock in real time."""
+EXCUSED_PERIODS = 10.0
+"""How much of the actuator's own standstill is left out of an age, from one command to the next."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,6 +18,8 @@ class ActuatorConfig:
 
     period_s: float
     lockstep: bool
+    wake_s: float
+    excused_s: float
     age_limit_s: float
     grace_s: float
     ramp_s: float
@@ -36,6 +42,8 @@ def configure(rig: RigFile) -> ActuatorConfig:
     return ActuatorConfig(
         period_s=period_s,
         lockstep=rig.lockstep,
+        wake_s=WAKE_PERIODS * period_s,
+        excused_s=EXCUSED_PERIODS * period_s,
         age_limit_s=safety.command_age_periods * period_s,
         grace_s=GRACE_PERIODS * period_s,
         ramp_s=safety.ramp_s,

@@ -3,6 +3,10 @@
 What a fault means is decided before the fault: the last good command says whether a part is held.
 With the arm free the voltage ramps to the safe value; with a part held it is frozen for a bounded
 time and then ramped. Either way the actuator is latched until a person resets it.
+
+Times count while the actuator itself runs. Where the machine has stood still, a command that is on
+its way has not had its chance, and a ramp would jump; so a standstill of the actuator is left out,
+up to a bound, and nothing is later by more than the standstill itself.
 """
 
 from dataclasses import dataclass, replace
@@ -39,6 +43,11 @@ class State:
     """Begin of the freeze or the ramp."""
     ramp_from_V: float = 0.0
     limits_active: int = 0
+    ran_s: float | None = None
+    """When the actuator ran last."""
+    excused_s: float = 0.0
+    """Standstill left out since the last good command."""
+    standstills: int = 0
     refused: int = 0
     refusal: str = ""
     """Why a command was refused last."""
@@ -46,7 +55,26 @@ class State:
     @property
     def detail(self) -> str:
         """What a person asks for first: the mode, its cause, and the last refusal."""
-        return "; ".join(text for text in (self.mode, self.cause, self.refusal) if text)
+        stood = f"stood still {self.standstills} times" if self.standstills else ""
+        return "; ".join(text for text in (self.mode, self.cause, self.refusal, stood) if text)
+
+
+def awake(config: ActuatorConfig, state: State, now: float) -> State:
+    """Note that the actuator runs; a standstill before that is left out of every age."""
+    if config.lockstep or state.ran_s is None:
+        return replace(state, ran_s=now)
+    stood_s = now - state.ran_s - config.wake_s
+    if stood_s <= config.wake_s:
+        return replace(state, ran_s=now)
+    stood_s = min(stood_s, config.excused_s - state.excused_s)
+    return replace(
+        state,
+        ran_s=now,
+        fresh_s=state.fresh_s + stood_s,
+        since_s=state.since_s + stood_s,
+        excused_s=state.excused_s + stood_s,
+        standstills=state.standstills + 1,
+    )
 
 
 def newest_sample(state: State) -> tuple[int, float]:
@@ -117,6 +145,7 @@ def take(config: ActuatorConfig, state: State, command: Command, now: float) -> 
         taken_seq=command.seq,
         fresh_s=now if arrived_s is None else arrived_s,
         limits_active=flags,
+        excused_s=0.0,
     )
 
 

@@ -8,9 +8,10 @@ from pincette.config import RigFile
 from pincette.messages import Applied, Arm, Command, Done, Message, Position, Reset, Trip
 from pincette.service import Drive, Input, RefusedError, Service
 from pincette.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TRIP
-from pincette_actuator.config import ActuatorConfig, configure
+from pincette_actuator.config import WAKE_PERIODS, ActuatorConfig, configure
 from pincette_actuator.safety import (
     State,
+    awake,
     newest_sample,
     objection,
     pass_time,
@@ -42,6 +43,7 @@ def start(config: ActuatorConfig) -> State:
 
 def step(config: ActuatorConfig, state: State, inputs: Inputs, now: float) -> tuple[State, Outputs]:
     """Take a command, note a sample, or let time pass."""
+    state = awake(config, state, now)
     if inputs.device is not None:
         return _answer_tick(config, trip(config, state, f"device: {inputs.device}", now), now)
     if inputs.position is not None and inputs.position.epoch == state.epoch:
@@ -126,6 +128,8 @@ def answer(
             owner=request.owner,
             voltage_V=state.voltage_V,
             fresh_s=now + config.grace_s,
+            ran_s=state.ran_s,
+            standstills=state.standstills,
             refused=state.refused,
         )
         return state, Done(-1), (_applied(state, -1, now, None),)
@@ -174,6 +178,6 @@ SERVICE: Service[RigFile, ActuatorConfig, State, Inputs] = Service(
     step=step,
     answer=answer,
     instrument="voltage_output",
-    wake_periods=0.25,
+    wake_periods=WAKE_PERIODS,
     wind_down=wind_down,
 )
