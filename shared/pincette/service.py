@@ -74,6 +74,8 @@ class Service(Generic[R, C, S, I]):
     instrument: Literal["position_sensor", "voltage_output"] | None = None
     wake_periods: float | None = None
     """In real time, step at least this often, in control periods."""
+    adopt: Callable[[C, S, float], S] | None = None
+    """Begin from the voltage that the instrument puts out, whoever set it."""
     wind_down: Callable[[C, S, float], tuple[S, bool]] | None = None
     """Begin, or go on, to bring the instrument to rest before the program ends; true at rest."""
 

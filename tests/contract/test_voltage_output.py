@@ -62,6 +62,13 @@ class VoltageOutputContract:
                 output.write_V(voltage_V)
             assert load.voltages_V == pytest.approx(asked_V, abs=0.501 * self.step_V)
 
+    def test_reads_back_what_is_put_out_and_moves_nothing(self, reach: Reach) -> None:
+        with self.opened(reach) as (load, output):
+            assert output.read_V() == 0.0
+            output.write_V(-1.25)
+            assert output.read_V() == pytest.approx(-1.25, abs=self.step_V)
+            assert len(load.voltages_V) == 1
+
     def test_opening_moves_nothing(self, reach: Reach) -> None:
         with self.opened(reach) as (load, _):
             assert load.voltages_V == []

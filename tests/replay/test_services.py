@@ -37,6 +37,10 @@ class Tape:
         self._place += 1
         return self._positions[self._place - 1] + RIG.sensor.offset_um
 
+    def read_V(self) -> float:
+        """As at the begin of the recording."""
+        return 0.0
+
     def write_V(self, voltage_V: float) -> None:
         """Accept anything."""
 

@@ -41,6 +41,11 @@ def start(config: ActuatorConfig) -> State:
     return State(voltage_V=config.safe_V)
 
 
+def adopt(_config: ActuatorConfig, state: State, found_V: float) -> State:
+    """Begin from what is put out: after a restart it is the voltage that the arm stands at."""
+    return replace(state, voltage_V=found_V)
+
+
 def step(config: ActuatorConfig, state: State, inputs: Inputs, now: float) -> tuple[State, Outputs]:
     """Take a command, note a sample, or let time pass."""
     state = awake(config, state, now)
@@ -179,5 +184,6 @@ SERVICE: Service[RigFile, ActuatorConfig, State, Inputs] = Service(
     answer=answer,
     instrument="voltage_output",
     wake_periods=WAKE_PERIODS,
+    adopt=adopt,
     wind_down=wind_down,
 )

@@ -3,11 +3,13 @@
 From the I-7021/7022/7024 user manual: lines end with CR; ``#AAN±dd.ddd`` sets channel N of the
 module at address AA (hexadecimal) and answers ``>``; ``?`` is a value out of range, ``?AA`` an
 invalid command, ``!`` a command ignored because the host watchdog has tripped and the output is
-at its safe value. A wrong address or a bad line is met with silence. An optional checksum, two
-hexadecimal digits, is the sum of the preceding bytes modulo 256.
+at its safe value; ``$AA8N`` answers ``!AA±dd.ddd``, the voltage that is put out. A wrong address
+or a bad line is met with silence. An optional checksum, two hexadecimal digits, is the sum of the
+preceding bytes modulo 256.
 """
 
 import logging
+import re
 from dataclasses import dataclass
 from math import isfinite
 from typing import Literal
@@ -22,6 +24,7 @@ from pincette.instruments.protocols import InstrumentError, Link
 MET = False
 """Whether this driver has met its instrument."""
 LIMIT_V = 10.0
+VALUE = re.compile(rb"[+-]\d{2}\.\d{3}")
 
 _log = logging.getLogger(__name__)
 
@@ -58,6 +61,20 @@ class I7024:
         reply = self.ask(request)
         if reply != b">":
             raise InstrumentError(f"I-7024: {voltage_V:+.3f} V {_meaning(self.head, reply)}")
+
+    def read_V(self) -> float:
+        """Return the voltage that the channel puts out now.
+
+        Raises
+        ------
+        InstrumentError
+            Where the module does not answer, or not with a voltage.
+        """
+        address, channel = self.head[1:3], self.head[3:]
+        reply = self.ask(b"$" + address + b"8" + channel)
+        if reply[:3] != b"!" + address or VALUE.fullmatch(reply[3:]) is None:
+            raise InstrumentError(f"I-7024: {reply[:40]!r} carries no voltage")
+        return float(reply[3:])
 
     def close(self) -> None:
         """Give the port back."""

@@ -44,6 +44,10 @@ class VoltageOutput(Protocol):
         """
         ...
 
+    def read_V(self) -> float:
+        """Return the voltage that is put out now; moves nothing, raises InstrumentError."""
+        ...
+
     def close(self) -> None:
         """Give the port back."""
         ...

@@ -43,6 +43,9 @@ class Node:
         self.period_s = rig.rig.period_s
         self.config: Any = service.configure(rig)
         self.state: Any = service.start(self.config)
+        if service.adopt is not None:
+            found_V = cast(VoltageOutput, device).read_V()
+            self.state = service.adopt(self.config, self.state, found_V)
         self.steps = 0
         self.missed = 0
         self._now = 0.0

@@ -10,7 +10,7 @@ from pincette.messages import Applied, Arm, Command, Done, Message, Position, Re
 from pincette.service import Drive, RefusedError
 from pincette_actuator.config import ActuatorConfig
 from pincette_actuator.safety import SLEW_UP, VOLTAGE_MAX, State, wind_down
-from pincette_actuator.step import Inputs, answer, start, step
+from pincette_actuator.step import Inputs, adopt, answer, start, step
 
 T = 0.02
 CONFIG = ActuatorConfig(
@@ -225,6 +225,16 @@ def test_told_to_end_it_ramps_to_the_safe_voltage_first(held: bool) -> None:
         now += T / 4
     assert state.voltage_V == CONFIG.safe_V
     assert now <= 0.01 + CONFIG.ramp_s + T / 4
+
+
+def test_a_restarted_actuator_ramps_from_the_voltage_it_finds() -> None:
+    state = adopt(CONFIG, start(CONFIG), 2.0)
+    assert (state.mode, state.voltage_V) == ("latched", 2.0)
+    state, _, _ = answer(CONFIG, state, Trip("supervisor"), 0.0)
+    state, outputs = play(state, (WAKE, 0.0))
+    drive = outputs[0]
+    assert isinstance(drive, Drive)
+    assert 2.0 - drive.voltage_V <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
 
 
 def test_the_first_cause_is_kept() -> None:
