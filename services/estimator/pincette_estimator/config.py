@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from pincette.config import Model, RigFile
-from pincette.control.force import ZeroLimits
+from pincette.control.force import ZeroLimits, smoothing
 from pincette.control.free_response import FreeResponse, FreeSample, nominal_response
 from pincette.control.identified_response import identified_response
 from pincette.control.plant import DifferenceEquation, discretize
@@ -20,6 +20,10 @@ class EstimatorConfig:
     compliance_um_per_mN: float
     noise_um: float
     creep_mN_per_decade: float
+    forgotten_mN: float
+    forgotten_scale_V: float
+    smoothing: float
+    """Share by which the force follows each sample."""
     zero_limits: ZeroLimits
 
 
@@ -33,6 +37,9 @@ def configure(rig: RigFile) -> EstimatorConfig:
         compliance_um_per_mN=model.compliance_um_per_mN,
         noise_um=rig.sensor.noise_um,
         creep_mN_per_decade=model.creep_mN_per_decade,
+        forgotten_mN=model.forgotten_mN,
+        forgotten_scale_V=model.forgotten_scale_V,
+        smoothing=smoothing(rig.rig.period_s, model.force_filter_s),
         zero_limits=ZeroLimits(),
     )
 

@@ -1,6 +1,6 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import NamedTuple
 
@@ -8,6 +8,7 @@ from pincette.config import RigFile
 from pincette.control.force import force, uncertainty, zero_refusal
 from pincette.control.free_response import FreeResponse, FreeSample
 from pincette.control.plant import perturbation
+from pincette.control.to_and_fro import ToAndFro, forgotten_mN
 from pincette.messages import Applied, Arm, Done, Estimate, Message, Position
 from pincette.service import Drive, Input, RefusedError, Service
 from pincette.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS
@@ -41,6 +42,10 @@ class State:
     zero_refusal: str = ""
     x_2_um: float = 0.0
     x_3_um: float = 0.0
+    force_mN: float | None = None
+    """F̂ of the sample before, low-passed; None where it begins anew."""
+    to_and_fro: ToAndFro = field(default_factory=lambda: ToAndFro(0.0))
+    """Of the voltage, since the zero."""
     refused: int = 0
 
 
@@ -68,6 +73,8 @@ def step(
     t_s = position.seq * config.period_s
     state = _listen(config, state, x_um, applied, t_s)
     F_mN = force(x_um, state.response.position_um(), config.compliance_um_per_mN)
+    if state.force_mN is not None:
+        F_mN = state.force_mN + config.smoothing * (F_mN - state.force_mN)
     age_s = None if state.zero_s is None else t_s - state.zero_s
     u_F_mN = uncertainty(
         noise_um=config.noise_um,
@@ -75,6 +82,11 @@ def step(
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
         zero_age_s=t_s if age_s is None else age_s,
+        forgotten_mN=forgotten_mN(
+            state.to_and_fro.total_V,
+            full_mN=config.forgotten_mN,
+            scale_V=config.forgotten_scale_V,
+        ),
     )
     p_mN = perturbation(
         config.plant,
@@ -100,13 +112,19 @@ def step(
         degraded=False,
         valid=True,
     )
-    return replace(state, x_2_um=x_um, x_3_um=state.x_2_um), (estimate,)
+    after = replace(state, x_2_um=x_um, x_3_um=state.x_2_um, force_mN=F_mN)
+    return after, (estimate,)
 
 
 def _follow(config: EstimatorConfig, state: State, seq: int, voltage_V: float) -> State:
     """Let x_1 follow the voltage over the samples since the last that had one."""
     dt_s = (seq - state.followed_seq) * config.period_s
-    return replace(state, response=state.response.follow(voltage_V, dt_s), followed_seq=seq)
+    return replace(
+        state,
+        response=state.response.follow(voltage_V, dt_s),
+        to_and_fro=state.to_and_fro.follow(voltage_V),
+        followed_seq=seq,
+    )
 
 
 def _begin(state: State, x_um: float) -> State:
@@ -132,7 +150,15 @@ def _listen(
     if refusal:
         return replace(state, samples=samples, zero_refusal=refusal)
     response = state.response.rezero(samples, limits.rest_samples)
-    return replace(state, samples=samples, response=response, zero_s=t_s, zero_refusal="")
+    return replace(
+        state,
+        samples=samples,
+        response=response,
+        zero_s=t_s,
+        zero_refusal="",
+        force_mN=None,
+        to_and_fro=ToAndFro(state.to_and_fro.voltage_V),
+    )
 
 
 def _degraded(state: State, position: Position, applied: Applied | None) -> Estimate:
@@ -161,7 +187,13 @@ def answer(
     """Begin a new epoch without a zero; x_1 remembers what the arm has been through."""
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
-    return State(state.response, epoch=request.epoch, refused=state.refused), Done(0), ()
+    begun = State(
+        state.response,
+        epoch=request.epoch,
+        to_and_fro=state.to_and_fro,
+        refused=state.refused,
+    )
+    return begun, Done(0), ()
 
 
 SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(

@@ -2,7 +2,6 @@
 
 import os
 from pathlib import Path
-from urllib.parse import urlsplit
 
 from pincette.cli.rest import CliError
 from pincette.config import ConfigError, RigFile, read_rig
@@ -35,17 +34,6 @@ def chosen(given: Path | None) -> Path:
 def opened(path: Path) -> RigFile:
     """Read a rig file; raises CliError with what is wrong in it."""
     try:
-        rig = read_rig(path)
+        return read_rig(path)
     except ConfigError as error:
         raise CliError(f"{error}\nMend the file, or name another with --rig") from error
-    for table, url in (("sensor", rig.sensor.url), ("output", rig.output.url)):
-        try:
-            known = urlsplit(url).port is not None
-        except ValueError:
-            known = False
-        if url.startswith("socket://") and not known:
-            raise CliError(
-                f"rig file {path}: {table}.url = {url!r} names no port from 1 to 65535: "
-                "write socket://HOST:PORT"
-            )
-    return rig

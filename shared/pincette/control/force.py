@@ -6,7 +6,7 @@ the object; (53) as printed gives the opposite sign.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import log10, sqrt
+from math import exp, log10, sqrt
 
 from pincette.control.free_response import FreeResponse, FreeSample, rest_mean
 
@@ -26,6 +26,15 @@ def force(x_um: float, free_um: float, compliance_um_per_mN: float) -> float:
     return (free_um - x_um) / compliance_um_per_mN
 
 
+def smoothing(period_s: float, time_constant_s: float) -> float:
+    """Share 1 - e^(-T/τ) by which a first-order low-pass follows each sample; 1 where τ is 0.
+
+    The sensor's noise is amplified by 1/s_p into F̂, and by the law into a to-and-fro of the
+    voltage, which wears the hysteresis; a few samples of averaging take most of it away.
+    """
+    return 1.0 - exp(-period_s / time_constant_s) if time_constant_s > 0.0 else 1.0
+
+
 def uncertainty(
     *,
     noise_um: float,
@@ -33,17 +42,20 @@ def uncertainty(
     compliance_um_per_mN: float,
     creep_mN_per_decade: float,
     zero_age_s: float,
+    forgotten_mN: float,
 ) -> float:
     """Expanded uncertainty of the force in mN: root sum of squares, times ``COVERAGE``.
 
     Its parts, each taken as a standard uncertainty: the sensor's r.m.s. noise and the error of the
-    free response since the zero, both over s_p; and the creep that x_1 does not know, which grows
-    with log10(1 + age/1 s) of the zero.
+    free response since the zero, both over s_p; the creep that x_1 does not know, which grows with
+    log10(1 + age/1 s) of the zero; and what the actuator has forgotten and x_1 has not.
     """
     noise_mN = noise_um / compliance_um_per_mN
     free_mN = free_error_um / compliance_um_per_mN
     creep_mN = creep_mN_per_decade * log10(1.0 + max(0.0, zero_age_s))
-    return COVERAGE * sqrt(noise_mN * noise_mN + free_mN * free_mN + creep_mN * creep_mN)
+    return COVERAGE * sqrt(
+        noise_mN * noise_mN + free_mN * free_mN + creep_mN * creep_mN + forgotten_mN * forgotten_mN
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,5 +43,5 @@ def test_an_address_without_a_port_is_refused(tmp_path: Path, url: str) -> None:
     path = tmp_path / "rig.toml"
     text = DEMO.read_text(encoding="utf-8")
     path.write_text(text.replace("socket://127.0.0.1:7462", url), encoding="utf-8")
-    with pytest.raises(CliError, match=r"output\.url = .* names no port from 1 to 65535"):
+    with pytest.raises(CliError, match=r"output\.url = .*a port from 1 to 65535"):
         opened(path)

@@ -1,10 +1,10 @@
 """The force estimator: matched ages, its uncertainty, and when a zero is refused."""
 
-from math import log10, pi, sin, sqrt
+from math import exp, log10, pi, sin, sqrt
 
 import pytest
 
-from pincette.control.force import ZeroLimits, force, uncertainty, zero_refusal
+from pincette.control.force import ZeroLimits, force, smoothing, uncertainty, zero_refusal
 from pincette.control.free_response import FreeSample, nominal_response
 
 D_P, S_P, PERIOD_S = 19.0, 0.46, 0.02
@@ -44,7 +44,10 @@ def test_what_other_ages_and_the_printed_term_would_read() -> None:
 
 
 def the_uncertainty(
-    noise_um: float = 0.0, free_error_um: float = 0.0, zero_age_s: float = 0.0
+    noise_um: float = 0.0,
+    free_error_um: float = 0.0,
+    zero_age_s: float = 0.0,
+    forgotten_mN: float = 0.0,
 ) -> float:
     return uncertainty(
         noise_um=noise_um,
@@ -52,6 +55,7 @@ def the_uncertainty(
         compliance_um_per_mN=S_P,
         creep_mN_per_decade=0.3,
         zero_age_s=zero_age_s,
+        forgotten_mN=forgotten_mN,
     )
 
 
@@ -64,7 +68,16 @@ def test_uncertainty_has_three_parts_and_coverage_two() -> None:
     assert noise == pytest.approx(2.0 * 0.03 / 0.46)
     assert free == pytest.approx(2.0 * 0.1 / 0.46)
     assert age == pytest.approx(2.0 * 0.3 * log10(100.0))
-    assert the_uncertainty(0.03, 0.1, 99.0) == pytest.approx(sqrt(noise**2 + free**2 + age**2))
+    whole = sqrt(noise**2 + free**2 + age**2 + (2.0 * 0.7) ** 2)
+    assert the_uncertainty(0.03, 0.1, 99.0, 0.7) == pytest.approx(whole)
+
+
+def test_the_low_pass_follows_a_step_by_its_time_constant() -> None:
+    share, force_mN = smoothing(0.02, 0.1), 0.0
+    for _ in range(5):
+        force_mN += share * (1.0 - force_mN)
+    assert force_mN == pytest.approx(1.0 - exp(-1.0))
+    assert smoothing(0.02, 0.0) == 1.0
 
 
 MODEL = nominal_response(D_P, FreeSample(0.0, 0.0))

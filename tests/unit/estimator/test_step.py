@@ -25,10 +25,10 @@ POSITION = Position(1, 0, 0.0, 0.0, valid=True)
 APPLIED = Applied(1, -1, 0.0, "closed", "", 0, False, False, False, True, 0, 0.02)
 
 
-def a_rig(taught: IdentifiedFreeResponse | None) -> RigFile:
-    return DEMO.model_copy(
-        update={"model": DEMO.model.model_copy(update={"free_response": taught})}
-    )
+def a_rig(taught: IdentifiedFreeResponse | None, filter_s: float = 0.0) -> RigFile:
+    """The demo rig with this free response; without the low-pass, so that samples stand alone."""
+    model = DEMO.model.model_copy(update={"free_response": taught, "force_filter_s": filter_s})
+    return DEMO.model_copy(update={"model": model})
 
 
 LINEAR = configure(a_rig(None))
@@ -176,3 +176,24 @@ def test_it_answers_arming_alone() -> None:
     guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
     with pytest.raises(RefusedError, match="does not answer Load"):
         answer(LINEAR, start(LINEAR), Load(Program((), guards, 2.0)), 0.0)
+
+
+def test_the_low_pass_follows_the_force_and_begins_anew_with_a_zero() -> None:
+    bench = Bench(configure(a_rig(TAUGHT, filter_s=0.03)))
+    bench.rest(0.0, 0.0)
+    free_um = bench.state.response.position_um()
+    first, second = (bench.feed(free_um - 4.6, 0.0).force_mN for _ in range(2))
+    assert 4.0 < first < 6.0 < second < 9.0
+    bench.rest(free_um, 0.0, count=40)
+    assert bench.feed(free_um, 0.0, zero=True).zero_age_s == 0.0
+    assert bench.feed(free_um, 0.0).force_mN == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_uncertainty_grows_with_the_to_and_fro_since_the_zero() -> None:
+    bench = Bench(IDENTIFIED)
+    bench.rest(0.0, 0.0)
+    bench.feed(0.0, 0.0, zero=True)
+    before = bench.feed(0.0, 0.0).force_uncertainty_mN
+    for tick in range(100):
+        bench.feed(0.0, 0.004 * (tick % 2))
+    assert bench.feed(0.0, 0.0).force_uncertainty_mN > before + 2.0

@@ -3,25 +3,16 @@
 import hashlib
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from pincette.control.hysteresis import HysteresisModel
-from pincette.control.plant import ArmParameters, consistent_arm, printed_arm
+from pincette.config.model import Law, Model
+from pincette.config.simulation import Simulation
+from pincette.config.tables import ConfigError, NotNegative, Positive, Table, Url
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
-
-
-class ConfigError(ValueError):
-    """A rig file that cannot be used; the text names file, place, value and what is wanted."""
-
-
-class Table(BaseModel):
-    """A table of the rig file."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+Options = dict[str, str | int | float | bool]
+"""What only one driver understands; it checks them itself."""
 
 
 class Rig(Table):
@@ -43,7 +34,7 @@ class Sensor(Table):
     """The position sensor: driver, where it is, its range in µm."""
 
     driver: str
-    url: str
+    url: Url
     minimum_um: float
     maximum_um: float
     offset_um: float = 0.0
@@ -53,81 +44,16 @@ class Sensor(Table):
     timeout_s: Positive = 0.1
     noise_um: NotNegative
     """r.m.s., as identified; enters the force uncertainty."""
-    options: dict[str, str | int | float | bool] = {}
+    options: Options = Field(default_factory=Options)
 
 
 class Output(Table):
     """The voltage output that drives the amplifier."""
 
     driver: str
-    url: str
+    url: Url
     timeout_s: Positive = 0.1
-    options: dict[str, str | int | float | bool] = {}
-
-
-class IdentifiedFreeResponse(Table):
-    """The free response as ``pincette teach`` identified it; see ``control.hysteresis``."""
-
-    thresholds_V: tuple[float, ...] = Field(strict=False)
-    weights_um_per_V: tuple[float, ...] = Field(strict=False)
-    creep_times_s: tuple[float, ...] = Field(default=(), strict=False)
-    creep_fractions: tuple[float, ...] = Field(default=(), strict=False)
-    residual_um: NotNegative
-    """r.m.s. left of free motion that was not fitted; enters the force uncertainty."""
-
-    @model_validator(mode="after")
-    def _possible(self) -> "IdentifiedFreeResponse":
-        self.hysteresis()
-        return self
-
-    def hysteresis(self) -> HysteresisModel:
-        """Model of the table; raises ValueError where it is impossible."""
-        return HysteresisModel(
-            thresholds_V=self.thresholds_V,
-            weights_um_per_V=self.weights_um_per_V,
-            creep_times_s=self.creep_times_s,
-            creep_fractions=self.creep_fractions,
-        )
-
-
-class Model(Table):
-    """The arm as the controller and the estimator know it."""
-
-    parameters: Literal["consistent", "printed"] = "consistent"
-    natural_frequency_rad_per_s: Positive = 2437.8
-    damping_ratio: Positive = 0.0260
-    piezo_um_per_V: Positive = 19.0
-    compliance_um_per_mN: Positive = 0.46
-    hysteresis_fraction: NotNegative = 0.06
-    """Error of the linear free response, as a share of the voltage travel since the zero."""
-    creep_mN_per_decade: NotNegative = 0.3
-    """Growth of the force uncertainty per decade of zero age."""
-    free_response: IdentifiedFreeResponse | None = None
-    """Without it the free response is a straight line."""
-
-    def arm(self) -> ArmParameters:
-        """m, b, k, d of the set that is named."""
-        if self.parameters == "printed":
-            return printed_arm()
-        return consistent_arm(
-            self.natural_frequency_rad_per_s,
-            self.damping_ratio,
-            self.piezo_um_per_V,
-            self.compliance_um_per_mN,
-        )
-
-
-class Law(Table):
-    """Gains of PBSMIC and of the generalized impedance (10), in mN and µm."""
-
-    K_P: Positive = 1.0
-    K_I: Positive = 1.0
-    K_S: NotNegative = 0.0
-    delta: Positive = 100.0
-    M: Positive = 1e-3
-    B: Positive = 8.9221
-    K: Positive = 1.9901e4
-    K_f: NotNegative = 5000.0
+    options: Options = Field(default_factory=Options)
 
 
 class Limits(Table):
@@ -187,39 +113,6 @@ class Grip(Table):
     seek_um_per_s: Positive = 4.0
     contact_force_mN: Positive = 2.0
     zero_s: Positive = 0.4
-
-
-class Hysteresis(Table):
-    """Normalised Bouc-Wen shape: dh/dt = A du/dt - b|du/dt|h - g du/dt|h|, y = d u - h."""
-
-    A_over_d: NotNegative
-    b_times_U: NotNegative
-    g_times_U: float
-    full_drive_V: Positive
-
-
-class Simulation(Table):
-    """The simulated rig: what the plant is, which no other program may know."""
-
-    seed: int = Field(default=1, ge=0)
-    substep_s: Positive = 0.001
-    natural_frequency_rad_per_s: Positive
-    damping_ratio: Positive
-    compliance_um_per_mN: Positive
-    piezo_um_per_V: Positive
-    hysteresis: Hysteresis
-    creep_per_decade: NotNegative
-    sensor_noise_um: NotNegative
-    sensor_step_um: Positive
-    output_step_V: Positive
-    output_lag_s: NotNegative
-    actuation_delay_s: NotNegative
-    """Lockstep: from the sample to the arrival of the voltage."""
-    bead: bool = True
-    bead_contact_um: float
-    environment_stiffness_mN_per_um: Positive
-    baud: int = Field(default=115200, ge=1200)
-    truth: bool = True
 
 
 class Supervisor(Table):
