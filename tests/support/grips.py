@@ -150,6 +150,8 @@ def reset(rig: RunningRig) -> None:
 
 def make_ready(rig: RunningRig, timeout_s: float = 10.0) -> None:
     """Clear what a test before has left, where that one failed half way."""
+    for member in rig.fleet.ended():
+        restart(rig, member.name)
     deadline = monotonic() + timeout_s
     while monotonic() < deadline:
         view = rig.view()

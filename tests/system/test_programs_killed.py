@@ -19,7 +19,7 @@ from tests.support.grips import (
 )
 from tests.support.reactions import REACTION_S, SAFE_S, await_reaction, within
 from tests.support.running import RunningRig
-from tests.support.stalls import StallRecorder
+from tests.support.stalls import StallRecorder, again_after_a_stall
 from tests.support.witness import Witness
 
 
@@ -33,6 +33,7 @@ def missed(rig: RunningRig) -> dict[str, int]:
     return {program["name"]: program["missed"] for program in rig.view()["programs"]}
 
 
+@again_after_a_stall(make_ready)
 def test_a_grip_without_a_fault_has_no_trip_and_refuses_nothing(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
 ) -> None:
@@ -63,6 +64,7 @@ def test_a_grip_without_a_fault_has_no_trip_and_refuses_nothing(
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
 @pytest.mark.parametrize("name", ["sensor", "estimator"])
+@again_after_a_stall(make_ready)
 def test_without_samples_the_actuator_makes_the_rig_safe(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, name: str, held: bool
 ) -> None:
@@ -82,6 +84,7 @@ def test_without_samples_the_actuator_makes_the_rig_safe(
     within(safe_s, reaction.safe_s, reaction.safe_stalls_s, "the way to the safe voltage")
 
 
+@again_after_a_stall(make_ready)
 def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -106,6 +109,7 @@ def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(
     assert abs(put_V[-1] - seen.newest(Applied).voltage_V) <= rig.rig.simulation.output_step_V
 
 
+@again_after_a_stall(make_ready)
 def test_a_job_whose_actuator_was_restarted_at_once_has_failed(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:

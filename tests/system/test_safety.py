@@ -33,7 +33,7 @@ from tests.support.reactions import (
     within,
 )
 from tests.support.running import RunningRig
-from tests.support.stalls import StallRecorder
+from tests.support.stalls import StallRecorder, again_after_a_stall
 from tests.support.witness import Witness
 
 ROUNDS = 10
@@ -84,6 +84,7 @@ def check_words(rig: RunningRig, job: str) -> None:
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
 @pytest.mark.parametrize("fault", ["killed", "hung"])
+@again_after_a_stall(make_ready)
 def test_without_the_controller_the_actuator_makes_the_rig_safe(
     rig: RunningRig,
     seen: Witness,

@@ -10,7 +10,7 @@ from pincette.topics import TRIP
 from tests.support.grips import approach, command, hold, make_ready, refused, reset, restart
 from tests.support.reactions import Reaction, await_reaction, distribution, within
 from tests.support.running import RunningRig
-from tests.support.stalls import StallRecorder
+from tests.support.stalls import StallRecorder, again_after_a_stall
 from tests.support.witness import Witness
 
 ROUNDS = 3
@@ -39,6 +39,7 @@ def check_estop_is_latched(rig: RunningRig) -> None:
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
+@again_after_a_stall(make_ready)
 def test_an_emergency_stop_over_rest_acts_within_one_period(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str], held: bool
 ) -> None:
@@ -67,6 +68,7 @@ def test_an_emergency_stop_over_rest_acts_within_one_period(
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
+@again_after_a_stall(make_ready)
 def test_an_emergency_stop_works_without_the_supervisor(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, held: bool
 ) -> None:
@@ -88,6 +90,7 @@ def test_an_emergency_stop_works_without_the_supervisor(
     check_estop_is_latched(rig)
 
 
+@again_after_a_stall(make_ready)
 def test_an_emergency_stop_asked_of_the_actuator_acts_within_one_period(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -101,6 +104,7 @@ def test_an_emergency_stop_asked_of_the_actuator_acts_within_one_period(
     check_estop_is_latched(rig)
 
 
+@again_after_a_stall(make_ready)
 def test_a_stop_of_the_free_arm_leaves_it_at_rest(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -119,6 +123,7 @@ def test_a_stop_of_the_free_arm_leaves_it_at_rest(
     assert rig.view()["can_start"]
 
 
+@again_after_a_stall(make_ready)
 def test_a_stop_keeps_a_held_part_until_it_is_released(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -142,6 +147,7 @@ def test_a_stop_keeps_a_held_part_until_it_is_released(
     assert seen.newest(Truth).force_mN == 0.0
 
 
+@again_after_a_stall(make_ready)
 def test_an_abort_freezes_a_held_part_and_then_lets_it_go(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:

@@ -21,6 +21,9 @@ from pincette.instruments.protocols import InstrumentError, Link
 
 LONGEST_FRAME = 256
 READ_SIZE = 4096
+GRACE = 0.2
+"""Share of the timeout that is waited once more where it has passed: the time may have passed while
+the machine stood still, with the answer on its way all along."""
 
 _log = logging.getLogger(__name__)
 
