@@ -68,7 +68,7 @@ Test = Callable[P, None]
 def again_after_a_stall(make_ready: Callable[[Any], None]) -> Callable[[Test[P]], Test[P]]:
     """Repeat a test of real time that failed while the machine stood still; other failures stand.
 
-    For tests with the fixtures ``rig`` and ``stalls``. A rig at T = 20 ms may trip by itself where
+    For tests with the fixture ``stalls``; what they call ``rig`` is made ready again. A rig at T = 20 ms may trip by itself where
     a processor is away for more than a period, and what the test meant to see is then not there.
     """
 
@@ -85,7 +85,7 @@ def again_after_a_stall(make_ready: Callable[[Any], None]) -> Callable[[Test[P]]
                     if last or max(stood, default=0.0) < BLAMED_S:
                         raise
                     print(f"again: the machine stood still for {1e3 * max(stood):.0f} ms")
-                    make_ready(kwargs["rig"])
+                    make_ready(kwargs.get("rig"))
             return None
 
         return repeated

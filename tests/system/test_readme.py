@@ -16,6 +16,7 @@ from tests.support.checkout import (
     until_interrupted,
     workspace,
 )
+from tests.support.stalls import StallRecorder, again_after_a_stall
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```sh\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
@@ -71,10 +72,11 @@ def test_make_test() -> None:
     pytest.skip("`make test` is what runs this test")
 
 
-def test_make_demo(folder: Path) -> None:
+@again_after_a_stall(lambda _rig: None)
+def test_make_demo(folder: Path, stalls: StallRecorder) -> None:
     await_demo_ports()
     done = run(["make", "demo"], folder, 170.0)
-    assert done.returncode == 0, done.stdout
+    assert done.returncode == 0, f"{done.stdout}\nthe machine stood still: {stalls.stalls}"
     phases = ("zero", "approach", "contact", "load", "hold", "unload", "retreat")
     for wanted in (
         r"outcome +gripped",
