@@ -68,8 +68,9 @@ Test = Callable[P, None]
 def again_after_a_stall(make_ready: Callable[[Any], None]) -> Callable[[Test[P]], Test[P]]:
     """Repeat a test of real time that failed while the machine stood still; other failures stand.
 
-    For tests with the fixture ``stalls``; what they call ``rig`` is made ready again. A rig at T = 20 ms may trip by itself where
-    a processor is away for more than a period, and what the test meant to see is then not there.
+    For tests with the fixture ``stalls``; what they call ``rig`` is made ready again. A rig at
+    T = 20 ms may trip by itself where a processor is away for more than a period, and what the
+    test meant to see is then not there.
     """
 
     def decorate(test: Test[P]) -> Test[P]:
