@@ -35,7 +35,7 @@ MOVED_UM = 1.0
 TRIES = 4
 WAIT_S = 10.0
 LOOK_S = 0.002
-BEFORE_A_TRIP_S = 0.1
+BEFORE_S = 0.1
 """A stall this long before a trip may have caused it: the age limit and two periods."""
 TRIPPED = ("frozen", "ramping")
 
@@ -105,11 +105,11 @@ def _begin(
 
 def check_excused(seen: Witness, stalls: StallRecorder, tripped_at: float, echo: Applied) -> None:
     """Fail where a trip that nobody caused has no stall of the machine to blame."""
-    stood_s = stalls.between(tripped_at - BEFORE_A_TRIP_S, tripped_at)
+    stood_s = stalls.between(tripped_at - BEFORE_S, tripped_at)
     assert stood_s >= STALL_S, (
         f"trip without a fault at seq {echo.seq} ({echo.cause}); "
-        f"stalls of the machine in the {1e3 * BEFORE_A_TRIP_S:.0f} ms before: {1e3 * stood_s:.1f} ms\n"
-        f"{seen.account(tripped_at, 2.0 * BEFORE_A_TRIP_S)}"
+        f"stalls of the machine in the {1e3 * BEFORE_S:.0f} ms before: {1e3 * stood_s:.1f} ms\n"
+        f"{seen.account(tripped_at, 2.0 * BEFORE_S)}"
     )
 
 
