@@ -156,6 +156,8 @@ def _record_reader(kind: type) -> Reader:
             return kind(*[reader(name, tree[name]) for name, reader in readers])
         except CodecError as error:
             raise CodecError(f"{place}.{error}") from None
+        except ValueError as error:  # data that refuses itself
+            raise CodecError(f"{place}: {error}") from error
 
     return read
 

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from pincette.control.program import Program
 
+VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
+"""Bits of ``limits_active``."""
+
 
 @dataclass(frozen=True, slots=True)
 class Position:
@@ -91,8 +94,15 @@ class Telemetry:
     x_d_um: float
     force_r_mN: float
     sliding_um: float
+    """s; of DSMIFC, whose s is a force, s over K̄."""
+    band_um: float
+    """Half width of the band that s stays in, or comes back to."""
+    perturbation_mN: float
+    """p̂, with the force that the law was fed."""
     perturbation_error_mN: float
+    """p̃, likewise."""
     residual_um: float
+    """x minus what (17) predicted."""
     outcome: str
     contact_x_um: float | None
     contact_stiffness_mN_per_um: float | None

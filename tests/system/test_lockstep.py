@@ -11,20 +11,20 @@ from pincette.config import RigFile
 from pincette.messages import Applied, Estimate, Message, Position
 from pincette.runtime.composed import ComposedLoop
 from pincette.topics import LOOP
-from pincette_supervisor.models import GripJobRequest
 from pincette_supervisor.planning import plan_job
+from pincette_supervisor.request_models import AnyJobRequest, GripJobRequest, TrackJobRequest
 from tests.support.rigs import demo_rig
 from tests.support.running import running_rig
 
 Numbers = dict[str, list[Any]]
-HOLD_S, LOAD_S = 1.0, 1.0
+GRIP = GripJobRequest(kind="grip", autostart=True, hold_s=1.0, load_s=1.0)
+TRACK = TrackJobRequest(kind="track", autostart=True, load_s=1.0, frequency_hz=1.0, cycles=1)
 LONG_HOLD_S = 600.0
 SEED = 20131
 
 
-def in_one_process(rig: RigFile) -> Numbers:
-    """Position, force and voltage of the job, on the bus in memory."""
-    request = GripJobRequest(kind="grip", hold_s=HOLD_S, load_s=LOAD_S)
+def in_one_process(rig: RigFile, request: AnyJobRequest = GRIP) -> Numbers:
+    """Position, force and voltage of a job, on the bus in memory."""
     published: list[Message] = ComposedLoop(rig).play(plan_job(request, rig).program)
     return {
         "x_um": [message.x_um for message in published if isinstance(message, Position)],
@@ -51,15 +51,23 @@ def test_one_process_repeats_itself() -> None:
     assert first == second
 
 
-@pytest.mark.parametrize("delayed", [False, True], ids=["prompt", "delayed"])
-def test_seven_processes_give_the_same_bits(tmp_path: Path, delayed: bool) -> None:
+@pytest.mark.parametrize(
+    ("request_", "delayed"),
+    [(GRIP, False), (GRIP, True), (TRACK, False)],
+    ids=["prompt", "delayed", "track"],
+)
+def test_seven_processes_give_the_same_bits(
+    tmp_path: Path, request_: AnyJobRequest, delayed: bool
+) -> None:
     rig = demo_rig(time="lockstep")
     delays = {name: SEED + place for place, name in enumerate(LOOP)} if delayed else None
     print(f"delay seeds: {delays}")
     with running_rig(rig, tmp_path, delays) as running:
-        job = running.ended(running.start_grip(hold_s=HOLD_S, load_s=LOAD_S))
+        body = request_.model_dump(mode="json", exclude_unset=True)
+        taken = running.post("/jobs", body).raise_for_status().json()
+        job = running.ended(taken["id"])
     assert job["state"] == "succeeded"
-    assert recorded(tmp_path / "data" / "jobs" / job["id"]) == in_one_process(rig)
+    assert recorded(tmp_path / "data" / "jobs" / job["id"]) == in_one_process(rig, request_)
 
 
 @pytest.mark.parametrize("name", [*LOOP, "rig"])

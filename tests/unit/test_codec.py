@@ -1,7 +1,7 @@
 """The codec carries every message unchanged and refuses everything else."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, cast
 
 import msgpack
@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pincette.codec import MAX_BYTES, CodecError, decode, encode
+from pincette.control.law import LawSettings
 from pincette.control.program import Guards, Program, Segment
 from pincette.messages import Applied, Command, Estimate, Load, Position, Telemetry
 
@@ -37,6 +38,65 @@ def test_command_travels_unchanged(command: Command) -> None:
 
 def test_nested_program_travels_unchanged() -> None:
     assert decode(Load, encode(LOAD)) == LOAD
+
+
+LAWS = st.builds(
+    LawSettings,
+    st.sampled_from(["pbsmic", "dsmifc"]),
+    st.sampled_from(["consistent", "printed"]),
+    K_P=st.floats(0.0, 1e6),
+    K_I=st.floats(1e-6, 1e6),
+    K_S=st.floats(0.0, 1e9),
+    delta=st.floats(1e-9, 1e9),
+    M=st.floats(0.0, 1e3),
+    B=st.floats(0.0, 1e6),
+    K=st.floats(1e-3, 1e9),
+    K_f=st.floats(0.0, 1e6),
+    force_age=st.sampled_from(["planned", "newest"]),
+)
+
+
+@given(st.lists(LAWS, max_size=4))
+def test_the_laws_of_a_program_travel_unchanged(laws: list[LawSettings]) -> None:
+    segments = (Segment("load", "force", 1.0, force_to_mN=20.0, law=len(laws)),)
+    load = Load(replace(LOAD.program, segments=segments, laws=tuple(laws)))
+    assert decode(Load, encode(load)) == load
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("scheme", "pid", "laws.scheme = 'pid': not one of pbsmic, dsmifc"),
+        ("scheme", "", "laws.scheme = '': not one of pbsmic, dsmifc"),
+        ("scheme", None, "laws.scheme = 'None': not one of pbsmic, dsmifc"),
+        ("set", "mine", "laws.set = 'mine': not one of consistent, printed"),
+        ("force_age", "oldest", "laws.force_age = 'oldest': not one of planned, newest"),
+        ("K_P", "1", "laws.K_P = '1': not a number"),
+        ("K_f", math.nan, "laws.K_f = nan: not a finite number"),
+    ],
+)
+def test_an_unknown_law_is_refused_by_name(name: str, value: object, text: str) -> None:
+    with pytest.raises(CodecError) as refusal:
+        decode(Load, with_law({name: value}))
+    assert text in str(refusal.value)
+
+
+def test_a_law_with_a_member_too_many_is_refused() -> None:
+    with pytest.raises(CodecError, match="laws: fields missing or unknown: K_D"):
+        decode(Load, with_law({"K_D": 1.0}))
+
+
+def test_a_law_that_none_can_be_made_of_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"K_P = -1\.0, must be finite and at least 0"):
+        decode(Load, with_law({"K_P": -1.0}))
+
+
+def with_law(changed: dict[str, object]) -> bytes:
+    """A program with one law, as bytes, with these members of the law changed."""
+    program = replace(LOAD.program, laws=(LawSettings(),))
+    tree = cast(Any, msgpack).unpackb(encode(Load(program)))
+    tree["program"]["laws"][0] |= changed
+    return packb(tree)
 
 
 def test_a_stranger_reads_names_and_units() -> None:

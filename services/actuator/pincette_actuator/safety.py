@@ -12,13 +12,11 @@ up to a bound, and nothing is later by more than the standstill itself.
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from pincette.messages import Command
+from pincette.messages import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN, Command
 from pincette_actuator.config import ActuatorConfig
 
 Mode = Literal["latched", "idle", "armed", "frozen", "ramping"]
 
-VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
-"""Bits of ``limits_active``."""
 ARRIVALS_KEPT = 8
 
 

@@ -3,31 +3,33 @@
 from dataclasses import dataclass
 
 from pincette.config import RigFile
-from pincette.control.impedance import ImpedanceParameters, discretize_impedance
-from pincette.control.pbsmic import PbsmicParameters
-from pincette.control.plant import discretize
+from pincette.control.law import Law, LawSettings, build
+from pincette.control.plant import ArmParameters
+from pincette.control.program import Program
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerConfig:
-    """The law with its model and gains."""
+    """The arm as identified, and the law where a program names none."""
 
     period_s: float
-    law: PbsmicParameters
+    arm: ArmParameters
+    law: LawSettings
+    force_filter_s: float
+
+    def laws(self, program: Program) -> tuple[Law, ...]:
+        """Laws of a program, in its order; raises ValueError where one cannot be made."""
+        return tuple(
+            build(settings, self.arm, self.period_s, self.force_filter_s)
+            for settings in program.laws or (self.law,)
+        )
 
 
 def configure(rig: RigFile) -> ControllerConfig:
     """Take the controller's part of a rig file."""
-    model, law, period_s = rig.model, rig.law, rig.rig.period_s
-    impedance = ImpedanceParameters(M=law.M, B=law.B, K=law.K, K_f=law.K_f)
     return ControllerConfig(
-        period_s=period_s,
-        law=PbsmicParameters(
-            plant=discretize(model.arm(), period_s),
-            impedance=discretize_impedance(impedance, period_s),
-            K_P=law.K_P,
-            K_I=law.K_I,
-            K_S=law.K_S,
-            delta=law.delta,
-        ),
+        period_s=rig.rig.period_s,
+        arm=rig.model.arm(),
+        law=rig.law.settings(),
+        force_filter_s=rig.model.force_filter_s,
     )

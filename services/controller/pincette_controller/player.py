@@ -7,12 +7,15 @@ move the program on.
 from dataclasses import dataclass, field, replace
 
 from pincette.control.contact_line import ContactLine
+from pincette.control.paths import Path
 from pincette.control.profiles import move, quintic
 from pincette.control.program import Program, Segment
 from pincette.messages import Estimate
 
 STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
+WATCHED = ("hold", "settle", "track")
+"""Phases in which a part can be lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +49,7 @@ class Player:
     @property
     def pressing(self) -> bool:
         """Whether the law is fed the force."""
-        return self.segment.kind == "force"
+        return self.segment.presses
 
 
 def begin(program: Program, x_um: float) -> Player:
@@ -68,11 +71,12 @@ def advance(program: Program, player: Player, estimate: Estimate, period_s: floa
 
 def stop(player: Player) -> Player:
     """Hold a part at the present F_r; without one, bring x_r to rest and end."""
+    law = player.segment.law
     if player.held:
-        rest = Segment("hold", "force", None, force_to_mN=player.force_r_mN, move_s=STOP_S)
+        rest = Segment("hold", "force", None, force_to_mN=player.force_r_mN, move_s=STOP_S, law=law)
         return _enter(replace(player, outcome="stopped"), -1, rest)
     x_to_um = player.x_r_um + 0.5 * STOP_S * player.speed_um_per_s
-    rest = Segment("stopping", "free", STOP_S, x_to_um=x_to_um)
+    rest = Segment("stopping", "free", STOP_S, x_to_um=x_to_um, law=law)
     return _enter(replace(player, outcome="stopped", zeroing=False), -1, rest)
 
 
@@ -93,8 +97,9 @@ def _guard(program: Program, player: Player, estimate: Estimate, period_s: float
     elif segment.kind == "seek":
         return _seek(program, player, estimate)
     elif segment.phase == "load":
-        return replace(player, line=player.line.add(estimate.x_um, F_mN))
-    elif segment.phase == "hold":
+        line = player.line.add(estimate.x_um, F_mN, player.force_r_mN)
+        return replace(player, line=line)
+    elif segment.presses and segment.phase in WATCHED:
         return _watch_part(program, player, estimate)
     return player
 
@@ -132,7 +137,10 @@ def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
 
 def _watch_part(program: Program, player: Player, estimate: Estimate) -> Player:
     guards = program.guards
-    if estimate.force_mN >= guards.lost_fraction * player.force_r_mN:
+    # At the trough of a path an error of the estimate must not pass for a loss.
+    passing = player.segment.phase != "hold" or player.index < 0
+    light = passing and player.force_r_mN < 2.0 * guards.contact_force_mN
+    if light or estimate.force_mN >= guards.lost_fraction * player.force_r_mN:
         return replace(player, count=0) if player.count else player
     if player.count + 1 < guards.lost_samples:
         return replace(player, count=player.count + 1)
@@ -155,12 +163,14 @@ def _next(program: Program, player: Player, estimate: Estimate) -> Player:
     if segment.kind == "seek":
         player = replace(player, outcome="no_contact")
         return _jump(program, player, "retreat", estimate.x_um)
-    if segment.phase == "load":
+    if segment.phase == "load" and program.contact_line == "identified":
         player = _settle_contact(program, player)
         if player.outcome:
             return _jump(program, player, "unload", estimate.x_um)
     if segment.phase == "hold" and not player.outcome:
         player = replace(player, outcome="gripped")
+    if segment.kind == "path" and not player.outcome:
+        player = replace(player, outcome="tracked")
     return _follow(program, player, estimate.x_um)
 
 
@@ -174,7 +184,7 @@ def _follow(program: Program, player: Player, x_um: float) -> Player:
 
 def _let_go(player: Player, following: Segment, x_um: float) -> Player:
     """Where the pressing ends, the law is fed no force any more and x_r starts from x."""
-    if not player.pressing or following.kind == "force":
+    if not player.pressing or following.presses:
         return player
     return replace(player, held=False, bump=True, x_r_um=x_um, force_r_mN=0.0)
 
@@ -185,8 +195,8 @@ def _settle_contact(program: Program, player: Player) -> Player:
     guards = program.guards
     if fit is None:
         return replace(player, outcome="wrong_stiffness")
-    x_e_um, K_e = fit
-    player = replace(player, contact_x_um=x_e_um, K_e_mN_per_um=K_e)
+    K_e = fit.K_e_mN_per_um
+    player = replace(player, contact_x_um=fit.x_e_um, K_e_mN_per_um=K_e)
     if not guards.stiffness_min_mN_per_um <= K_e <= guards.stiffness_max_mN_per_um:
         return replace(player, outcome="wrong_stiffness")
     return player
@@ -230,6 +240,8 @@ def _refer(player: Player, period_s: float) -> Player:
         return replace(player, x_r_um=player.from_x_um + speed * t_s, speed_um_per_s=speed)
     if segment.kind == "force" and segment.force_to_mN is not None:
         return _press(player, segment.force_to_mN, t_s)
+    if segment.kind == "path" and segment.path is not None:
+        return _track(player, segment.path, t_s)
     return replace(player, speed_um_per_s=0.0)
 
 
@@ -247,3 +259,14 @@ def _press(player: Player, force_to_mN: float, t_s: float) -> Player:
         force_r_mN=player.from_force_mN + share * (force_to_mN - player.from_force_mN),
         speed_um_per_s=0.0,
     )
+
+
+def _track(player: Player, path: Path, t_s: float) -> Player:
+    """Follow a path, in force along the contact line or in position."""
+    value, rate, _ = path.point(t_s)
+    if path.quantity == "position":
+        return replace(player, x_r_um=value, speed_um_per_s=rate)
+    x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
+    if x_e_um is None or not K_e:
+        return player
+    return replace(player, x_r_um=x_e_um + value / K_e, force_r_mN=value, speed_um_per_s=0.0)

@@ -4,14 +4,31 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from pincette.config import RigFile
-from pincette.control import pbsmic
-from pincette.control.pbsmic import PbsmicOutput, PbsmicState
+from pincette.control import law as control_law
+from pincette.control.law import Law, LawState
 from pincette.control.program import Program
-from pincette.messages import Act, Arm, Command, Done, Estimate, Load, Message, Telemetry
+from pincette.control.sliding import LawOutput
+from pincette.messages import (
+    SLEW_DOWN,
+    SLEW_UP,
+    VOLTAGE_MAX,
+    VOLTAGE_MIN,
+    Act,
+    Arm,
+    Command,
+    Done,
+    Estimate,
+    Load,
+    Message,
+    Telemetry,
+)
 from pincette.service import Drive, Input, RefusedError, Service
 from pincette.topics import ACT, ARM, COMMAND, ESTIMATE, LOAD, STATUS, TELEMETRY
 from pincette_controller.config import ControllerConfig, configure
 from pincette_controller.player import Player, advance, begin, release, stop
+
+RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
+"""Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
 
 
 class Inputs(NamedTuple):
@@ -31,8 +48,10 @@ class State:
     """What the next arming plays; loading it does not touch what plays now."""
     program: Program | None = None
     playing: bool = False
+    laws: tuple[Law, ...] = ()
+    """Those of ``program``."""
     player: Player | None = None
-    law: PbsmicState | None = None
+    memory: LawState | None = None
     wishes: tuple[Act, ...] = ()
     refused: int = 0
     detail: str = ""
@@ -64,7 +83,8 @@ def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
 ) -> tuple[State, tuple[Message | Drive, ...]]:
     before = state.player or begin(program, estimate.x_um)
-    law = state.law or pbsmic.start(
+    memory = state.memory or control_law.start(
+        state.laws[before.segment.law],
         x_um=estimate.x_um,
         x_r_um=estimate.x_um,
         force_mN=0.0,
@@ -72,18 +92,30 @@ def _play(
     )
     state, player, acted = _act(state, program, before)
     player = advance(program, player, estimate, config.period_s)
+    law = state.laws[player.segment.law]
     force_mN = estimate.force_mN if player.pressing else 0.0
-    if player.bump or player.pressing != before.pressing:
-        law = pbsmic.rebase(law, x_um=estimate.x_um, x_r_um=player.x_r_um, force_mN=force_mN)
-    after, output = pbsmic.step(
-        config.law,
+    force_r_mN = player.force_r_mN if player.pressing else 0.0
+    anew = player.bump or player.pressing != before.pressing
+    if anew or player.segment.law != before.segment.law:
+        # Another law alone: the references go on, and the newest sample belongs to those before.
+        known = player if anew else before
+        memory = control_law.rebase(
+            law,
+            memory,
+            x_um=estimate.x_um,
+            x_r_um=known.x_r_um,
+            force_mN=force_mN,
+            force_r_mN=known.force_r_mN if player.pressing else 0.0,
+        )
+    after, output = control_law.step(
         law,
+        memory,
         x_um=estimate.x_um,
         force_mN=force_mN,
         applied_V=estimate.applied_V,
         x_r_um=player.x_r_um,
-        force_r_mN=player.force_r_mN if player.pressing else 0.0,
-        freeze_integral=estimate.limits_active != 0,
+        force_r_mN=force_r_mN,
+        limited=_limited(estimate.limits_active),
     )
     voltage_V = estimate.applied_V if player.ended else output.voltage_V
     command = Command(
@@ -96,9 +128,16 @@ def _play(
         final=player.ended,
         valid=True,
     )
-    telemetry = _telemetry(state, before, law, player, output, acted)
+    telemetry = _telemetry(state, before, memory, player, output, acted)
     playing = not player.ended
-    return replace(state, player=player, law=after, playing=playing), (command, telemetry)
+    return replace(state, player=player, memory=after, playing=playing), (command, telemetry)
+
+
+def _limited(limits_active: int) -> int:
+    """As ``winds_up`` takes it."""
+    if limits_active & RAISING:
+        return 1
+    return -1 if limits_active & LOWERING else 0
 
 
 def _act(state: State, program: Program, player: Player) -> tuple[State, Player, str]:
@@ -133,9 +172,9 @@ def _no_command(state: State, estimate: Estimate) -> Command:
 def _telemetry(
     state: State,
     before: Player,
-    law: PbsmicState,
+    memory: LawState,
     player: Player,
-    output: PbsmicOutput,
+    output: LawOutput,
     acted: str,
 ) -> Telemetry:
     """How sample k looks: its references are those that the tick before set for it."""
@@ -147,9 +186,11 @@ def _telemetry(
         segment=player.index,
         segment_tick=player.ticks,
         x_r_um=before.x_r_um,
-        x_d_um=law.x_d_um,
+        x_d_um=memory.x_d_um,
         force_r_mN=before.force_r_mN,
         sliding_um=output.sliding_um,
+        band_um=output.band_um,
+        perturbation_mN=output.perturbation_mN,
         perturbation_error_mN=output.perturbation_error_mN,
         residual_um=output.residual_um,
         outcome=player.outcome,
@@ -161,12 +202,13 @@ def _telemetry(
 
 
 def answer(
-    _config: ControllerConfig, state: State, request: Message, _now: float
+    config: ControllerConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
     """Load a program, begin an epoch with it, or note an action."""
     if isinstance(request, Load):
         if not request.program.segments:
             raise RefusedError("the program has no segments")
+        _check_laws(config, request.program)
         return replace(state, loaded=request.program), Done(state.seq), ()
     if isinstance(request, Arm):
         if state.loaded is None:
@@ -176,6 +218,7 @@ def answer(
             owner=request.owner,
             loaded=state.loaded,
             program=state.loaded,
+            laws=config.laws(state.loaded),
             playing=True,
             refused=state.refused,
         )
@@ -183,6 +226,16 @@ def answer(
     if isinstance(request, Act):
         return _note(state, request)
     raise RefusedError(f"the controller does not answer {type(request).__name__}")
+
+
+def _check_laws(config: ControllerConfig, program: Program) -> None:
+    try:
+        laws = config.laws(program)
+    except ValueError as error:
+        raise RefusedError(f"a law of the program: {error}") from error
+    for segment in program.segments:
+        if not 0 <= segment.law < len(laws):
+            raise RefusedError(f"{segment.phase} names law {segment.law}, there are {len(laws)}")
 
 
 def _note(state: State, request: Act) -> tuple[State, Message, tuple[Message, ...]]:
@@ -200,7 +253,7 @@ def _note(state: State, request: Act) -> tuple[State, Message, tuple[Message, ..
 
 SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     name="controller",
-    summary="plays a program of segments: references, a law (PBSMIC), guards",
+    summary="plays a program of segments: references, a law (PBSMIC or DSMIFC), guards",
     inputs=(Input(ESTIMATE, "trigger"),),
     outputs=(COMMAND, TELEMETRY),
     questions=(LOAD, ARM["controller"], ACT, STATUS["controller"]),

@@ -2,11 +2,16 @@
 
 from dataclasses import dataclass
 
-from pincette.config import Model, RigFile
-from pincette.control.force import ZeroLimits, smoothing
-from pincette.control.free_response import FreeResponse, FreeSample, nominal_response
-from pincette.control.identified_response import identified_response
+from pincette.config import RigFile, derived
+from pincette.control.free_response import FreeResponse
+from pincette.control.observers import ForceObserver
 from pincette.control.plant import DifferenceEquation, discretize
+from pincette.control.touch import KinkLimits, kink_limits
+from pincette.control.zeroing import ZeroLimits
+
+REST_S = 0.2
+REST_SAMPLES = (10, 64)
+"""Fewest and most samples of a rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,37 +22,46 @@ class EstimatorConfig:
     plant: DifferenceEquation
     response: FreeResponse
     """x_1 before anything has happened: the arm unpoled, at 0 V."""
+    observer: ForceObserver
+    """At rest without a force."""
     compliance_um_per_mN: float
     noise_um: float
+    """Standard deviation that the sensor's noise gives the force, times s_p."""
     creep_mN_per_decade: float
     forgotten_mN: float
     forgotten_scale_V: float
-    smoothing: float
-    """Share by which the force follows each sample."""
     zero_limits: ZeroLimits
+    kink_limits: KinkLimits
 
 
 def configure(rig: RigFile) -> EstimatorConfig:
-    """Take the estimator's part of a rig file."""
-    model = rig.model
+    """Take the estimator's part of a rig file.
+
+    Raises
+    ------
+    ConfigError
+        Where the force observer cannot work at the rig's period.
+    """
+    model, part, period_s = rig.model, rig.part, rig.rig.period_s
+    observer = derived.force_observer(rig)
+    s_p = model.compliance_um_per_mN
+    fewest, most = REST_SAMPLES
     return EstimatorConfig(
-        period_s=rig.rig.period_s,
-        plant=discretize(model.arm(), rig.rig.period_s),
-        response=_response(model),
-        compliance_um_per_mN=model.compliance_um_per_mN,
-        noise_um=rig.sensor.noise_um,
+        period_s=period_s,
+        plant=discretize(model.arm(), period_s),
+        response=derived.free_response(model),
+        observer=observer,
+        compliance_um_per_mN=s_p,
+        noise_um=rig.sensor.noise_um * observer.noise_gain,
         creep_mN_per_decade=model.creep_mN_per_decade,
         forgotten_mN=model.forgotten_mN,
         forgotten_scale_V=model.forgotten_scale_V,
-        smoothing=smoothing(rig.rig.period_s, model.force_filter_s),
-        zero_limits=ZeroLimits(),
+        zero_limits=ZeroLimits(
+            rest_samples=min(max(fewest, round(REST_S / period_s)), most),
+            first_touch_um=part.contact_um - part.contact_tolerance_um,
+            touch_um=s_p * rig.grip.contact_force_mN,
+        ),
+        kink_limits=kink_limits(
+            part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance), s_p, rig.sensor.noise_um
+        ),
     )
-
-
-def _response(model: Model) -> FreeResponse:
-    """The identified response where the rig file has one, a line elsewhere."""
-    taught = model.free_response
-    if taught is None:
-        at_rest = FreeSample(0.0, 0.0)
-        return nominal_response(model.piezo_um_per_V, at_rest, model.hysteresis_fraction)
-    return identified_response(taught.hysteresis(), model.piezo_um_per_V, taught.residual_um)

@@ -1,14 +1,17 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import isfinite, log10
 from typing import NamedTuple
 
 from pincette.config import RigFile
-from pincette.control.force import force, uncertainty, zero_refusal
+from pincette.control.force import COVERAGE, uncertainty
 from pincette.control.free_response import FreeResponse, FreeSample
+from pincette.control.observers import ForceObserver
 from pincette.control.plant import perturbation
 from pincette.control.to_and_fro import ToAndFro, forgotten_mN
+from pincette.control.touch import TouchWatch
+from pincette.control.zeroing import zero_refusal
 from pincette.messages import Applied, Arm, Done, Estimate, Message, Position
 from pincette.service import Drive, Input, RefusedError, Service
 from pincette.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS
@@ -28,30 +31,35 @@ class Inputs(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The free response in use, the samples behind it, and the past the perturbation needs."""
+    """The free response in use, the samples behind it, and the past that a force needs."""
 
     response: FreeResponse
     """Its memory outlives an arming, as the arm's does."""
+    observer: ForceObserver
     epoch: int = 0
     followed_seq: int = -1
     """The sample up to which ``response`` has followed the voltage."""
-    begun: bool = False
-    """Whether x_1 has been put to a position in this epoch."""
+    observed_seq: int | None = None
+    """The last sample that ``observer`` has seen; None before the first of an epoch."""
     samples: tuple[FreeSample, ...] = ()
+    watch: TouchWatch = field(default_factory=lambda: TouchWatch(0.0, 0.0))
+    """Since the zero, or the first sample of the epoch."""
     zero_s: float | None = None
     zero_refusal: str = ""
     x_2_um: float = 0.0
     x_3_um: float = 0.0
-    force_mN: float | None = None
-    """F̂ of the sample before, low-passed; None where it begins anew."""
     to_and_fro: ToAndFro = field(default_factory=lambda: ToAndFro(0.0))
     """Of the voltage, since the zero."""
+    highest_V: float = 0.0
+    """That ``response`` has followed, ever, and"""
+    known_V: float = 0.0
+    """before this epoch: up to there it has the arm's memory."""
     refused: int = 0
 
 
 def start(config: EstimatorConfig) -> State:
     """Nothing has been applied and nothing measured."""
-    return State(config.response)
+    return State(config.response, config.observer)
 
 
 def step(
@@ -65,16 +73,78 @@ def step(
         return replace(state, refused=state.refused + 1), ()
     if applied is None or not isfinite(applied.voltage_V):
         return state, (_degraded(state, position, None),)
-    state = _follow(config, state, position.seq, applied.voltage_V)
-    if not position.valid or not isfinite(position.x_um):
+    seq, x_um, u_V = position.seq, position.x_um, applied.voltage_V
+    # Over all samples since the last that had a voltage.
+    response = state.response.follow(u_V, (seq - state.followed_seq) * config.period_s)
+    to_and_fro = state.to_and_fro.follow(u_V)
+    if not position.valid or not isfinite(x_um):
+        state = replace(state, response=response, to_and_fro=to_and_fro, followed_seq=seq)
         return state, (_degraded(state, position, applied),)
-    state = _begin(state, position.x_um)
-    x_um, u_V = position.x_um, applied.voltage_V
+    t_s, first = seq * config.period_s, state.observed_seq is None
+    if first:
+        response = response.begin(x_um)
+    free_um = response.position_um()
+    nominal_um = response.nominal_um_per_V * u_V
+    watch = TouchWatch(nominal_um, x_um) if first else state.watch
+    watch = watch.follow(config.kink_limits, x_um, nominal_um)
+    samples: tuple[FreeSample, ...] = ()
+    if not applied.part_held:
+        samples = (*state.samples[1 - FREE_SAMPLES :], response.sample(x_um))
+    zero_s, refusal, observer = state.zero_s, state.zero_refusal, state.observer
+    gap = first or seq - 1 != state.observed_seq
+    if applied.zero:
+        refusal = zero_refusal(
+            response,
+            samples,
+            part_held=applied.part_held,
+            limits=config.zero_limits,
+            creep_um=_creep_um(config, t_s if zero_s is None else t_s - zero_s),
+            touch=watch.touch,
+            zeroed=zero_s is not None,
+            memory_known=u_V <= state.known_V,
+        )
+        if not refusal:
+            response = response.rezero(samples, config.zero_limits.rest_samples)
+            free_um = response.position_um()
+            watch, to_and_fro = TouchWatch(nominal_um, x_um), ToAndFro(u_V)
+            zero_s, gap = t_s, True
+    if gap:
+        observer = observer.restart(x_um, free_um, u_V)
+    observer, F_mN = observer.observe(x_um, free_um, u_V)
+    x_2_um, x_3_um = (x_um, x_um) if first else (state.x_2_um, state.x_3_um)
+    after = State(
+        response,
+        observer,
+        state.epoch,
+        seq,
+        seq,
+        samples,
+        watch,
+        zero_s,
+        refusal,
+        x_um,
+        x_2_um,
+        to_and_fro,
+        max(state.highest_V, u_V),
+        state.known_V,
+        state.refused,
+    )
+    p_mN = perturbation(
+        config.plant, x_um=x_um, x_1_um=x_2_um, x_2_um=x_3_um, voltage_V=u_V, force_mN=F_mN
+    )
+    return after, (_estimate(config, after, position, applied, F_mN, p_mN),)
+
+
+def _estimate(
+    config: EstimatorConfig,
+    state: State,
+    position: Position,
+    applied: Applied,
+    F_mN: float,
+    p_mN: float,
+) -> Estimate:
+    """State the force of the sample just taken in, and its uncertainty."""
     t_s = position.seq * config.period_s
-    state = _listen(config, state, x_um, applied, t_s)
-    F_mN = force(x_um, state.response.position_um(), config.compliance_um_per_mN)
-    if state.force_mN is not None:
-        F_mN = state.force_mN + config.smoothing * (F_mN - state.force_mN)
     age_s = None if state.zero_s is None else t_s - state.zero_s
     u_F_mN = uncertainty(
         noise_um=config.noise_um,
@@ -88,77 +158,28 @@ def step(
             scale_V=config.forgotten_scale_V,
         ),
     )
-    p_mN = perturbation(
-        config.plant,
-        x_um=x_um,
-        x_1_um=state.x_2_um,
-        x_2_um=state.x_3_um,
-        voltage_V=u_V,
-        force_mN=F_mN,
-    )
-    estimate = Estimate(
+    return Estimate(
         epoch=position.epoch,
         seq=position.seq,
-        x_um=x_um,
+        x_um=position.x_um,
         force_mN=F_mN,
         force_uncertainty_mN=u_F_mN,
         perturbation_mN=p_mN,
         zero_age_s=age_s,
         zero_refusal=state.zero_refusal,
-        applied_V=u_V,
+        applied_V=applied.voltage_V,
         applied_seq=applied.seq,
         limits_active=applied.limits_active,
         tripped=applied.state in TRIPPED,
         degraded=False,
         valid=True,
     )
-    after = replace(state, x_2_um=x_um, x_3_um=state.x_2_um, force_mN=F_mN)
-    return after, (estimate,)
 
 
-def _follow(config: EstimatorConfig, state: State, seq: int, voltage_V: float) -> State:
-    """Let x_1 follow the voltage over the samples since the last that had one."""
-    dt_s = (seq - state.followed_seq) * config.period_s
-    return replace(
-        state,
-        response=state.response.follow(voltage_V, dt_s),
-        to_and_fro=state.to_and_fro.follow(voltage_V),
-        followed_seq=seq,
-    )
-
-
-def _begin(state: State, x_um: float) -> State:
-    """Start an epoch from the first position measured in it."""
-    if state.begun:
-        return state
-    response = state.response.begin(x_um)
-    return replace(state, response=response, begun=True, x_2_um=x_um, x_3_um=x_um)
-
-
-def _listen(
-    config: EstimatorConfig, state: State, x_um: float, applied: Applied, t_s: float
-) -> State:
-    """Keep samples of free motion, and zero on them where the command of k-1 asked for it."""
-    if applied.part_held:
-        samples: tuple[FreeSample, ...] = ()
-    else:
-        samples = (*state.samples[1 - FREE_SAMPLES :], state.response.sample(x_um))
-    if not applied.zero:
-        return replace(state, samples=samples)
-    limits = config.zero_limits
-    refusal = zero_refusal(state.response, samples, part_held=applied.part_held, limits=limits)
-    if refusal:
-        return replace(state, samples=samples, zero_refusal=refusal)
-    response = state.response.rezero(samples, limits.rest_samples)
-    return replace(
-        state,
-        samples=samples,
-        response=response,
-        zero_s=t_s,
-        zero_refusal="",
-        force_mN=None,
-        to_and_fro=ToAndFro(state.to_and_fro.voltage_V),
-    )
+def _creep_um(config: EstimatorConfig, age_s: float) -> float:
+    """How far creep may have moved the arm since a zero of this age, at two standard errors."""
+    creep_mN = config.creep_mN_per_decade * log10(1.0 + max(0.0, age_s))
+    return COVERAGE * creep_mN * config.compliance_um_per_mN
 
 
 def _degraded(state: State, position: Position, applied: Applied | None) -> Estimate:
@@ -189,8 +210,11 @@ def answer(
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
     begun = State(
         state.response,
+        state.observer,
         epoch=request.epoch,
         to_and_fro=state.to_and_fro,
+        highest_V=state.highest_V,
+        known_V=state.highest_V,
         refused=state.refused,
     )
     return begun, Done(0), ()

@@ -11,10 +11,10 @@ from pincette import __version__
 from pincette_supervisor import problems, routes_jobs, routes_rigs
 from pincette_supervisor.conductor import Conductor
 from pincette_supervisor.problem_models import Problem
-from pincette_supervisor.result_models import GripResult
+from pincette_supervisor.result_models import GripResult, TrackResult
 
 BASE = "/api/v1"
-MODELS = (Problem, GripResult)
+MODELS = (Problem, GripResult, TrackResult)
 """Models the OpenAPI document shows although no route names them."""
 
 

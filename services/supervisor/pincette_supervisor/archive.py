@@ -14,10 +14,12 @@ from pincette.config import RigFile
 from pincette.messages import Message
 from pincette_supervisor import record as files
 from pincette_supervisor.columns import Columns, columns
-from pincette_supervisor.plot import grip_png
+from pincette_supervisor.planning import Planned
+from pincette_supervisor.plot import picture
 from pincette_supervisor.result import grip_result
-from pincette_supervisor.result_models import GripResult
+from pincette_supervisor.result_models import GripResult, TrackResult
 from pincette_supervisor.store import JobRow
+from pincette_supervisor.track_result import track_result
 
 NICENESS = 10
 
@@ -50,9 +52,9 @@ class Record:
 
     job: JobRow
     rig: RigFile
-    values: dict[str, Any]
+    planned: Planned
     table: Columns
-    result: GripResult
+    result: GripResult | TrackResult
     epoch: int
 
     @property
@@ -61,14 +63,17 @@ class Record:
         return self.result.model_dump(mode="json")
 
 
-def gather(rig: RigFile, job: JobRow, values: dict[str, Any], take: Take) -> Record:
+def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
     """Join the samples and work out the result."""
     period_s = rig.rig.period_s
     table = columns(take.messages, period_s)
-    result = grip_result(
-        table, period_s=period_s, target_mN=values["force_mN"], dropped=take.dropped
-    )
-    return Record(job, rig, values, table, result, take.epoch)
+    path = planned.path
+    if path is None:
+        target_mN = planned.values["force_mN"]
+        result = grip_result(table, period_s=period_s, target_mN=target_mN, dropped=take.dropped)
+    else:
+        result = track_result(table, path=path, period_s=period_s, dropped=take.dropped)
+    return Record(job, rig, planned, table, result, take.epoch)
 
 
 def write(folder: Path, record: Record) -> None:
@@ -85,16 +90,16 @@ def write(folder: Path, record: Record) -> None:
         "pincette": __version__,
     }
     files.write_samples(folder / files.SAMPLES, record.table, about)
-    picture = grip_png(
+    drawn = picture(
         record.table,
         record.result,
         name=f"{rig.rig.name} · {job.id}",
         period_s=rig.rig.period_s,
     )
-    files.write_bytes(folder / files.PLOT, picture)
+    files.write_bytes(folder / files.PLOTS[record.planned.plan.kind], drawn)
     files.write_json(
         folder / files.REQUEST,
-        {"request": job.request, "values": record.values, "plan": job.plan},
+        {"request": job.request, "values": record.planned.values, "plan": job.plan},
     )
     files.write_json(folder / files.RESULT, record.tree)
     files.write_manifest(folder, about)

@@ -57,7 +57,16 @@ COLUMNS = (
     Column("x_r_um", Telemetry, "x_r_um", "float", "µm", "reference position, x_r"),
     Column("x_d_um", Telemetry, "x_d_um", "float", "µm", "target of the impedance, x_d"),
     Column("force_r_mN", Telemetry, "force_r_mN", "float", "mN", "reference force, F_r"),
-    Column("sliding_um", Telemetry, "sliding_um", "float", "µm", "sliding function"),
+    Column("sliding_um", Telemetry, "sliding_um", "float", "µm", "sliding function, s"),
+    Column("band_um", Telemetry, "band_um", "float", "µm", "half width of the band of s"),
+    Column(
+        "law_perturbation_mN",
+        Telemetry,
+        "perturbation_mN",
+        "float",
+        "mN",
+        "perturbation by the law's own force",
+    ),
     Column(
         "perturbation_error_mN",
         Telemetry,

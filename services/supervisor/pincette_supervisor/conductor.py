@@ -10,9 +10,11 @@ from pincette.messages import Act, Done, Trip
 from pincette.topics import ACT, TRIP
 from pincette_supervisor import problems
 from pincette_supervisor.job import Changes, LiveJob
-from pincette_supervisor.models import Action, GripJobRequest, Job
+from pincette_supervisor.models import Action, Job, JobKind
+from pincette_supervisor.path_requests import FaultyRequestError
 from pincette_supervisor.planning import Planned, plan_job
 from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.request_models import AnyJobRequest
 from pincette_supervisor.rig_models import Stopped
 from pincette_supervisor.run import Run, Site
 from pincette_supervisor.states import HOLDS, ActionType, TransitionError, allowed_actions
@@ -38,19 +40,28 @@ class Conductor:
         live = self._live
         return None if live is None or live.done.is_set() else live
 
-    def plan(self, request: GripJobRequest) -> Planned:
+    def plan(self, request: AnyJobRequest) -> Planned:
         """Plan a job; raises ProblemError where the rig is another or the numbers make no plan."""
         rig = self.site.rig
         if request.rig is not None and request.rig != rig.rig.name:
             raise problems.not_found("rig", request.rig, [rig.rig.name])
         try:
             return plan_job(request, rig)
+        except FaultyRequestError as error:
+            fault = {"pointer": error.pointer, "message": str(error)}
+            raise ProblemError(
+                422,
+                "invalid-request",
+                "The request cannot be used",
+                str(error),
+                errors=[fault],
+            ) from error
         except ValueError as error:
             raise ProblemError(
                 422, "invalid-request", "No plan can be made of this", str(error)
             ) from error
 
-    def submit(self, request: GripJobRequest) -> Job:
+    def submit(self, request: AnyJobRequest) -> Job:
         """Take a job; raises ProblemError where it cannot be."""
         planned = self.plan(request)
         if not planned.plan.feasible:
@@ -227,7 +238,7 @@ class Conductor:
         folder = self.site.records / row.id
         return Job(
             id=row.id,
-            kind="grip",
+            kind=cast(JobKind, row.kind),
             rig=row.rig,
             state=row.state,
             cause=row.cause,

@@ -5,26 +5,25 @@ from math import ceil
 from typing import Any
 
 from pincette.config import RigFile
-from pincette.control.course import PlanLimits
-from pincette.control.grip_plan import GripPlan, GripRequest, plan_grip, sample_plan
+from pincette.control.course import Course
+from pincette.control.feasibility import PlanLimits, acceleration_limit
+from pincette.control.grip_plan import GripRequest, plan_grip
+from pincette.control.law import LawSettings
+from pincette.control.path_shapes import peaks
+from pincette.control.paths import Path
+from pincette.control.plan import ContactPlan, PlannedRig
 from pincette.control.program import Program
-from pincette_supervisor.models import (
-    Curves,
-    GripJobRequest,
-    Plan,
-    PlannedPhase,
-    Violation,
-)
+from pincette.control.steady import steady_error_ranges
+from pincette.control.track_plan import TrackRequest, plan_track
+from pincette_supervisor import plan_models
+from pincette_supervisor.models import JobKind
+from pincette_supervisor.path_requests import path_values, requested_path
+from pincette_supervisor.plan_models import Curves, Plan, PlannedPhase, Violation
+from pincette_supervisor.request_models import AnyJobRequest, GripJobRequest, TrackJobRequest
 
 CURVE_POINTS = 400
-WISHES = (
-    "force_mN",
-    "hold_s",
-    "load_s",
-    "approach_um_per_s",
-    "seek_um_per_s",
-    "contact_force_mN",
-)
+CONTACT_WISHES = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
+GRIP_WISHES = ("force_mN", "hold_s", *CONTACT_WISHES)
 X_START_UM = 0.0
 """Where the arm rests at zero voltage: the rig file's sensor offset makes it so."""
 
@@ -36,61 +35,144 @@ class Planned:
     plan: Plan
     program: Program
     values: dict[str, Any]
+    """As they are stored and sent."""
+
+    @property
+    def planned_s(self) -> float | None:
+        """How long it takes; None where a hold has no end."""
+        endless = any(segment.duration_s is None for segment in self.program.segments)
+        return None if endless else self.plan.duration_s
+
+    @property
+    def path(self) -> Path | None:
+        """The path that is tracked, where one is."""
+        paths = (segment.path for segment in self.program.segments)
+        return next((path for path in paths if path is not None), None)
 
 
-def plan_job(request: GripJobRequest, rig: RigFile) -> Planned:
-    """Plan a grip; limits it breaks are in ``plan.violations``."""
-    values: dict[str, Any] = {
-        name: wish if (wish := getattr(request, name)) is not None else getattr(rig.grip, name)
-        for name in WISHES
-    }
+def plan_job(request: AnyJobRequest, rig: RigFile) -> Planned:
+    """Plan a job; limits it breaks are in ``plan.violations``.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where members of the request do not go together.
+    ValueError
+        Where the numbers make no plan.
+    """
+    if isinstance(request, TrackJobRequest):
+        return _plan_track(request, rig)
+    return _plan_grip(request, rig)
+
+
+def _plan_grip(request: GripJobRequest, rig: RigFile) -> Planned:
+    values = _wishes(request, GRIP_WISHES, rig)
     if request.until_released:
         values["hold_s"] = None
-    part, limits, model = rig.part, rig.limits, rig.model
-    grip = GripRequest(
-        **values,
-        zero_s=rig.grip.zero_s,
-        contact_um=part.contact_um,
-        contact_tolerance_um=part.contact_tolerance_um,
-        stiffness_mN_per_um=part.stiffness_mN_per_um,
-        stiffness_tolerance=part.stiffness_tolerance,
+    contact_plan = plan_grip(GripRequest(**values, **_part(rig)), planned_rig(rig))
+    plan = _plan("grip", rig, contact_plan, (0.0, values["force_mN"]))
+    return Planned(plan, contact_plan.program, values)
+
+
+def _plan_track(request: TrackJobRequest, rig: RigFile) -> Planned:
+    contact = _wishes(request, CONTACT_WISHES, rig)
+    values = path_values(request, rig)
+    path, pointer = requested_path(request, values, rig.part.stiffness_mN_per_um)
+    track = TrackRequest(
+        **contact,
+        **_part(rig),
+        path=path,
+        rate_um_per_s=values["rate_um_per_s"],
+        acceleration_um_per_s2=values["acceleration_um_per_s2"],
+        pointer=pointer,
     )
-    planned = plan_grip(
-        grip,
-        PlanLimits(
+    contact_plan = plan_track(track, planned_rig(rig))
+    found = peaks(path)
+    plan = _plan("track", rig, contact_plan, (found.lowest, found.highest))
+    return Planned(plan, contact_plan.program, {**values, **contact})
+
+
+def _wishes(request: AnyJobRequest, names: tuple[str, ...], rig: RigFile) -> dict[str, Any]:
+    return {
+        name: wish if (wish := getattr(request, name)) is not None else getattr(rig.grip, name)
+        for name in names
+    }
+
+
+def _part(rig: RigFile) -> dict[str, float]:
+    """What the rig file says of the contact."""
+    part = rig.part
+    return {
+        "zero_s": rig.grip.zero_s,
+        "contact_um": part.contact_um,
+        "contact_tolerance_um": part.contact_tolerance_um,
+        "stiffness_mN_per_um": part.stiffness_mN_per_um,
+        "stiffness_tolerance": part.stiffness_tolerance,
+    }
+
+
+def planned_rig(rig: RigFile) -> PlannedRig:
+    """A rig file as plans take it."""
+    limits, model = rig.limits, rig.model
+    return PlannedRig(
+        limits=PlanLimits(
             voltage_min_V=limits.voltage_min_V,
             voltage_max_V=limits.voltage_max_V,
             position_min_um=limits.position_min_um,
             position_max_um=limits.position_max_um,
             force_max_mN=limits.force_max_mN,
+            slew_V_per_s=limits.slew_V_per_s,
+            acceleration_um_per_s2=acceleration_limit(model.natural_frequency_rad_per_s),
         ),
-        x_start_um=X_START_UM,
         piezo_um_per_V=model.piezo_um_per_V,
         compliance_um_per_mN=model.compliance_um_per_mN,
         period_s=rig.rig.period_s,
+        x_start_um=X_START_UM,
+        free_response=None if model.free_response is None else model.free_response.hysteresis(),
     )
-    plan = Plan(
-        kind="grip",
+
+
+def _plan(
+    kind: JobKind, rig: RigFile, planned: ContactPlan, forces_mN: tuple[float, float]
+) -> Plan:
+    return Plan(
+        kind=kind,
         rig=rig.rig.name,
         feasible=not planned.violations,
         duration_s=planned.duration_s,
         phases=[_phase(asdict(phase)) for phase in planned.phases],
         violations=[Violation(**asdict(violation)) for violation in planned.violations],
-        curves=_curves(planned, rig.rig.period_s),
+        curves=_curves(planned.course),
+        steady_errors=_steady_errors(rig, rig.law.settings(), forces_mN),
     )
-    return Planned(plan, planned.program, values)
+
+
+def _steady_errors(
+    rig: RigFile, law: LawSettings, forces_mN: tuple[float, float]
+) -> plan_models.SteadyErrors:
+    """Where the impedance would rest if the part differed within its tolerances."""
+    part = rig.part
+    found = steady_error_ranges(
+        forces_r_mN=forces_mN,
+        x_e_um=part.contact_um,
+        x_e_tolerance_um=part.contact_tolerance_um,
+        K_e=part.stiffness_mN_per_um,
+        K_e_tolerance=part.stiffness_tolerance,
+        K=law.K,
+        K_f=law.K_f,
+    )
+    return plan_models.SteadyErrors(**asdict(found))
 
 
 def _phase(values: dict[str, Any]) -> PlannedPhase:
     return PlannedPhase(**{name: values[name] for name in PlannedPhase.model_fields})
 
 
-def _curves(plan: GripPlan, period_s: float) -> Curves:
-    stride = max(1, ceil(plan.duration_s / period_s / CURVE_POINTS))
-    samples = sample_plan(plan, stride * period_s)
+def _curves(course: Course) -> Curves:
+    stride = max(1, ceil((len(course.t_s) - 1) / CURVE_POINTS))
     return Curves(
-        t_s=samples.t_s,
-        x_r_um=samples.x_r_um,
-        force_r_mN=samples.force_r_mN,
-        voltage_V=samples.voltage_V,
+        t_s=course.t_s[::stride],
+        x_r_um=course.x_r_um[::stride],
+        force_r_mN=course.force_r_mN[::stride],
+        voltage_V=course.voltage_V[::stride],
     )

@@ -2,16 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
+from pincette_supervisor.models import JobKind
+
 MEDIA_TYPE = "application/problem+json"
 TYPE = "urn:pincette:problem:"
 UNITS = {"_mN_per_um": "mN/µm", "_um_per_s": "µm/s", "_mN": "mN", "_um": "µm", "_V": "V", "_s": "s"}
+KINDS = get_args(JobKind)
 CODES = {404: "not-found", 405: "method-not-allowed", 422: "invalid-request"}
 
 
@@ -57,17 +60,27 @@ def _shown(value: Any) -> str:
 def fault(error: Mapping[str, Any]) -> dict[str, str]:
     """One entry of ``errors``: where in the request, and what is wrong with the value there."""
     place, *path = (str(part) for part in error["loc"])
+    if path and path[0] in KINDS:
+        # Not a member: which kind of request the others were checked as.
+        path = path[1:]
     name = path[-1] if path else place
     unit = unit_of(name)
     value = _shown(error.get("input")) + (f" {unit}" if unit else "")
     message = str(error["msg"])
     kind = str(error["type"])
+    context = error.get("ctx", {})
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        path = [str(context["discriminator"]).strip("'")]
+        name = path[0]
     if kind == "extra_forbidden":
         message = f"{name} is not a field that is known here"
-    elif kind == "missing":
+    elif kind == "union_tag_invalid":
+        expected = context["expected_tags"]
+        message = f"{name} = {context['tag']!r}: not one of {expected}"
+    elif kind in ("missing", "union_tag_not_found"):
         message = f"{name} is missing"
     elif kind == "json_invalid":
-        name, message = "body", f"not JSON: {error.get('ctx', {}).get('error', message)}"
+        name, message = "body", f"not JSON: {context.get('error', message)}"
     elif kind == "value_error":
         message = message.removeprefix("Value error, ")
     else:

@@ -10,12 +10,14 @@ import pyarrow
 import pyarrow.parquet
 
 from pincette_supervisor.columns import COLUMNS, Columns
+from pincette_supervisor.models import JobKind
 
-SAMPLES, PLOT = "samples.parquet", "grip.png"
+SAMPLES = "samples.parquet"
+PLOTS: Mapping[JobKind, str] = {"grip": "grip.png", "track": "track.png"}
 REQUEST, RESULT, MANIFEST = "request.json", "result.json", "manifest.json"
 MEDIA_TYPES = {
     SAMPLES: "application/vnd.apache.parquet",
-    PLOT: "image/png",
+    **dict.fromkeys(PLOTS.values(), "image/png"),
     REQUEST: "application/json",
     RESULT: "application/json",
     MANIFEST: "application/json",

@@ -1,28 +1,32 @@
-"""What a grip came to, from its columns; pure."""
+"""What a job came to, from its columns; pure."""
 
 from collections.abc import Sequence
-from math import isnan
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pincette.control.contact_line import ContactFit, ContactLine
+from pincette.messages import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
+from pincette_supervisor import figures
 from pincette_supervisor.columns import Columns, missed
+from pincette_supervisor.figures import Mask, series, within
 from pincette_supervisor.result_models import (
     ActionTaken,
     GripResult,
     LimitActed,
-    Percentiles,
     Phase,
 )
 from pincette_supervisor.states import ActionType
 
-Series = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 SETTLE_S = 0.5
 """Left out at the begin of the hold, or a quarter of it where it is shorter than 2 s."""
-LIMITS = {1: "voltage_max", 2: "voltage_min", 4: "slew_up", 8: "slew_down"}
+PRESSED = ("load", "hold", "settle", "track", "unload")
+LIMITS = {
+    VOLTAGE_MAX: "voltage_max",
+    VOLTAGE_MIN: "voltage_min",
+    SLEW_UP: "slew_up",
+    SLEW_DOWN: "slew_down",
+}
 """The actuator's bits of ``limits_active``."""
 TRIPPED = ("frozen", "ramping", "latched")
 
@@ -39,45 +43,71 @@ def grip_result(table: Columns, *, period_s: float, target_mN: float, dropped: i
     dropped
         Messages that found no room on their way here.
     """
-    phase = table["phase"]
-    position_error = _series(table, "x_um") - _series(table, "x_r_um")
-    force, force_r = _series(table, "force_mN"), _series(table, "force_r_mN")
-    zeroed = ~np.isnan(_series(table, "zero_age_s"))
-    hold = _settled_hold(phase, period_s)
-    contact = np.array([name in ("load", "hold", "unload") for name in phase], dtype=np.bool_)
-    held_mN = _mean(force, hold)
-    truth = _mean(_series(table, "true_force_mN"), hold)
-    answered = [value for value in table["answered"] if value is not None]
+    hold = _settled_hold(table["phase"], period_s)
+    force, error_mN = series(table, "force_mN"), force_error(table)
     return GripResult(
-        outcome=_outcome(table),
-        phases=phases(phase, table["t_s"], period_s),
-        contact_x_um=_last(table["contact_x_um"]),
-        contact_stiffness_mN_per_um=_last(table["contact_stiffness_mN_per_um"]),
+        **common(table, period_s=period_s, dropped=dropped),
         force_target_mN=target_mN,
-        force_held_mN=held_mN,
-        force_error_mN=_mean(force - force_r, hold),
-        force_uncertainty_mN=_mean(_series(table, "force_uncertainty_mN"), hold),
-        zero_age_s=_last(_where(table["zero_age_s"], hold)),
-        peak_force_mN=_largest(force, zeroed),
-        final_force_mN=_last(table["force_mN"]),
-        rmse_position_um=_rms(position_error, hold),
-        rmse_force_mN=_rms(force - force_r, hold),
-        contact_rmse_position_um=_rms(position_error, contact),
-        contact_rmse_force_mN=_rms(force - force_r, contact),
-        residual_um=_percentiles(_series(table, "residual_um")),
-        perturbation_error_mN=_percentiles(_series(table, "perturbation_error_mN")),
-        true_force_held_mN=truth,
-        limits_acted=_limits(table),
-        actions=[
+        force_held_mN=figures.mean(force, hold),
+        force_error_mN=figures.mean(error_mN, hold),
+        force_uncertainty_mN=figures.mean(series(table, "force_uncertainty_mN"), hold),
+        zero_age_s=figures.last_of(table, "zero_age_s", hold),
+        rmse_position_um=figures.rms(position_error(table), hold),
+        rmse_force_mN=figures.rms(error_mN, hold),
+        true_force_held_mN=figures.mean(series(table, "true_force_mN"), hold),
+    )
+
+
+def common(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
+    """Figures that every job has, by the fields of ``JobResult``."""
+    pressed = within(table, PRESSED)
+    zeroed = ~np.isnan(series(table, "zero_age_s"))
+    answered = [value for value in table["answered"] if value is not None]
+    line = contact_fit(table)
+    return {
+        "outcome": _outcome(table),
+        "phases": phases(table["phase"], table["t_s"], period_s),
+        "contact_x_um": figures.last(table["contact_x_um"]),
+        "contact_x_error_um": None if line is None else line.x_e_error_um,
+        "contact_stiffness_mN_per_um": figures.last(table["contact_stiffness_mN_per_um"]),
+        "contact_stiffness_error_mN_per_um": None if line is None else line.K_e_error_mN_per_um,
+        "peak_force_mN": figures.largest(series(table, "force_mN"), zeroed),
+        "final_force_mN": figures.last(table["force_mN"]),
+        "contact_rmse_position_um": figures.rms(position_error(table), pressed),
+        "contact_rmse_force_mN": figures.rms(force_error(table), pressed),
+        "residual_um": figures.percentiles(series(table, "residual_um")),
+        "perturbation_error_mN": figures.percentiles(series(table, "perturbation_error_mN")),
+        "limits_acted": _limits(table),
+        "actions": [
             ActionTaken(type=cast(ActionType, word), seq=seq)
             for seq, words in zip(table["seq"], table["acted"], strict=True)
             for word in (words or "").split()
         ],
-        samples=len(table["seq"]),
-        missed_ticks=missed(table),
-        unanswered_ticks=answered.count(False),
-        dropped_messages=dropped,
-    )
+        "samples": len(table["seq"]),
+        "missed_ticks": missed(table),
+        "unanswered_ticks": answered.count(False),
+        "dropped_messages": dropped,
+    }
+
+
+def position_error(table: Columns) -> figures.Series:
+    """Return x - x_r."""
+    return series(table, "x_um") - series(table, "x_r_um")
+
+
+def force_error(table: Columns) -> figures.Series:
+    """Return F̂ - F_r."""
+    return series(table, "force_mN") - series(table, "force_r_mN")
+
+
+def contact_fit(table: Columns) -> ContactFit | None:
+    """The contact line over the load, as the controller fits it; for its standard errors."""
+    line = ContactLine()
+    rows = zip(table["phase"], table["x_um"], table["force_mN"], table["force_r_mN"], strict=True)
+    for phase, *row in rows:
+        if phase == "load" and None not in row:
+            line = line.add(*cast("list[float]", row))
+    return line.fit()
 
 
 def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -> list[Phase]:
@@ -111,50 +141,6 @@ def _settled_hold(phase: Sequence[str | None], period_s: float) -> Mask:
     skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
     hold[places[:skipped]] = False
     return hold
-
-
-def _series(table: Columns, name: str) -> Series:
-    """A column as numbers, NaN where a sample never came."""
-    return np.array([np.nan if v is None else v for v in table[name]], dtype=np.float64)
-
-
-def _chosen(series: Series, mask: Mask) -> Series:
-    values = series[mask]
-    return values[~np.isnan(values)]
-
-
-def _mean(series: Series, mask: Mask) -> float | None:
-    values = _chosen(series, mask)
-    return float(values.mean()) if values.size else None
-
-
-def _rms(series: Series, mask: Mask) -> float | None:
-    values = _chosen(series, mask)
-    return float(np.sqrt(np.mean(values**2))) if values.size else None
-
-
-def _largest(series: Series, mask: Mask) -> float | None:
-    values = _chosen(series, mask)
-    return float(values.max()) if values.size else None
-
-
-def _percentiles(series: Series) -> Percentiles | None:
-    values = np.abs(series[~np.isnan(series)])
-    if not values.size:
-        return None
-    p50, p95, p99 = (float(value) for value in np.percentile(values, (50.0, 95.0, 99.0)))
-    return Percentiles(p50=p50, p95=p95, p99=p99)
-
-
-def _where(values: Sequence[Any], mask: Mask) -> list[Any]:
-    return [value for value, chosen in zip(values, mask, strict=True) if chosen]
-
-
-def _last(values: Sequence[Any]) -> float | None:
-    for value in reversed(values):
-        if value is not None and not isnan(value):
-            return float(value)
-    return None
 
 
 def _limits(table: Columns) -> list[LimitActed]:

@@ -12,16 +12,10 @@ from fastapi.responses import FileResponse
 
 from pincette_supervisor import problems, record
 from pincette_supervisor.conductor import Conductor
-from pincette_supervisor.models import (
-    ActionRequest,
-    Artifact,
-    ArtifactList,
-    GripJobRequest,
-    Job,
-    JobList,
-    Plan,
-)
+from pincette_supervisor.models import ActionRequest, Artifact, ArtifactList, Job, JobList
+from pincette_supervisor.plan_models import Plan
 from pincette_supervisor.problem_models import responses
+from pincette_supervisor.request_models import Body
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 
@@ -41,7 +35,7 @@ def routes(conductor: Conductor) -> APIRouter:
         },
     )
     def create(  # pyright: ignore[reportUnusedFunction]
-        body: GripJobRequest,
+        body: Body,
         response: Response,
         dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
     ) -> Job | Plan:

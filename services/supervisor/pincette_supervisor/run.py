@@ -50,9 +50,7 @@ class Run:
     def __init__(self, site: Site, job: LiveJob) -> None:
         self._site, self._job = site, job
         self._epoch = secrets.randbits(48) | 1
-        planned = job.planned
-        open_end = planned.values["hold_s"] is None
-        planned_s = None if open_end else planned.plan.duration_s
+        planned_s = job.planned.planned_s
         self._planned_s = planned_s
         self._tracker = Tracker(
             self._epoch, site.rig.rig.period_s, planned_s, lockstep=site.rig.lockstep
@@ -251,8 +249,8 @@ class Run:
         if row is None:
             return
         take = Take(self._epoch, self._tracker.messages, collection.dropped)
-        values, folder = job.planned.values, site.records / job.id
-        record = site.archivist.submit(archive.gather, site.rig, row, values, take).result()
+        planned, folder = job.planned, site.records / job.id
+        record = site.archivist.submit(archive.gather, site.rig, row, planned, take).result()
         job.keep_result(record.tree)
         try:
             site.archivist.submit(archive.write, folder, record).result()

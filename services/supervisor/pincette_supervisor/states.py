@@ -146,6 +146,7 @@ HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
 
 OUTCOMES: Mapping[str, str] = {
     "gripped": "the part was gripped, held and let go as planned",
+    "tracked": "the part was gripped, the path tracked and the part let go as planned",
     "released": "the part was gripped, held, and let go by the action release",
     "stopped": "the program was stopped",
     "no_contact": "no part was met where the plan expects one",
@@ -155,7 +156,7 @@ OUTCOMES: Mapping[str, str] = {
     "zero_refused": "the force could not be zeroed before contact",
 }
 """How a program ends, in the controller's codes."""
-GOOD_OUTCOMES = ("gripped", "released")
+GOOD_OUTCOMES = ("gripped", "tracked", "released")
 
 
 def next_state(state: JobState, event: Event) -> JobState:

@@ -9,11 +9,11 @@ from pincette.cli.rest import CliError, Supervisor
 from pincette.cli.show import show_plan, show_result
 
 
-def grip(url: str, wishes: dict[str, float], *, dry_run: bool) -> int:
-    """Start a grip and follow it to its end; the exit status says whether it succeeded."""
+def start(url: str, kind: str, wishes: dict[str, Any], *, dry_run: bool) -> int:
+    """Start a job and follow it to its end; the exit status says whether it succeeded."""
     console = Console(highlight=False)
     supervisor = Supervisor(url)
-    request = {"kind": "grip", "autostart": True, **wishes}
+    request = {"kind": kind, "autostart": True, **wishes}
     if dry_run:
         plan = supervisor.post("/jobs", request, dry_run="true")
         show_plan(plan, console)

@@ -1,13 +1,13 @@
 """The words of the command line, and what each calls."""
 
 import argparse
-import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from pincette import __version__
-from pincette.cli import doctor, job, rig_file, stop, teach, topics, up
+from pincette.cli import doctor, job, job_words, rig_file, stop, teach, topics, up
+from pincette.cli.job_words import JOB_ACTIONS, number
 from pincette.cli.rest import DEFAULT_URL, CliError
 from pincette.runtime.process import Options, programs, run_program
 
@@ -17,35 +17,13 @@ to begin with:
   pincette demo                     a simulated rig grips a bead; nothing else is needed
   pincette up                       start a rig; then, in another terminal:
   pincette job grip --force-mN 15   grip its part, and follow it
+  pincette job track --cycles 3     let position and force follow a path
   pincette estop                    stop the rig at once; `pincette reset` clears the latch
   pincette doctor                   what is missing, and how to get it
 
 The rig file is that of --rig, else of the environment variable {rig_file.VARIABLE},
 else {rig_file.IN_A_CHECKOUT} in a checkout. `pincette COMMAND --help` says more of each.
 """
-WISHES = {"force_mN": "force to hold", "hold_s": "time to hold it", "load_s": "time to load"}
-JOB_ACTIONS = {
-    "stop": "stop a job; a held part stays held",
-    "abort": "abort a job: the actuator goes to its safe state and latches",
-    "release": "let the part of a job go",
-}
-
-
-def number(unit: str) -> Callable[[str], float]:
-    """Reader of an argument that must be a finite number of a unit."""
-
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise argparse.ArgumentTypeError(
-                f"{text!r} {unit} cannot be used: give a finite number of {unit}, such as 15"
-            )
-        return value
-
-    return read
 
 
 def parser() -> argparse.ArgumentParser:
@@ -76,7 +54,8 @@ def parser() -> argparse.ArgumentParser:
     rigged("demo", "start a rig, grip its part, show the result, end", records=True)
     rigged("doctor", "say what is missing for a rig, and how to get it", records=True)
     rigged("topics", "list the keys of a rig and what goes over them")
-    _jobs(words.add_parser("job", help="start a job and follow it, or act on one"))
+    jobs = words.add_parser("job", help="start a job and follow it, or act on one")
+    job_words.add(jobs, _addressed)
 
     estop = rigged("estop", "stop the rig at once: REST first, then straight to the actuator")
     estop.add_argument("--url", help="of the supervisor; as the rig file says if not given")
@@ -98,27 +77,6 @@ def _addressed(word: argparse.ArgumentParser) -> None:
     word.add_argument(
         "--url", default=DEFAULT_URL, help="of the supervisor; %(default)s if not given"
     )
-
-
-def _jobs(jobs: argparse.ArgumentParser) -> None:
-    kinds = jobs.add_subparsers(dest="kind", required=True, metavar="KIND")
-    text = "grip the part of the rig file; what is not given is as the file says"
-    grip = kinds.add_parser("grip", help=text, description=text)
-    _addressed(grip)
-    for name, meaning in WISHES.items():
-        unit = name.rpartition("_")[2]
-        grip.add_argument(
-            f"--{name.replace('_', '-')}",
-            type=number(unit),
-            dest=name,
-            metavar=unit,
-            help=f"{meaning}, in {unit}",
-        )
-    grip.add_argument("--dry-run", action="store_true", help="plan and predict only")
-    for action, meaning in JOB_ACTIONS.items():
-        word = kinds.add_parser(action, help=meaning, description=meaning)
-        word.add_argument("name", metavar="JOB", help="its id")
-        _addressed(word)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -165,5 +123,4 @@ def _call(given: argparse.Namespace) -> int:
 def _job(given: argparse.Namespace) -> int:
     if given.kind in JOB_ACTIONS:
         return job.act(given.url, given.kind, given.name)
-    wishes = {name: value for name in WISHES if (value := getattr(given, name)) is not None}
-    return job.grip(given.url, wishes, dry_run=given.dry_run)
+    return job.start(given.url, given.kind, job_words.wishes(given), dry_run=given.dry_run)

@@ -7,7 +7,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-PLOT = "grip.png"
+PLOTS = ("grip.png", "track.png")
 LABEL = 19
 """Width of the names of figures."""
 
@@ -20,7 +20,7 @@ def _table(*names: str) -> Table:
 
 
 def show_result(job: dict[str, Any], console: Console) -> None:
-    """Print what a grip came to."""
+    """Print what a job came to."""
     good = job["state"] == "succeeded"
     colour = "green" if good else "red"
     console.print(f"\njob {job['id']} [bold {colour}]{job['state']}[/]")
@@ -43,13 +43,21 @@ def _quantity(value: float | None, unit: str, digits: int = 2) -> str:
     return "not known" if value is None else f"{value:.{digits}f} {unit}"
 
 
-def result_lines(result: dict[str, Any]) -> list[tuple[str, str]]:
-    """The figures of a result, named, with their units."""
-    error = result["force_error_mN"]
-    lines = [
+def _contact(result: dict[str, Any]) -> list[tuple[str, str]]:
+    return [
         ("outcome", str(result["outcome"])),
         ("contact position", _quantity(result["contact_x_um"], "µm")),
         ("contact stiffness", _quantity(result["contact_stiffness_mN_per_um"], "mN/µm", 3)),
+    ]
+
+
+def result_lines(result: dict[str, Any]) -> list[tuple[str, str]]:
+    """The figures of a result, named, with their units."""
+    if "shape" in result:
+        return _track_lines(result)
+    error = result["force_error_mN"]
+    lines = [
+        *_contact(result),
         (
             "force held",
             f"not known, of {result['force_target_mN']:g} mN"
@@ -71,6 +79,33 @@ def result_lines(result: dict[str, Any]) -> list[tuple[str, str]]:
     return lines
 
 
+def _track_lines(result: dict[str, Any]) -> list[tuple[str, str]]:
+    height = (
+        f"{_quantity(result['x_pp_um'], 'µm')} and {_quantity(result['force_pp_mN'], 'mN')}"
+        " peak to peak"
+    )
+    lines = [
+        *_contact(result),
+        (str(result["shape"]), "not tracked" if result["x_pp_um"] is None else height),
+        ("position error", _tracking(result["position_um"], "µm")),
+        ("force error", _tracking(result["force_mN"], "mN")),
+        ("force uncertainty", _quantity(result["force_uncertainty_mN"], "mN")),
+    ]
+    if result["true_force_mN"] is not None:
+        lines.append(
+            ("true force error", f"{_tracking(result['true_force_mN'], 'mN')}, by the simulation")
+        )
+    return lines
+
+
+def _tracking(tracking: dict[str, Any] | None, unit: str) -> str:
+    if tracking is None:
+        return "not known"
+    percent = tracking["rmse_percent"]
+    share = "" if percent is None else f" ({percent:.2f} %)"
+    return f"RMSE {tracking['rmse']:.3f} {unit}{share}, at most {tracking['maximum']:.3f} {unit}"
+
+
 def record_lines(job: dict[str, Any]) -> list[tuple[str, str]]:
     """Where a job's record is, and its plot where the folder can be seen from here."""
     if not job.get("record"):
@@ -79,13 +114,12 @@ def record_lines(job: dict[str, Any]) -> list[tuple[str, str]]:
     if folder.is_relative_to(Path.cwd()):
         folder = folder.relative_to(Path.cwd())
     lines = [("record", str(folder))]
-    if (folder / PLOT).is_file():
-        lines.append(("plot", str(folder / PLOT)))
-    return lines
+    plots = (folder / name for name in PLOTS)
+    return [*lines, *(("plot", str(plot)) for plot in plots if plot.is_file())]
 
 
 def show_plan(plan: dict[str, Any], console: Console) -> None:
-    """Print what a grip would do."""
+    """Print what a job would do."""
     phases = _table("phase", "begins", "lasts", "to", "force", "voltage")
     for phase in plan["phases"]:
         phases.add_row(
@@ -98,9 +132,24 @@ def show_plan(plan: dict[str, Any], console: Console) -> None:
         )
     console.print(phases)
     console.print()
+    if "steady_errors" in plan:
+        for label, text in steady_lines(plan["steady_errors"]):
+            console.print(f"{label:<{LABEL}} {text}", markup=False, soft_wrap=True)
+        console.print()
     if plan["feasible"]:
         console.print(f"feasible: {plan['duration_s']:.2f} s, within every limit of the rig")
         return
     console.print("[red]not feasible[/red]: the plan breaks a limit of the rig")
     for violation in plan["violations"]:
         console.print(f"  {violation['message']}", markup=False)
+
+
+def steady_lines(errors: dict[str, float]) -> list[tuple[str, str]]:
+    """Where the arm would rest if the part differed from the plan within its tolerances."""
+    lowest_um, highest_um = errors["position_min_um"], errors["position_max_um"]
+    lowest_mN, highest_mN = errors["force_min_mN"], errors["force_max_mN"]
+    return [
+        ("steady errors", "for a part within the tolerances of the rig file:"),
+        ("  position", f"{lowest_um:+.2f} to {highest_um:+.2f} µm"),
+        ("  force", f"{lowest_mN:+.2f} to {highest_mN:+.2f} mN, until the load finds the contact"),
+    ]

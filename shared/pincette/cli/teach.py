@@ -6,15 +6,18 @@ from pathlib import Path
 from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
 from pincette.config import RigFile
-from pincette.control.identification import Identification, identify_free_response
+from pincette.control.identification import (
+    Candidates,
+    Identification,
+    identify_free_response,
+    spread_fadings,
+)
 from pincette.control.teaching import teaching_program
 from pincette.messages import Estimate
 from pincette.runtime.composed import ComposedLoop
 
-THRESHOLDS_V = (0.0, 0.3, 0.6, 0.9, 1.2, 1.5)
-"""Beyond half the voltage travel of a grip, a play would move only on the first stroke."""
-CREEP_TIMES_S = (0.2, 0.8, 3.2, 12.8, 51.2)
-"""From some samples to the length of the motion, a factor of four apart."""
+SPEED_FACTOR = 3.0
+"""Fastest part of the motion against the approach; the paper's widest sinusoid needs it."""
 BELOW_REST = 0.1
 """How far the motion goes beyond the rest position, as a share of its height above it."""
 
@@ -49,18 +52,20 @@ def identify(rig: RigFile) -> Identification:
     """
     low_um, high_um = free_range_um(rig)
     try:
-        program = teaching_program(low_um, high_um, rig.grip.approach_um_per_s)
+        program = teaching_program(low_um, high_um, SPEED_FACTOR * rig.grip.approach_um_per_s)
         estimates = [
             message
             for message in ComposedLoop(without_part(rig)).play(program)
             if isinstance(message, Estimate) and message.valid
         ]
+        voltages_V = [estimate.applied_V for estimate in estimates]
         return identify_free_response(
-            [estimate.applied_V for estimate in estimates],
+            voltages_V,
             [estimate.x_um for estimate in estimates],
             rig.rig.period_s,
-            thresholds_V=THRESHOLDS_V,
-            creep_times_s=CREEP_TIMES_S,
+            candidates=Candidates(
+                spread_fadings(max(voltages_V) - min(voltages_V)), curved=(False, True)
+            ),
         )
     except ValueError as error:
         raise CliError(f"the free response could not be identified: {error}") from error
@@ -96,13 +101,18 @@ def free_range_um(rig: RigFile) -> tuple[float, float]:
 def as_toml(found: Identification) -> str:
     """Return the table ``[model.free_response]``, rounded to what the residual bears."""
     model = found.model
+    parts = ""
+    if model.fading_per_V != 0.0:
+        parts += f"fading_per_V = {round(model.fading_per_V, 4)}\n"
+    if model.curvature_um_per_V2 != 0.0:
+        parts += f"curvature_um_per_V2 = {round(model.curvature_um_per_V2, 4)}\n"
     return (
         "[model.free_response]           # by `pincette teach`\n"
         f"thresholds_V = {_array(model.thresholds_V, 3)}\n"
         f"weights_um_per_V = {_array(model.weights_um_per_V, 4)}\n"
         f"creep_times_s = {_array(model.creep_times_s, 3)}\n"
         f"creep_fractions = {_array(model.creep_fractions, 5)}\n"
-        f"residual_um = {found.residual_um:.3f}\n"
+        f"{parts}residual_um = {found.residual_um:.3f}\n"
     )
 
 

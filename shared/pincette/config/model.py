@@ -1,12 +1,13 @@
 """The arm as the controller and the estimator know it, and the law's gains."""
 
+from dataclasses import asdict
 from typing import Literal
 
 from pydantic import Field, model_validator
 
 from pincette.config.tables import NotNegative, Positive, Table
 from pincette.control.hysteresis import HysteresisModel
-from pincette.control.plant import ArmParameters, consistent_arm, printed_arm
+from pincette.control.plant import ArmParameters, consistent_arm
 
 
 class IdentifiedFreeResponse(Table):
@@ -16,6 +17,8 @@ class IdentifiedFreeResponse(Table):
     weights_um_per_V: tuple[float, ...] = Field(strict=False)
     creep_times_s: tuple[float, ...] = Field(default=(), strict=False)
     creep_fractions: tuple[float, ...] = Field(default=(), strict=False)
+    fading_per_V: NotNegative = 0.0
+    curvature_um_per_V2: float = 0.0
     residual_um: NotNegative
     """r.m.s. left of free motion that was not fitted; enters the force uncertainty."""
 
@@ -24,6 +27,11 @@ class IdentifiedFreeResponse(Table):
         self.hysteresis()
         return self
 
+    @classmethod
+    def from_model(cls, model: HysteresisModel, residual_um: float) -> "IdentifiedFreeResponse":
+        """Table of a model that was identified."""
+        return cls(**asdict(model), residual_um=residual_um)
+
     def hysteresis(self) -> HysteresisModel:
         """Model of the table; raises ValueError where it is impossible."""
         return HysteresisModel(
@@ -31,13 +39,14 @@ class IdentifiedFreeResponse(Table):
             weights_um_per_V=self.weights_um_per_V,
             creep_times_s=self.creep_times_s,
             creep_fractions=self.creep_fractions,
+            fading_per_V=self.fading_per_V,
+            curvature_um_per_V2=self.curvature_um_per_V2,
         )
 
 
 class Model(Table):
     """The arm as the controller and the estimator know it."""
 
-    parameters: Literal["consistent", "printed"] = "consistent"
     natural_frequency_rad_per_s: Positive = 2437.8
     damping_ratio: Positive = 0.0260
     piezo_um_per_V: Positive = 19.0
@@ -51,30 +60,32 @@ class Model(Table):
     forgotten_scale_V: Positive = 0.4
     """To-and-fro since the zero within which 63 % of it is reached."""
     force_filter_s: NotNegative = 0.03
-    """Time constant of the low-pass over the estimated force."""
+    """Time constant of the law's low-pass over the force error."""
+    force_observer: Literal["quasi_static", "inverse_dynamics", "kalman"] = "quasi_static"
+    """How the force is found from position and free response; the first for long periods alone."""
+    force_ages: Literal["matched", "printed"] = "matched"
+    """Whether (53) pairs x and x_1 of one age, or as it is printed; see ``control.observers``."""
+    force_rate_mN_per_s: Positive = 50.0
+    """Force rate that ``kalman`` reckons with, r.m.s. over a period."""
+    inverse_filter_s: NotNegative = 0.0005
+    """τ of 1/(τs + 1)² in ``inverse_dynamics``."""
     free_response: IdentifiedFreeResponse | None = None
     """Without it the free response is a straight line."""
 
+    @model_validator(mode="after")
+    def _printed_ages_are_quasi_static(self) -> "Model":
+        if self.force_ages == "printed" and self.force_observer != "quasi_static":
+            raise ValueError(
+                f'force_ages = "printed" with force_observer = "{self.force_observer}": '
+                'only "quasi_static" has the ages that are printed'
+            )
+        return self
+
     def arm(self) -> ArmParameters:
-        """m, b, k, d of the set that is named."""
-        if self.parameters == "printed":
-            return printed_arm()
+        """m, b, k, d of the consistent set."""
         return consistent_arm(
             self.natural_frequency_rad_per_s,
             self.damping_ratio,
             self.piezo_um_per_V,
             self.compliance_um_per_mN,
         )
-
-
-class Law(Table):
-    """Gains of PBSMIC and of the generalized impedance (10), in mN and µm."""
-
-    K_P: Positive = 1.0
-    K_I: Positive = 1.0
-    K_S: NotNegative = 0.0
-    delta: Positive = 100.0
-    M: Positive = 1e-3
-    B: Positive = 8.9221
-    K: Positive = 1.9901e4
-    K_f: NotNegative = 5000.0

@@ -7,9 +7,11 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pincette.config.model import Law, Model
+from pincette.config.law import Law
+from pincette.config.model import Model
 from pincette.config.simulation import Simulation
 from pincette.config.tables import ConfigError, NotNegative, Positive, Table, Url
+from pincette.control.paths import Shape
 
 Options = dict[str, str | int | float | bool]
 """What only one driver understands; it checks them itself."""
@@ -115,6 +117,24 @@ class Grip(Table):
     zero_s: Positive = 0.4
 
 
+class Track(Table):
+    """Defaults of a track job; a request may replace each. What is not here is as in a grip."""
+
+    shape: Shape = "sinusoid"
+    force_mean_mN: Positive = 12.0
+    force_pp_mN: Positive = 20.0
+    frequency_hz: Positive = 0.5
+    cycles: int = Field(default=5, ge=1, le=1000)
+    levels_mN: tuple[Positive, ...] = Field(
+        default=(5.0, 10.0, 15.0, 20.0), min_length=1, max_length=100, strict=False
+    )
+    dwell_s: Positive = 2.0
+    rate_um_per_s: Positive = 60.0
+    """Highest speed of x_r along a path; steps use it up."""
+    acceleration_um_per_s2: Positive = 2000.0
+    """Highest acceleration of x_r along a path; steps and corners use it up."""
+
+
 class Supervisor(Table):
     """Where the supervisor listens."""
 
@@ -135,6 +155,7 @@ class RigFile(Table):
     safety: Safety = Safety()
     part: Part
     grip: Grip = Grip()
+    track: Track = Track()
     supervisor: Supervisor = Supervisor()
     simulation: Simulation | None = None
 

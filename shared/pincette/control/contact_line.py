@@ -1,64 +1,99 @@
-"""The contact line F = K_e·(x - x_e), fitted while the arm is pressed on."""
+"""The contact line F = K_e·(x - x_e), identified while the arm is pressed on.
+
+The estimated force is worked out from the measured position, so that noise enters both at once:
+least squares of F on x then errs in K_e by noise²/spread², times 1 + 1/(s_p·K_e). The planned
+force F_r, by which both move and which has no noise, serves as the instrument instead:
+
+    K_e = cov(F, F_r)/cov(x, F_r),    x_e = mean x - mean F/K_e
+
+A force that lags behind the position by τ leaves K_e as it is where F_r moves symmetrically in
+time, and moves x_e by τ times the mean speed. Source: T. Söderström and P. Stoica, Instrumental
+Variable Methods for System Identification, Springer 1983, chapter 3.
+"""
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import NamedTuple
 
 
 class ContactFit(NamedTuple):
-    """Position of first touch x_e and contact stiffness K_e."""
+    """Position of first touch x_e and contact stiffness K_e, with their standard errors.
+
+    The errors are those that white noise about the line would make.
+    """
 
     x_e_um: float
     K_e_mN_per_um: float
+    x_e_error_um: float
+    K_e_error_mN_per_um: float
 
 
 @dataclass(frozen=True, slots=True)
 class ContactLine:
-    """Running least squares of F on x, with sums counted from the first sample.
-
-    The shift keeps the sums small beside the spread, so that nothing cancels. Noise of x lowers
-    K_e by the share noise²/spread²; where F is estimated from the same x the slope errs further,
-    hence the fit is worth something only over a spread far above the noise.
-    """
+    """Running sums of x, F and F_r, counted from the first sample so that nothing cancels."""
 
     count: int = 0
     first_x_um: float = 0.0
     first_force_mN: float = 0.0
+    first_force_r_mN: float = 0.0
     sum_x: float = 0.0
     sum_F: float = 0.0
+    sum_z: float = 0.0
+    sum_xz: float = 0.0
+    sum_Fz: float = 0.0
+    sum_zz: float = 0.0
     sum_xx: float = 0.0
     sum_xF: float = 0.0
+    sum_FF: float = 0.0
 
-    def add(self, x_um: float, force_mN: float) -> "ContactLine":
-        """Return the line with one more sample in it."""
+    def add(self, x_um: float, force_mN: float, force_r_mN: float) -> "ContactLine":
+        """Return the line with one more sample in it: x, F̂ and the F_r that holds for them."""
         if self.count == 0:
-            return ContactLine(1, x_um, force_mN)
+            return ContactLine(1, x_um, force_mN, force_r_mN)
         x = x_um - self.first_x_um
         F = force_mN - self.first_force_mN
+        z = force_r_mN - self.first_force_r_mN
         return ContactLine(
             self.count + 1,
             self.first_x_um,
             self.first_force_mN,
+            self.first_force_r_mN,
             self.sum_x + x,
             self.sum_F + F,
+            self.sum_z + z,
+            self.sum_xz + x * z,
+            self.sum_Fz + F * z,
+            self.sum_zz + z * z,
             self.sum_xx + x * x,
             self.sum_xF + x * F,
+            self.sum_FF + F * F,
         )
 
     def fit(self, minimum_spread_um: float = 0.1) -> ContactFit | None:
         """Return x_e and K_e.
 
-        None where x has a standard deviation below ``minimum_spread_um``, where there are fewer
-        than three samples, or where F does not change with x, so that no x_e exists.
+        None where there are fewer than three samples, where the standard deviation that x has
+        along F_r is below ``minimum_spread_um``, or where F does not change with F_r, so that no
+        x_e exists.
         """
-        if self.count < 3:
+        n = self.count
+        if n < 3:
             return None
-        mean_x = self.sum_x / self.count
-        mean_F = self.sum_F / self.count
-        variance = self.sum_xx / self.count - mean_x * mean_x
-        if not variance >= minimum_spread_um * minimum_spread_um or variance <= 0.0:
+        x, F, z = self.sum_x / n, self.sum_F / n, self.sum_z / n
+        var_z = self.sum_zz / n - z * z
+        cov_xz = self.sum_xz / n - x * z
+        cov_Fz = self.sum_Fz / n - F * z
+        if var_z <= 0.0 or cov_xz == 0.0 or cov_Fz == 0.0:
             return None
-        K_e = (self.sum_xF / self.count - mean_x * mean_F) / variance
-        if K_e == 0.0:
+        if not abs(cov_xz) >= minimum_spread_um * sqrt(var_z):
             return None
-        x_e = self.first_x_um + mean_x - (self.first_force_mN + mean_F) / K_e
-        return ContactFit(x_e, K_e)
+        K_e = cov_Fz / cov_xz
+        x_e = self.first_x_um + x - (self.first_force_mN + F) / K_e
+        # Mean square of what F is off the line, by the means of squares and products.
+        var_F, var_x = self.sum_FF / n - F * F, self.sum_xx / n - x * x
+        off = var_F - 2.0 * K_e * (self.sum_xF / n - x * F) + K_e * K_e * var_x
+        sigma = sqrt(max(0.0, off) / (n - 2))
+        slope_error = sigma * sqrt(var_z) / abs(cov_xz)
+        lever_um = self.first_x_um + x - x_e
+        line_error_um = sqrt(sigma * sigma + (slope_error * lever_um) ** 2) / abs(K_e)
+        return ContactFit(x_e, K_e, line_error_um, slope_error)

@@ -11,6 +11,10 @@ from typing import NamedTuple, Protocol, Self
 
 from pincette.control.checks import require_positive
 
+TOLERANCE_UM = 5.0
+TOLERANCE_FRACTION = 0.4
+"""How far a zero may move the offset of the line: without travel, and as a share of it."""
+
 
 class FreeSample(NamedTuple):
     """A position of the arm free of contact, and the voltage that led to it (of k-1, for x_k)."""
@@ -67,6 +71,14 @@ class FreeResponse(Protocol):
         """Put x_1 through the rest that ends ``samples``."""
         ...
 
+    def zero_tolerance_um(self, creep_um: float) -> float:
+        """Return how far a zero here may move the offset by hysteresis and creep alone.
+
+        What goes beyond it must have another cause, such as a part that presses. ``creep_um`` is
+        how far creep that x_1 does not follow may have moved the arm since the last zero.
+        """
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class LinearResponse:
@@ -115,6 +127,11 @@ class LinearResponse:
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "LinearResponse":
         """Return the line through the rest, as ``relinearize`` draws it."""
         return relinearize(self, samples, rest_samples=rest_samples)
+
+    def zero_tolerance_um(self, creep_um: float) -> float:
+        """Return 5 µm + 0.4·d_p·|u - u_zero| + creep: hysteresis, and an error of d_p."""
+        travel_um = self.nominal_um_per_V * abs(self.voltage_V - self.zero_V)
+        return TOLERANCE_UM + TOLERANCE_FRACTION * travel_um + creep_um
 
 
 def nominal_response(

@@ -1,20 +1,29 @@
 """Hysteresis and creep of a piezoelectric arm: Prandtl-Ishlinskii operator and linear creep.
 
-With u in V, the displacement in µm, and thresholds r_i, from one sample to the next:
+With u in V, the displacement in µm, and thresholds r_i, over a piece of voltage that rises or
+falls throughout by |Δu|:
 
-    play           y_i ← max(u - r_i, min(u + r_i, y_i))
-    static         y = Σ w_i·y_i,  r_0 = 0 being the linear part
+    play           z_i = u - y_i;   dz_i/du = 1 - λ·z_i·sign(du)  within  |z_i| ≤ r_i
+    static         y = q·u² + Σ w_i·y_i,  r_0 = 0 being the linear part
     creep          τ_j·ċ_j = y - c_j
     displacement   y + Σ κ_j·c_j
 
+Without fading, λ = 0, these are the plays of Prandtl and Ishlinskii,
+y_i ← max(u - r_i, min(u + r_i, y_i)), which return from a small loop to where they were. With it a
+play that does not yield forgets as the voltage travels, by e^(-λ·|Δu|), so that small loops wear
+off what large ones left, and each starts in a slope of its own (accommodation). Every play has to
+yield, r_i·λ < 1: without yielding it would be another operator, that of Dahl. The curvature q
+bends rising and falling branches alike.
+
 The plays depend on the path of the voltage alone, not on its speed; the creep states are linear.
 Sources: M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, chapter 2;
-K. Kuhnen, European Journal of Control 9(4), 2003, for the operator with creep in an actuator.
+K. Kuhnen, European Journal of Control 9(4), 2003, for the operator with creep in an actuator;
+E. Della Torre, IEEE Transactions on Magnetics 30(5), 1994, for accommodation.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import exp, isfinite
+from math import exp, expm1, isfinite
 
 from pincette.control.checks import require_not_negative, require_positive
 
@@ -27,7 +36,8 @@ class HysteresisModel:
     ------
     ValueError
         Where lengths disagree, a number is not finite, thresholds do not ascend from 0, a time is
-        not positive, or the displacement would fall on some branch of rising voltage.
+        not positive, the fading is negative or keeps a play from yielding, or the displacement
+        would, but for its curvature, fall on a branch of rising voltage.
     """
 
     thresholds_V: tuple[float, ...]
@@ -38,6 +48,10 @@ class HysteresisModel:
     """τ_j."""
     creep_fractions: tuple[float, ...] = ()
     """κ_j, shares of the static displacement."""
+    fading_per_V: float = 0.0
+    """λ."""
+    curvature_um_per_V2: float = 0.0
+    """q."""
 
     def __post_init__(self) -> None:
         _require_same("weights_um_per_V", self.weights_um_per_V, "thresholds_V", self.thresholds_V)
@@ -49,6 +63,11 @@ class HysteresisModel:
             if require_not_negative("threshold", threshold, "V") <= below:
                 raise ValueError(f"threshold {threshold} V, must be above {below} V before it")
             below = threshold
+        fading = require_not_negative("fading", self.fading_per_V, "per V")
+        if not fading * below < 1.0:
+            raise ValueError(f"threshold {below} V, must be below {1.0 / fading} V, 1/fading")
+        if not isfinite(self.curvature_um_per_V2):
+            raise ValueError(f"curvature {self.curvature_um_per_V2} µm/V², must be finite")
         for time_s in self.creep_times_s:
             require_positive("creep time", time_s, "s")
         for fraction in self.creep_fractions:
@@ -58,6 +77,11 @@ class HysteresisModel:
         slope = 0.0
         for threshold, weight in zip(self.thresholds_V, self.weights_um_per_V, strict=True):
             slope = require_positive(f"slope up to {threshold} V", slope + weight, "µm/V")
+        # At a turn all plays stand at their thresholds, and what fades of them goes the other way.
+        slope = self.weights_um_per_V[0]
+        for threshold, weight in zip(self.thresholds_V, self.weights_um_per_V, strict=True):
+            slope -= weight * fading * threshold
+        require_positive("slope after a turn", slope, "µm/V")
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +107,14 @@ def step(
     """Memory after the voltage went straight to ``voltage_V`` and stayed there for ``dt_s``."""
     u, plays, static_um = voltage_V, state.plays_V, state.static_um
     if u != state.voltage_V:
+        keep, rise_V = faded(model.fading_per_V, u - state.voltage_V)
+        before = state.voltage_V
         moved: list[float] = []
-        static_um = 0.0
+        static_um = model.curvature_um_per_V2 * u * u
         for r, w, y in zip(model.thresholds_V, model.weights_um_per_V, plays, strict=True):
-            play = max(u - r, min(u + r, y))
+            # u - z with z ← z·keep + rise, written so that without fading it is y to the bit.
+            within = y if keep == 1.0 else u - ((before - y) * keep + rise_V)
+            play = max(u - r, min(u + r, within))
             moved.append(play)
             static_um += w * play
         plays = tuple(moved)
@@ -103,6 +131,18 @@ def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:
     for fraction, creep in zip(model.creep_fractions, state.creep_um, strict=True):
         total += fraction * creep
     return total
+
+
+def faded(fading_per_V: float, du_V: float) -> tuple[float, float]:
+    """What ``du_V`` of voltage makes of z: z·e^(-λ·|du|) + sign(du)·(1 - e^(-λ·|du|))/λ.
+
+    Returns factor and addend, in V. The solution of dz/du between the thresholds, so that it does
+    not matter how the way is cut; 1 and du without fading.
+    """
+    if fading_per_V == 0.0:
+        return 1.0, du_V
+    lost = -expm1(-fading_per_V * abs(du_V))
+    return 1.0 - lost, (lost if du_V > 0.0 else -lost) / fading_per_V
 
 
 @lru_cache(maxsize=64)

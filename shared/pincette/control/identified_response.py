@@ -21,6 +21,9 @@ from pincette.control.hysteresis import (
 
 GROWTH_V = 0.5
 """Travel since the zero over which the error grows to its full size."""
+LEAST_TOLERANCE_UM = 0.5
+ERRORS_TOLERATED = 5.0
+"""Standard errors by which a zero may move the offset, on top of creep."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +79,10 @@ class IdentifiedResponse:
         rest = rest_mean(samples, rest_samples)
         offset_um = rest.x_um - rest.displacement_um
         return replace(self, offset_um=offset_um, zero_V=rest.voltage_V)
+
+    def zero_tolerance_um(self, creep_um: float) -> float:
+        """Return five errors and the creep, 0.5 µm at least."""
+        return max(LEAST_TOLERANCE_UM, ERRORS_TOLERATED * self.error_um() + creep_um)
 
 
 def identified_response(

@@ -62,6 +62,14 @@ class Quintic:
         shape = s * s * (3.0 * self.c_3 + s * (4.0 * self.c_4 + s * 5.0 * self.c_5))
         return self.start_speed + shape / self.duration_s
 
+    def acceleration(self, t_s: float) -> float:
+        """Rate of change of the speed, per second; 0 outside the move."""
+        if t_s <= 0.0 or t_s >= self.duration_s:
+            return 0.0
+        s = t_s / self.duration_s
+        shape = s * (6.0 * self.c_3 + s * (12.0 * self.c_4 + s * 20.0 * self.c_5))
+        return shape / (self.duration_s * self.duration_s)
+
 
 def move(
     start: float, start_speed: float, end: float, end_speed: float, duration_s: float

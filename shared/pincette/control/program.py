@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from typing import Literal
 
-SegmentKind = Literal["zero", "free", "seek", "force"]
+from pincette.control.law import LawSettings
+from pincette.control.paths import Path
+
+SegmentKind = Literal["zero", "free", "seek", "force", "path"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,6 +18,8 @@ class Segment:
     ``seek``   x_r moves at constant speed to ``x_to_um`` until the contact guard fires.
     ``force``  F_r moves smoothly to ``force_to_mN`` and x_r with it, on the contact line
                F_r = K_e·(x_r - x_e), in ``move_s``; then both rest until ``duration_s``.
+    ``path``   of force: F_r follows ``path`` and x_r with it, on the contact line; of position:
+               x_r follows it, free of contact. It begins where the segment before has ended.
     """
 
     phase: str
@@ -25,6 +30,16 @@ class Segment:
     force_to_mN: float | None = None
     move_s: float | None = None
     """None: the whole duration."""
+    path: Path | None = None
+    law: int = 0
+    """Which of the program's laws holds."""
+
+    @property
+    def presses(self) -> bool:
+        """Whether the law is fed the force."""
+        if self.kind == "path":
+            return self.path is not None and self.path.quantity == "force"
+        return self.kind == "force"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +53,8 @@ class Guards:
     force_max_mN: float
     """Estimated force that ends the grip as ``overforce``."""
     lost_fraction: float
-    """Share of F_r below which, in the hold, the part counts as lost."""
+    """Share of F_r below which, in the hold, the part counts as lost; along a path only where F_r
+    is at least twice the contact force."""
     lost_samples: int
     stiffness_min_mN_per_um: float
     stiffness_max_mN_per_um: float
@@ -48,8 +64,12 @@ class Guards:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """Segments in order, guards, and the contact stiffness K_e the plan assumes."""
+    """Segments in order, guards, the contact stiffness K_e the plan assumes, and the laws."""
 
     segments: tuple[Segment, ...]
     guards: Guards
     contact_stiffness_mN_per_um: float
+    laws: tuple[LawSettings, ...] = ()
+    """None: the rig file's."""
+    contact_line: Literal["identified", "planned"] = "identified"
+    """K_e and x_e as the load shows them, or K_e as planned and x_e from the first touch."""

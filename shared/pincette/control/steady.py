@@ -1,4 +1,11 @@
-"""Where the impedance rests in contact: most of the remaining error is planning error."""
+"""Where the impedance rests in contact: most of the remaining error is planning error.
+
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from dataclasses import dataclass
+
+from pincette.control.checks import require_not_negative, require_positive
 
 
 def steady_state_errors(
@@ -15,9 +22,72 @@ def steady_state_errors(
         E_x = [F_r + K_e (x_e - x_r)] / (K_e + K/K_f)                                    (51)
         E_f = -(K/K_f) E_x                                                               (52)
 
-    of Q. Xu, IEEE T-ASE 10(3), 2013; K_e and K in mN/µm, K > 0. Written with K_f multiplied
-    through, so that K_f = 0 is the position loop. Both vanish for F_r = K_e·(x_r - x_e).
+    K_e and K in mN/µm, K > 0. Written with K_f multiplied through, so that K_f = 0 is the
+    position loop. Both vanish for F_r = K_e·(x_r - x_e).
     """
     mismatch_mN = force_r_mN + K_e * (x_e_um - x_r_um)
     scale = mismatch_mN / (K_f * K_e + K)
     return K_f * scale, -K * scale
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyErrors:
+    """Ranges of the steady errors E_x and E_f."""
+
+    position_min_um: float
+    position_max_um: float
+    force_min_mN: float
+    force_max_mN: float
+
+
+def steady_error_ranges(
+    *,
+    forces_r_mN: tuple[float, float],
+    x_e_um: float,
+    x_e_tolerance_um: float,
+    K_e: float,
+    K_e_tolerance: float,
+    K: float,
+    K_f: float,
+) -> SteadyErrors:
+    """Ranges of (51) and (52) where the rig differs from the plan within tolerances.
+
+    The plan is consistent for its own contact, x_r = x_e + F_r/K_e. The errors are linear in F_r
+    and in the true x_e and monotone in the true stiffness, so that their extremes lie where all
+    three are at an end.
+
+    Parameters
+    ----------
+    forces_r_mN
+        Lowest and highest F_r.
+    x_e_um, K_e
+        The contact that the plan assumes, and
+    x_e_tolerance_um, K_e_tolerance
+        by how much the true one may differ; the latter as a share of K_e, below 1.
+    K, K_f
+        Of the impedance (10), in mN/µm and mN/mN.
+
+    Raises
+    ------
+    ValueError
+        Where K_e or K is not positive, or a tolerance negative.
+    """
+    require_positive("K_e", K_e, "mN/µm")
+    require_positive("K", K, "mN/µm")
+    require_not_negative("tolerance of x_e", x_e_tolerance_um, "µm")
+    require_not_negative("tolerance of K_e", K_e_tolerance, "")
+    found = [
+        steady_state_errors(
+            force_r_mN=force_r_mN,
+            x_r_um=x_e_um + force_r_mN / K_e,
+            x_e_um=x_e_um + side * x_e_tolerance_um,
+            K_e=K_e * (1.0 + other_side * K_e_tolerance),
+            K=K,
+            K_f=K_f,
+        )
+        for force_r_mN in forces_r_mN
+        for side in (-1.0, 1.0)
+        for other_side in (-1.0, 1.0)
+    ]
+    positions, forces = [error[0] for error in found], [error[1] for error in found]
+    return SteadyErrors(min(positions), max(positions), min(forces), max(forces))

@@ -27,6 +27,25 @@ RESULT: dict[str, Any] = {
     "rmse_force_mN": 0.715,
     "true_force_held_mN": None,
 }
+TRACK: dict[str, Any] = {
+    "outcome": "tracked",
+    "shape": "sinusoid",
+    "phases": [{"phase": "track", "start_s": 9.6, "duration_s": 14.0}],
+    "contact_x_um": 30.77,
+    "contact_stiffness_mN_per_um": 2.035,
+    "x_pp_um": 9.83,
+    "force_pp_mN": 20.0,
+    "position_um": {"rmse": 0.0876, "rmse_percent": 0.891, "maximum": 0.312},
+    "force_mN": {"rmse": 0.19, "rmse_percent": 0.95, "maximum": 0.61},
+    "true_force_mN": {"rmse": 0.3, "rmse_percent": None, "maximum": 0.8},
+    "force_uncertainty_mN": 1.59,
+}
+STEADY = {
+    "position_min_um": -2.13,
+    "position_max_um": 1.92,
+    "force_min_mN": -7.64,
+    "force_max_mN": 8.46,
+}
 
 
 class Answers(Supervisor):
@@ -77,12 +96,32 @@ def test_what_is_not_known_is_said() -> None:
     assert "force held          not known, of 20 mN" in out.getvalue()
 
 
-def test_the_plot_is_named_where_it_is(tmp_path: Path) -> None:
-    (tmp_path / "grip.png").touch()
+def test_a_tracked_path_has_its_errors_in_per_cent_of_its_height() -> None:
+    console, out = screen(terminal=False)
+    show_result({"id": "j", "state": "succeeded", "result": TRACK, "record": None}, console)
+    for line in (
+        "sinusoid            9.83 µm and 20.00 mN peak to peak",
+        "position error      RMSE 0.088 µm (0.89 %), at most 0.312 µm",
+        "force error         RMSE 0.190 mN (0.95 %), at most 0.610 mN",
+        "force uncertainty   1.59 mN",
+        "true force error    RMSE 0.300 mN, at most 0.800 mN, by the simulation",
+    ):
+        assert line in out.getvalue()
+    console, out = screen(terminal=False)
+    nothing: dict[str, Any] = dict.fromkeys(TRACK)
+    nothing |= {"outcome": "no_contact", "shape": "sinusoid", "phases": []}
+    show_result({"id": "j", "state": "failed", "result": nothing, "record": None}, console)
+    assert "sinusoid            not tracked" in out.getvalue()
+    assert "position error      not known" in out.getvalue()
+
+
+@pytest.mark.parametrize("name", ["grip.png", "track.png"])
+def test_the_plot_is_named_where_it_is(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).touch()
     console, out = screen(terminal=False)
     job = {"id": "j", "state": "succeeded", "result": RESULT, "record": str(tmp_path)}
     show_result(job, console)
-    assert f"plot                {tmp_path}/grip.png" in out.getvalue()
+    assert f"plot                {tmp_path}/{name}" in out.getvalue()
 
 
 def test_a_plan_that_cannot_be_says_why() -> None:
@@ -91,6 +130,15 @@ def test_a_plan_that_cannot_be_says_why() -> None:
     show_plan(plan, console)
     assert "not feasible" in out.getvalue()
     assert "force 500 mN too much" in out.getvalue()
+
+
+def test_a_plan_says_where_the_arm_would_rest() -> None:
+    console, out = screen(terminal=False)
+    plan: dict[str, Any] = {"phases": [], "feasible": True, "duration_s": 15.0}
+    show_plan(plan | {"steady_errors": STEADY}, console)
+    assert "  position          -2.13 to +1.92 µm" in out.getvalue()
+    assert "  force             -7.64 to +8.46 mN, until the load" in out.getvalue()
+    assert max(map(len, out.getvalue().splitlines())) <= 80
 
 
 @pytest.mark.parametrize("terminal", [False, True])

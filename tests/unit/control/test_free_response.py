@@ -75,3 +75,10 @@ def test_too_little_travel_keeps_the_nominal_slope() -> None:
 def test_a_rest_that_is_not_there_is_refused(rest_samples: int) -> None:
     with pytest.raises(ValueError, match=f"2 samples, where a rest of {rest_samples}"):
         relinearize(MODEL, [FreeSample(0.0, 0.0)] * 2, rest_samples=rest_samples)
+
+
+def test_its_tolerance_of_a_zero_grows_with_travel_and_creep() -> None:
+    zeroed = MODEL.follow(1.0, 0.02).begin(3.0)
+    assert zeroed.zero_tolerance_um(0.0) == 5.0
+    moved = zeroed.follow(0.5, 0.02)
+    assert moved.zero_tolerance_um(0.3) == pytest.approx(5.0 + 0.4 * 19.0 * 0.5 + 0.3)

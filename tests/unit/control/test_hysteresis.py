@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 from math import exp, nan
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,9 +16,11 @@ from pincette.control.hysteresis import (
     start,
     step,
 )
+from pincette.control.hysteresis_motion import simulate
 
 PLAYS = HysteresisModel((0.0, 0.5, 1.0), (10.0, 4.0, 2.0))
 CREEPING = replace(PLAYS, creep_times_s=(0.1, 10.0), creep_fractions=(0.05, 0.02))
+FADING = HysteresisModel((0.0, 0.5, 1.0), (10.0, 4.0, 2.0), fading_per_V=0.8)
 VOLTAGES = st.lists(st.floats(-2.0, 3.0), min_size=1, max_size=20)
 
 
@@ -43,19 +47,77 @@ def test_a_minor_loop_closes_and_is_wiped_out() -> None:
     assert position(1.0, 0.2, 0.8, 2.0) == pytest.approx(position(2.0))
 
 
-@given(VOLTAGES)
-def test_rate_independent(voltages: list[float]) -> None:
+BOTH = pytest.mark.parametrize("model", [PLAYS, FADING], ids=["plays", "fading"])
+
+
+@BOTH
+@given(voltages=VOLTAGES)
+def test_rate_independent(model: HysteresisModel, voltages: list[float]) -> None:
     halves: list[float] = []
     before = 0.0
     for voltage in voltages:
         halves += [0.5 * (before + voltage), voltage]
         before = voltage
-    assert position(*halves) == pytest.approx(position(*voltages), abs=1e-9)
+    whole_um = displacement_um(model, follow(model, *voltages))
+    assert displacement_um(model, follow(model, *halves)) == pytest.approx(whole_um, abs=1e-9)
 
 
-@given(VOLTAGES)
-def test_odd(voltages: list[float]) -> None:
-    assert position(*[-voltage for voltage in voltages]) == pytest.approx(-position(*voltages))
+@BOTH
+@given(voltages=VOLTAGES)
+def test_odd(model: HysteresisModel, voltages: list[float]) -> None:
+    mirrored = follow(model, *[-voltage for voltage in voltages])
+    there = follow(model, *voltages)
+    assert displacement_um(model, mirrored) == pytest.approx(-displacement_um(model, there))
+
+
+@BOTH
+@given(voltages=VOLTAGES)
+def test_the_displacement_rises_with_the_voltage(
+    model: HysteresisModel, voltages: list[float]
+) -> None:
+    state = follow(model, *voltages)
+    higher = step(model, state, state.voltage_V + 0.01, 0.0)
+    assert displacement_um(model, higher) > displacement_um(model, state)
+
+
+def test_fading_wears_off_what_small_loops_pass_over() -> None:
+    there = follow(FADING, 2.0, 1.2)
+    shaken = follow(FADING, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
+    assert max(abs(1.2 - play) for play in there.plays_V) > 0.3
+    assert max(abs(1.2 - play) for play in shaken.plays_V) < 0.03
+    unfaded = follow(PLAYS, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
+    assert displacement_um(PLAYS, unfaded) == pytest.approx(position(2.0, 1.15, 1.2))
+
+
+def test_fading_is_the_solution_of_its_equation() -> None:
+    z, u, end_V, steps = 0.0, 0.0, 0.45, 20000
+    for _ in range(steps):
+        u += end_V / steps
+        z += (1.0 - 0.8 * z) * end_V / steps
+    state = follow(FADING, end_V)
+    assert end_V - state.plays_V[1] == pytest.approx(z, rel=1e-4)
+
+
+def test_curvature_adds_to_the_static_displacement() -> None:
+    bent = replace(PLAYS, curvature_um_per_V2=-0.3)
+    assert displacement_um(bent, follow(bent, 2.0, 1.5)) == pytest.approx(
+        position(2.0, 1.5) - 0.3 * 1.5**2
+    )
+
+
+@BOTH
+def test_a_motion_at_once_is_the_motion_step_by_step(model: HysteresisModel) -> None:
+    bent = replace(
+        model, creep_times_s=(0.1, 10.0), creep_fractions=(0.05, 0.02), curvature_um_per_V2=0.4
+    )
+    random = np.random.default_rng(7)
+    voltage_V = np.cumsum(random.normal(0.0, 0.2, 400))
+    voltage_V[50:60] = voltage_V[49]
+    state, steps_um = start(bent), list[float]()
+    for voltage in voltage_V.tolist():
+        state = step(bent, state, voltage, 0.02)
+        steps_um.append(displacement_um(bent, state))
+    assert simulate(bent, voltage_V, 0.02) == pytest.approx(np.array(steps_um), abs=1e-12)
 
 
 def test_creep_is_exact_however_the_time_is_cut() -> None:
@@ -76,11 +138,15 @@ def test_creep_is_exact_however_the_time_is_cut() -> None:
         (((0.0, 0.5, 0.5), (1.0, 1.0, 1.0)), "threshold 0.5 V, must be above 0.5 V"),
         (((0.0, nan), (1.0, 1.0)), "threshold = nan V"),
         (((0.0, 0.5), (1.0, -1.5)), "slope up to 0.5 V = -0.5 µm/V"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), -1.0), "fading = -1.0 per V"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), 1.0), "threshold 1.0 V, must be below 1.0 V, 1/fading"),
+        (((0.0, 1.0), (1.0, 4.0), (), (), 0.5), "slope after a turn = -1.0 µm/V"),
+        (((0.0,), (9.0,), (), (), 0.0, nan), "curvature nan"),
         (((0.0,), (1.0,), (1.0,), ()), "0 creep_fractions, must be 1"),
         (((0.0,), (1.0,), (0.0,), (0.1,)), "creep time = 0.0 s"),
         (((0.0,), (1.0,), (1.0,), (nan,)), "creep fraction nan"),
     ],
 )
-def test_impossible_models_are_refused(model: tuple[tuple[float, ...], ...], text: str) -> None:
+def test_impossible_models_are_refused(model: tuple[Any, ...], text: str) -> None:
     with pytest.raises(ValueError, match=text):
         HysteresisModel(*model)

@@ -1,17 +1,23 @@
-"""Identification of a free response: from its own model class, and from a measured actuator."""
+"""Identification of a free response: from its own model class, and from another."""
 
 from math import sin
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pincette.control.hysteresis import HysteresisModel
-from pincette.control.identification import identify_free_response, simulate
+from pincette.control.hysteresis_motion import Column, simulate
+from pincette.control.identification import (
+    Candidates,
+    identify_free_response,
+    spread_creep_times,
+    spread_fadings,
+    spread_thresholds,
+)
 
 PERIOD_S = 0.02
 MODEL = HysteresisModel((0.0, 0.4, 0.8), (12.0, 4.0, 2.0), (0.5, 5.0), (0.03, 0.05))
-MEASURED = Path(__file__).parents[4] / "shared/data/piezo-stack-hysteresis/Model_Vi_Do.dat"
+FADINGS = Candidates(fadings_per_V=spread_fadings(4.0), curved=(False, True))
 
 
 def drive(count: int) -> list[float]:
@@ -19,10 +25,13 @@ def drive(count: int) -> list[float]:
     return [1.2 * sin(0.011 * k) + 0.9 * sin(0.037 * k) for k in range(count)]
 
 
+def noise(count: int, seed: int = 1) -> Column:
+    return np.random.default_rng(seed).normal(0.0, 0.03, count)
+
+
 def test_the_model_that_made_the_motion_is_found() -> None:
     voltage_V = drive(2000)
-    noise_um = np.random.default_rng(1).normal(0.0, 0.03, 2000)
-    x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S) + noise_um + 70.0
+    x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S) + noise(2000) + 70.0
     found = identify_free_response(
         voltage_V, x_um.tolist(), PERIOD_S, thresholds_V=(0.0, 0.4, 0.8), creep_times_s=(0.5, 5.0)
     )
@@ -31,42 +40,106 @@ def test_the_model_that_made_the_motion_is_found() -> None:
     assert found.residual_um == pytest.approx(0.03, rel=0.1)
 
 
+def test_an_actuator_that_begins_poled_is_found_by_what_it_does_later() -> None:
+    drives = np.array([*np.linspace(0.0, 3.0, 100), *np.linspace(3.0, 0.0, 100), *drive(3000)])
+    x_um = simulate(MODEL, drives, PERIOD_S) + noise(len(drives))
+    found, taken_for_unpoled = (
+        identify_free_response(
+            drives[200:].tolist(),
+            x_um[200:].tolist(),
+            PERIOD_S,
+            thresholds_V=(0.0, 0.4, 0.8),
+            creep_times_s=(0.5, 5.0),
+            unpoled=unpoled,
+        )
+        for unpoled in (False, True)
+    )
+    assert found.model.weights_um_per_V == pytest.approx(MODEL.weights_um_per_V, rel=0.1)
+    assert found.residual_um < taken_for_unpoled.residual_um
+
+
+def test_fading_and_curvature_are_found_where_they_are() -> None:
+    thresholds = spread_thresholds(4.0, 0.5)
+    weights = (12.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 5.0)
+    model = HysteresisModel(
+        thresholds, weights, (0.5,), (0.03,), fading_per_V=0.5, curvature_um_per_V2=-0.3
+    )
+    voltage_V = drive(2500)
+    x_um = simulate(model, np.array(voltage_V), PERIOD_S) + noise(2500)
+    arguments = (voltage_V, x_um.tolist(), PERIOD_S)
+    found = identify_free_response(*arguments, candidates=FADINGS)
+    assert found.model.fading_per_V == pytest.approx(0.5, rel=0.3)
+    assert found.model.curvature_um_per_V2 == pytest.approx(-0.3, rel=0.1)
+    assert found.residual_um < 0.045
+    assert identify_free_response(*arguments).residual_um > 2.0 * found.residual_um
+
+
+def relays_um(voltage_V: Column) -> Column:
+    """An actuator of 1200 Preisach relays, which has neither plays nor fading, and a line."""
+    random = np.random.default_rng(6)
+    half_width = random.gamma(2.0, 0.25, 1200)
+    middle = random.normal(0.3, 1.0, 1200)
+    up = np.zeros(1200, dtype=bool)
+    rows = np.empty(len(voltage_V))
+    for index, u in enumerate(voltage_V.tolist()):
+        up = (up | (u > middle + half_width)) & (u > middle - half_width)
+        rows[index] = 10.0 * u + 0.02 * np.count_nonzero(up)
+    return rows
+
+
+def test_an_actuator_of_another_class_that_does_not_fade_is_given_no_fading() -> None:
+    voltage_V = np.array([0.0, *np.linspace(0.0, -2.2, 60), *drive(4000)])
+    x_um = relays_um(voltage_V)
+    found = identify_free_response(
+        voltage_V.tolist(),
+        (x_um + noise(len(x_um))).tolist(),
+        PERIOD_S,
+        candidates=Candidates((0.0, 0.2, 0.4, 0.8), curved=(False, True)),
+        unpoled=False,
+    )
+    straight_um = float(np.std(x_um - np.polyval(np.polyfit(voltage_V, x_um, 1), voltage_V)))
+    assert found.model.fading_per_V == 0.0
+    assert found.residual_um < 0.2 * straight_um
+
+
 def test_collinear_plays_stay_bounded() -> None:
-    voltage_V = drive(2000)
+    voltage_V = drive(4000)
     x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S)
     thresholds = [0.01 * index for index in range(80)]
     found = identify_free_response(voltage_V, x_um.tolist(), PERIOD_S, thresholds_V=thresholds)
     assert max(abs(weight) for weight in found.model.weights_um_per_V) < 20.0
 
 
+def test_the_ridge_is_chosen_by_motion_it_was_not_fitted_to() -> None:
+    voltage_V = drive(1600)
+    x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S) + noise(1600)
+    arguments = (voltage_V, x_um.tolist(), PERIOD_S)
+    heavy = identify_free_response(*arguments, candidates=Candidates(ridges=(0.1,)))
+    chosen = identify_free_response(*arguments, candidates=Candidates(ridges=(0.1, 1e-6)))
+    assert chosen.residual_um < 0.5 * heavy.residual_um
+
+
+def test_thresholds_and_times_are_spread_over_what_was_taught() -> None:
+    plain, fading = spread_thresholds(3.0, 0.0), spread_thresholds(3.0, 1.0)
+    assert (plain[0], fading[0]) == (0.0, 0.0)
+    assert plain[-1] == pytest.approx(0.9 * 1.5)
+    assert fading[-1] == pytest.approx(0.7)
+    assert spread_thresholds(6.0, 0.0)[-1] == pytest.approx(2.0 * plain[-1])
+    assert spread_creep_times(0.02, 60.0) == pytest.approx((0.1, 0.5, 2.5, 12.5))
+
+
 @pytest.mark.parametrize(
     ("voltage_V", "x_um", "text"),
     [
         ([0.0] * 100, [0.0] * 99, "100 voltages for 99 positions"),
-        (drive(50), [0.0] * 50, "50 samples, 60 are wanted for 3 coefficients"),
-        ([0.001 * k for k in range(100)], [0.0] * 100, r"travels 0.099 V, must be above 0.500 V"),
+        (drive(15), [0.0] * 15, r"travels 0\.\d+ V, must be at least 1\.000 V"),
+        (drive(76), [0.0] * 76, "57 samples, 60 are wanted for 3 coefficients"),
         ([float("nan")] * 100, [0.0] * 100, "a sample is not finite"),
-        (drive(100), [-19.0 * u for u in drive(100)], "slope up to .* V = -"),
+        (drive(400), [-19.0 * u for u in drive(400)], "slope up to .* V = -"),
     ],
 )
 def test_a_motion_that_teaches_nothing_is_refused(
     voltage_V: list[float], x_um: list[float], text: str
 ) -> None:
     with pytest.raises(ValueError, match=text):
-        identify_free_response(voltage_V, x_um, PERIOD_S, thresholds_V=(0.0, 0.5))
-
-
-def test_a_measured_piezo_stack_is_followed_within_one_percent() -> None:
-    if not MEASURED.exists():
-        pytest.skip("the measured hysteresis of a piezo stack is not beside this checkout")
-    rows = np.loadtxt(MEASURED)[::4]
-    voltage_V, x_um = rows[:, 0], rows[:, 4]
-    found = identify_free_response(
-        voltage_V.tolist(),
-        x_um.tolist(),
-        PERIOD_S,
-        thresholds_V=[0.3 * index for index in range(6)],
-        creep_times_s=(0.2, 2.0, 20.0),
-        held_out=0.3,
-    )
-    assert found.residual_um < 0.01 * np.ptp(x_um)
+        identify_free_response(voltage_V, x_um, PERIOD_S, thresholds_V=(0.0, 0.5), creep_times_s=())

@@ -44,3 +44,10 @@ def test_the_error_grows_with_travel_and_ends() -> None:
 def test_a_rest_that_is_not_there_is_refused() -> None:
     with pytest.raises(ValueError, match="1 samples, where a rest of 10"):
         FRESH.rezero([FreeSample(0.0, 0.0)], 10)
+
+
+def test_its_tolerance_of_a_zero_is_five_errors_and_the_creep() -> None:
+    begun = FRESH.follow(1.0, 0.02).begin(0.0)
+    assert begun.zero_tolerance_um(0.1) == 0.5
+    moved = begun.follow(2.0, 0.02)
+    assert moved.zero_tolerance_um(0.1) == pytest.approx(5 * 0.2 * 2**0.5 + 0.1)

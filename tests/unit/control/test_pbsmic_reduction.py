@@ -1,20 +1,25 @@
-"""What the law reduces to, and how it starts, rebases, freezes and predicts."""
+"""What PBSMIC reduces to, in numbers and at low frequency, and what ε does."""
 
 from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
+from pincette.control.history import rest
 from pincette.control.impedance import ImpedanceParameters, discretize_impedance
-from pincette.control.pbsmic import PbsmicParameters, PbsmicState, rebase, start, step
-from pincette.control.plant import consistent_arm, discretize
-from pincette.control.sliding import saturation
+from pincette.control.pbsmic import PbsmicParameters, PbsmicState, start, step
+from pincette.control.plant import discretize
+from pincette.control.sliding import LawOutput, saturation
+
+from .model_loop import ARM
 
 
-def law(period_s: float = 0.02, K_P: float = 1.0, K_S: float = 0.0) -> PbsmicParameters:
+def law(
+    period_s: float = 0.02, K_P: float = 1.0, K_S: float = 0.0, K_f: float = 5e3
+) -> PbsmicParameters:
     return PbsmicParameters(
-        plant=discretize(consistent_arm(2437.8, 0.026, 19.0, 0.46), period_s),
-        impedance=discretize_impedance(ImpedanceParameters(1e-3, 8.9221, 1.9901e4, 5e3), period_s),
+        plant=discretize(ARM, period_s),
+        impedance=discretize_impedance(ImpedanceParameters(1e-3, 8.9221, 1.9901e4, K_f), period_s),
         K_P=K_P,
         K_I=1.0,
         K_S=K_S,
@@ -22,21 +27,32 @@ def law(period_s: float = 0.02, K_P: float = 1.0, K_S: float = 0.0) -> PbsmicPar
     )
 
 
-def resting(x_um: float, force_mN: float) -> PbsmicState:
-    """State after a hundred ticks at rest with a standing error: ε and e are far from 0."""
-    state = start(x_um=x_um, x_r_um=x_um, force_mN=force_mN, applied_V=1.0)
-    for _ in range(100):
-        state, _ = step(
-            law(),
-            state,
-            x_um=x_um,
-            force_mN=force_mN,
-            applied_V=1.0,
-            x_r_um=x_um + 0.7,
-            force_r_mN=force_mN,
-            freeze_integral=False,
-        )
-    return state
+def resting(x_um: float, x_r_um: float, force_mN: float, applied_V: float) -> PbsmicState:
+    history = rest(x_um=x_um, force_mN=force_mN, applied_V=applied_V)
+    return start(history, x_um=x_um, x_r_um=x_r_um)
+
+
+def test_one_tick_in_numbers() -> None:
+    """T = 0.02 s, K_P = 5, K_I = 1, no switching: computed by hand from (5), (13), (16), (25)."""
+    _, output = step(
+        law(K_P=5.0),
+        resting(30.0, 30.0, 2.0, 1.6),
+        x_um=30.12,
+        force_mN=2.5,
+        applied_V=1.61,
+        x_r_um=30.2,
+        force_r_mN=2.1,
+        limited=0,
+    )
+    assert output.error_um == pytest.approx(0.12)
+    assert output.sliding_um == pytest.approx(0.72)
+    # 30.2 - 5000·0.4/20349.605
+    assert output.x_d_um == pytest.approx(30.2 - 2000.0 / 20349.605, abs=1e-9)
+    # u = 1.61 + [k̄(x_d + 0.1) - (m̄ 30 + (b̄ - m̄)30 + (k̄ - b̄)30.12) + 0.5]/41.304348
+    # with m̄ = 9.14505e-4, b̄ = -4.147565e-3, k̄ = 2.1771461
+    assert output.voltage_V == pytest.approx(1.6264005568, abs=1e-9)
+    # 0.12 - (41.304348/2.1771466)·0.01
+    assert output.residual_um == pytest.approx(0.12 - 0.1897178, abs=1e-6)
 
 
 @pytest.mark.parametrize("K_P", [5.0, 1.0, 0.5])
@@ -47,7 +63,7 @@ def test_low_frequency_law(period_s: float, K_P: float) -> None:
     plant = parameters.plant
     x_um, error_um = 30.0, 0.3
     state = replace(
-        start(x_um=x_um, x_r_um=x_um - error_um, force_mN=4.0, applied_V=1.4),
+        resting(x_um, x_um - error_um, 4.0, 1.4),
         x_d_um=x_um - error_um,
         deviation_1_um=0.0,
         deviation_2_um=0.0,
@@ -61,7 +77,7 @@ def test_low_frequency_law(period_s: float, K_P: float) -> None:
         applied_V=1.4,
         x_r_um=29.9,
         force_r_mN=4.6,
-        freeze_integral=False,
+        limited=0,
     )
     step_um = output.x_d_um - state.x_d_um - error_um / (K_P + 1.0)
     switching_V = 0.5 / plant.d_bar * saturation(K_P * error_um + 1.1, 2.0)
@@ -70,59 +86,29 @@ def test_low_frequency_law(period_s: float, K_P: float) -> None:
     assert output.voltage_V == pytest.approx(wanted_V, abs=1e-12)
 
 
-@pytest.mark.parametrize("period_s", [0.02, 0.001])
-def test_start_at_rest_keeps_the_voltage(period_s: float) -> None:
-    state = start(x_um=12.5, x_r_um=12.5, force_mN=0.0, applied_V=0.7)
-    for _ in range(5):
+def test_without_K_f_the_force_error_moves_nothing() -> None:
+    """K_f = 0: x_d is x_r, and F enters as ΔF/d̄ alone."""
+    parameters = law(K_f=0.0)
+    voltages: list[float] = []
+    for force_r_mN in (0.0, 40.0):
         state, output = step(
-            law(period_s, K_S=0.5),
-            state,
-            x_um=12.5,
-            force_mN=0.0,
-            applied_V=0.7,
-            x_r_um=12.5,
-            force_r_mN=0.0,
-            freeze_integral=False,
-        )
-        assert output.voltage_V == pytest.approx(0.7, abs=1e-12)
-        assert output.residual_um == pytest.approx(0.0, abs=1e-12)
-
-
-def test_rebase_into_contact_keeps_the_voltage() -> None:
-    state = rebase(resting(30.0, 0.0), x_um=30.0, x_r_um=30.0, force_mN=2.3)
-    for _ in range(3):
-        state, output = step(
-            law(K_S=0.5),
-            state,
+            parameters,
+            resting(30.0, 30.0, 7.0, 1.4),
             x_um=30.0,
-            force_mN=2.3,
-            applied_V=1.0,
-            x_r_um=30.0,
-            force_r_mN=2.3,
-            freeze_integral=False,
+            force_mN=7.0,
+            applied_V=1.4,
+            x_r_um=30.4,
+            force_r_mN=force_r_mN,
+            limited=0,
         )
-        assert output.voltage_V == pytest.approx(1.0, abs=1e-9)
+        assert state.x_d_um == pytest.approx(30.4, abs=1e-12)
+        voltages.append(output.voltage_V)
+    assert voltages[0] == voltages[1]
 
 
-def test_without_rebase_the_force_acts_as_a_step() -> None:
-    """The bump that ``rebase`` is for: its absence would go unnoticed without this."""
-    _, output = step(
-        law(),
-        resting(30.0, 0.0),
-        x_um=30.0,
-        force_mN=2.3,
-        applied_V=1.0,
-        x_r_um=30.0,
-        force_r_mN=2.3,
-        freeze_integral=False,
-    )
-    assert abs(output.voltage_V - 1.0) > 0.02
-
-
-def test_rebase_takes_up_a_distance_with_the_impedance() -> None:
+def test_start_takes_up_a_distance_with_the_impedance() -> None:
     parameters = law(0.001)
-    state = start(x_um=30.0, x_r_um=30.0, force_mN=0.0, applied_V=1.0)
-    state = rebase(state, x_um=30.0, x_r_um=31.0, force_mN=0.0)
+    state = resting(30.0, 31.0, 0.0, 1.0)
     desired: list[float] = []
     for _ in range(40):
         state, output = step(
@@ -133,7 +119,7 @@ def test_rebase_takes_up_a_distance_with_the_impedance() -> None:
             applied_V=1.0,
             x_r_um=31.0,
             force_r_mN=0.0,
-            freeze_integral=True,
+            limited=0,
         )
         desired.append(output.x_d_um)
     assert 30.0 < desired[0] < 30.8
@@ -141,60 +127,28 @@ def test_rebase_takes_up_a_distance_with_the_impedance() -> None:
     assert desired[-1] == pytest.approx(31.0, abs=1e-6)
 
 
-def test_frozen_integral_keeps_its_value() -> None:
-    state = resting(30.0, 0.0)
-
-    def integral_after(frozen: bool) -> tuple[float, float]:
-        after, output = step(
-            law(),
-            state,
-            x_um=30.0,
-            force_mN=0.0,
-            applied_V=1.0,
-            x_r_um=30.7,
-            force_r_mN=0.0,
-            freeze_integral=frozen,
-        )
-        return after.integral_um, output.integral_um
-
-    assert integral_after(True) == (state.integral_um, state.integral_um)
-    grown = state.integral_um - 0.7
-    assert integral_after(False) == pytest.approx((grown, grown))
+def one_step(parameters: PbsmicParameters, integral_um: float, limited: int) -> LawOutput:
+    """At rest with e = -0.7 µm: below its target, the arm asks for more voltage."""
+    state = replace(resting(30.0, 30.7, 0.0, 1.0), x_d_um=30.7, integral_um=integral_um)
+    _, output = step(
+        parameters,
+        state,
+        x_um=30.0,
+        force_mN=0.0,
+        applied_V=1.0,
+        x_r_um=30.7,
+        force_r_mN=0.0,
+        limited=limited,
+    )
+    return output
 
 
-def test_residual_uses_the_voltage_really_applied() -> None:
-    """A plant that is the model: no residual, though the actuator clips what the law asks for."""
-    parameters = law()
-    plant = parameters.plant
-    state = start(x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)
-    x, x_1, u_1 = 0.0, 0.0, 0.0
-    clipped = 0
-    for tick in range(40):
-        state, output = step(
-            parameters,
-            state,
-            x_um=x,
-            force_mN=0.0,
-            applied_V=u_1,
-            x_r_um=30.0 * min(1.0, tick / 20.0),
-            force_r_mN=0.0,
-            freeze_integral=False,
-        )
-        assert output.residual_um == pytest.approx(0.0, abs=1e-9)
-        u_1 = min(output.voltage_V, 1.0)
-        clipped += output.voltage_V > 1.0
-        x, x_1 = (plant.d_bar * u_1 - plant.b_bar * x - plant.m_bar * x_1) / plant.k_bar, x
-    assert clipped > 5
-    assert x == pytest.approx(19.0)
+@pytest.mark.parametrize(("limited", "grown_um"), [(1, 0.0), (0, -0.7), (-1, -0.7)])
+def test_integral_is_frozen_outward_only(limited: int, grown_um: float) -> None:
+    assert one_step(law(), -3.0, limited).integral_um == pytest.approx(-3.0 + grown_um, abs=1e-12)
 
 
-def test_saturation() -> None:
-    assert [saturation(s, 2.0) for s in (-5.0, -2.0, -1.0, 0.0, 0.5, 2.0, 9.0)] == [
-        -1.0,
-        -1.0,
-        -0.5,
-        0.0,
-        0.25,
-        1.0,
-        1.0,
-    ]
+def test_integral_moves_the_voltage_through_the_switching_term_alone() -> None:
+    assert one_step(law(), 0.0, 0).voltage_V == one_step(law(), 50.0, 0).voltage_V
+    low, high = (one_step(law(K_S=0.5), ε, 0).voltage_V for ε in (-50.0, 50.0))
+    assert low - high == pytest.approx(2.0 * 0.5 / ARM.d, rel=1e-9)

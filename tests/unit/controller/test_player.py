@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from pincette.control.path_shapes import sinusoid
 from pincette.control.program import Guards, Program, Segment
 from pincette.messages import Estimate
 from pincette_controller.player import Player, advance, begin, release, stop
@@ -24,19 +25,33 @@ PROGRAM = Program(
     GUARDS,
     K_E,
 )
+SWING = sinusoid("force", 10.0, 16.0, 2.0, 2)
+TRACK = replace(
+    PROGRAM,
+    segments=(
+        *PROGRAM.segments[:4],
+        Segment("load", "force", 0.4, force_to_mN=10.0),
+        Segment("settle", "force", 0.4, force_to_mN=10.0, move_s=0.2),
+        Segment("track", "path", SWING.duration_s, path=SWING),
+        *PROGRAM.segments[5:],
+    ),
+)
 BLANK = Estimate(1, 0, 0.0, 0.0, 0.1, 0.0, None, "", 0.0, 0, 0, False, False, True)
 
 
 class Arm:
     """An arm that is where it is wanted, and a part at ``contact_um`` with ``stiffness``."""
 
-    def __init__(self, contact_um: float = 12.0, stiffness: float = K_E) -> None:
+    def __init__(
+        self, contact_um: float = 12.0, stiffness: float = K_E, program: Program = PROGRAM
+    ) -> None:
+        self.program = program
         self.contact_um = contact_um
         self.stiffness = stiffness
         self.refusal = ""
         self.lost = False
         self.zeroed: float | None = None
-        self.player: Player = begin(PROGRAM, 0.0)
+        self.player: Player = begin(program, 0.0)
         self.phases: list[str] = []
         self.seq = 0
 
@@ -49,7 +64,7 @@ class Arm:
         )
 
     def tick(self) -> None:
-        self.player = advance(PROGRAM, self.player, self.estimate(), T)
+        self.player = advance(self.program, self.player, self.estimate(), T)
         self.seq += 1
         if self.player.zero and not self.refusal:
             self.zeroed = self.seq
@@ -191,3 +206,92 @@ def test_stop_without_a_part_comes_to_rest_and_ends() -> None:
     arm.until()
     assert arm.player.outcome == "stopped"
     assert at_um < arm.player.x_r_um < at_um + 0.3 * speed
+
+
+def test_a_track_goes_through_every_phase_and_ends_tracked() -> None:
+    arm = Arm(program=TRACK)
+    arm.until()
+    assert arm.phases[3:] == ["load", "settle", "track", "unload", "retreat"]
+    assert arm.player.outcome == "tracked"
+    assert not arm.player.held
+
+
+def test_along_the_path_position_and_force_agree_on_the_identified_line() -> None:
+    arm = Arm(contact_um=11.5, stiffness=1.8, program=TRACK)
+    arm.until("track")
+    assert arm.player.K_e_mN_per_um == pytest.approx(1.8)
+    forces: list[float] = []
+    while arm.player.segment.phase == "track":
+        player = arm.player
+        assert player.pressing
+        assert player.force_r_mN == SWING.at(player.ticks * T)
+        assert player.x_r_um == pytest.approx(11.5 + player.force_r_mN / 1.8)
+        forces.append(player.force_r_mN)
+        arm.tick()
+    assert len(forces) == round(SWING.duration_s / T)
+    assert (min(forces), max(forces)) == pytest.approx((2.0, 18.0), abs=0.1)
+
+
+def test_at_its_trough_a_path_loses_no_part_but_at_its_peak_it_may() -> None:
+    arm = Arm(program=TRACK)
+    arm.until("track")
+    while arm.player.force_r_mN > 2.1:
+        arm.tick()
+    arm.lost = True
+    arm.tick()
+    lost_at = None
+    for tick in range(40):
+        if arm.player.outcome == "lost":
+            lost_at = tick
+            break
+        arm.tick()
+    assert lost_at is not None
+    # Not before F_r is at 4 mN again, twice the contact force.
+    assert lost_at >= 5
+    assert arm.player.segment.phase == "retreat"
+
+
+def test_stop_along_a_path_keeps_the_force() -> None:
+    arm = Arm(program=TRACK)
+    arm.until("track")
+    for _ in range(30):
+        arm.tick()
+    force_mN = arm.player.force_r_mN
+    arm.player = stop(arm.player)
+    for _ in range(50):
+        arm.tick()
+    assert (arm.player.segment.phase, arm.player.outcome) == ("hold", "stopped")
+    assert arm.player.force_r_mN == pytest.approx(force_mN)
+    arm.player = release(TRACK, arm.player)
+    arm.until()
+    assert arm.phases[-2:] == ["unload", "retreat"]
+
+
+def test_a_path_of_position_is_played_free_of_contact() -> None:
+    swing = sinusoid("position", 5.0, 4.0, 2.0, 1)
+    program = replace(
+        PROGRAM,
+        segments=(
+            Segment("approach", "free", 0.4, x_to_um=5.0),
+            Segment("track", "path", swing.duration_s, path=swing),
+        ),
+    )
+    arm = Arm(contact_um=99.0, program=program)
+    arm.until("track")
+    seen: list[float] = []
+    while not arm.player.ended:
+        assert not arm.player.pressing
+        assert arm.player.x_r_um == swing.at(arm.player.ticks * T)
+        seen.append(arm.player.x_r_um)
+        arm.tick()
+    assert (min(seen), max(seen)) == pytest.approx((3.0, 7.0), abs=0.05)
+    # Stopped on the way, the reference runs out instead of standing still at once.
+    arm = Arm(contact_um=99.0, program=program)
+    arm.until("track")
+    for _ in range(27):
+        arm.tick()
+    speed, at_um = arm.player.speed_um_per_s, arm.player.x_r_um
+    assert abs(speed) > 5.0
+    arm.player = stop(arm.player)
+    arm.until()
+    assert arm.player.x_r_um == pytest.approx(at_um + 0.15 * speed, abs=0.02)

@@ -2,75 +2,19 @@
 
 from dataclasses import replace
 from math import inf, isfinite, nan
-from pathlib import Path
 
 import pytest
 
-from pincette.config import IdentifiedFreeResponse, RigFile, read_rig
 from pincette.control.program import Guards, Program
-from pincette.messages import Applied, Arm, Estimate, Load, Position
+from pincette.messages import Load
 from pincette.service import RefusedError
 from pincette_estimator.config import EstimatorConfig, configure
-from pincette_estimator.step import Inputs, State, answer, start, step
-
-DEMO = read_rig(Path(__file__).parents[3] / "deploy/rigs/demo.toml")
-TAUGHT = IdentifiedFreeResponse(
-    thresholds_V=(0.0, 0.5),
-    weights_um_per_V=(10.0, 5.0),
-    creep_times_s=(1.0,),
-    creep_fractions=(0.1,),
-    residual_um=0.1,
-)
-POSITION = Position(1, 0, 0.0, 0.0, valid=True)
-APPLIED = Applied(1, -1, 0.0, "closed", "", 0, False, False, False, True, 0, 0.02)
-
-
-def a_rig(taught: IdentifiedFreeResponse | None, filter_s: float = 0.0) -> RigFile:
-    """The demo rig with this free response; without the low-pass, so that samples stand alone."""
-    model = DEMO.model.model_copy(update={"free_response": taught, "force_filter_s": filter_s})
-    return DEMO.model_copy(update={"model": model})
-
+from pincette_estimator.step import Inputs, answer, start, step
+from tests.unit.estimator.bench import APPLIED, POSITION, TAUGHT, Bench, a_rig
 
 LINEAR = configure(a_rig(None))
 IDENTIFIED = configure(a_rig(TAUGHT))
 BOTH = pytest.mark.parametrize("config", [LINEAR, IDENTIFIED], ids=["linear", "identified"])
-
-
-class Bench:
-    """Feeds an estimator sample by sample, always with the voltage of the sample before."""
-
-    def __init__(self, config: EstimatorConfig) -> None:
-        self.config = config
-        self.state: State = start(config)
-        self.arm(1)
-
-    def arm(self, epoch: int) -> None:
-        self.state, _, _ = answer(self.config, self.state, Arm(epoch, 1, ""), 0.0)
-        self.epoch, self.seq = epoch, 0
-
-    def feed(
-        self, x_um: float, voltage_V: float | None, *, zero: bool = False, held: bool = False
-    ) -> Estimate:
-        applied = None
-        if voltage_V is not None:
-            applied = replace(
-                APPLIED,
-                epoch=self.epoch,
-                seq=self.seq - 1,
-                voltage_V=voltage_V,
-                zero=zero,
-                part_held=held,
-            )
-        position = replace(POSITION, epoch=self.epoch, seq=self.seq, x_um=x_um)
-        self.state, outputs = step(self.config, self.state, Inputs(position, applied), 0.0)
-        self.seq += 1
-        (estimate,) = outputs
-        assert isinstance(estimate, Estimate)
-        return estimate
-
-    def rest(self, x_um: float, voltage_V: float, count: int = 12) -> None:
-        for _ in range(count):
-            self.feed(x_um, voltage_V)
 
 
 def test_position_and_voltage_of_matched_ages_read_no_force() -> None:
@@ -112,12 +56,12 @@ def test_a_zero_is_refused_while_a_part_is_held(config: EstimatorConfig) -> None
 def test_a_zero_takes_the_offset_away_and_starts_its_age(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
-    bench.rest(0.8, 0.0)
-    estimate = bench.feed(0.8, 0.0, zero=True)
+    bench.rest(0.4, 0.0)
+    estimate = bench.feed(0.4, 0.0, zero=True)
     assert estimate.zero_refusal == ""
     assert estimate.zero_age_s == 0.0
     assert estimate.force_mN == pytest.approx(0.0, abs=1e-9)
-    assert bench.feed(0.8, 0.0).zero_age_s == pytest.approx(0.02)
+    assert bench.feed(0.4, 0.0).zero_age_s == pytest.approx(0.02)
 
 
 def test_the_memory_lives_across_arming_and_the_zero_does_not() -> None:
@@ -178,15 +122,29 @@ def test_it_answers_arming_alone() -> None:
         answer(LINEAR, start(LINEAR), Load(Program((), guards, 2.0)), 0.0)
 
 
-def test_the_low_pass_follows_the_force_and_begins_anew_with_a_zero() -> None:
-    bench = Bench(configure(a_rig(TAUGHT, filter_s=0.03)))
+def test_the_published_force_has_no_low_pass() -> None:
+    bench = Bench(configure(a_rig(TAUGHT, force_filter_s=0.5)))
     bench.rest(0.0, 0.0)
     free_um = bench.state.response.position_um()
-    first, second = (bench.feed(free_um - 4.6, 0.0).force_mN for _ in range(2))
-    assert 4.0 < first < 6.0 < second < 9.0
-    bench.rest(free_um, 0.0, count=40)
-    assert bench.feed(free_um, 0.0, zero=True).zero_age_s == 0.0
+    assert bench.feed(free_um - 4.6, 0.0).force_mN == pytest.approx(10.0)
+    free_um = bench.state.response.position_um()
     assert bench.feed(free_um, 0.0).force_mN == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_perturbation_is_that_of_its_own_force() -> None:
+    bench = Bench(LINEAR)
+    bench.rest(0.0, 0.0)
+    plant = LINEAR.plant
+    for x_um, voltage_V in ((1.0, 0.1), (2.5, 0.2), (3.0, 0.3)):
+        estimate = bench.feed(x_um, voltage_V)
+    wanted_mN = (
+        -plant.d_bar * 0.3
+        + plant.m_bar * 1.0
+        + plant.b_bar * 2.5
+        + plant.k_bar * 3.0
+        + estimate.force_mN
+    )
+    assert estimate.perturbation_mN == pytest.approx(wanted_mN)
 
 
 def test_the_uncertainty_grows_with_the_to_and_fro_since_the_zero() -> None:

@@ -1,9 +1,10 @@
-"""A grip as the bus would carry it: canned samples, the same on every run."""
+"""A grip and a track as the bus would carry them: canned samples, the same on every run."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import sin
 
+from pincette.control.path_shapes import sinusoid
 from pincette.messages import Applied, Command, Estimate, Message, Position, Telemetry, Truth
 
 PERIOD_S = 0.02
@@ -18,7 +19,11 @@ PHASES = (
     ("retreat", 100, 0.0, 0.0),
 )
 """Phase, ticks, position and force at its end."""
+PATH = sinusoid("force", 12.0, 20.0, 0.5, 2)
+HELD = ("load", "hold", "settle", "track", "unload")
 FORCE_ERROR_MN = 0.25
+TRUE_ERROR_MN = -0.4
+"""Of the true force along the path."""
 UNCERTAINTY_MN = 0.5
 
 
@@ -58,7 +63,32 @@ def references() -> Iterator[tuple[str, int, float, float]]:
 
 def grip(epoch: int = 7) -> list[Tick]:
     """A whole grip: the estimate errs by FORCE_ERROR_MN in the hold, x by a small ripple."""
-    ticks = [_tick(epoch, seq, *reference) for seq, reference in enumerate(references())]
+    return _ended([_tick(epoch, seq, *reference) for seq, reference in enumerate(references())])
+
+
+def track(epoch: int = 7) -> list[Tick]:
+    """A load, PATH, and an unload: the estimate errs by FORCE_ERROR_MN along the path."""
+    ticks: list[Tick] = []
+    before = ("load", 0, CONTACT_UM + 12.0 / STIFFNESS, 12.0)
+    for seq in range(50):
+        share = (seq + 1) / 50
+        ticks.append(_tick(epoch, seq, "load", 0, CONTACT_UM + share * 5.0, share * 12.0))
+    for number in range(1, round(PATH.duration_s / PERIOD_S) + 1):
+        tick = _tick(epoch, len(ticks), "track", *before[1:])
+        telemetry = replace(tick.telemetry, segment_tick=number)
+        truth = replace(tick.truth, force_mN=before[3] + TRUE_ERROR_MN)
+        ticks.append(replace(tick, telemetry=telemetry, truth=truth))
+        # What the controller refers to at this tick holds for the sample after it.
+        force_mN = PATH.at(number * PERIOD_S)
+        before = ("track", 1, CONTACT_UM + force_mN / STIFFNESS, force_mN)
+    for _ in range(10):
+        ticks.append(_tick(epoch, len(ticks), "unload", 2, CONTACT_UM, 0.0))
+    said = [replace(tick.telemetry, outcome="tracked") for tick in ticks[-10:]]
+    ticks[-10:] = [replace(t, telemetry=s) for t, s in zip(ticks[-10:], said, strict=True)]
+    return _ended(ticks)
+
+
+def _ended(ticks: list[Tick]) -> list[Tick]:
     last = ticks[-1]
     ticks[-1] = replace(
         last,
@@ -70,11 +100,11 @@ def grip(epoch: int = 7) -> list[Tick]:
 
 
 def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r_mN: float) -> Tick:
-    held = phase in ("load", "hold", "unload")
-    error_mN = FORCE_ERROR_MN if phase == "hold" else 0.0
+    held = phase in HELD
+    error_mN = FORCE_ERROR_MN if phase in ("hold", "track") else 0.0
     x_um = x_r_um + 0.03 * sin(0.7 * seq)
     voltage_V = (x_um + 0.46 * force_r_mN) / 19.0
-    known = phase in ("hold", "unload", "retreat")
+    known = phase in ("hold", "track", "unload", "retreat")
     return Tick(
         Position(epoch, seq, seq * PERIOD_S, x_um, valid=True),
         Estimate(
@@ -105,6 +135,8 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
             x_d_um=x_r_um,
             force_r_mN=force_r_mN,
             sliding_um=0.02 * sin(1.3 * seq),
+            band_um=0.01,
+            perturbation_mN=0.2,
             perturbation_error_mN=0.1,
             residual_um=-0.05,
             outcome="gripped" if phase in ("unload", "retreat") else "",

@@ -10,6 +10,7 @@ import pytest
 from pincette.config import RigFile
 from pincette_supervisor import record
 
+from . import samples
 from .rig import Desk
 from .samples import Tick
 
@@ -47,10 +48,27 @@ def test_one_request_grips(desk: Desk) -> None:
 def test_the_record_is_complete_when_the_job_has_ended(desk: Desk) -> None:
     job = desk.ended(desk.grip()["id"])
     listed = desk.get(f"/jobs/{job['id']}/artifacts")["artifacts"]
-    assert [entry["name"] for entry in listed] == list(record.MEDIA_TYPES)
+    names = [name for name in record.MEDIA_TYPES if name != "track.png"]
+    assert [entry["name"] for entry in listed] == names
     response = desk.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/grip.png")
     assert response.headers["content-type"] == "image/png"
     assert len(response.content) == next(e["bytes"] for e in listed if e["name"] == "grip.png")
+
+
+def test_one_request_tracks(desk: Desk) -> None:
+    desk.bus.edit = lambda ticks: samples.track(ticks[0].position.epoch)
+    body = {"kind": "track", "autostart": True, "cycles": 2, "x_pp_um": 9.0}
+    taken = desk.post("/jobs", body).json()
+    assert taken["kind"] == "track"
+    assert taken["values"]["shape"] == "sinusoid"
+    assert taken["values"]["force_pp_mN"] == pytest.approx(9.0 * 2.17)
+    job = desk.ended(taken["id"])
+    assert (job["state"], job["cause"]) == ("succeeded", "")
+    assert (job["kind"], job["result"]["outcome"]) == ("track", "tracked")
+    assert job["result"]["force_mN"]["rmse"] == pytest.approx(samples.FORCE_ERROR_MN)
+    listed = desk.get(f"/jobs/{job['id']}/artifacts")["artifacts"]
+    assert "track.png" in [entry["name"] for entry in listed]
+    assert [known["kind"] for known in desk.get("/jobs")["jobs"]] == ["track"]
 
 
 @pytest.mark.parametrize("name", ["other.png", "..%2F..%2Fsupervisor.sqlite", "%2e%2e"])

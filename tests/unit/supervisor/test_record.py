@@ -7,22 +7,33 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet
+import pytest
 
 from pincette.config import RigFile
 from pincette_supervisor import archive, record
-from pincette_supervisor.plot import HEIGHT_PX, WIDTH_PX
+from pincette_supervisor.drawing import HEIGHT_PX, WIDTH_PX
+from pincette_supervisor.planning import plan_job
+from pincette_supervisor.request_models import AnyJobRequest, GripJobRequest, TrackJobRequest
 from pincette_supervisor.store import JobRow
 
 from . import samples
 
 parquet: Any = pyarrow.parquet
 JOB = JobRow("a", "grip", "demo", "running", {"kind": "grip"}, {}, "2026-03-01T12:00:00.000Z")
+GRIP = GripJobRequest(kind="grip", force_mN=20.0)
+TRACK = TrackJobRequest(kind="track", cycles=2)
 
 
-def write(folder: Path, rig_file: RigFile) -> archive.Record:
-    messages = [m for tick in samples.grip() for m in tick.messages()]
-    taken = archive.Take(7, messages)
-    made = archive.gather(rig_file, JOB, {"force_mN": 20.0}, taken)
+def write(
+    folder: Path,
+    rig_file: RigFile,
+    request: AnyJobRequest = GRIP,
+    ticks: list[samples.Tick] | None = None,
+) -> archive.Record:
+    ticks = samples.grip() if ticks is None else ticks
+    messages = [m for tick in ticks for m in tick.messages()]
+    planned = plan_job(request, rig_file)
+    made = archive.gather(rig_file, JOB, planned, archive.Take(7, messages))
     archive.write(folder, made)
     return made
 
@@ -46,10 +57,10 @@ def test_the_manifest_has_the_sum_of_every_file(tmp_path: Path, rig_file: RigFil
     write(tmp_path, rig_file)
     manifest = json.loads((tmp_path / record.MANIFEST).read_text(encoding="utf-8"))
     files = {entry["name"]: entry["sha256"] for entry in manifest["files"]}
-    assert set(files) == {record.SAMPLES, record.PLOT, record.REQUEST, record.RESULT}
+    assert set(files) == {record.SAMPLES, "grip.png", record.REQUEST, record.RESULT}
     for name, digest in files.items():
         assert hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() == digest
-    assert {path.name for path in tmp_path.iterdir()} == set(record.MEDIA_TYPES)
+    assert {path.name for path in tmp_path.iterdir()} == {*files, record.MANIFEST}
 
 
 def test_the_result_can_be_read_back(tmp_path: Path, rig_file: RigFile) -> None:
@@ -57,16 +68,23 @@ def test_the_result_can_be_read_back(tmp_path: Path, rig_file: RigFile) -> None:
     assert json.loads((tmp_path / record.RESULT).read_text(encoding="utf-8")) == made.tree
 
 
-def test_the_picture_is_a_png_of_its_size(tmp_path: Path, rig_file: RigFile) -> None:
-    write(tmp_path, rig_file)
-    content = (tmp_path / record.PLOT).read_bytes()
+@pytest.mark.parametrize(
+    ("request_", "ticks", "name"),
+    [
+        (GRIP, samples.grip(), "grip.png"),
+        (GRIP, [], "grip.png"),
+        (TRACK, samples.track(), "track.png"),
+        (TRACK, samples.grip()[:200], "track.png"),
+        (TRACK, [], "track.png"),
+    ],
+    ids=["grip", "no grip", "track", "no track", "nothing"],
+)
+def test_the_picture_is_a_png_of_its_size(
+    tmp_path: Path, rig_file: RigFile, request_: AnyJobRequest, ticks: list[samples.Tick], name: str
+) -> None:
+    made = write(tmp_path, rig_file, request_, ticks)
+    content = (tmp_path / name).read_bytes()
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
     assert struct.unpack(">II", content[16:24]) == (WIDTH_PX, HEIGHT_PX)
-
-
-def test_a_job_that_ended_before_its_first_sample_has_a_record(
-    tmp_path: Path, rig_file: RigFile
-) -> None:
-    made = archive.gather(rig_file, JOB, {"force_mN": 20.0}, archive.Take(7, []))
-    archive.write(tmp_path, made)
-    assert parquet.read_table(tmp_path / record.SAMPLES).num_rows == 0
+    assert parquet.read_table(tmp_path / record.SAMPLES).num_rows == len(ticks)
+    assert made.result.samples == len(ticks)

@@ -127,3 +127,100 @@ def test_a_rig_that_is_not_here_is_named_with_those_that_are(desk: Desk) -> None
     assert response.status_code == 404
     assert "'other'" in response.json()["detail"]
     assert "demo" in response.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("wish", "pointer", "words"),
+    [
+        ({"cycles": 0}, "/cycles", "cycles = 0: input should be greater than or equal to 1"),
+        ({"cycles": 2.5}, "/cycles", "cycles = 2.5"),
+        ({"force_mN": 20.0}, "/force_mN", "force_mN is not a field that is known here"),
+        ({"shape": "square"}, "/shape", "shape = 'square'"),
+        ({"force_pp_mN": 20.0, "x_pp_um": 8.45}, "", "exclude each other"),
+        ({"shape": "step", "cycles": 3}, "/cycles", "does not go with a step, which takes levels"),
+        ({"levels_mN": [5.0]}, "/levels_mN", "does not go with a sinusoid"),
+        ({"shape": "waypoints"}, "/points", "points is missing"),
+        (
+            {
+                "shape": "waypoints",
+                "points": [{"t_s": 0, "force_mN": 1}, {"t_s": 0, "force_mN": 2}],
+            },
+            "/points",
+            "time from point 0 to point 1 = 0.0 s, must be finite and above 0",
+        ),
+        (
+            {"shape": "waypoints", "points": [{"t_s": 0, "force_mN": 1}, {"force_mN": 2}]},
+            "/points/1/t_s",
+            "t_s is missing",
+        ),
+        ({"frequency_hz": 0.001, "cycles": 10}, "/cycles", "the path takes 12000 s, limit 3600 s"),
+    ],
+)
+def test_a_fault_of_a_track_is_named_with_its_place(
+    desk: Desk, wish: dict[str, Any], pointer: str, words: str
+) -> None:
+    problem = refused(desk, {"kind": "track", **wish})
+    assert problem["type"] == "urn:pincette:problem:invalid-request"
+    (error,) = problem["errors"]
+    assert error["pointer"] == pointer
+    assert words in error["message"]
+
+
+@pytest.mark.parametrize(
+    ("wish", "quantity", "pointer"),
+    [
+        ({"force_mean_mN": 35.0}, "force", "/force_pp_mN"),
+        ({"force_mean_mN": 8.0}, "force", "/force_pp_mN"),
+        ({"x_pp_um": 12.0}, "force", "/x_pp_um"),
+        ({"frequency_hz": 2.5}, "rate", "/frequency_hz"),
+        ({"shape": "step", "levels_mN": [5.0, 50.0]}, "force", "/levels_mN"),
+        (
+            {
+                "shape": "waypoints",
+                "points": [{"t_s": 0, "force_mN": 1}, {"t_s": 1, "force_mN": 45}],
+            },
+            "force",
+            "/points",
+        ),
+    ],
+)
+def test_a_path_beyond_a_limit_names_it(
+    desk: Desk, wish: dict[str, Any], quantity: str, pointer: str
+) -> None:
+    problem = refused(desk, {"kind": "track", **wish})
+    assert problem["type"] == "urn:pincette:problem:limit-violation"
+    places = {(v["quantity"], v["pointer"]) for v in problem["violations"]}
+    assert (quantity, pointer) in places
+    assert all(v["at_s"] > 0.0 for v in problem["violations"])
+
+
+@pytest.mark.parametrize("shape", ["sinusoid", "triangle", "step"])
+def test_a_dry_run_of_a_track_plans_what_the_rig_file_says(desk: Desk, shape: str) -> None:
+    response = desk.post("/jobs", {"kind": "track", "shape": shape}, dry_run="true")
+    assert response.status_code == 200
+    plan = response.json()
+    assert (plan["kind"], plan["feasible"]) == ("track", True)
+    phases = [phase["phase"] for phase in plan["phases"]]
+    assert phases[-6:] == ["load", "load", "settle", "track", "unload", "retreat"]
+    highest = 20.0 if shape == "step" else 22.0
+    assert max(plan["curves"]["force_r_mN"]) == pytest.approx(highest, rel=0.02)
+
+
+def test_one_height_of_a_path_follows_from_the_other(desk: Desk) -> None:
+    stiffness = 2.17
+    by_position = desk.post("/jobs", {"kind": "track", "x_pp_um": 8.0}, dry_run="true").json()
+    body = {"kind": "track", "force_pp_mN": 8.0 * stiffness}
+    by_force = desk.post("/jobs", body, dry_run="true").json()
+    assert by_position == by_force
+
+
+def test_a_plan_says_what_an_error_of_the_part_would_do(desk: Desk) -> None:
+    plan = desk.post("/jobs", {"kind": "grip", "force_mN": 20.0}, dry_run="true").json()
+    errors = plan["steady_errors"]
+    # The part 3 µm away and 30 % softer than planned, by (51) and (52), K/K_f = 3.9802 mN/µm.
+    softest = 2.17 * 0.7
+    mismatch = 20.0 - softest * (20.0 / 2.17 - 3.0)
+    worst_um = mismatch / (softest + 1.9901e4 / 5000.0)
+    assert errors["position_max_um"] == pytest.approx(worst_um)
+    assert errors["force_min_mN"] == pytest.approx(-1.9901e4 / 5000.0 * worst_um)
+    assert errors["position_min_um"] < 0.0 < errors["force_max_mN"]

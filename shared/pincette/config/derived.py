@@ -1,0 +1,120 @@
+"""What control makes of a rig file: the arm, its free response, its loop.
+
+Several programs work with the same parts of a rig file; each part is made of it here alone.
+"""
+
+from pincette.config.model import Model
+from pincette.config.rig_file import RigFile
+from pincette.config.tables import ConfigError
+from pincette.control.feasibility import PlanLimits, acceleration_limit
+from pincette.control.free_response import FreeResponse, FreeSample, nominal_response
+from pincette.control.identified_response import identified_response
+from pincette.control.inverse_dynamics import inverse_dynamics
+from pincette.control.kalman import augmented_kalman
+from pincette.control.law import LawSettings
+from pincette.control.loop_matrix import Loop
+from pincette.control.observers import (
+    ForceObserver,
+    QuasiStatic,
+    QuasiStaticParameters,
+    least_period_s,
+)
+from pincette.control.plan import PlannedRig
+from pincette.control.worst_case import Intervals, around
+
+X_START_UM = 0.0
+"""Where the arm rests at zero voltage: the rig file's sensor offset makes it so."""
+
+
+def free_response(model: Model) -> FreeResponse:
+    """x_1 of an arm that is unpoled, at 0 V: identified where it was taught, else a line."""
+    taught = model.free_response
+    if taught is None:
+        at_rest = FreeSample(0.0, 0.0)
+        return nominal_response(model.piezo_um_per_V, at_rest, model.hysteresis_fraction)
+    return identified_response(taught.hysteresis(), model.piezo_um_per_V, taught.residual_um)
+
+
+def force_observer(rig: RigFile) -> ForceObserver:
+    """The observer that a rig file names.
+
+    Raises
+    ------
+    ConfigError
+        Where it cannot work at the rig's period.
+    """
+    try:
+        return _observer(rig.model, rig.rig.period_s, rig.sensor.noise_um)
+    except ValueError as error:
+        raise ConfigError(
+            f'model.force_observer = "{rig.model.force_observer}": {error}'
+        ) from error
+
+
+def _observer(model: Model, period_s: float, noise_um: float) -> ForceObserver:
+    omega_n, zeta = model.natural_frequency_rad_per_s, model.damping_ratio
+    s_p = model.compliance_um_per_mN
+    if model.force_observer == "inverse_dynamics":
+        return inverse_dynamics(
+            omega_n, zeta, s_p, period_s=period_s, filter_s=model.inverse_filter_s
+        )
+    if model.force_observer == "kalman":
+        return augmented_kalman(
+            omega_n,
+            zeta,
+            s_p,
+            period_s=period_s,
+            noise_um=noise_um,
+            rate_mN_per_s=model.force_rate_mN_per_s,
+        )
+    least_s = least_period_s(omega_n)
+    if period_s < least_s:
+        raise ValueError(
+            f"period_s = {period_s} s is below {least_s:.5f} s, two periods of the mode, and "
+            'its ring would be read as force; choose "inverse_dynamics" or "kalman"'
+        )
+    printed = model.force_ages == "printed"
+    return QuasiStatic(
+        QuasiStaticParameters(
+            s_p,
+            newest_voltage=printed,
+            printed_um_per_V=model.piezo_um_per_V if printed else 0.0,
+        )
+    )
+
+
+def planned_rig(rig: RigFile) -> PlannedRig:
+    """A rig as plans take it."""
+    limits, model = rig.limits, rig.model
+    return PlannedRig(
+        limits=PlanLimits(
+            voltage_min_V=limits.voltage_min_V,
+            voltage_max_V=limits.voltage_max_V,
+            position_min_um=limits.position_min_um,
+            position_max_um=limits.position_max_um,
+            force_max_mN=limits.force_max_mN,
+            slew_V_per_s=limits.slew_V_per_s,
+            acceleration_um_per_s2=acceleration_limit(model.natural_frequency_rad_per_s),
+        ),
+        piezo_um_per_V=model.piezo_um_per_V,
+        compliance_um_per_mN=model.compliance_um_per_mN,
+        period_s=rig.rig.period_s,
+        x_start_um=X_START_UM,
+        free_response=None if model.free_response is None else model.free_response.hysteresis(),
+    )
+
+
+def loop(rig: RigFile, settings: LawSettings) -> Loop:
+    """A law with the rig's arm, observer and period, for the judgement of its stability."""
+    return Loop(
+        law=settings,
+        arm=rig.model.arm(),
+        period_s=rig.rig.period_s,
+        force_filter_s=rig.model.force_filter_s,
+        observer=force_observer(rig),
+    )
+
+
+def intervals(rig: RigFile) -> Intervals:
+    """What a job may meet: the free arm, and the part within its tolerance."""
+    return around(rig.part.stiffness_mN_per_um, rig.part.stiffness_tolerance)

@@ -1,0 +1,65 @@
+"""The arm's one mode from sample to sample, exact for what drives it.
+
+    ẍ + 2ζω_n·ẋ + ω_n²·(x - q) = 0
+
+with q the equilibrium, x_1 - s_p·F in (53). Where q is held or moves straight over a period, so
+are these transitions, at any period; backward differences (2), (3) do not see a mode that is
+short against it.
+"""
+
+from dataclasses import dataclass
+from math import cos, exp, sin, sqrt
+
+from pincette.control.checks import require_positive
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """Transition over one period of (x - q, ẋ), in µm and µm/s, for a held equilibrium q."""
+
+    xx: float
+    xv: float
+    """s."""
+    vx: float
+    """1/s."""
+    vv: float
+    ramp_x: float
+    """x after a period from rest at 0, while q moves straight from 0 to 1."""
+    ramp_v: float
+    """ẋ after it, 1/s."""
+
+
+def sample_mode(natural_frequency_rad_per_s: float, damping_ratio: float, period_s: float) -> Mode:
+    """Solve the mode over one period.
+
+        x - q ← e^(-σT)[(cos ω_d T + σ/ω_d sin ω_d T)(x - q) + (1/ω_d) sin ω_d T·ẋ]
+
+    with σ = ζω_n, ω_d² = ω_n² - σ². For q = t/T the motion is t/T - 2ζ/(ω_n T), rising by 1/T,
+    plus what the start has of the free motion.
+
+    Raises
+    ------
+    ValueError
+        Where ω_n, ζ or the period is not positive, or ζ is not below 1.
+    """
+    omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
+    zeta = require_positive("damping ratio", damping_ratio, "")
+    T = require_positive("period", period_s, "s")
+    if zeta >= 1.0:
+        raise ValueError(f"damping ratio = {zeta}, must be below 1: the mode is to ring")
+    sigma = zeta * omega_n
+    omega_d = omega_n * sqrt(1.0 - zeta * zeta)
+    decay = exp(-sigma * T)
+    cosine = decay * cos(omega_d * T)
+    sine = decay * sin(omega_d * T) / omega_d
+    xx, xv = cosine + sigma * sine, sine
+    vx, vv = -omega_n * omega_n * sine, cosine - sigma * sine
+    lag = 2.0 * zeta / (omega_n * T)
+    return Mode(
+        xx=xx,
+        xv=xv,
+        vx=vx,
+        vv=vv,
+        ramp_x=1.0 - lag + xx * lag - xv / T,
+        ramp_v=1.0 / T + vx * lag - vv / T,
+    )

@@ -1,0 +1,221 @@
+"""Closed loop: a program played by the real services over the simulated instruments' bytes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.config import RigFile
+from pincette.control.feasibility import PlanLimits, acceleration_limit
+from pincette.control.law import LawSettings
+from pincette.control.path_shapes import sinusoid
+from pincette.control.plan import ContactPlan, PlannedRig
+from pincette.control.program import Program
+from pincette.control.track_plan import TrackRequest, plan_track
+from pincette.messages import Applied, Estimate, Message, Telemetry, Truth
+from pincette.paper import printed
+from pincette.runtime.composed import ComposedLoop
+
+Series = NDArray[np.float64]
+
+LOWEST_MN = 4.0
+"""Force at the path's trough: the part stays pressed, whatever the loop's errors are."""
+CYCLES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One phase of a run, sample by sample."""
+
+    t_s: Series
+    x_um: Series
+    """Measured."""
+    x_r_um: Series
+    true_x_um: Series
+    force_mN: Series
+    """Estimated."""
+    force_r_mN: Series
+    true_force_mN: Series
+    voltage_V: Series
+    sliding_um: Series
+    band_um: Series
+    perturbation_error_mN: Series
+    residual_um: Series
+    stiffness_mN_per_um: float
+    """K_e of the contact line that the references lie on."""
+
+    @property
+    def true_stiffness(self) -> float:
+        """K_e as force and position truly were."""
+        return float(np.polyfit(self.true_x_um, self.true_force_mN, 1)[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Of a tracked path: r.m.s., per cent of peak to peak, and largest."""
+
+    position_um: float
+    position_percent: float
+    force_mN: float
+    force_percent: float
+    largest_um: float
+    largest_mN: float
+    true_position_percent: float
+    estimated_force_percent: float
+
+
+class StudyError(RuntimeError):
+    """A run that did not come to its end; the text says how it ended."""
+
+
+def tracking_plan(
+    rig: RigFile,
+    *,
+    frequency_hz: float = printed.FREQUENCY_HZ,
+    x_pp_um: float = printed.X_PP_UM,
+    stiffness_mN_per_um: float | None = None,
+) -> ContactPlan:
+    """Plan the paper's sinusoid on the contact line of the rig file's part, or on another."""
+    K_e = stiffness_mN_per_um or rig.part.stiffness_mN_per_um
+    force_pp_mN = K_e * x_pp_um
+    limits, part, grip = rig.limits, rig.part, rig.grip
+    cycles = max(CYCLES, round(CYCLES * frequency_hz / printed.FREQUENCY_HZ))
+    return plan_track(
+        TrackRequest(
+            load_s=grip.load_s,
+            approach_um_per_s=grip.approach_um_per_s,
+            seek_um_per_s=grip.seek_um_per_s,
+            contact_force_mN=grip.contact_force_mN,
+            zero_s=grip.zero_s,
+            contact_um=part.contact_um,
+            contact_tolerance_um=part.contact_tolerance_um,
+            stiffness_mN_per_um=K_e,
+            stiffness_tolerance=part.stiffness_tolerance,
+            path=sinusoid(
+                "force", LOWEST_MN + 0.5 * force_pp_mN, force_pp_mN, frequency_hz, cycles
+            ),
+            rate_um_per_s=1e3,
+            acceleration_um_per_s2=1e6,
+            pointer="",
+        ),
+        PlannedRig(
+            limits=PlanLimits(
+                voltage_min_V=limits.voltage_min_V,
+                voltage_max_V=limits.voltage_max_V,
+                slew_V_per_s=limits.slew_V_per_s,
+                position_min_um=limits.position_min_um,
+                position_max_um=limits.position_max_um,
+                force_max_mN=limits.force_max_mN,
+                acceleration_um_per_s2=acceleration_limit(rig.model.natural_frequency_rad_per_s),
+            ),
+            piezo_um_per_V=rig.model.piezo_um_per_V,
+            compliance_um_per_mN=rig.model.compliance_um_per_mN,
+            period_s=rig.rig.period_s,
+        ),
+    )
+
+
+def play(rig: RigFile, program: Program) -> list[Message]:
+    """Play a program on a rig that starts unpoled; every message in order."""
+    return ComposedLoop(rig).play(program)
+
+
+def outcome(messages: Sequence[Message]) -> str:
+    """The controller's last word."""
+    said = [m.outcome for m in messages if isinstance(m, Telemetry) and m.outcome]
+    return said[-1] if said else ""
+
+
+def record(messages: Sequence[Message], phase: str) -> Record:
+    """Columns of one phase; raises StudyError where the run never had it."""
+    views = [m for m in messages if isinstance(m, Telemetry) and m.phase == phase]
+    if not views:
+        tripped = [m.cause for m in messages if isinstance(m, Applied) and m.cause]
+        raise StudyError(f"no {phase}: ended {outcome(messages) or tripped[-1:]}")
+    estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
+    truths = {m.seq: m for m in messages if isinstance(m, Truth)}
+    rows = [
+        (
+            view.x_r_um,
+            view.force_r_mN,
+            view.sliding_um,
+            view.band_um,
+            view.perturbation_error_mN,
+            view.residual_um,
+            estimates[view.seq].x_um,
+            estimates[view.seq].force_mN,
+            estimates[view.seq].applied_V,
+            truths[view.seq].x_um,
+            truths[view.seq].force_mN,
+        )
+        for view in views
+    ]
+    columns = np.array(rows).T
+    return Record(
+        t_s=np.array([view.seq for view in views], dtype=np.float64),
+        x_r_um=columns[0],
+        force_r_mN=columns[1],
+        sliding_um=columns[2],
+        band_um=columns[3],
+        perturbation_error_mN=columns[4],
+        residual_um=columns[5],
+        x_um=columns[6],
+        force_mN=columns[7],
+        voltage_V=columns[8],
+        true_x_um=columns[9],
+        true_force_mN=columns[10],
+        stiffness_mN_per_um=views[-1].contact_stiffness_mN_per_um or 0.0,
+    )
+
+
+def full_cycles(rig: RigFile, plan: ContactPlan, messages: Sequence[Message]) -> Record:
+    """The part of a tracked path that has its whole amplitude."""
+    path = next(segment.path for segment in plan.program.segments if segment.path is not None)
+    whole = record(messages, "track")
+    first = round(path.full_from_s / rig.rig.period_s)
+    last = round(path.full_to_s / rig.rig.period_s)
+    columns = {
+        name: getattr(whole, name)[first:last]
+        for name in Record.__slots__
+        if name != "stiffness_mN_per_um"
+    }
+    columns["t_s"] = (columns["t_s"] - columns["t_s"][0]) * rig.rig.period_s
+    return Record(**columns, stiffness_mN_per_um=whole.stiffness_mN_per_um)
+
+
+def track(
+    rig: RigFile, settings: LawSettings, plan: ContactPlan, *, identified: bool = True
+) -> tuple[Record, Errors]:
+    """Track a path with one law; the errors are those of its full cycles.
+
+    The references lie on the contact line identified over the load, or on the plan's own.
+    """
+    line = "identified" if identified else "planned"
+    program = replace(plan.program, laws=(settings,), contact_line=line)
+    found = full_cycles(rig, plan, play(rig, program))
+    return found, errors(found)
+
+
+def errors(found: Record) -> Errors:
+    """Position as it was measured, force as it truly was, against the references."""
+    x_pp = float(np.ptp(found.x_r_um))
+    force_pp = float(np.ptp(found.force_r_mN))
+    x_error = found.x_um - found.x_r_um
+    force_error = found.true_force_mN - found.force_r_mN
+    return Errors(
+        position_um=rms(x_error),
+        position_percent=100.0 * rms(x_error) / x_pp,
+        force_mN=rms(force_error),
+        force_percent=100.0 * rms(force_error) / force_pp,
+        largest_um=float(np.max(np.abs(x_error))),
+        largest_mN=float(np.max(np.abs(force_error))),
+        true_position_percent=100.0 * rms(found.true_x_um - found.x_r_um) / x_pp,
+        estimated_force_percent=100.0 * rms(found.force_mN - found.force_r_mN) / force_pp,
+    )
+
+
+def rms(values: Series) -> float:
+    """Root mean square."""
+    return sqrt(float(np.mean(values**2)))

@@ -1,0 +1,62 @@
+"""Pictures of the report: one size, one palette."""
+
+from collections.abc import Callable
+from io import BytesIO
+from typing import Any
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+# Matplotlib's keyword arguments carry no types.
+Axis = Any
+
+WIDTH_IN, DPI = 9.6, 130
+INK, FAINT = "#22282f", "#8a939c"
+BLUE, ORANGE, GREEN, RED = "#1f5f8b", "#d1792b", "#3f8f5f", "#b3402a"
+
+
+def picture(
+    rows: int,
+    columns: int,
+    height_in: float,
+    draw: Callable[[list[Axis]], None],
+    *,
+    sharex: bool = False,
+) -> bytes:
+    """Draw into rows × columns of axes, handed over row by row; returns a PNG."""
+    figure: Any = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, facecolor="white")
+    canvas: Any = FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if sharex else "none")
+    flat: list[Axis] = list(axes.ravel())
+    for axis in flat:
+        _prepare(axis)
+    draw(flat)
+    figure.tight_layout()
+    stream = BytesIO()
+    canvas.print_png(stream)
+    return stream.getvalue()
+
+
+def label(axis: Axis, x: str, y: str, title: str = "") -> None:
+    """Name both axes, and the picture where it needs one."""
+    axis.set_xlabel(x)
+    axis.set_ylabel(y)
+    if title:
+        axis.set_title(title, fontsize=10, color=INK, loc="left")
+
+
+def legend(axis: Axis, place: str = "best") -> None:
+    """Name the lines."""
+    axis.legend(loc=place, fontsize=8.5, frameon=False, labelcolor=INK)
+
+
+def _prepare(axis: Axis) -> None:
+    for side in ("top", "right"):
+        axis.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axis.spines[side].set_color(FAINT)
+    axis.tick_params(colors=INK, labelsize=8.5, length=3)
+    axis.grid(color="#e6eaee", linewidth=0.8)
+    axis.set_axisbelow(True)
+    axis.yaxis.label.set(size=9.5, color=INK)
+    axis.xaxis.label.set(size=9.5, color=INK)

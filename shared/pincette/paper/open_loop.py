@@ -1,0 +1,76 @@
+"""Open loop: a voltage put out sample by sample, and what the rig made of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.config import Simulation
+from pincette.sim.rig import SimulatedRig
+
+Series = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """N samples, each of the state that the voltages before it have led to."""
+
+    period_s: float
+    voltage_V: Series
+    """Put out at the sample before, hence of the age of ``x_um``."""
+    x_um: Series
+    """As the sensor gives it."""
+    true_x_um: Series
+    true_force_mN: Series
+
+    def tail(self, samples: int) -> "Motion":
+        """The last samples."""
+        return Motion(
+            self.period_s,
+            self.voltage_V[-samples:],
+            self.x_um[-samples:],
+            self.true_x_um[-samples:],
+            self.true_force_mN[-samples:],
+        )
+
+
+def drive(simulation: Simulation, voltage_V: Sequence[float], period_s: float) -> Motion:
+    """Put out a voltage each period on a rig that starts unpoled, and look before each."""
+    truths: list[tuple[float, float]] = []
+    rig = SimulatedRig(
+        simulation,
+        period_s,
+        lockstep=True,
+        clock=lambda: 0.0,
+        truth=lambda _seq, x_um, force_mN, _voltage_V: truths.append((x_um, force_mN)),
+    )
+    x_um: list[float] = []
+    for value in voltage_V:
+        x_um.append(rig.measure_um())
+        rig.put_out(value)
+    true = np.array(truths)
+    return Motion(
+        period_s,
+        np.array([0.0, *voltage_V[:-1]]),
+        np.array(x_um),
+        true[:, 0],
+        true[:, 1],
+    )
+
+
+def raised_sinusoid(
+    peak_to_peak_V: float, frequency_hz: float, cycles: int, period_s: float
+) -> list[float]:
+    """U/2·(1 - cos 2πft): from 0 V up, whole cycles."""
+    samples = round(cycles / (frequency_hz * period_s))
+    return [
+        0.5 * peak_to_peak_V * (1.0 - cos(2.0 * pi * frequency_hz * index * period_s))
+        for index in range(samples)
+    ]
+
+
+def peak_to_peak(values: Series) -> float:
+    """Largest less smallest value."""
+    return float(values.max() - values.min())

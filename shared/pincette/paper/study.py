@@ -1,0 +1,77 @@
+"""The whole study: every experiment in order, its report, and what to tell in a few numbers."""
+
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from pincette.config import RigFile, derived
+from pincette.paper import contact, dynamics, estimation, gains, holding, precision, tracking
+from pincette.paper.calibrated import prepare
+from pincette.paper.report import Section, write_report
+from pincette.paper.rigs import frozen_rig
+from pincette.paper.sources import other_sources
+
+Progress = Callable[[str, float], None]
+"""Takes what is being done, and the share of the whole that is done."""
+
+
+def run_study(base: RigFile, folder: Path, progress: Progress, rigs: int) -> dict[str, Any]:
+    """Run every experiment, write the report into a folder, and return its summary.
+
+    Parameters
+    ----------
+    base
+        The demo rig; what is not in the paper comes from it.
+    rigs
+        How many random rigs.
+    """
+    rig = frozen_rig(base)
+    progress("teaching the frozen rig", 0.0)
+    prepared = prepare(rig)
+    taught = prepared.rig
+    response = derived.free_response(taught.model)
+    sections: list[Section] = []
+    progress("Fig. 5: swept sine", 0.03)
+    sections.append(dynamics.fig_5(rig))
+    progress("Figs. 6 and 7: estimator", 0.08)
+    sources = {"the identified response": response, **other_sources(taught)}
+    fig_6, estimator_mN = estimation.fig_6(taught, sources)
+    sections += [fig_6, estimation.fig_7(taught, response)]
+    progress("Fig. 8: stiffness line", 0.12)
+    sections.append(contact.fig_8(taught, response))
+    progress("Fig. 9 and Table I: PBSMIC", 0.14)
+    table_1, by_K_P = tracking.table_one(taught)
+    sections.append(table_1)
+    progress("Figs. 10 and 11: DSMIFC", 0.18)
+    sections.append(tracking.force_gain(taught))
+    progress("stability map", 0.26)
+    sections.append(dynamics.stability(taught))
+    progress("gains", 0.38)
+    sections.append(gains.search(prepared))
+    progress("a minute of hold", 0.42)
+    sections.append(holding.long_hold(taught))
+
+    def one_more(done: int) -> None:
+        progress(f"random rigs: {done} of {rigs}", 0.46 + 0.52 * done / rigs)
+
+    one_more(0)
+    trials = precision.run_trials(base, rigs, one_more)
+    sections.append(precision.section(base, trials))
+    summary = {
+        "table1_position_percent": {
+            f"{K_P:g}": item.position_percent for K_P, item in by_K_P.items()
+        },
+        "table1_force_percent": {f"{K_P:g}": item.force_percent for K_P, item in by_K_P.items()},
+        "tracking_consistent": precision.summary(trials),
+        "tracking_consistent_worst": precision.worst(trials),
+        "sensor_floor_percent": precision.sensor_floor_percent(base),
+        "estimator_free_rmse_mN": estimator_mN,
+        "random_rigs": rigs,
+        "median_true_position_percent": median(
+            trial.errors.true_position_percent for trial in trials
+        ),
+    }
+    write_report(folder, sections, summary)
+    progress("done", 1.0)
+    return summary

@@ -1,0 +1,71 @@
+"""A hold of a minute in one process: how far the estimate drifts, and whether it says so."""
+
+from math import fsum
+from pathlib import Path
+
+import pytest
+
+from pincette.config import RigFile, read_rig
+from pincette.control.program import Guards, Program, Segment
+from pincette.messages import Estimate, Message, Telemetry, Truth
+from pincette.runtime.composed import ComposedLoop
+
+DEMO = Path(__file__).parents[2] / "deploy/rigs/demo.toml"
+FORCE_MN, HOLD_S = 20.0, 60.0
+PROGRAM = Program(
+    segments=(
+        Segment("zero", "zero", 0.4),
+        Segment("approach", "free", 2.5, x_to_um=26.0),
+        Segment("approach", "zero", 0.4),
+        Segment("contact", "seek", 2.5, x_to_um=36.0),
+        Segment("load", "force", 2.0, force_to_mN=FORCE_MN),
+        Segment("hold", "force", HOLD_S, force_to_mN=FORCE_MN, move_s=0.3),
+    ),
+    guards=Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0),
+    contact_stiffness_mN_per_um=2.17,
+)
+
+
+def demo_rig(seed: int) -> RigFile:
+    rig = read_rig(DEMO)
+    assert rig.simulation is not None
+    changes = {
+        "rig": rig.rig.model_copy(update={"time": "lockstep"}),
+        "simulation": rig.simulation.model_copy(update={"seed": seed}),
+    }
+    return rig.model_copy(update=changes)
+
+
+def errors_mN(published: list[Message], *phases: str) -> list[tuple[float, float]]:
+    """Error of the estimate and the uncertainty stated, for each sample of some phases."""
+    estimates = {message.seq: message for message in published if isinstance(message, Estimate)}
+    truths = {message.seq: message for message in published if isinstance(message, Truth)}
+    return [
+        (
+            estimates[message.seq].force_mN - truths[message.seq].force_mN,
+            estimates[message.seq].force_uncertainty_mN,
+        )
+        for message in published
+        if isinstance(message, Telemetry) and message.phase in phases and message.seq in truths
+    ]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_stated_uncertainty_covers_the_drift_of_a_long_hold(seed: int) -> None:
+    published = ComposedLoop(demo_rig(seed)).play(PROGRAM)
+    found = errors_mN(published, "approach", "contact", "load", "hold")
+    covered = [abs(error) <= stated for error, stated in found]
+    hold = errors_mN(published, "hold")
+    assert len(hold) > 0.99 * HOLD_S / 0.02
+    first, last = ([error for error, _ in part] for part in (hold[:50], hold[-50:]))
+    drift_mN = fsum(last) / len(last) - fsum(first) / len(first)
+    share = covered.count(True) / len(covered)
+    print(
+        f"seed {seed}: drift {drift_mN:+.2f} mN in {HOLD_S:.0f} s, stated {hold[-1][1]:.2f} mN, "
+        f"covered {100 * share:.1f} %"
+    )
+    assert share >= 0.9
+    assert abs(drift_mN) < hold[-1][1] + hold[0][1]
+    # An uncertainty that covers by being large says nothing.
+    assert hold[0][1] < 0.15 * FORCE_MN
+    assert hold[-1][1] > hold[0][1]

@@ -1,0 +1,110 @@
+"""The controller's step closed over an arm that is (4), and a part at ``X_E_UM``."""
+
+from dataclasses import dataclass, replace
+
+from pincette.control.law import LawSettings
+from pincette.control.plant import consistent_arm, discretize
+from pincette.control.program import Guards, Program, Segment
+from pincette.messages import Arm, Command, Estimate, Load, Telemetry
+from pincette_controller.config import ControllerConfig
+from pincette_controller.step import Inputs, State, answer, start, step
+
+T, K_E, X_E_UM = 0.02, 2.0, 12.0
+ARM = consistent_arm(2437.8, 0.026, 19.0, 0.46)
+CONFIG = ControllerConfig(period_s=T, arm=ARM, law=LawSettings(K_P=2.0), force_filter_s=0.03)
+GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
+PBSMIC, DSMIFC = LawSettings("pbsmic", K_P=2.0), LawSettings("dsmifc", K_P=2.0)
+QUIET = Estimate(
+    epoch=1,
+    seq=0,
+    x_um=0.0,
+    force_mN=0.0,
+    force_uncertainty_mN=0.1,
+    perturbation_mN=0.0,
+    zero_age_s=None,
+    zero_refusal="",
+    applied_V=0.0,
+    applied_seq=-1,
+    limits_active=0,
+    tripped=False,
+    degraded=False,
+    valid=True,
+)
+
+
+def program(laws: tuple[LawSettings, ...] = (), **of: int) -> Program:
+    """A grip; ``of`` names the law of a phase."""
+    segments = (
+        Segment("zero", "zero", 0.1),
+        Segment("approach", "free", 0.6, x_to_um=10.0),
+        Segment("contact", "seek", 1.0, x_to_um=14.0),
+        Segment("load", "force", 0.6, force_to_mN=20.0),
+        Segment("hold", "force", 0.4, force_to_mN=20.0, move_s=0.2),
+        Segment("unload", "force", 0.6, force_to_mN=0.0),
+        Segment("retreat", "free", 0.6, x_to_um=0.0),
+    )
+    chosen = tuple(replace(segment, law=of.get(segment.phase, 0)) for segment in segments)
+    return Program(chosen, GUARDS, K_E, laws)
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    estimate: Estimate
+    command: Command
+    telemetry: Telemetry
+
+
+class Bench:
+    """Plays a program to its end, sample by sample."""
+
+    def __init__(self, plays: Program, config: ControllerConfig = CONFIG) -> None:
+        self.config = config
+        self.plant = discretize(config.arm, T)
+        state, _, _ = answer(config, start(config), Load(plays), 0.0)
+        self.state: State = answer(config, state, Arm(1, 5, ""), 0.0)[0]
+        self.x_um = self.x_1_um = self.force_mN = self.applied_V = 0.0
+        self.seq = 0
+        self.zero_seq: int | None = None
+        self.ticks: list[Tick] = []
+
+    def estimate(self) -> Estimate:
+        age_s = None if self.zero_seq is None else T * (self.seq - self.zero_seq)
+        return replace(
+            QUIET,
+            seq=self.seq,
+            applied_seq=self.seq - 1,
+            x_um=self.x_um,
+            force_mN=self.force_mN,
+            applied_V=self.applied_V,
+            zero_age_s=age_s,
+        )
+
+    def tick(self) -> Tick:
+        estimate = self.estimate()
+        self.state, outputs = step(self.config, self.state, Inputs(estimate), 0.0)
+        command, telemetry = outputs
+        assert isinstance(command, Command)
+        assert isinstance(telemetry, Telemetry)
+        self._drive(command.voltage_V)
+        self.seq += 1
+        if command.zero:
+            self.zero_seq = self.seq
+        self.ticks.append(Tick(estimate, command, telemetry))
+        return self.ticks[-1]
+
+    def until(self, phase: str = "") -> Tick:
+        """On to the first tick of a phase, or to the end."""
+        for _ in range(500):
+            tick = self.tick()
+            if tick.command.final or tick.telemetry.phase == phase:
+                return tick
+        raise AssertionError(f"{phase or 'the end'} never came")
+
+    def _drive(self, voltage_V: float) -> None:
+        plant = self.plant
+        pushed_mN = plant.d_bar * voltage_V - plant.b_bar * self.x_um - plant.m_bar * self.x_1_um
+        x_um = pushed_mN / plant.k_bar
+        if x_um > X_E_UM:
+            x_um = (pushed_mN + K_E * X_E_UM) / (plant.k_bar + K_E)
+        self.x_um, self.x_1_um, self.applied_V = x_um, self.x_um, voltage_V
+        self.force_mN = K_E * max(0.0, x_um - X_E_UM)

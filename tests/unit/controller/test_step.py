@@ -1,0 +1,234 @@
+"""The controller's step: loading laws, changing them on the way, and what telemetry says."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pincette.config import read_rig
+from pincette.control import law as control_law
+from pincette.control.law import Law, LawSettings, LawState, build
+from pincette.control.law import start as start_law
+from pincette.messages import SLEW_DOWN, VOLTAGE_MAX, Arm, Command, Load
+from pincette.service import RefusedError
+from pincette_controller.config import configure
+from pincette_controller.step import Inputs, answer, start, step
+
+from .bench import ARM, CONFIG, DSMIFC, PBSMIC, QUIET, Bench, T, Tick, program
+
+BOTH_LAWS = (PBSMIC, DSMIFC)
+DEMO = read_rig(Path(__file__).parents[3] / "deploy/rigs/demo.toml")
+
+
+def test_a_program_without_laws_runs_with_the_rig_files() -> None:
+    bench = Bench(program())
+    assert bench.state.laws == (build(CONFIG.law, ARM, T, 0.03),)
+
+
+def test_a_program_brings_its_laws() -> None:
+    bench = Bench(program(BOTH_LAWS, load=1))
+    assert bench.state.laws == tuple(build(law, ARM, T, 0.03) for law in BOTH_LAWS)
+
+
+def test_the_rig_file_says_arm_law_and_low_pass() -> None:
+    config = configure(DEMO)
+    assert config.period_s == 0.02
+    assert config.force_filter_s == DEMO.model.force_filter_s
+    assert config.law == LawSettings()
+    assert config.arm.d / config.arm.k == pytest.approx(19.0)
+
+
+@pytest.mark.parametrize("law", [2, -1])
+def test_a_segment_must_name_a_law_that_is_there(law: int) -> None:
+    with pytest.raises(RefusedError, match=f"hold names law {law}, there are 2"):
+        answer(CONFIG, start(CONFIG), Load(program(BOTH_LAWS, hold=law)), 0.0)
+    with pytest.raises(RefusedError, match="hold names law 1, there are 1"):
+        answer(CONFIG, start(CONFIG), Load(program(hold=1)), 0.0)
+
+
+def test_an_impossible_law_is_refused_before_anything_plays() -> None:
+    state, _, _ = answer(CONFIG, start(CONFIG), Load(program()), 0.0)
+    impossible = program((PBSMIC, replace(DSMIFC, M=1e308)), load=1)
+    with pytest.raises(RefusedError, match=r"a law of the program: impedance K̄ = inf mN/µm"):
+        answer(CONFIG, state, Load(impossible), 0.0)
+    armed, _, _ = answer(CONFIG, state, Arm(1, 5, ""), 0.0)
+    assert armed.program == program()
+
+
+def test_a_program_without_segments_and_an_arming_without_program_are_refused() -> None:
+    with pytest.raises(RefusedError, match="no segments"):
+        answer(CONFIG, start(CONFIG), Load(replace(program(), segments=())), 0.0)
+    with pytest.raises(RefusedError, match="load one first"):
+        answer(CONFIG, start(CONFIG), Arm(1, 5, ""), 0.0)
+
+
+def test_loading_does_not_touch_what_plays() -> None:
+    bench = Bench(program())
+    bench.until("approach")
+    bench.state, _, _ = answer(CONFIG, bench.state, Load(program(BOTH_LAWS, load=1)), 0.0)
+    assert len(bench.state.laws) == 1
+    bench.until()
+    armed, _, _ = answer(CONFIG, bench.state, Arm(2, 5, ""), 0.0)
+    assert len(armed.laws) == 2
+
+
+def test_both_laws_carry_a_grip_to_its_end() -> None:
+    bench = Bench(program(BOTH_LAWS, load=1, hold=0, unload=1))
+    last = bench.until()
+    assert last.telemetry.outcome == "gripped"
+    assert bench.x_um == pytest.approx(0.0, abs=0.01)
+    held = [tick for tick in bench.ticks if tick.telemetry.phase == "hold"][-1]
+    assert held.estimate.force_mN == pytest.approx(20.0, abs=0.05)
+    assert last.command.final
+    (command,) = step(CONFIG, bench.state, Inputs(bench.estimate()), 0.0)[1]
+    assert isinstance(command, Command)
+    assert not command.valid
+
+
+def first_of(ticks: list[Tick], phase: str) -> int:
+    return next(i for i, tick in enumerate(ticks) if tick.telemetry.phase == phase)
+
+
+def voltage_step(ticks: list[Tick], index: int) -> float:
+    """What the tick asks for beyond what is there."""
+    return ticks[index].command.voltage_V - ticks[index].estimate.applied_V
+
+
+def test_a_change_of_law_between_segments_is_bumpless() -> None:
+    """Beside the same grip with one law: each change costs less than the plan's largest step."""
+    one, two = Bench(program(BOTH_LAWS)), Bench(program(BOTH_LAWS, load=1, hold=0, unload=1))
+    one.until()
+    two.until()
+    for phase in ("load", "hold", "unload"):
+        ours = voltage_step(two.ticks, first_of(two.ticks, phase))
+        plans = voltage_step(one.ticks, first_of(one.ticks, phase))
+        moves = [
+            abs(voltage_step(one.ticks, i))
+            for i, tick in enumerate(one.ticks)
+            if tick.telemetry.phase == "load"
+        ]
+        assert abs(ours - plans) < max(moves)
+        assert max(moves) < 0.1
+
+
+@pytest.mark.parametrize("load", [0, 1], ids=["same law", "another law"])
+@pytest.mark.parametrize("laws", [BOTH_LAWS, BOTH_LAWS[::-1]], ids=["to dsmifc", "to pbsmic"])
+def test_the_force_comes_and_goes_without_a_bump(laws: tuple[LawSettings, ...], load: int) -> None:
+    """2 mN that are fed from one sample to the next would be 2/41.3 V at once, x_r that ran ahead
+    of the pressed arm as much again."""
+    bench = Bench(program(laws, load=load, hold=load, unload=load))
+    bench.until()
+    for phase in ("load", "retreat"):
+        index = first_of(bench.ticks, phase)
+        assert abs(voltage_step(bench.ticks, index)) < 0.001, phase
+    assert bench.ticks[first_of(bench.ticks, "load")].estimate.force_mN > 2.0
+
+
+def test_a_law_that_began_anew_in_contact_would_be_a_bump(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The negative: 20 mN that come as a step at the begin of the hold are 20/41.3 V."""
+
+    def restart(
+        law: Law,
+        state: LawState,
+        *,
+        x_um: float,
+        x_r_um: float,
+        force_mN: float,
+        force_r_mN: float,
+    ) -> LawState:
+        assert force_mN == pytest.approx(force_r_mN, abs=1.0)
+        applied_V = state.law.history.applied_V
+        return start_law(law, x_um=x_um, x_r_um=x_r_um, force_mN=0.0, applied_V=applied_V)
+
+    bench = Bench(program(BOTH_LAWS, hold=1))
+    bench.until("load")
+    monkeypatch.setattr(control_law, "rebase", restart)
+    bench.until("hold")
+    assert abs(voltage_step(bench.ticks, -1)) > 0.3
+
+
+@pytest.mark.parametrize("other", [DSMIFC, replace(PBSMIC, K_P=0.5)], ids=["dsmifc", "gains"])
+def test_a_change_of_law_in_motion_is_not_seen(other: LawSettings) -> None:
+    """The seek has its full speed from its first sample, at which its law begins."""
+    steps: list[list[float]] = []
+    for plays in (program((PBSMIC, other), contact=1), program((PBSMIC,))):
+        bench = Bench(plays)
+        bench.until("contact")
+        for _ in range(5):
+            bench.tick()
+        found = [voltage_step(bench.ticks, index) for index in range(-6, 0)]
+        assert all(step_V == pytest.approx(4.0 * T / 19.0, rel=0.02) for step_V in found)
+        steps.append(found)
+    assert steps[0] == pytest.approx(steps[1], abs=1e-6)
+
+
+def test_references_of_the_telemetry_are_those_set_for_its_sample() -> None:
+    bench = Bench(program(BOTH_LAWS, load=1))
+    bench.until("load")
+    telemetry = bench.tick().telemetry
+    for _ in range(12):
+        set_for = bench.state.player
+        assert set_for is not None
+        telemetry = bench.tick().telemetry
+        assert telemetry.x_r_um == set_for.x_r_um
+        assert telemetry.force_r_mN == set_for.force_r_mN
+    after = bench.state.player
+    assert after is not None
+    # They have moved on meanwhile, for the next sample.
+    assert after.x_r_um > telemetry.x_r_um + 0.1
+    # The plan fits the part, so that the sample is where the references have it.
+    assert bench.ticks[-1].estimate.x_um == pytest.approx(telemetry.x_r_um, abs=0.1)
+    assert telemetry.x_d_um == pytest.approx(telemetry.x_r_um, abs=0.1)
+
+
+@pytest.mark.parametrize("settings", BOTH_LAWS, ids=["pbsmic", "dsmifc"])
+def test_band_and_p_of_the_telemetry(settings: LawSettings) -> None:
+    """p steps by 1.5 mN at rest: p̃ = -1.5 mN, and the band is a(K_S + 1.5)/2 once."""
+    law = replace(settings, K_S=0.4, delta=1e6)
+    bench = Bench(program((law,)))
+    bench.tick()
+    bench.tick()
+    bench.x_um += 1.5 / bench.plant.k_bar
+    telemetry = bench.tick().telemetry
+    a = 3.0 / bench.plant.k_bar
+    assert telemetry.perturbation_mN == pytest.approx(1.5, abs=1e-9)
+    assert telemetry.perturbation_error_mN == pytest.approx(-1.5, abs=1e-9)
+    assert telemetry.residual_um == pytest.approx(1.5 / bench.plant.k_bar, abs=1e-9)
+    assert telemetry.band_um == pytest.approx(0.5 * a * (0.4 + 1.5), abs=1e-9)
+    assert telemetry.sliding_um == pytest.approx(3.0 * 1.5 / bench.plant.k_bar, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("limits", "frozen"), [(VOLTAGE_MAX, True), (SLEW_DOWN, False), (0, False)]
+)
+def test_limits_freeze_the_integral_outward_only(limits: int, frozen: bool) -> None:
+    """The arm is below its reference: it asks for more."""
+    bench = Bench(program())
+    bench.until("approach")
+    for _ in range(10):
+        bench.tick()
+    bench.x_um -= 1.0
+    before = bench.state.memory
+    estimate = replace(bench.estimate(), limits_active=limits)
+    after = step(CONFIG, bench.state, Inputs(estimate), 0.0)[0].memory
+    assert before is not None
+    assert after is not None
+    assert not isinstance(before.law, control_law.DsmifcState)
+    assert not isinstance(after.law, control_law.DsmifcState)
+    assert (after.law.integral_um == before.law.integral_um) is frozen
+
+
+def test_blind_or_disarmed_it_asks_for_nothing() -> None:
+    bench = Bench(program())
+    bench.tick()
+    before = bench.state.player
+    state, outputs = step(
+        CONFIG, bench.state, Inputs(replace(bench.estimate(), valid=False, applied_V=0.7)), 0.0
+    )
+    (command,) = outputs
+    assert isinstance(command, Command)
+    assert (command.valid, command.voltage_V) == (False, 0.7)
+    assert state.player == before
+    stray = replace(QUIET, epoch=9)
+    assert step(CONFIG, state, Inputs(stray), 0.0)[1] == ()
+    assert step(CONFIG, state, Inputs(None), 0.0) == (state, ())

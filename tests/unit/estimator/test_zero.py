@@ -1,0 +1,98 @@
+"""A zero only where the arm is free: touches on the way, places beyond the first touch."""
+
+import pytest
+
+from pincette.config import IdentifiedFreeResponse
+from pincette.messages import Estimate
+from pincette_estimator.config import configure
+from tests.unit.estimator.bench import TAUGHT, Bench, a_rig
+
+S_P, K_E = 0.46, 2.17
+RESPONSES = pytest.mark.parametrize("taught", [None, TAUGHT], ids=["linear", "identified"])
+
+
+class Approach:
+    """A bench whose arm closes, free or onto something."""
+
+    def __init__(self, taught: IdentifiedFreeResponse | None) -> None:
+        self.bench = Bench(configure(a_rig(taught)))
+        self.bench.rest(0.0, 0.0)
+        self.voltage_V = 0.0
+
+    def close_to(self, x_to_um: float, contact_um: float = 1e9, ticks: int = 100) -> None:
+        """Raise the voltage until the arm has come to ``x_to_um`` or as far as that is forced."""
+        while self.place(contact_um) < x_to_um and ticks:
+            self.voltage_V += 0.02
+            self.feed(contact_um)
+            ticks -= 1
+
+    def place(self, contact_um: float) -> float:
+        """Where the arm is: behind the model's x_1 by a constant, and pressed back."""
+        free_um = self.bench.state.response.follow(self.voltage_V, 0.02).position_um()
+        pressed_um = max(0.0, free_um - contact_um) * S_P * K_E / (1.0 + S_P * K_E)
+        return free_um - pressed_um
+
+    def feed(self, contact_um: float, *, zero: bool = False) -> Estimate:
+        return self.bench.feed(self.place(contact_um), self.voltage_V, zero=zero)
+
+    def zero(self, contact_um: float = 1e9) -> Estimate:
+        for _ in range(12):
+            self.feed(contact_um)
+        return self.feed(contact_um, zero=True)
+
+
+@RESPONSES
+def test_a_free_arm_may_be_zeroed_before_the_first_touch_and_not_beyond(
+    taught: IdentifiedFreeResponse | None,
+) -> None:
+    approach = Approach(taught)
+    approach.close_to(20.0)
+    assert approach.zero().zero_refusal == ""
+    approach.close_to(28.0)
+    assert "it may touch the part, limit 27.000 µm" in approach.zero().zero_refusal
+
+
+@RESPONSES
+def test_an_arm_that_touched_something_on_the_way_is_not_zeroed(
+    taught: IdentifiedFreeResponse | None,
+) -> None:
+    approach = Approach(taught)
+    assert approach.zero().zero_refusal == ""
+    approach.close_to(16.0, contact_um=12.0)
+    before = approach.zero(12.0)
+    assert before.force_mN > 2.0
+    assert "touched something at 1" in before.zero_refusal
+    # Where it came from, it is free again.
+    approach.voltage_V = 0.0
+    assert approach.zero(12.0).zero_refusal == ""
+
+
+def test_before_the_first_zero_the_refusal_says_what_to_do() -> None:
+    approach = Approach(None)
+    approach.bench.rest(-7.0, 0.0)
+    estimate = approach.bench.feed(-7.0, 0.0, zero=True)
+    assert "the offset would change by -7.000 µm" in estimate.zero_refusal
+    assert "open the gripper, and arm again" in estimate.zero_refusal
+    assert estimate.zero_age_s is None
+
+
+def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -> None:
+    approach = Approach(TAUGHT)
+    assert approach.zero().zero_refusal == ""
+
+    def short_of_the_model(by_um: float) -> str:
+        """Rest by so much short of x_1 and ask for a zero there."""
+        refusal = ""
+        for count in range(13):
+            response = approach.bench.state.response
+            x_um = response.follow(approach.voltage_V, 0.02).position_um() - by_um
+            estimate = approach.bench.feed(x_um, approach.voltage_V, zero=count == 12)
+            refusal = estimate.zero_refusal
+        return refusal
+
+    approach.close_to(15.0)
+    assert short_of_the_model(3.0) == ""
+    approach.bench.arm(2)
+    approach.bench.feed(15.0, approach.voltage_V)
+    approach.voltage_V -= 0.5
+    assert "the offset would change by -3.0" in short_of_the_model(3.0)
