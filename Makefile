@@ -8,7 +8,7 @@ COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gen
   --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo up test lint bench soak pins docs clean
+.PHONY: help venv demo up test lint paper bench soak pins docs clean
 
 help: ## this list
 	@echo "pincette: position and force control of a piezoelectric microgripper"
@@ -49,6 +49,9 @@ lint: venv ## style, types and the direction of imports
 	@$(BIN)/basedpyright
 	@echo "== import-linter"
 	@$(BIN)/lint-imports --no-cache --no-logo
+
+paper: venv ## repeat the paper's experiments; writes data/paper/index.html, in some minutes
+	@$(BIN)/pincette paper $(ARGS)
 
 bench: venv ## measure the loop; writes bench.json
 	@$(BIN)/python -m tests.bench.loop $(ARGS)

@@ -174,8 +174,16 @@ def test_an_answer_to_another_output_is_refused() -> None:
         keyence_lkg.open_sensor(settings(), link).read_um()
 
 
-def test_it_warns_that_it_has_not_met_its_instrument(caplog: pytest.LogCaptureFixture) -> None:
-    keyence_lkg.open_sensor(settings(), Lines({b"R0": b"ER,R0,01"}))
+def test_a_port_opened_warns_that_the_driver_has_not_met_its_instrument(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def opened(*_wanted: object, **_how: object) -> Lines:
+        return Lines({b"R0": b"ER,R0,01"})
+
+    keyence_lkg.open_sensor(settings(), opened())
+    assert not caplog.records
+    monkeypatch.setattr(keyence_lkg, "open_link", opened)
+    keyence_lkg.open_sensor(settings())
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert "has not met its instrument" in caplog.text
 

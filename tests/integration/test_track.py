@@ -5,6 +5,7 @@ from functools import lru_cache
 import pytest
 
 from pincette.config import IdentifiedFreeResponse, RigFile
+from pincette.control.plant import discretize
 from pincette.messages import Message, Sample
 from pincette.runtime.composed import ComposedLoop
 from pincette_supervisor.columns import columns
@@ -27,7 +28,13 @@ def tracked(rig: RigFile, shape: str) -> TrackResult:
         message for message in published if not isinstance(message, Sample) or message.seq >= 0
     ]
     table = columns(samples, rig.rig.period_s)
-    return track_result(table, path=planned.path, period_s=rig.rig.period_s, dropped=0)
+    return track_result(
+        table,
+        plant=discretize(rig.model.arm(), rig.rig.period_s),
+        path=planned.path,
+        period_s=rig.rig.period_s,
+        dropped=0,
+    )
 
 
 def known_rig(seed: int) -> RigFile:

@@ -19,6 +19,9 @@ from tests.support.running import running_rig
 Numbers = dict[str, list[Any]]
 GRIP = GripJobRequest(kind="grip", autostart=True, hold_s=1.0, load_s=1.0)
 TRACK = TrackJobRequest(kind="track", autostart=True, load_s=1.0, frequency_hz=1.0, cycles=1)
+OTHER_LAW = TrackJobRequest(
+    kind="track", autostart=True, load_s=1.0, frequency_hz=1.0, cycles=1, scheme="dsmifc"
+)
 LONG_HOLD_S = 600.0
 SEED = 20131
 
@@ -53,8 +56,8 @@ def test_one_process_repeats_itself() -> None:
 
 @pytest.mark.parametrize(
     ("request_", "delayed"),
-    [(GRIP, False), (GRIP, True), (TRACK, False)],
-    ids=["prompt", "delayed", "track"],
+    [(GRIP, False), (GRIP, True), (TRACK, False), (OTHER_LAW, False)],
+    ids=["prompt", "delayed", "track", "dsmifc"],
 )
 def test_seven_processes_give_the_same_bits(
     tmp_path: Path, request_: AnyJobRequest, delayed: bool

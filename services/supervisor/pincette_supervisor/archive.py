@@ -11,6 +11,8 @@ from typing import Any
 
 from pincette import __version__
 from pincette.config import RigFile
+from pincette.control.law import build
+from pincette.control.plant import DifferenceEquation
 from pincette.messages import Message
 from pincette_supervisor import record as files
 from pincette_supervisor.columns import Columns, columns
@@ -67,13 +69,25 @@ def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
     """Join the samples and work out the result."""
     period_s = rig.rig.period_s
     table = columns(take.messages, period_s)
-    path = planned.path
+    path, plant, dropped = planned.path, _plant(rig, planned), take.dropped
     if path is None:
-        target_mN = planned.values["force_mN"]
-        result = grip_result(table, period_s=period_s, target_mN=target_mN, dropped=take.dropped)
+        result = grip_result(
+            table,
+            plant=plant,
+            period_s=period_s,
+            target_mN=planned.values["force_mN"],
+            dropped=dropped,
+        )
     else:
-        result = track_result(table, path=path, period_s=period_s, dropped=take.dropped)
+        result = track_result(table, plant=plant, path=path, period_s=period_s, dropped=dropped)
     return Record(job, rig, planned, table, result, take.epoch)
+
+
+def _plant(rig: RigFile, planned: Planned) -> DifferenceEquation:
+    """The arm as the parameter set of the job's law has it."""
+    (settings,) = planned.program.laws
+    model = rig.model
+    return build(settings, model.arm(), rig.rig.period_s, model.force_filter_s).parameters.plant
 
 
 def write(folder: Path, record: Record) -> None:

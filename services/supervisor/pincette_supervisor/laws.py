@@ -1,14 +1,14 @@
 """Which law a job runs with: scheme, parameter set and gains, and whether it may run at all."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from pincette.config import RigFile
+from pincette.config import ConfigError, RigFile
 from pincette.config.gains import judged, tuned
 from pincette.control.law import LawSettings, Scheme, default_settings
 from pincette.control.stability import Assessment
 from pincette_supervisor.path_requests import FaultyRequestError
+from pincette_supervisor.plan_models import GainsFrom, Law
 from pincette_supervisor.request_models import Gains, JobRequest
 
 
@@ -16,18 +16,17 @@ class ChosenLaw(NamedTuple):
     """A law, where its gains come from, and how stable its loop is at the worst."""
 
     settings: LawSettings
-    gains_from: str
-    """``rig``, ``paper``, ``request`` or ``tuned``."""
+    gains_from: GainsFrom
     assessment: Assessment
 
-    def values(self) -> dict[str, Any]:
-        """As it is stored and sent with the job."""
-        return {
+    def view(self) -> Law:
+        """As it is stored with the job and sent."""
+        return Law(
             **asdict(self.settings),
-            "gains_from": self.gains_from,
-            "spectral_radius": self.assessment.radius,
-            "spectral_radius_limit": self.assessment.limit_radius,
-        }
+            gains_from=self.gains_from,
+            spectral_radius=self.assessment.radius,
+            spectral_radius_limit=self.assessment.limit_radius,
+        )
 
 
 def choose_law(request: JobRequest, rig: RigFile) -> ChosenLaw:
@@ -36,11 +35,13 @@ def choose_law(request: JobRequest, rig: RigFile) -> ChosenLaw:
     Raises
     ------
     FaultyRequestError
-        Where gains are to be tuned for the printed set, or none are stable.
+        Where gains are to be tuned for the printed set, none are stable, or the loop of those
+        given is beyond what can be reckoned.
     """
     scheme: Scheme = request.scheme or rig.law.scheme
     parameter_set = request.set or rig.law.set
-    settings, origin = rig.law.settings(), "rig"
+    settings = rig.law.settings()
+    origin: GainsFrom = "rig"
     if (scheme, parameter_set) != (settings.scheme, settings.set):
         settings = default_settings(scheme, parameter_set)
         origin = "paper" if parameter_set == "printed" else "default"
@@ -57,9 +58,12 @@ def choose_law(request: JobRequest, rig: RigFile) -> ChosenLaw:
     elif isinstance(request.gains, Gains):
         wishes = request.gains.model_dump(exclude_none=True)
         settings, origin = replace(settings, **wishes), "request"
-    return ChosenLaw(settings, origin, judged(rig, settings))
-
-
-def refusals(law: ChosenLaw) -> Sequence[str]:
-    """Why a law must not run; empty where it may."""
-    return () if law.assessment.stable else (law.assessment.reason,)
+    try:
+        assessment = judged(rig, settings)
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise FaultyRequestError(
+            "/gains", f"no spectral radius can be found for these gains: {error}"
+        ) from error
+    return ChosenLaw(settings, origin, assessment)

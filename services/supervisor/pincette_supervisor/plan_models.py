@@ -1,8 +1,13 @@
 """What a plan looks like over REST."""
 
+from typing import Any, Literal
+
 from pydantic import BaseModel
 
+from pincette.control.law import ForceAge, ParameterSet, Scheme
 from pincette_supervisor.models import JobKind, example
+
+GainsFrom = Literal["rig", "paper", "default", "request", "tuned"]
 
 
 class PlannedPhase(BaseModel):
@@ -77,6 +82,50 @@ class SteadyErrors(BaseModel):
     force_max_mN: float
 
 
+LAW: dict[str, Any] = {
+    "scheme": "dsmifc",
+    "set": "consistent",
+    "gains_from": "tuned",
+    "K_P": 0.2,
+    "K_I": 1.0,
+    "K_S": 0.0,
+    "delta": 1e6,
+    "M": 0.001,
+    "B": 8.9221,
+    "K": 19901.0,
+    "K_f": 3500.0,
+    "force_age": "planned",
+    "spectral_radius": 0.956,
+    "spectral_radius_limit": 0.97,
+}
+"""Part of the examples."""
+
+
+class Law(BaseModel):
+    """The law of a job: scheme, parameter set and gains, in mN and µm."""
+
+    model_config = example(**LAW)
+
+    scheme: Scheme
+    set: ParameterSet
+    gains_from: GainsFrom
+    """Where they come from; what a request left out is the rig file's, or of no rig file: the
+    paper's (printed) or the defaults (consistent)."""
+    K_P: float
+    K_I: float
+    K_S: float
+    delta: float
+    M: float
+    B: float
+    K: float
+    K_f: float
+    force_age: ForceAge
+    spectral_radius: float
+    """Of the loop at the worst that the rig file admits; 1 and more is unstable."""
+    spectral_radius_limit: float
+    """Beyond it a job is refused before anything moves."""
+
+
 class Plan(BaseModel):
     """What a job would do, and whether it may."""
 
@@ -94,6 +143,7 @@ class Plan(BaseModel):
             "force_min_mN": -7.64,
             "force_max_mN": 8.46,
         },
+        law=LAW,
     )
 
     kind: JobKind
@@ -105,3 +155,4 @@ class Plan(BaseModel):
     violations: list[Violation]
     curves: Curves
     steady_errors: SteadyErrors
+    law: Law

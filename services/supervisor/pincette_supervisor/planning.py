@@ -1,22 +1,21 @@
 """From a request to a plan: what is left out comes from the rig file."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import ceil
 from typing import Any
 
-from pincette.config import RigFile
+from pincette.config import RigFile, derived
 from pincette.control.course import Course
-from pincette.control.feasibility import PlanLimits, acceleration_limit
 from pincette.control.grip_plan import GripRequest, plan_grip
 from pincette.control.law import LawSettings
 from pincette.control.path_shapes import peaks
 from pincette.control.paths import Path
-from pincette.control.plan import ContactPlan, PlannedRig
+from pincette.control.plan import ContactPlan
 from pincette.control.program import Program
 from pincette.control.steady import steady_error_ranges
 from pincette.control.track_plan import TrackRequest, plan_track
 from pincette_supervisor import plan_models
-from pincette_supervisor.models import JobKind
+from pincette_supervisor.laws import ChosenLaw, choose_law
 from pincette_supervisor.path_requests import path_values, requested_path
 from pincette_supervisor.plan_models import Curves, Plan, PlannedPhase, Violation
 from pincette_supervisor.request_models import AnyJobRequest, GripJobRequest, TrackJobRequest
@@ -24,8 +23,6 @@ from pincette_supervisor.request_models import AnyJobRequest, GripJobRequest, Tr
 CURVE_POINTS = 400
 CONTACT_WISHES = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
 GRIP_WISHES = ("force_mN", "hold_s", *CONTACT_WISHES)
-X_START_UM = 0.0
-"""Where the arm rests at zero voltage: the rig file's sensor offset makes it so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +66,8 @@ def _plan_grip(request: GripJobRequest, rig: RigFile) -> Planned:
     values = _wishes(request, GRIP_WISHES, rig)
     if request.until_released:
         values["hold_s"] = None
-    contact_plan = plan_grip(GripRequest(**values, **_part(rig)), planned_rig(rig))
-    plan = _plan("grip", rig, contact_plan, (0.0, values["force_mN"]))
-    return Planned(plan, contact_plan.program, values)
+    contact_plan = plan_grip(GripRequest(**values, **_part(rig)), derived.planned_rig(rig))
+    return _planned(request, rig, contact_plan, (0.0, values["force_mN"]), values)
 
 
 def _plan_track(request: TrackJobRequest, rig: RigFile) -> Planned:
@@ -86,10 +82,10 @@ def _plan_track(request: TrackJobRequest, rig: RigFile) -> Planned:
         acceleration_um_per_s2=values["acceleration_um_per_s2"],
         pointer=pointer,
     )
-    contact_plan = plan_track(track, planned_rig(rig))
+    contact_plan = plan_track(track, derived.planned_rig(rig))
     found = peaks(path)
-    plan = _plan("track", rig, contact_plan, (found.lowest, found.highest))
-    return Planned(plan, contact_plan.program, {**values, **contact})
+    forces_mN = (found.lowest, found.highest)
+    return _planned(request, rig, contact_plan, forces_mN, {**values, **contact})
 
 
 def _wishes(request: AnyJobRequest, names: tuple[str, ...], rig: RigFile) -> dict[str, Any]:
@@ -111,39 +107,44 @@ def _part(rig: RigFile) -> dict[str, float]:
     }
 
 
-def planned_rig(rig: RigFile) -> PlannedRig:
-    """A rig file as plans take it."""
-    limits, model = rig.limits, rig.model
-    return PlannedRig(
-        limits=PlanLimits(
-            voltage_min_V=limits.voltage_min_V,
-            voltage_max_V=limits.voltage_max_V,
-            position_min_um=limits.position_min_um,
-            position_max_um=limits.position_max_um,
-            force_max_mN=limits.force_max_mN,
-            slew_V_per_s=limits.slew_V_per_s,
-            acceleration_um_per_s2=acceleration_limit(model.natural_frequency_rad_per_s),
-        ),
-        piezo_um_per_V=model.piezo_um_per_V,
-        compliance_um_per_mN=model.compliance_um_per_mN,
-        period_s=rig.rig.period_s,
-        x_start_um=X_START_UM,
-        free_response=None if model.free_response is None else model.free_response.hysteresis(),
-    )
-
-
-def _plan(
-    kind: JobKind, rig: RigFile, planned: ContactPlan, forces_mN: tuple[float, float]
-) -> Plan:
-    return Plan(
-        kind=kind,
+def _planned(
+    request: AnyJobRequest,
+    rig: RigFile,
+    planned: ContactPlan,
+    forces_mN: tuple[float, float],
+    values: dict[str, Any],
+) -> Planned:
+    """Add the law to a plan; one whose loop is not stable enough is one more violation."""
+    law = choose_law(request, rig)
+    violations = [Violation(**asdict(violation)) for violation in planned.violations]
+    if not law.assessment.stable:
+        violations.append(_unstable(law))
+    plan = Plan(
+        kind=request.kind,
         rig=rig.rig.name,
-        feasible=not planned.violations,
+        feasible=not violations,
         duration_s=planned.duration_s,
         phases=[_phase(asdict(phase)) for phase in planned.phases],
-        violations=[Violation(**asdict(violation)) for violation in planned.violations],
+        violations=violations,
         curves=_curves(planned.course),
-        steady_errors=_steady_errors(rig, rig.law.settings(), forces_mN),
+        steady_errors=_steady_errors(rig, law.settings, forces_mN),
+        law=law.view(),
+    )
+    program = replace(planned.program, laws=(law.settings,))
+    return Planned(plan, program, {**values, "law": plan.law.model_dump()})
+
+
+def _unstable(law: ChosenLaw) -> Violation:
+    """The loop's spectral radius as a limit that the plan breaks before it begins."""
+    judged = law.assessment
+    return Violation(
+        pointer="/gains",
+        quantity="spectral radius",
+        value=judged.radius,
+        limit=judged.limit_radius,
+        unit="",
+        at_s=0.0,
+        message=judged.reason,
     )
 
 

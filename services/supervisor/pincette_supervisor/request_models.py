@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from pincette.control.law import ForceAge, ParameterSet, Scheme
 from pincette.control.paths import Shape
@@ -35,6 +35,15 @@ class Gains(BaseModel):
     force_age: ForceAge | None = None
 
 
+def _apart(value: object) -> object:
+    """Gains by themselves, so that a fault of theirs is not told as a fault of ``tuned`` too."""
+    if isinstance(value, dict):
+        return Gains.model_validate(value)
+    if value is None or value == "tuned" or isinstance(value, Gains):
+        return value
+    raise ValueError(f'gains = {value!r:.60}: input should be "tuned", or gains by their names')
+
+
 class JobRequest(BaseModel):
     """What every job may say; what is left out comes from the rig file."""
 
@@ -52,7 +61,7 @@ class JobRequest(BaseModel):
     """Of the law: PBSMIC or DSMIFC."""
     set: ParameterSet | None = None
     """Whose m, b, k, d the law works with: the rig's (consistent) or the paper's (printed)."""
-    gains: Gains | Literal["tuned"] | None = None
+    gains: Annotated[Gains | Literal["tuned"] | None, BeforeValidator(_apart)] = None
     """What differs from the rig file's gains, or the balanced ones of a search on its model."""
     labels: dict[LabelName, Label] = Field(default_factory=dict, max_length=16)
 

@@ -6,10 +6,12 @@ from typing import Any, cast
 import numpy as np
 
 from pincette.control.contact_line import ContactFit, ContactLine
+from pincette.control.plant import DifferenceEquation
 from pincette.messages import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette_supervisor import figures
 from pincette_supervisor.columns import Columns, missed
 from pincette_supervisor.figures import Mask, series, within
+from pincette_supervisor.law_result import law_figures
 from pincette_supervisor.result_models import (
     ActionTaken,
     GripResult,
@@ -31,13 +33,22 @@ LIMITS = {
 TRIPPED = ("frozen", "ramping", "latched")
 
 
-def grip_result(table: Columns, *, period_s: float, target_mN: float, dropped: int) -> GripResult:
+def grip_result(
+    table: Columns,
+    *,
+    plant: DifferenceEquation,
+    period_s: float,
+    target_mN: float,
+    dropped: int,
+) -> GripResult:
     """Figures of a grip.
 
     Parameters
     ----------
     table
         Columns of the epoch, a row for each sample; see ``columns``.
+    plant
+        The arm as the law's parameter set has it.
     target_mN
         The force that was asked for.
     dropped
@@ -46,7 +57,7 @@ def grip_result(table: Columns, *, period_s: float, target_mN: float, dropped: i
     hold = _settled_hold(table["phase"], period_s)
     force, error_mN = series(table, "force_mN"), force_error(table)
     return GripResult(
-        **common(table, period_s=period_s, dropped=dropped),
+        **common(table, plant=plant, period_s=period_s, dropped=dropped),
         force_target_mN=target_mN,
         force_held_mN=figures.mean(force, hold),
         force_error_mN=figures.mean(error_mN, hold),
@@ -58,7 +69,9 @@ def grip_result(table: Columns, *, period_s: float, target_mN: float, dropped: i
     )
 
 
-def common(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
+def common(
+    table: Columns, *, plant: DifferenceEquation, period_s: float, dropped: int
+) -> dict[str, Any]:
     """Figures that every job has, by the fields of ``JobResult``."""
     pressed = within(table, PRESSED)
     zeroed = ~np.isnan(series(table, "zero_age_s"))
@@ -75,8 +88,7 @@ def common(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
         "final_force_mN": figures.last(table["force_mN"]),
         "contact_rmse_position_um": figures.rms(position_error(table), pressed),
         "contact_rmse_force_mN": figures.rms(force_error(table), pressed),
-        "residual_um": figures.percentiles(series(table, "residual_um")),
-        "perturbation_error_mN": figures.percentiles(series(table, "perturbation_error_mN")),
+        **law_figures(table, plant),
         "limits_acted": _limits(table),
         "actions": [
             ActionTaken(type=cast(ActionType, word), seq=seq)

@@ -83,9 +83,21 @@ class JobResult(BaseModel):
     """From the load to the unload."""
     contact_rmse_force_mN: float | None
     """From the load to the unload."""
+    sliding_um: Percentiles | None
+    """Of |s|, over all samples as the figures down to ``true_perturbation_error_mN`` are. Where
+    K_S = 0 nothing brings s back: it goes with the perturbation, and moves no voltage."""
+    sliding_in_band: float | None
+    """Share of the samples with |s| within its band, outside which |s| cannot have grown."""
     residual_um: Percentiles | None
-    """Of the magnitude of x less its prediction, over all samples."""
+    """Of the magnitude of x less its prediction (17), by the law's own force."""
+    law_perturbation_mN: Percentiles | None
+    """Of |p̂| (6), by the law's own force and its parameter set."""
     perturbation_error_mN: Percentiles | None
+    """Of |p̃| (8), likewise: what K_S would have to exceed. Where the force is estimated from the
+    same position and voltage, model is held against model."""
+    true_perturbation_error_mN: Percentiles | None
+    """Of |p̃| (8) from position as measured, voltage as applied and the true force, by the law's
+    parameter set; known to a simulated rig alone, null on a real one."""
     limits_acted: list[LimitActed]
     actions: list[ActionTaken]
     samples: int
@@ -107,8 +119,12 @@ COMMON: dict[str, Any] = {
     "final_force_mN": 0.1,
     "contact_rmse_position_um": 0.042,
     "contact_rmse_force_mN": 0.14,
+    "sliding_um": {"p50": 0.09, "p95": 0.32, "p99": 0.41},
+    "sliding_in_band": 0.41,
     "residual_um": {"p50": 0.021, "p95": 0.064, "p99": 0.091},
+    "law_perturbation_mN": {"p50": 1.2, "p95": 6.1, "p99": 6.4},
     "perturbation_error_mN": {"p50": 0.1, "p95": 0.3, "p99": 0.4},
+    "true_perturbation_error_mN": {"p50": 0.1, "p95": 0.3, "p99": 0.4},
     "limits_acted": [],
     "actions": [],
     "samples": 820,

@@ -3,6 +3,7 @@
 import numpy as np
 
 from pincette.control.paths import Path
+from pincette.control.plant import DifferenceEquation
 from pincette_supervisor import figures
 from pincette_supervisor.columns import Columns
 from pincette_supervisor.figures import Mask, Series, series, within
@@ -10,13 +11,22 @@ from pincette_supervisor.result import common, force_error, position_error
 from pincette_supervisor.result_models import Tracking, TrackResult
 
 
-def track_result(table: Columns, *, path: Path, period_s: float, dropped: int) -> TrackResult:
+def track_result(
+    table: Columns,
+    *,
+    plant: DifferenceEquation,
+    path: Path,
+    period_s: float,
+    dropped: int,
+) -> TrackResult:
     """Figures of a track job.
 
     Parameters
     ----------
     table
         Columns of the epoch, a row for each sample; see ``columns``.
+    plant
+        The arm as the law's parameter set has it.
     path
         That was tracked.
     dropped
@@ -30,7 +40,7 @@ def track_result(table: Columns, *, path: Path, period_s: float, dropped: int) -
     force = _tracking(force_error(table), full, force_pp_mN)
     true_force = _tracking(series(table, "true_force_mN") - force_r, full, force_pp_mN)
     return TrackResult(
-        **common(table, period_s=period_s, dropped=dropped),
+        **common(table, plant=plant, period_s=period_s, dropped=dropped),
         shape=path.shape,
         x_pp_um=x_pp_um,
         force_pp_mN=force_pp_mN,

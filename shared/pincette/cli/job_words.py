@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from typing import Any, get_args
 
+from pincette.control.law import ParameterSet, Scheme
 from pincette.control.paths import Shape
 
 JOB_ACTIONS = {
@@ -36,11 +37,13 @@ TRACK = {
     "rate_um_per_s": "highest speed along the path",
     "acceleration_um_per_s2": "highest acceleration along the path",
 }
-WISHES = (*GRIP, *TRACK, "shape", "cycles", "levels_mN", "points")
+GAINS = ("K_P", "K_I", "K_S", "delta", "M", "B", "K", "K_f")
+WISHES = (*GRIP, *TRACK, "shape", "cycles", "levels_mN", "points", "scheme", "set", "gains")
 
 
 def number(unit: str) -> Callable[[str], float]:
-    """Reader of an argument that must be a finite number of a unit."""
+    """Reader of an argument that must be a finite number of a unit, or of none."""
+    value_of, number_of = (f" {unit}", f" of {unit}") if unit else ("", "")
 
     def read(text: str) -> float:
         try:
@@ -49,7 +52,7 @@ def number(unit: str) -> Callable[[str], float]:
             value = math.nan
         if not math.isfinite(value):
             raise argparse.ArgumentTypeError(
-                f"{text!r} {unit} cannot be used: give a finite number of {unit}, such as 15"
+                f"{text!r}{value_of} cannot be used: give a finite number{number_of}, such as 15"
             )
         return value
 
@@ -80,6 +83,7 @@ def add(jobs: argparse.ArgumentParser, address: Callable[[argparse.ArgumentParse
     grip = kinds.add_parser("grip", help=GRIP_TEXT, description=GRIP_TEXT)
     address(grip)
     _numbers(grip, GRIP)
+    _law(grip)
     _dry_run(grip)
     track = kinds.add_parser("track", help=TRACK_TEXT, description=TRACK_TEXT)
     address(track)
@@ -96,6 +100,7 @@ def add(jobs: argparse.ArgumentParser, address: Callable[[argparse.ArgumentParse
     track.add_argument(
         "--points", type=points, metavar="s:mN,...", help="times and forces of waypoints, from 0 s"
     )
+    _law(track)
     _dry_run(track)
     for action, meaning in JOB_ACTIONS.items():
         word = kinds.add_parser(action, help=meaning, description=meaning)
@@ -113,6 +118,32 @@ def _numbers(word: argparse.ArgumentParser, wishes: dict[str, str]) -> None:
             metavar=unit,
             help=f"{meaning}, in {unit}",
         )
+
+
+def gains(text: str) -> dict[str, float] | str:
+    """Gains as K_P=0.5,K_f=4000, or the word ``tuned``."""
+    if text == "tuned":
+        return text
+    found: dict[str, float] = {}
+    for gain in text.split(","):
+        name, equals, value = gain.partition("=")
+        if not equals or name not in GAINS:
+            raise argparse.ArgumentTypeError(
+                f"{gain!r} is no gain: give tuned, or some of {', '.join(GAINS)} "
+                "such as K_P=0.5,K_f=4000"
+            )
+        found[name] = number("")(value)
+    return found
+
+
+def _law(word: argparse.ArgumentParser) -> None:
+    word.add_argument("--scheme", choices=get_args(Scheme), help="of the law")
+    word.add_argument(
+        "--set", choices=get_args(ParameterSet), help="whose m, b, k, d the law works with"
+    )
+    word.add_argument(
+        "--gains", type=gains, metavar="tuned|K_P=...", help="searched for, or given one by one"
+    )
 
 
 def _dry_run(word: argparse.ArgumentParser) -> None:

@@ -64,6 +64,20 @@ def parser() -> argparse.ArgumentParser:
 
     teaching = rigged("teach", "identify the free response of a rig's arm, nothing in its way")
     teaching.add_argument("--write", type=Path, metavar="OUT", help="write the table there too")
+    teaching.add_argument(
+        "--source",
+        choices=("identified", "recorded"),
+        default="identified",
+        help="a model of hysteresis and creep, or the branches as recorded; %(default)s",
+    )
+
+    study = rigged("paper", "repeat the paper's experiments on a simulated rig; some minutes")
+    study.add_argument(
+        "--out", type=Path, default=Path("data/paper"), metavar="FOLDER", help="%(default)s"
+    )
+    study.add_argument(
+        "--rigs", type=int, default=20, metavar="N", help="drawn at random; %(default)s"
+    )
 
     run = rigged("run", "run one program of a rig in the foreground", records=True)
     run.add_argument("name", choices=programs(), metavar="NAME", help=", ".join(programs()))
@@ -111,7 +125,12 @@ def _call(given: argparse.Namespace) -> int:
         case "topics":
             return topics.topics(given.rig)
         case "teach":
-            return teach.teach(given.rig, given.write)
+            return teach.teach(given.rig, given.write, given.source)
+        case "paper":
+            # It draws: nothing else waits for the drawing library.
+            from pincette.cli import paper
+
+            return paper.paper(given.rig, given.out, given.rigs)
         case "estop":
             return stop.estop(given.rig, given.url)
         case "reset":

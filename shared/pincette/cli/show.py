@@ -132,6 +132,8 @@ def show_plan(plan: dict[str, Any], console: Console) -> None:
         )
     console.print(phases)
     console.print()
+    if "law" in plan:
+        print_law(plan["law"], console)
     if "steady_errors" in plan:
         for label, text in steady_lines(plan["steady_errors"]):
             console.print(f"{label:<{LABEL}} {text}", markup=False, soft_wrap=True)
@@ -142,6 +144,16 @@ def show_plan(plan: dict[str, Any], console: Console) -> None:
     console.print("[red]not feasible[/red]: the plan breaks a limit of the rig")
     for violation in plan["violations"]:
         console.print(f"  {violation['message']}", markup=False)
+
+
+def print_law(law: dict[str, Any], console: Console) -> None:
+    """Print which law a job runs with, and how stable its loop is at the worst."""
+    gains = ", ".join(f"{name} = {law[name]:g}" for name in ("K_P", "K_I", "K_S", "K_f"))
+    text = f"{law['scheme'].upper()}, {law['set']} set, {gains} ({law['gains_from']})"
+    console.print(f"{'law':<{LABEL}} {text}", markup=False, soft_wrap=True)
+    radius, limit = law["spectral_radius"], law["spectral_radius_limit"]
+    text = f"{radius:.3f} at the worst, limit {limit:g}"
+    console.print(f"{'spectral radius':<{LABEL}} {text}", markup=False, soft_wrap=True)
 
 
 def steady_lines(errors: dict[str, float]) -> list[tuple[str, str]]:

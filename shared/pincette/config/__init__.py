@@ -1,6 +1,6 @@
 """The rig file, read and checked."""
 
-from pincette.config.model import IdentifiedFreeResponse, Model
+from pincette.config.model import IdentifiedFreeResponse, Model, RecordedFreeResponse
 from pincette.config.rig_file import Output, RigFile, Sensor, parse_rig, read_rig
 from pincette.config.simulation import Simulation
 from pincette.config.tables import ConfigError, Table
@@ -10,6 +10,7 @@ __all__ = [
     "IdentifiedFreeResponse",
     "Model",
     "Output",
+    "RecordedFreeResponse",
     "RigFile",
     "Sensor",
     "Simulation",

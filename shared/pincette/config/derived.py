@@ -20,6 +20,7 @@ from pincette.control.observers import (
     least_period_s,
 )
 from pincette.control.plan import PlannedRig
+from pincette.control.recorded_response import recorded_response
 from pincette.control.worst_case import Intervals, around
 
 X_START_UM = 0.0
@@ -27,8 +28,10 @@ X_START_UM = 0.0
 
 
 def free_response(model: Model) -> FreeResponse:
-    """x_1 of an arm that is unpoled, at 0 V: identified where it was taught, else a line."""
-    taught = model.free_response
+    """x_1 of an arm that is unpoled, at 0 V: as it was taught, else a line."""
+    taught, recorded = model.free_response, model.recorded_response
+    if recorded is not None:
+        return recorded_response(recorded.branches(), model.piezo_um_per_V, recorded.residual_um)
     if taught is None:
         at_rest = FreeSample(0.0, 0.0)
         return nominal_response(model.piezo_um_per_V, at_rest, model.hysteresis_fraction)

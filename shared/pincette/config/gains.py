@@ -11,6 +11,7 @@ from pincette.control.path_shapes import sinusoid
 from pincette.control.profiles import quintic
 from pincette.control.stability import LIMIT_RADIUS, Assessment, assess
 from pincette.control.tuning import Tuning, TuningPath, TuningRig, tune
+from pincette.control.worst_case import worst_case
 
 TUNED_HZ = 0.5
 """Frequency of the sinusoid that gains are tuned on, that of the paper."""
@@ -51,7 +52,8 @@ def _tuned(rig_json: str, scheme: Scheme) -> Tuning:
         _tuning_rig(rig, len(path.force_r_mN)),
         path,
         scheme,
-        lambda settings: judged(rig, settings).radius,
+        # That of an assessment, which would also look for advice on each that is refused.
+        lambda settings: worst_case(loop(rig, settings), intervals(rig), LIMIT_RADIUS)[1],
         radius_limit=LIMIT_RADIUS,
     )
 
@@ -94,6 +96,7 @@ def _tuning_rig(rig: RigFile, samples: int) -> TuningRig:
 def _force_error_mN(rig: RigFile) -> float:
     """What the free response leaves open, as force."""
     model = rig.model
-    if model.free_response is not None:
-        return model.free_response.residual_um / model.compliance_um_per_mN
+    taught = model.recorded_response or model.free_response
+    if taught is not None:
+        return taught.residual_um / model.compliance_um_per_mN
     return model.hysteresis_fraction * rig.grip.force_mN

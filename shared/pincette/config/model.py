@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 from pincette.config.tables import NotNegative, Positive, Table
 from pincette.control.hysteresis import HysteresisModel
 from pincette.control.plant import ArmParameters, consistent_arm
+from pincette.control.recorded_response import RecordedBranches, Turn
 
 
 class IdentifiedFreeResponse(Table):
@@ -17,7 +18,7 @@ class IdentifiedFreeResponse(Table):
     weights_um_per_V: tuple[float, ...] = Field(strict=False)
     creep_times_s: tuple[float, ...] = Field(default=(), strict=False)
     creep_fractions: tuple[float, ...] = Field(default=(), strict=False)
-    fading_per_V: NotNegative = 0.0
+    fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
     curvature_um_per_V2: float = 0.0
     residual_um: NotNegative
     """r.m.s. left of free motion that was not fitted; enters the force uncertainty."""
@@ -39,8 +40,52 @@ class IdentifiedFreeResponse(Table):
             weights_um_per_V=self.weights_um_per_V,
             creep_times_s=self.creep_times_s,
             creep_fractions=self.creep_fractions,
-            fading_per_V=self.fading_per_V,
+            fadings_per_V=self.fadings_per_V,
             curvature_um_per_V2=self.curvature_um_per_V2,
+        )
+
+
+class RecordedFreeResponse(Table):
+    """The free response as recorded branches; see ``control.recorded_response``."""
+
+    bottom_V: float
+    bottom_um: float
+    top_V: float
+    top_um: float
+    ascending: tuple[float, ...] = Field(strict=False)
+    """Shares of the height from bottom to top, at even shares of the voltage's way."""
+    descending: tuple[float, ...] = Field(strict=False)
+    """The same, from top to bottom."""
+    residual_um: NotNegative
+    """r.m.s. left of free motion that was not recorded; enters the force uncertainty."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> "RecordedFreeResponse":
+        self.branches()
+        return self
+
+    @classmethod
+    def from_branches(
+        cls, branches: RecordedBranches, residual_um: float
+    ) -> "RecordedFreeResponse":
+        """Table of branches that were recorded."""
+        return cls(
+            bottom_V=branches.bottom.voltage_V,
+            bottom_um=branches.bottom.x_um,
+            top_V=branches.top.voltage_V,
+            top_um=branches.top.x_um,
+            ascending=branches.ascending,
+            descending=branches.descending,
+            residual_um=residual_um,
+        )
+
+    def branches(self) -> RecordedBranches:
+        """Branches of the table; raises ValueError where they are impossible."""
+        return RecordedBranches(
+            bottom=Turn(self.bottom_V, self.bottom_um),
+            top=Turn(self.top_V, self.top_um),
+            ascending=self.ascending,
+            descending=self.descending,
         )
 
 
@@ -70,7 +115,9 @@ class Model(Table):
     inverse_filter_s: NotNegative = 0.0005
     """τ of 1/(τs + 1)² in ``inverse_dynamics``."""
     free_response: IdentifiedFreeResponse | None = None
-    """Without it the free response is a straight line."""
+    """The free response, identified."""
+    recorded_response: RecordedFreeResponse | None = None
+    """In its place, recorded. Without either the free response is a straight line."""
 
     @model_validator(mode="after")
     def _printed_ages_are_quasi_static(self) -> "Model":
@@ -78,6 +125,15 @@ class Model(Table):
             raise ValueError(
                 f'force_ages = "printed" with force_observer = "{self.force_observer}": '
                 'only "quasi_static" has the ages that are printed'
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_free_response(self) -> "Model":
+        if self.free_response is not None and self.recorded_response is not None:
+            raise ValueError(
+                "[model.free_response] and [model.recorded_response] are both there: "
+                "leave out the one that x_1 is not to come from"
             )
         return self
 

@@ -21,8 +21,9 @@ def free_voltages(
 ) -> list[float]:
     """Voltages in V, held for a period each, that bring an unpoled arm to displacements in µm.
 
-    The displacement a voltage leads to rises with it, whatever has gone before, so that each is
-    found by false position (Illinois) between two voltages that enclose it, to ``TOLERANCE_UM``.
+    The displacement a voltage leads to is continuous in it, and rises over the states that a
+    model was identified by. Each is found by false position (Illinois) between two voltages that
+    enclose it, to ``TOLERANCE_UM``; where it did not rise, one of several would be found.
     """
     state, voltages = start(model), list[float]()
     for wanted_um in displacements_um:

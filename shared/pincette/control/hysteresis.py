@@ -3,16 +3,16 @@
 With u in V, the displacement in µm, and thresholds r_i, over a piece of voltage that rises or
 falls throughout by |Δu|:
 
-    play           z_i = u - y_i;   dz_i/du = 1 - λ·z_i·sign(du)  within  |z_i| ≤ r_i
+    play           z_i = u - y_i;   dz_i/du = 1 - λ_i·z_i·sign(du)  within  |z_i| ≤ r_i
     static         y = q·u² + Σ w_i·y_i,  r_0 = 0 being the linear part
     creep          τ_j·ċ_j = y - c_j
     displacement   y + Σ κ_j·c_j
 
-Without fading, λ = 0, these are the plays of Prandtl and Ishlinskii,
+Without fading, λ_i = 0, these are the plays of Prandtl and Ishlinskii,
 y_i ← max(u - r_i, min(u + r_i, y_i)), which return from a small loop to where they were. With it a
-play that does not yield forgets as the voltage travels, by e^(-λ·|Δu|), so that small loops wear
+play that does not yield forgets as the voltage travels, by e^(-λ_i·|Δu|), so that small loops wear
 off what large ones left, and each starts in a slope of its own (accommodation). Every play has to
-yield, r_i·λ < 1: without yielding it would be another operator, that of Dahl. The curvature q
+yield, r_i·λ_i < 1: without yielding it would be another operator, that of Dahl. The curvature q
 bends rising and falling branches alike.
 
 The plays depend on the path of the voltage alone, not on its speed; the creep states are linear.
@@ -23,6 +23,7 @@ E. Della Torre, IEEE Transactions on Magnetics 30(5), 1994, for accommodation.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise, repeat
 from math import exp, expm1, isfinite
 
 from pincette.control.checks import require_not_negative, require_positive
@@ -30,14 +31,17 @@ from pincette.control.checks import require_not_negative, require_positive
 
 @dataclass(frozen=True, slots=True)
 class HysteresisModel:
-    """Coefficients; ``thresholds_V`` ascend from 0, the play that is the linear part.
+    """Coefficients; the first threshold is 0, the play that is the linear part.
+
+    Plays of one threshold may differ in their fading.
 
     Raises
     ------
     ValueError
-        Where lengths disagree, a number is not finite, thresholds do not ascend from 0, a time is
-        not positive, the fading is negative or keeps a play from yielding, or the displacement
-        would, but for its curvature, fall on a branch of rising voltage.
+        Where lengths disagree, a number is not finite, the first threshold is not 0 or another is
+        not positive, a play occurs twice, a time is not positive, a fading is negative or keeps
+        its play from yielding, or the displacement would, but for its curvature, fall on a branch
+        of rising voltage.
     """
 
     thresholds_V: tuple[float, ...]
@@ -48,24 +52,21 @@ class HysteresisModel:
     """τ_j."""
     creep_fractions: tuple[float, ...] = ()
     """κ_j, shares of the static displacement."""
-    fading_per_V: float = 0.0
-    """λ."""
+    fadings_per_V: tuple[float, ...] = ()
+    """λ_i; none where nothing fades. The linear part's is 0: it remembers nothing."""
     curvature_um_per_V2: float = 0.0
     """q."""
 
     def __post_init__(self) -> None:
         _require_same("weights_um_per_V", self.weights_um_per_V, "thresholds_V", self.thresholds_V)
         _require_same("creep_fractions", self.creep_fractions, "creep_times_s", self.creep_times_s)
+        if self.fadings_per_V:
+            _require_same("fadings_per_V", self.fadings_per_V, "thresholds_V", self.thresholds_V)
         if not self.thresholds_V or self.thresholds_V[0] != 0.0:
             raise ValueError(f"thresholds_V = {self.thresholds_V} V, the first must be 0 V")
-        below = -1.0
-        for threshold in self.thresholds_V:
-            if require_not_negative("threshold", threshold, "V") <= below:
-                raise ValueError(f"threshold {threshold} V, must be above {below} V before it")
-            below = threshold
-        fading = require_not_negative("fading", self.fading_per_V, "per V")
-        if not fading * below < 1.0:
-            raise ValueError(f"threshold {below} V, must be below {1.0 / fading} V, 1/fading")
+        fadings = self.fadings_per_V or (0.0,) * len(self.thresholds_V)
+        plays = list(zip(self.thresholds_V, fadings, self.weights_um_per_V, strict=True))
+        _require_possible(plays)
         if not isfinite(self.curvature_um_per_V2):
             raise ValueError(f"curvature {self.curvature_um_per_V2} µm/V², must be finite")
         for time_s in self.creep_times_s:
@@ -73,15 +74,6 @@ class HysteresisModel:
         for fraction in self.creep_fractions:
             if not isfinite(fraction):
                 raise ValueError(f"creep fraction {fraction}, must be finite")
-        # A branch that has passed r_i moves all plays up to it, so its slope is their sum.
-        slope = 0.0
-        for threshold, weight in zip(self.thresholds_V, self.weights_um_per_V, strict=True):
-            slope = require_positive(f"slope up to {threshold} V", slope + weight, "µm/V")
-        # At a turn all plays stand at their thresholds, and what fades of them goes the other way.
-        slope = self.weights_um_per_V[0]
-        for threshold, weight in zip(self.thresholds_V, self.weights_um_per_V, strict=True):
-            slope -= weight * fading * threshold
-        require_positive("slope after a turn", slope, "µm/V")
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,13 +99,18 @@ def step(
     """Memory after the voltage went straight to ``voltage_V`` and stayed there for ``dt_s``."""
     u, plays, static_um = voltage_V, state.plays_V, state.static_um
     if u != state.voltage_V:
-        keep, rise_V = faded(model.fading_per_V, u - state.voltage_V)
         before = state.voltage_V
         moved: list[float] = []
         static_um = model.curvature_um_per_V2 * u * u
-        for r, w, y in zip(model.thresholds_V, model.weights_um_per_V, plays, strict=True):
-            # u - z with z ← z·keep + rise, written so that without fading it is y to the bit.
-            within = y if keep == 1.0 else u - ((before - y) * keep + rise_V)
+        fadings = model.fadings_per_V or repeat(0.0)
+        # Not strict: without fading the zeros have no end.
+        for r, w, y, fading in zip(
+            model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
+        ):
+            within = y
+            if fading != 0.0:
+                keep, rise_V = faded(fading, u - before)
+                within = u - ((before - y) * keep + rise_V)
             play = max(u - r, min(u + r, within))
             moved.append(play)
             static_um += w * play
@@ -136,11 +133,9 @@ def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:
 def faded(fading_per_V: float, du_V: float) -> tuple[float, float]:
     """What ``du_V`` of voltage makes of z: z·e^(-λ·|du|) + sign(du)·(1 - e^(-λ·|du|))/λ.
 
-    Returns factor and addend, in V. The solution of dz/du between the thresholds, so that it does
-    not matter how the way is cut; 1 and du without fading.
+    Returns factor and addend, in V; λ > 0. The solution of dz/du between the thresholds, so that
+    it does not matter how the way is cut.
     """
-    if fading_per_V == 0.0:
-        return 1.0, du_V
     lost = -expm1(-fading_per_V * abs(du_V))
     return 1.0 - lost, (lost if du_V > 0.0 else -lost) / fading_per_V
 
@@ -149,6 +144,29 @@ def faded(fading_per_V: float, du_V: float) -> tuple[float, float]:
 def creep_factors(creep_times_s: tuple[float, ...], dt_s: float) -> tuple[float, ...]:
     """Exact factors exp(-dt/τ_j), worked out once for a model and a step."""
     return tuple([exp(-dt_s / time_s) for time_s in creep_times_s])
+
+
+def _require_possible(plays: list[tuple[float, float, float]]) -> None:
+    """Refuse plays, of threshold, fading and weight, that no actuator is made of."""
+    if plays[0][1] != 0.0:
+        raise ValueError(f"fading {plays[0][1]} per V of the linear part, must be 0 per V")
+    for threshold, fading, _ in plays[1:]:
+        require_positive("threshold", threshold, "V")
+        if not require_not_negative("fading", fading, "per V") * threshold < 1.0:
+            raise ValueError(f"threshold {threshold} V, must be below {1.0 / fading} V, 1/fading")
+    ascending = sorted(plays)
+    for before, play in pairwise(ascending):
+        if before[:2] == play[:2]:
+            raise ValueError(f"threshold {play[0]} V with fading {play[1]} per V occurs twice")
+    # A branch that has passed r_i moves all plays up to it, so its slope is their sum.
+    slope = 0.0
+    for threshold, _, weight in ascending:
+        slope = require_positive(f"slope up to {threshold} V", slope + weight, "µm/V")
+    # At a turn all plays stand at their thresholds, and what fades of them goes the other way.
+    slope = plays[0][2]
+    for threshold, fading, weight in plays:
+        slope -= weight * fading * threshold
+    require_positive("slope after a turn", slope, "µm/V")
 
 
 def _require_same(

@@ -11,12 +11,20 @@ Neighbouring plays are nearly collinear. Every column is scaled to r.m.s. 1 and 
 by a ridge. Weights may be negative, so that a branch may bend either way; what must hold, a
 displacement that rises with the voltage, is checked of the model that results.
 
-What least squares cannot give, fading, curvature and ridge, is chosen by motion that the
-coefficients were not fitted to; and motion that the choice has not seen gives the residual.
+What least squares cannot give, the families of plays, curvature and ridge, is chosen by motion
+that the coefficients were not fitted to; and motion that the choice has not seen gives the
+residual.
+
+A family of plays has thresholds r_i spread over the travel, and fadings λ_i = c/r_i: each of its
+plays yields at the same share c of the level 1/λ_i that it would tend to without yielding. The
+family of c = 0 forgets nothing. Turned at its threshold a play yields again after a travel of
+
+    r·ln[(1 + c)/(1 - c)]/c,    2·r where c = 0
 """
 
-from collections.abc import Callable, Sequence
-from math import inf, sqrt
+from collections.abc import Sequence
+from itertools import product
+from math import inf, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -24,26 +32,25 @@ from numpy.typing import NDArray
 
 from pincette.control.checks import require_positive
 from pincette.control.hysteresis import HysteresisModel
-from pincette.control.hysteresis_motion import Column, creep_columns, play_columns
+from pincette.control.hysteresis_motion import Column, creep_columns, play_columns, slopes_um_per_V
 
-PLAYS = 10
-"""Plays that the identification spreads, the linear part among them."""
-REACH = 0.9
-"""Largest threshold, as a share of half the travel."""
+PLAYS_PER_FAMILY = 9
+PLAYS = 18
+"""Of all families together, at most; the linear part comes to them."""
+REACH = 0.95
+"""Share of the travel after which, turned at its threshold, the widest play yields again."""
 YIELDING = 0.7
-"""Largest threshold times λ. At 1 the widest play would be an operator that never yields, that of
-Dahl, which is a Bouc-Wen hysteresis of one branch; it has to stay a play, and yield well before."""
+"""Largest r_i·λ_i. At 1 a play would be an operator that never yields, that of Dahl, which is a
+Bouc-Wen hysteresis of one branch; it has to stay a play, and yield well before."""
 CREEP_STEP = 5.0
 """From one creep time to the next; the first is that many samples."""
-FADING_STEP = 1.25
-FADINGS = 12
 ROUNDS = 5
-TURNS = 2
 MIN_SAMPLES_PER_COEFFICIENT = 20
 SHARE_OF_CHOICE = 0.25
-"""Of the record, before the part held out: what fading, curvature and ridge are chosen by."""
-WORTH = 0.95
-"""Another candidate must leave less than this share of what the present one leaves."""
+"""Of the record, before the part held out: what families, curvature, ridge are chosen by."""
+WORTH = 0.9
+"""Another candidate must leave less than this share of what the present one leaves: by a few per
+cent two spans of one record differ anyway."""
 
 
 class Identification(NamedTuple):
@@ -56,17 +63,23 @@ class Identification(NamedTuple):
 class Candidates(NamedTuple):
     """What may be chosen of what least squares cannot give; simple ones first."""
 
-    fadings_per_V: tuple[float, ...] = (0.0,)
-    curved: tuple[bool, ...] = (False,)
-    ridges: tuple[float, ...] = (1e-6,)
+    families: tuple[tuple[float, ...], ...] = (
+        (0.0,),
+        (0.5 * YIELDING,),
+        (YIELDING,),
+        (YIELDING, 0.6, 0.5),
+    )
+    """r·λ of each family of plays; several families blend several rates of forgetting."""
+    curved: tuple[bool, ...] = (False, True)
+    ridges: tuple[float, ...] = (1e-6, 1e-4)
     """Share of the columns' mean square: 1e-6 bounds the condition number by 1e3·√columns."""
 
 
-PLAIN = Candidates()
+ALL = Candidates()
 
 
 class _Choice(NamedTuple):
-    fading_per_V: float
+    families: tuple[float, ...]
     curved: bool
     ridge: float
 
@@ -79,6 +92,14 @@ class _Record(NamedTuple):
     creep_times_s: tuple[float, ...]
     known: int
     """Sample from which every play is where the voltage says, however it began."""
+    plays: dict[tuple[float, ...], "_Plays"]
+    """Of the families that have been asked for."""
+
+
+class _Plays(NamedTuple):
+    thresholds_V: tuple[float, ...]
+    fadings_per_V: tuple[float, ...]
+    columns: NDArray[np.float64]
 
 
 def identify_free_response(
@@ -88,7 +109,7 @@ def identify_free_response(
     *,
     thresholds_V: Sequence[float] | None = None,
     creep_times_s: Sequence[float] | None = None,
-    candidates: Candidates = PLAIN,
+    candidates: Candidates = ALL,
     unpoled: bool = True,
     held_out: float = 0.25,
 ) -> Identification:
@@ -102,14 +123,15 @@ def identify_free_response(
     period_s
         From one sample to the next.
     thresholds_V, creep_times_s
-        As ``HysteresisModel`` takes them; None for what ``spread_thresholds`` and
-        ``spread_creep_times`` make of travel and duration.
+        The linear part's 0 and the thresholds of each family; creep times. None for what
+        ``spread_thresholds`` and ``spread_creep_times`` make of travel and duration.
     candidates
-        Fading, curvature and ridge to choose from.
+        Families, curvature and ridge to choose from.
     unpoled
         Whether the actuator begins at 0 V with nothing remembered. Elsewhere samples count from
         where the voltage has travelled twice the largest threshold, which puts every play where
-        the voltage says; what still creeps from before falls to the creep that is identified.
+        the voltage says, or near it where they fade; what still creeps from before falls to the
+        creep that is identified.
     held_out
         Share of the samples, the last ones, that the residual is taken on. Their mean is taken
         off, as a zero of the estimator would do.
@@ -130,39 +152,29 @@ def identify_free_response(
         times_s = spread_creep_times(period_s, period_s * len(u))
     given = None if thresholds_V is None else tuple(thresholds_V)
     _require_usable(u, x, (given or (0.0,))[-1])
-    widest = given or spread_thresholds(float(np.ptp(u)), 0.0)
-    known = 0 if unpoled else _first_known(u, widest[-1])
+    widest_V = (given or spread_thresholds(float(np.ptp(u)), 0.0, 1))[-1]
+    known = 0 if unpoled else _first_known(u, widest_V)
+    record = _Record(u, x, period_s, given, tuple(times_s), known, {})
     fitted = int(len(u) * (1.0 - held_out))
-    _require_enough(fitted - known, len(widest) + len(times_s) + 1)
-    record = _Record(u, x, period_s, given, tuple(times_s), known)
-    choice = _choose(record, fitted, candidates)
-    model, motion = _fit(record, fitted, choice)
+    model, motion = _fit(record, fitted, _choose(record, fitted, candidates))
     return Identification(model, float(np.std((x - motion)[fitted:])))
 
 
-def spread_thresholds(
-    travel_V: float, fading_per_V: float, plays: int = PLAYS
-) -> tuple[float, ...]:
-    """Thresholds in V, evenly from 0 to where plays still yield within a voltage's travel."""
-    widest = REACH * 0.5 * travel_V
-    if fading_per_V > 0.0:
-        widest = min(widest, YIELDING / fading_per_V)
-    return tuple([widest * index / (plays - 1) for index in range(plays)])
+def spread_thresholds(travel_V: float, share: float, plays: int) -> tuple[float, ...]:
+    """Thresholds in V of a family, even, the largest as ``REACH`` says; ``share`` is r·λ."""
+    ways = log((1.0 + share) / (1.0 - share)) / share if share > 0.0 else 2.0
+    widest_V = REACH * travel_V / ways
+    return tuple([widest_V * (index + 1) / plays for index in range(plays)])
 
 
 def spread_creep_times(period_s: float, duration_s: float) -> tuple[float, ...]:
-    """Creep times in s, from some samples to half the motion: slower creep looks like a drift."""
+    """Creep times in s, from some samples to the whole motion: slower creep looks like a drift."""
     times_s: list[float] = []
     time_s = CREEP_STEP * period_s
-    while time_s <= 0.5 * duration_s:
+    while time_s <= duration_s:
         times_s.append(time_s)
         time_s *= CREEP_STEP
     return tuple(times_s)
-
-
-def spread_fadings(travel_V: float) -> tuple[float, ...]:
-    """Fadings in 1/V to choose from: none, and those that leave 61 % to 0.3 % after a travel."""
-    return (0.0, *[0.5 * FADING_STEP**index / travel_V for index in range(FADINGS)])
 
 
 def _require_usable(u: Column, x: Column, threshold_V: float) -> None:
@@ -188,24 +200,15 @@ def _first_known(u: Column, threshold_V: float) -> int:
 
 
 def _choose(record: _Record, fitted: int, candidates: Candidates) -> _Choice:
-    """One after the other and once again, each by what it leaves of the middle of the record."""
+    """By what each leaves of the middle of the record; a richer one has to be worth it."""
     until = int(fitted - SHARE_OF_CHOICE * len(record.u))
-    best = _Choice(candidates.fadings_per_V[0], candidates.curved[0], candidates.ridges[0])
-    if len(candidates.fadings_per_V) * len(candidates.curved) * len(candidates.ridges) == 1:
-        return best
-    turns: tuple[Callable[[_Choice], list[_Choice]], ...] = (
-        lambda at: [at._replace(curved=value) for value in candidates.curved],
-        lambda at: [at._replace(fading_per_V=value) for value in candidates.fadings_per_V],
-        lambda at: [at._replace(ridge=value) for value in candidates.ridges],
-    )
-    left = {best: _left(record, until, fitted, best)}
-    for turn in turns * TURNS:
-        for choice in turn(best):
-            if choice not in left:
-                left[choice] = _left(record, until, fitted, choice)
-        other = min(turn(best), key=lambda choice: left[choice])
-        if left[other] < WORTH * left[best]:
-            best = other
+    choices = [_Choice(*values) for values in product(*candidates)]
+    best, least = choices[0], inf
+    if len(choices) > 1:
+        for choice in choices:
+            left = _left(record, until, fitted, choice)
+            if left < WORTH * least:
+                best, least = choice, left
     return best
 
 
@@ -220,12 +223,13 @@ def _left(record: _Record, until: int, end: int, choice: _Choice) -> float:
 def _fit(record: _Record, until: int, choice: _Choice) -> tuple[HysteresisModel, Column]:
     """Model fitted to the samples before ``until``, and its motion over the whole record."""
     u, times_s, period_s = record.u, record.creep_times_s, record.period_s
-    thresholds = record.thresholds_V or spread_thresholds(float(np.ptp(u)), choice.fading_per_V)
-    statics = [play_columns(thresholds, choice.fading_per_V, u)]
+    thresholds, fadings, columns_V = _plays(record, choice.families)
+    statics = [columns_V]
     if choice.curved:
         statics.append((u * u)[:, np.newaxis])
     plays = np.hstack(statics)
     count, bent = len(thresholds), plays.shape[1]
+    _require_enough(until - record.known, bent + len(times_s) + 1)
     ones = np.ones((len(u), 1))
     known = slice(record.known, until)
     level = float(np.mean(record.x[known]))
@@ -242,14 +246,30 @@ def _fit(record: _Record, until: int, choice: _Choice) -> tuple[HysteresisModel,
         weights_um_per_V=tuple(solution[:count].tolist()),
         creep_times_s=times_s,
         creep_fractions=tuple(solution[bent:-1].tolist()),
-        fading_per_V=choice.fading_per_V,
+        fadings_per_V=fadings,
         curvature_um_per_V2=float(solution[count]) if choice.curved else 0.0,
     )
-    slope = float(np.sum(solution[:count]))
-    for end_V in (float(u.min()), float(u.max())):
-        bent_slope = slope + 2.0 * model.curvature_um_per_V2 * end_V
-        require_positive(f"slope at {end_V:.3f} V", bent_slope, "µm/V")
+    # The model's own check knows neither its curvature nor how its families lie to each other.
+    slopes = slopes_um_per_V(model, columns_V, u)
+    index = int(np.argmin(slopes.min(axis=1)))
+    require_positive(f"slope at {u[index]:.3f} V", float(slopes[index].min()), "µm/V")
     return model, columns @ solution + level
+
+
+def _plays(record: _Record, families: tuple[float, ...]) -> _Plays:
+    if families not in record.plays:
+        travel_V = float(np.ptp(record.u))
+        count = min(PLAYS_PER_FAMILY, PLAYS // len(families))
+        thresholds, fadings = [0.0], [0.0]
+        for share in families:
+            given = record.thresholds_V
+            family = given[1:] if given else spread_thresholds(travel_V, share, count)
+            thresholds += family
+            fadings += [share / threshold for threshold in family]
+        columns = play_columns(thresholds, fadings, record.u)
+        fading = tuple(fadings) if any(fadings) else ()
+        record.plays[families] = _Plays(tuple(thresholds), fading, columns)
+    return record.plays[families]
 
 
 def _ridge(columns: NDArray[np.float64], target: Column, ridge: float) -> Column:

@@ -93,7 +93,7 @@ def tune(
     radius
         Worst spectral radius of a law on its intervals; see ``stability``.
     radius_limit
-        Candidates beyond it do not count.
+        Candidates that reach it do not count.
 
     Raises
     ------
@@ -113,14 +113,14 @@ def tune(
         for item in front:
             if item.settings not in radii:
                 radii[item.settings] = radius(item.settings)
-        stable = [item for item in left if radii.get(item.settings, 0.0) <= radius_limit]
+        stable = [item for item in left if radii.get(item.settings, 0.0) < radius_limit]
         if len(stable) == len(left):
             chosen = min(front, key=lambda item: max(item.position_percent, item.force_percent))
             return Tuning(tuple(left), front, chosen, radii[chosen.settings])
         left = stable
     raise ValueError(
-        f"no gains keep the spectral radius within {radius_limit:g} at a period of "
-        f"{1e3 * rig.period_s:g} ms: take a longer period"
+        f"none of the gains tried keeps the spectral radius below {radius_limit:g} at a period "
+        f"of {1e3 * rig.period_s:g} ms: take a longer period"
     )
 
 

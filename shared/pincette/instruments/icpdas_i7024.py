@@ -120,9 +120,9 @@ def open_output(settings: Output, link: Link | None = None) -> I7024:
     """
     options = read_options(I7024Options, "icpdas_i7024", settings.options)
     if link is None:
+        if not MET:
+            _log.warning("icpdas_i7024 has not met its instrument: it is written from the manual")
         link = open_link(settings.url, baud=options.baud, timeout_s=settings.timeout_s)
-    if not MET:
-        _log.warning("icpdas_i7024 has not met its instrument: it is written from the manual")
     output = I7024(link, b"#%02X%d" % (options.address, options.channel), options.checksum)
     try:
         _identify(output, options.address)

@@ -105,11 +105,11 @@ def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
     """
     options = read_options(KeyenceOptions, "keyence_lkg", settings.options)
     if link is None:
+        if not MET:
+            _log.warning("keyence_lkg has not met its instrument: it is written from the manual")
         link = open_link(
             settings.url, baud=options.baud, timeout_s=settings.timeout_s, accept=_solicited
         )
-    if not MET:
-        _log.warning("keyence_lkg has not met its instrument: it is written from the manual")
     try:
         _measure_from_here(link)
     except InstrumentError:

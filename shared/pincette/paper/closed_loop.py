@@ -7,11 +7,10 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.config import RigFile
-from pincette.control.feasibility import PlanLimits, acceleration_limit
+from pincette.config import RigFile, derived
 from pincette.control.law import LawSettings
 from pincette.control.path_shapes import sinusoid
-from pincette.control.plan import ContactPlan, PlannedRig
+from pincette.control.plan import ContactPlan
 from pincette.control.program import Program
 from pincette.control.track_plan import TrackRequest, plan_track
 from pincette.messages import Applied, Estimate, Message, Telemetry, Truth
@@ -80,7 +79,7 @@ def tracking_plan(
     """Plan the paper's sinusoid on the contact line of the rig file's part, or on another."""
     K_e = stiffness_mN_per_um or rig.part.stiffness_mN_per_um
     force_pp_mN = K_e * x_pp_um
-    limits, part, grip = rig.limits, rig.part, rig.grip
+    part, grip = rig.part, rig.grip
     cycles = max(CYCLES, round(CYCLES * frequency_hz / printed.FREQUENCY_HZ))
     return plan_track(
         TrackRequest(
@@ -100,20 +99,7 @@ def tracking_plan(
             acceleration_um_per_s2=1e6,
             pointer="",
         ),
-        PlannedRig(
-            limits=PlanLimits(
-                voltage_min_V=limits.voltage_min_V,
-                voltage_max_V=limits.voltage_max_V,
-                slew_V_per_s=limits.slew_V_per_s,
-                position_min_um=limits.position_min_um,
-                position_max_um=limits.position_max_um,
-                force_max_mN=limits.force_max_mN,
-                acceleration_um_per_s2=acceleration_limit(rig.model.natural_frequency_rad_per_s),
-            ),
-            piezo_um_per_V=rig.model.piezo_um_per_V,
-            compliance_um_per_mN=rig.model.compliance_um_per_mN,
-            period_s=rig.rig.period_s,
-        ),
+        derived.planned_rig(rig),
     )
 
 

@@ -46,8 +46,23 @@ def label(axis: Axis, x: str, y: str, title: str = "") -> None:
 
 
 def legend(axis: Axis, place: str = "best") -> None:
-    """Name the lines."""
+    """Name the lines, among them."""
     axis.legend(loc=place, fontsize=8.5, frameon=False, labelcolor=INK)
+
+
+def legend_above(axis: Axis) -> None:
+    """Name the lines over the axis, where they would cover what they name."""
+    axis.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 0.97),
+        ncols=3,
+        fontsize=8.5,
+        frameon=False,
+        labelcolor=INK,
+        borderaxespad=0.0,
+        handlelength=1.6,
+        columnspacing=1.2,
+    )
 
 
 def _prepare(axis: Axis) -> None:

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from pincette.config import RigFile, Simulation, derived
 from pincette.control.calibration import compliance
 from pincette.control.frequency_response import FrequencyResponse, swept_response
-from pincette.control.inverse_dynamics import inverse_dynamics
 from pincette.control.law import default_settings
 from pincette.control.observers import ForceObserver
 from pincette.control.resonance import SecondOrder, fit_second_order
@@ -26,6 +25,8 @@ SWEEP_S = 8.0
 SWEEP_V = 0.1
 PERIODS_S = tuple(1e-3 * ms for ms in (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30))
 GAINS = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
+SHORT_S = 0.0055
+"""Below it the quasi-static observer takes the ring of the mode for force."""
 SOFT_MN_PER_UM = 1e-5
 """Of a spring that pushes with a force which the arm's own way does not change: a weight."""
 
@@ -82,8 +83,8 @@ def stability(rig: RigFile) -> Section:
         text=(
             "Worst spectral radius over ω_n ± 5 %, the part's stiffness within its tolerance, the "
             "free arm, and a delay of up to half a period; the law, its impedance filter and its "
-            "force observer as they run (below two periods of the mode, the one that inverts the "
-            f"dynamics). Beyond {LIMIT_RADIUS:g} a job is refused before anything moves. "
+            "force observer as they run (below two periods of the mode the Kalman filter "
+            f"that knows it). Beyond {LIMIT_RADIUS:g} a job is refused before anything moves. "
             "Backward differences do not see the mode of 388 Hz: sampling faster is no mere change "
             f"of a parameter. K_f = {settings.K_f:g}, no switching.",
         ),
@@ -107,17 +108,10 @@ def stability(rig: RigFile) -> Section:
 
 
 def _observer(rig: RigFile, period_s: float) -> ForceObserver:
-    model = rig.model
-    at = rig.model_copy(update={"rig": rig.rig.model_copy(update={"period_s": period_s})})
-    if period_s < 0.006:
-        return inverse_dynamics(
-            model.natural_frequency_rad_per_s,
-            model.damping_ratio,
-            model.compliance_um_per_mN,
-            period_s=period_s,
-            filter_s=model.inverse_filter_s,
-        )
-    return derived.force_observer(at)
+    name = "kalman" if period_s < SHORT_S else "quasi_static"
+    model = rig.model.model_copy(update={"force_observer": name})
+    at_period = rig.rig.model_copy(update={"period_s": period_s})
+    return derived.force_observer(rig.model_copy(update={"rig": at_period, "model": model}))
 
 
 def _sweep(simulation: Simulation) -> FrequencyResponse:

@@ -12,7 +12,7 @@ from pincette.control.free_response import FreeResponse, FreeSample
 from pincette.control.observers import ForceObserver, QuasiStatic, QuasiStaticParameters
 from pincette.paper import printed
 from pincette.paper.closed_loop import rms
-from pincette.paper.drawing import BLUE, GREEN, ORANGE, Axis, label, legend, picture
+from pincette.paper.drawing import BLUE, GREEN, ORANGE, Axis, label, legend_above, picture
 from pincette.paper.open_loop import Motion, drive, peak_to_peak, raised_sinusoid
 from pincette.paper.report import Comparison, Picture, Section
 from pincette.paper.rigs import loop_percent, simulation_of
@@ -22,6 +22,7 @@ Series = NDArray[np.float64]
 REST_S = 1.0
 """Before a signal begins; its end is the zero."""
 CYCLES = 6
+PAPER_SIGNAL = "sinusoid 0.5 Hz"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,7 @@ def unseen_signals(period_s: float) -> dict[str, list[float]]:
         return [value(at) for at in t]
 
     return {
-        "sinusoid 0.5 Hz": raised_sinusoid(level, printed.FREQUENCY_HZ, CYCLES, period_s),
+        PAPER_SIGNAL: raised_sinusoid(level, printed.FREQUENCY_HZ, CYCLES, period_s),
         "triangle 0.3 Hz": shaped(lambda at: level * (1.0 - abs(1.0 - (at * 0.6) % 2.0))),
         "fading sinusoid 1 Hz": shaped(
             lambda at: 0.5 * level * (1.0 + sin(2 * pi * at - pi / 2) * (1.0 - 0.7 * at / t[-1]))
@@ -88,7 +89,7 @@ def unseen_signals(period_s: float) -> dict[str, list[float]]:
     }
 
 
-def fig_6(rig: RigFile, sources: dict[str, FreeResponse]) -> tuple[Section, float]:
+def fig_6(rig: RigFile, sources: dict[str, FreeResponse]) -> tuple[Section, dict[str, float]]:
     """The estimator without a contact: Fig. 6, its sources of x_1, and the ages of (53).
 
     ``sources`` by name, the first being the one that is used elsewhere.
@@ -99,8 +100,8 @@ def fig_6(rig: RigFile, sources: dict[str, FreeResponse]) -> tuple[Section, floa
     signals = unseen_signals(rig.rig.period_s)
     best = next(iter(sources.values()))
     readings = {name: read(free, signal, best, matched) for name, signal in signals.items()}
-    first = readings["sinusoid 0.5 Hz"]
-    worst = max(reading.error_mN for reading in readings.values())
+    first = readings[PAPER_SIGNAL]
+    errors = {name: reading.error_mN for name, reading in readings.items()}
     rows = [
         Comparison(
             f"{name}, no contact",
@@ -110,7 +111,7 @@ def fig_6(rig: RigFile, sources: dict[str, FreeResponse]) -> tuple[Section, floa
         )
         for name, reading in readings.items()
     ]
-    sinusoid = signals["sinusoid 0.5 Hz"]
+    sinusoid = signals[PAPER_SIGNAL]
     rows += [
         Comparison(
             f"sinusoid 0.5 Hz, x_1 from {name}",
@@ -147,9 +148,9 @@ def fig_6(rig: RigFile, sources: dict[str, FreeResponse]) -> tuple[Section, floa
         ),
         pictures=(Picture("fig6", "Fig. 6 repeated: free arm, 2 V, 0.5 Hz", _fig_6(first)),),
         comparisons=tuple(rows),
-        data={"rmse_mN": {name: reading.error_mN for name, reading in readings.items()}},
+        data={"rmse_mN": errors},
     )
-    return section, worst
+    return section, errors
 
 
 def fig_7(rig: RigFile, response: FreeResponse) -> Section:
@@ -207,7 +208,7 @@ def _fig_7(reading: Reading) -> bytes:
         axes[1].plot(t, motion.true_force_mN, color=GREEN, label="true")
         axes[1].plot(t, reading.force_mN, color=BLUE, linewidth=0.9, label="estimated")
         label(axes[1], "", "force / mN")
-        legend(axes[1])
+        legend_above(axes[1])
         axes[2].plot(t, reading.force_mN - motion.true_force_mN, color=BLUE, linewidth=0.9)
         label(axes[2], "time / s", "error / mN")
 

@@ -49,7 +49,7 @@ def search(prepared: Prepared) -> Section:
 def _picture(found: dict[str, Tuning], tried: dict[str, Errors]) -> bytes:
     def draw(axes: list[Axis]) -> None:
         for axis, (scheme, tuning) in zip(axes, found.items(), strict=True):
-            axis.loglog(
+            axis.plot(
                 [item.position_percent for item in tuning.candidates],
                 [item.force_percent for item in tuning.candidates],
                 "o",
@@ -57,7 +57,7 @@ def _picture(found: dict[str, Tuning], tried: dict[str, Errors]) -> bytes:
                 markersize=3,
                 label="stable gains",
             )
-            axis.loglog(
+            axis.plot(
                 [item.position_percent for item in tuning.front],
                 [item.force_percent for item in tuning.front],
                 "o-",
@@ -65,14 +65,14 @@ def _picture(found: dict[str, Tuning], tried: dict[str, Errors]) -> bytes:
                 label="Pareto front",
             )
             chosen, errors = tuning.chosen, tried[scheme]
-            axis.loglog(
+            axis.plot(
                 chosen.position_percent,
                 chosen.force_percent,
                 "D",
                 color=ORANGE,
                 label=f"balanced: $K_P$ = {chosen.settings.K_P:g}, $K_f$ = {chosen.settings.K_f:g}",
             )
-            axis.loglog(
+            axis.plot(
                 errors.position_percent, errors.force_percent, "x", color=RED, label="tracked"
             )
             label(axis, "position RMSE / %", "force RMSE / %", scheme.upper())

@@ -9,7 +9,7 @@ from pincette.config import RigFile, derived
 from pincette.control.grip_plan import GripRequest, plan_grip
 from pincette.control.program import Program, Segment
 from pincette.paper.closed_loop import Record, StudyError, outcome, play, record
-from pincette.paper.drawing import BLUE, GREEN, ORANGE, Axis, label, legend, picture
+from pincette.paper.drawing import BLUE, GREEN, ORANGE, Axis, label, legend_above, picture
 from pincette.paper.report import Comparison, Picture, Section
 
 HOLD_S = 60.0
@@ -102,7 +102,7 @@ def _picture(records: dict[str, Record], rig: RigFile) -> bytes:
         axes[0].axhline(0.0, color=GREEN, linestyle="--")
         label(axes[0], "", "estimate less true / mN")
         label(axes[1], "time / s", "true force / mN")
-        legend(axes[0])
-        legend(axes[1])
+        legend_above(axes[0])
+        legend_above(axes[1])
 
     return picture(2, 1, 4.6, draw, sharex=True)

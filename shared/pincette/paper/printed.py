@@ -9,6 +9,8 @@ FREQUENCY_HZ = 0.5
 X_PP_UM = 8.45
 FORCE_PP_MN = 20.0
 """Planned magnitudes, section VI.C.1; the paper gives the force its negative sign."""
+PLANNED_STIFFNESS = FORCE_PP_MN / X_PP_UM
+"""mN/µm, of the pair."""
 VOLTAGE_LEVELS_V = (0.3, 1.0, 1.5, 2.0)
 """Peak to peak, Fig. 8."""
 

@@ -23,6 +23,8 @@ CONTACT_STIFFNESS = (printed.FORCE_PP_MN - abs(printed.PLANNING_ERROR_MN)) / (
 LOOP_V = 2.0
 """Peak-to-peak voltage at which gain and loop are stated."""
 LOOP_CYCLES = 4
+SLEW_V_PER_S = 50.0
+"""Beyond what any experiment asks for; the demo rig's own limit would cut 5 Hz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +129,7 @@ def _lockstep(base: RigFile, simulation: Simulation) -> RigFile:
             "rig": base.rig.model_copy(
                 update={"time": "lockstep", "period_s": printed.PERIOD_S, "name": "paper"}
             ),
+            "limits": base.limits.model_copy(update={"slew_V_per_s": SLEW_V_PER_S}),
             "simulation": simulation,
         }
     )

@@ -1,12 +1,8 @@
-"""The free response of a simulated rig: its arm moved with the part taken out, and identified."""
+"""The free response of a simulated rig: its arm moved with the part taken out, and taught."""
 
 from pincette.config import RigFile
-from pincette.control.identification import (
-    Candidates,
-    Identification,
-    identify_free_response,
-    spread_fadings,
-)
+from pincette.control.identification import Identification, identify_free_response
+from pincette.control.recording import Recording, record_free_response
 from pincette.control.teaching import teaching_program
 from pincette.messages import Estimate
 from pincette.runtime.composed import ComposedLoop
@@ -26,10 +22,18 @@ def teach(rig: RigFile) -> Identification:
         Where the rig file describes no simulation, or its motion admits no model.
     """
     voltage_V, x_um = free_motion(rig)
-    fadings = spread_fadings(max(voltage_V) - min(voltage_V))
-    return identify_free_response(
-        voltage_V, x_um, rig.rig.period_s, candidates=Candidates(fadings, curved=(False, True))
-    )
+    return identify_free_response(voltage_V, x_um, rig.rig.period_s)
+
+
+def record(rig: RigFile) -> Recording:
+    """Move the simulated arm freely and record the branches of its free response.
+
+    Raises
+    ------
+    ValueError
+        Where the rig file describes no simulation, or its motion has no branches.
+    """
+    return record_free_response(*free_motion(rig))
 
 
 def free_motion(rig: RigFile) -> tuple[list[float], list[float]]:
@@ -50,7 +54,9 @@ def without_part(rig: RigFile) -> RigFile:
     return rig.model_copy(
         update={
             "rig": rig.rig.model_copy(update={"time": "lockstep"}),
-            "model": rig.model.model_copy(update={"free_response": None}),
+            "model": rig.model.model_copy(
+                update={"free_response": None, "recorded_response": None}
+            ),
             "simulation": simulation and simulation.model_copy(update={"bead": False}),
         }
     )

@@ -6,6 +6,7 @@ import pytest
 
 from pincette.cli import job_words
 from pincette.cli.main import parser
+from pincette_supervisor.request_models import Gains
 
 
 def wishes(*words: str) -> dict[str, Any]:
@@ -51,4 +52,41 @@ def test_what_cannot_be_read_is_said(
 ) -> None:
     with pytest.raises(SystemExit):
         wishes("track", *words)
+    assert text in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["grip", "track"])
+def test_a_law_can_be_chosen(kind: str) -> None:
+    chosen = ("--scheme", "dsmifc", "--set", "printed", "--gains", "K_P=0.5,K_f=4000,delta=1e6")
+    assert wishes(kind, *chosen) == {
+        "scheme": "dsmifc",
+        "set": "printed",
+        "gains": {"K_P": 0.5, "K_f": 4000.0, "delta": 1e6},
+    }
+    assert wishes(kind, "--gains", "tuned") == {"gains": "tuned"}
+
+
+def test_every_gain_that_a_request_knows_has_its_word() -> None:
+    asked = ",".join(f"{name}=2" for name in job_words.GAINS)
+    assert wishes("grip", "--gains", asked)["gains"] == dict.fromkeys(job_words.GAINS, 2.0)
+    assert {*job_words.GAINS, "force_age"} == set(Gains.model_fields)
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("--scheme", "pid"), "invalid choice: 'pid'"),
+        (("--set", "other"), "invalid choice: 'other'"),
+        (("--gains", "best"), "'best' is no gain: give tuned, or some of K_P, K_I"),
+        (("--gains", "K_P=0.5,"), "'' is no gain"),
+        (("--gains", "K_Q=1"), "'K_Q=1' is no gain"),
+        (("--gains", "K_P=much"), "'much' cannot be used: give a finite number, such as 15"),
+        (("--gains", "K_P=inf"), "'inf' cannot be used"),
+    ],
+)
+def test_a_law_that_cannot_be_read_is_said(
+    words: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        wishes("grip", *words)
     assert text in capsys.readouterr().err

@@ -132,6 +132,21 @@ def test_a_plan_that_cannot_be_says_why() -> None:
     assert "force 500 mN too much" in out.getvalue()
 
 
+def test_a_plan_names_its_law_and_how_stable_it_is() -> None:
+    console, out = screen(terminal=False)
+    law = {"scheme": "dsmifc", "set": "consistent", "gains_from": "tuned"}
+    gains = {"K_P": 0.2, "K_I": 1.0, "K_S": 0.0, "K_f": 3500.0}
+    radius = {"spectral_radius": 0.9559, "spectral_radius_limit": 0.97}
+    plan: dict[str, Any] = {"phases": [], "feasible": True, "duration_s": 15.0}
+    show_plan(plan | {"law": law | gains | radius}, console)
+    for line in (
+        "law                 DSMIFC, consistent set, "
+        "K_P = 0.2, K_I = 1, K_S = 0, K_f = 3500 (tuned)",
+        "spectral radius     0.956 at the worst, limit 0.97",
+    ):
+        assert line in out.getvalue()
+
+
 def test_a_plan_says_where_the_arm_would_rest() -> None:
     console, out = screen(terminal=False)
     plan: dict[str, Any] = {"phases": [], "feasible": True, "duration_s": 15.0}

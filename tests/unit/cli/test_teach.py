@@ -3,19 +3,22 @@
 import tomllib
 from math import pi, sin
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pincette.cli.main import main
-from pincette.cli.teach import as_toml, free_range_um, identify
+from pincette.cli.teach import as_toml
 from pincette.config import ConfigError, parse_rig, read_rig
+from pincette.config.derived import free_response
 from pincette.control.hysteresis_motion import simulate
 from pincette.control.identification import Identification
+from pincette.control.recorded_response import RecordedResponse
+from pincette.runtime.teaching import record, teach
 from pincette.sim.rig import SimulatedRig
 
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
-NARROW = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 TOLERANCE_UM = 0.02
 """Of displacement, over two strokes: rounding of the table and of the linear algebra."""
 
@@ -24,7 +27,7 @@ def test_the_committed_table_is_what_teaching_finds() -> None:
     rig = read_rig(DEMO)
     committed = rig.model.free_response
     assert committed is not None, f"{DEMO} has no [model.free_response]: run `pincette teach`"
-    found = identify(rig)
+    found = teach(rig)
     voltage_V = np.concatenate([np.linspace(0, 2.4, 200), np.linspace(2.4, -0.4, 200)] * 2)
     difference = simulate(found.model, voltage_V, 0.02) - simulate(
         committed.hysteresis(), voltage_V, 0.02
@@ -67,21 +70,6 @@ def test_the_printed_table_fits_into_a_rig_file() -> None:
     assert parse_rig(tables).model.free_response == committed
 
 
-def test_the_motion_covers_the_softest_part_and_stays_within_the_limits() -> None:
-    rig = read_rig(DEMO)
-    low_um, high_um = free_range_um(rig)
-    assert high_um == pytest.approx(33.0 + 20.0 / (0.7 * 2.17) + 0.46 * 20.0)
-    assert low_um == pytest.approx(-0.1 * high_um)
-    tight = rig.model_copy(
-        update={
-            "limits": rig.limits.model_copy(
-                update={"position_min_um": -1.0, "position_max_um": 40.0}
-            )
-        }
-    )
-    assert free_range_um(tight) == (-1.0, 40.0)
-
-
 def test_a_rig_that_is_not_simulated_is_told_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -95,15 +83,83 @@ def test_a_rig_that_is_not_simulated_is_told_so(
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"weights_um_per_V": [1.0]}, "1 weights_um_per_V, must be 10"),
-        ({"thresholds_V": [0.0, 0.3, 0.2, *NARROW]}, "must be above 0.3 V"),
-        ({"creep_fractions": [0.1]}, "1 creep_fractions, must be 4"),
-        ({"fading_per_V": 2.0}, "1/fading"),
+        ({"weights_um_per_V": [1.0]}, "1 weights_um_per_V, must be 3"),
+        ({"thresholds_V": [0.0, 0.3, 0.0]}, "threshold = 0.0 V"),
+        ({"thresholds_V": [0.0, 0.3, 0.3]}, "0.3 V with fading 1.0 per V occurs twice"),
+        ({"creep_fractions": [0.1]}, "1 creep_fractions, must be 2"),
+        ({"fadings_per_V": [0.0, 1.0]}, "2 fadings_per_V, must be 3"),
+        ({"fadings_per_V": [0.0, 1.0, 2.0]}, "1/fading"),
         ({"residual_um": -0.1}, "residual_um"),
     ],
 )
 def test_impossible_tables_are_refused(change: dict[str, object], text: str) -> None:
     tables = tomllib.loads(DEMO.read_text(encoding="utf-8"))
+    tables["model"]["free_response"] = {
+        "thresholds_V": [0.0, 0.3, 0.6],
+        "weights_um_per_V": [16.0, 2.0, 1.0],
+        "creep_times_s": [1.0, 10.0],
+        "creep_fractions": [0.01, 0.02],
+        "fadings_per_V": [0.0, 1.0, 1.0],
+        "residual_um": 0.1,
+    }
+    parse_rig(tables)
     tables["model"]["free_response"] |= change
+    with pytest.raises(ConfigError, match=text):
+        parse_rig(tables)
+
+
+def recorded_table(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    assert main(["teach", "--rig", str(DEMO), "--source", "recorded"]) == 0
+    return tomllib.loads(capsys.readouterr().out)["model"]["recorded_response"]
+
+
+def test_recorded_branches_take_the_place_of_the_identified_response(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    tables = tomllib.loads(DEMO.read_text(encoding="utf-8"))
+    tables["model"]["recorded_response"] = recorded_table(capsys)
+    with pytest.raises(ConfigError, match="are both there"):
+        parse_rig(tables)
+    del tables["model"]["free_response"]
+    rig = parse_rig(tables)
+    response = free_response(rig.model)
+    assert isinstance(response, RecordedResponse)
+    recording = record(rig)
+    assert response.branches.top == pytest.approx(recording.branches.top, abs=1e-3)
+    assert response.branches.ascending == pytest.approx(recording.branches.ascending, abs=1e-5)
+    assert response.model_error_um == pytest.approx(recording.residual_um, abs=5e-4)
+    # Up and down over the stroke, the branches lie apart: there is a loop in them.
+    middle_um: list[float] = []
+    for end_V in (3.0, 0.0):
+        for step in range(51):
+            response = response.follow(1.5 + (end_V - 1.5) * step / 50, 0.02)
+        for step in range(51):
+            response = response.follow(end_V + (1.5 - end_V) * step / 50, 0.02)
+        middle_um.append(response.displacement_um())
+    assert middle_um[0] - middle_um[1] > 2.0
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"top_V": -9.0}, "voltage of the stroke"),
+        ({"descending": [0.0, 0.6, 0.5, 1.0]}, "rise of the descending shape"),
+        ({"residual_um": -0.1}, "residual_um"),
+    ],
+)
+def test_impossible_branches_are_refused(change: dict[str, object], text: str) -> None:
+    tables = tomllib.loads(DEMO.read_text(encoding="utf-8"))
+    del tables["model"]["free_response"]
+    tables["model"]["recorded_response"] = {
+        "bottom_V": 0.0,
+        "bottom_um": 0.0,
+        "top_V": 3.0,
+        "top_um": 57.0,
+        "ascending": [0.0, 0.4, 1.0],
+        "descending": [0.0, 0.4, 1.0],
+        "residual_um": 0.4,
+    }
+    parse_rig(tables)
+    tables["model"]["recorded_response"] |= change
     with pytest.raises(ConfigError, match=text):
         parse_rig(tables)

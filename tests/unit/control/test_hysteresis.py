@@ -16,11 +16,14 @@ from pincette.control.hysteresis import (
     start,
     step,
 )
-from pincette.control.hysteresis_motion import simulate
+from pincette.control.hysteresis_motion import play_columns, simulate, slopes_um_per_V
 
 PLAYS = HysteresisModel((0.0, 0.5, 1.0), (10.0, 4.0, 2.0))
 CREEPING = replace(PLAYS, creep_times_s=(0.1, 10.0), creep_fractions=(0.05, 0.02))
-FADING = HysteresisModel((0.0, 0.5, 1.0), (10.0, 4.0, 2.0), fading_per_V=0.8)
+FADING = HysteresisModel(
+    (0.0, 0.5, 1.0, 0.5, 1.0), (10.0, 4.0, 2.0, 1.0, 1.5), fadings_per_V=(0.0, 0.8, 0.8, 1.4, 0.0)
+)
+"""Two thresholds twice, one play of four that does not fade."""
 VOLTAGES = st.lists(st.floats(-2.0, 3.0), min_size=1, max_size=20)
 
 
@@ -83,19 +86,47 @@ def test_the_displacement_rises_with_the_voltage(
 def test_fading_wears_off_what_small_loops_pass_over() -> None:
     there = follow(FADING, 2.0, 1.2)
     shaken = follow(FADING, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
-    assert max(abs(1.2 - play) for play in there.plays_V) > 0.3
-    assert max(abs(1.2 - play) for play in shaken.plays_V) < 0.03
+    assert min(abs(1.2 - play) for play in there.plays_V[1:]) > 0.04
+    assert max(abs(1.2 - play) for play in shaken.plays_V[:-1]) < 0.03
+    assert shaken.plays_V[-1] == there.plays_V[-1]
     unfaded = follow(PLAYS, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
     assert displacement_um(PLAYS, unfaded) == pytest.approx(position(2.0, 1.15, 1.2))
 
 
 def test_fading_is_the_solution_of_its_equation() -> None:
-    z, u, end_V, steps = 0.0, 0.0, 0.45, 20000
-    for _ in range(steps):
-        u += end_V / steps
-        z += (1.0 - 0.8 * z) * end_V / steps
+    end_V, steps = 0.45, 20000
     state = follow(FADING, end_V)
-    assert end_V - state.plays_V[1] == pytest.approx(z, rel=1e-4)
+    for play, fading in ((1, 0.8), (3, 1.4)):
+        z = 0.0
+        for _ in range(steps):
+            z += (1.0 - fading * z) * end_V / steps
+        assert end_V - state.plays_V[play] == pytest.approx(z, rel=1e-4)
+
+
+@given(voltages=VOLTAGES)
+def test_what_does_not_fade_is_the_plain_play_to_the_bit(voltages: list[float]) -> None:
+    play, thresholds = [0.0, 0.0, 0.0], PLAYS.thresholds_V
+    for u in voltages:
+        play = [max(u - r, min(u + r, y)) for r, y in zip(thresholds, play, strict=True)]
+    assert follow(PLAYS, *voltages).plays_V == tuple(play)
+    # Nor does it matter to such a play that others beside it fade.
+    assert follow(FADING, *voltages).plays_V[-1] == play[-1]
+
+
+@BOTH
+def test_slopes_are_those_of_small_steps(model: HysteresisModel) -> None:
+    bent = replace(model, curvature_um_per_V2=0.4)
+    random = np.random.default_rng(3)
+    voltage_V = np.cumsum(random.normal(0.0, 0.4, 60))
+    plays_V = play_columns(bent.thresholds_V, bent.fadings_per_V, voltage_V)
+    slopes = slopes_um_per_V(bent, plays_V, voltage_V)
+    state = start(bent)
+    for voltage, (up, down) in zip(voltage_V.tolist(), slopes.tolist(), strict=True):
+        state = step(bent, state, voltage, 0.0)
+        for way_V, slope in ((1e-6, up), (-1e-6, down)):
+            moved = step(bent, state, voltage + way_V, 0.0)
+            rise_um = displacement_um(bent, moved) - displacement_um(bent, state)
+            assert rise_um / way_V == pytest.approx(slope, abs=1e-4)
 
 
 def test_curvature_adds_to_the_static_displacement() -> None:
@@ -135,13 +166,18 @@ def test_creep_is_exact_however_the_time_is_cut() -> None:
         (((0.0, 0.5), (1.0,)), "1 weights_um_per_V, must be 2"),
         (((0.1,), (1.0,)), "the first must be 0 V"),
         (((), ()), "the first must be 0 V"),
-        (((0.0, 0.5, 0.5), (1.0, 1.0, 1.0)), "threshold 0.5 V, must be above 0.5 V"),
+        (((0.0, 0.5, 0.5), (1.0, 1.0, 1.0)), "0.5 V with fading 0.0 per V occurs twice"),
+        (((0.0, 0.0), (1.0, 1.0)), "threshold = 0.0 V"),
         (((0.0, nan), (1.0, 1.0)), "threshold = nan V"),
         (((0.0, 0.5), (1.0, -1.5)), "slope up to 0.5 V = -0.5 µm/V"),
-        (((0.0, 1.0), (9.0, 1.0), (), (), -1.0), "fading = -1.0 per V"),
-        (((0.0, 1.0), (9.0, 1.0), (), (), 1.0), "threshold 1.0 V, must be below 1.0 V, 1/fading"),
-        (((0.0, 1.0), (1.0, 4.0), (), (), 0.5), "slope after a turn = -1.0 µm/V"),
-        (((0.0,), (9.0,), (), (), 0.0, nan), "curvature nan"),
+        (((0.0, 0.5, 0.2), (9.0, -2.0, -8.0)), "slope up to 0.5 V = -1.0 µm/V"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (1.0,)), "1 fadings_per_V, must be 2"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (0.5, 0.5)), "fading 0.5 per V of the linear part"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (0.0, -1.0)), "fading = -1.0 per V"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (0.0, nan)), "fading = nan per V"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (0.0, 1.0)), "must be below 1.0 V, 1/fading"),
+        (((0.0, 1.0), (1.0, 4.0), (), (), (0.0, 0.5)), "slope after a turn = -1.0 µm/V"),
+        (((0.0,), (9.0,), (), (), (), nan), "curvature nan"),
         (((0.0,), (1.0,), (1.0,), ()), "0 creep_fractions, must be 1"),
         (((0.0,), (1.0,), (0.0,), (0.1,)), "creep time = 0.0 s"),
         (((0.0,), (1.0,), (1.0,), (nan,)), "creep fraction nan"),

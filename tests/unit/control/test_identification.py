@@ -1,23 +1,25 @@
 """Identification of a free response: from its own model class, and from another."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from math import sin
 
 import numpy as np
 import pytest
 
 from pincette.control.hysteresis import HysteresisModel
-from pincette.control.hysteresis_motion import Column, simulate
+from pincette.control.hysteresis_motion import Column, creep_columns, play_columns, simulate
 from pincette.control.identification import (
+    REACH,
     Candidates,
     identify_free_response,
     spread_creep_times,
-    spread_fadings,
     spread_thresholds,
 )
 
 PERIOD_S = 0.02
 MODEL = HysteresisModel((0.0, 0.4, 0.8), (12.0, 4.0, 2.0), (0.5, 5.0), (0.03, 0.05))
-FADINGS = Candidates(fadings_per_V=spread_fadings(4.0), curved=(False, True))
+PLAIN = Candidates(families=((0.0,),), curved=(False,), ridges=(1e-6,))
 
 
 def drive(count: int) -> list[float]:
@@ -59,19 +61,32 @@ def test_an_actuator_that_begins_poled_is_found_by_what_it_does_later() -> None:
 
 
 def test_fading_and_curvature_are_found_where_they_are() -> None:
-    thresholds = spread_thresholds(4.0, 0.5)
-    weights = (12.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 5.0)
+    thresholds = spread_thresholds(4.0, 0.7, 9)
+    fadings = [0.7 / threshold for threshold in thresholds]
     model = HysteresisModel(
-        thresholds, weights, (0.5,), (0.03,), fading_per_V=0.5, curvature_um_per_V2=-0.3
+        (0.0, *thresholds),
+        (12.0, 0.5, 0.5, 2.5, 0.5, 0.5, 2.5, 0.5, 0.5, 5.0),
+        (0.5,),
+        (0.03,),
+        fadings_per_V=(0.0, *fadings),
+        curvature_um_per_V2=-0.3,
     )
     voltage_V = drive(2500)
     x_um = simulate(model, np.array(voltage_V), PERIOD_S) + noise(2500)
     arguments = (voltage_V, x_um.tolist(), PERIOD_S)
-    found = identify_free_response(*arguments, candidates=FADINGS)
-    assert found.model.fading_per_V == pytest.approx(0.5, rel=0.3)
+    found = identify_free_response(*arguments)
+    faded = [
+        threshold * fading
+        for threshold, fading in zip(
+            found.model.thresholds_V, found.model.fadings_per_V, strict=True
+        )
+    ]
+    assert max(faded) == pytest.approx(0.7)
     assert found.model.curvature_um_per_V2 == pytest.approx(-0.3, rel=0.1)
     assert found.residual_um < 0.045
-    assert identify_free_response(*arguments).residual_um > 2.0 * found.residual_um
+    assert identify_free_response(*arguments, candidates=PLAIN).residual_um > (
+        2.0 * found.residual_um
+    )
 
 
 def relays_um(voltage_V: Column) -> Column:
@@ -87,18 +102,30 @@ def relays_um(voltage_V: Column) -> Column:
     return rows
 
 
-def test_an_actuator_of_another_class_that_does_not_fade_is_given_no_fading() -> None:
+def stops_um(voltage_V: Column) -> Column:
+    """An actuator of 60 stops, whose density falls off with their height, a line, and creep."""
+    heights = np.linspace(0.02, 2.4, 60)
+    stops, before = np.zeros(60), 0.0
+    rows = np.empty(len(voltage_V))
+    for index, u in enumerate(voltage_V.tolist()):
+        stops = np.clip(stops + (u - before), -heights, heights)
+        before = u
+        rows[index] = 19.0 * u - 0.18 * float(np.exp(-0.6 * heights) @ stops)
+    return rows + creep_columns((0.3, 3.0), rows, PERIOD_S) @ np.array([0.02, 0.02])
+
+
+@pytest.mark.parametrize("made_um", [relays_um, stops_um], ids=["relays", "stops"])
+def test_an_actuator_of_another_class_that_does_not_fade_is_given_no_fading(
+    made_um: Callable[[Column], Column],
+) -> None:
     voltage_V = np.array([0.0, *np.linspace(0.0, -2.2, 60), *drive(4000)])
-    x_um = relays_um(voltage_V)
+    x_um = made_um(voltage_V)
     found = identify_free_response(
-        voltage_V.tolist(),
-        (x_um + noise(len(x_um))).tolist(),
-        PERIOD_S,
-        candidates=Candidates((0.0, 0.2, 0.4, 0.8), curved=(False, True)),
-        unpoled=False,
+        voltage_V.tolist(), (x_um + noise(len(x_um))).tolist(), PERIOD_S, unpoled=False
     )
     straight_um = float(np.std(x_um - np.polyval(np.polyfit(voltage_V, x_um, 1), voltage_V)))
-    assert found.model.fading_per_V == 0.0
+    print(f"residual {found.residual_um:.4f} µm of {straight_um:.4f} µm, {found.model}")
+    assert found.model.fadings_per_V == ()
     assert found.residual_um < 0.2 * straight_um
 
 
@@ -106,7 +133,9 @@ def test_collinear_plays_stay_bounded() -> None:
     voltage_V = drive(4000)
     x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S)
     thresholds = [0.01 * index for index in range(80)]
-    found = identify_free_response(voltage_V, x_um.tolist(), PERIOD_S, thresholds_V=thresholds)
+    found = identify_free_response(
+        voltage_V, x_um.tolist(), PERIOD_S, thresholds_V=thresholds, candidates=PLAIN
+    )
     assert max(abs(weight) for weight in found.model.weights_um_per_V) < 20.0
 
 
@@ -114,18 +143,42 @@ def test_the_ridge_is_chosen_by_motion_it_was_not_fitted_to() -> None:
     voltage_V = drive(1600)
     x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S) + noise(1600)
     arguments = (voltage_V, x_um.tolist(), PERIOD_S)
-    heavy = identify_free_response(*arguments, candidates=Candidates(ridges=(0.1,)))
-    chosen = identify_free_response(*arguments, candidates=Candidates(ridges=(0.1, 1e-6)))
+    heavy = identify_free_response(*arguments, candidates=PLAIN._replace(ridges=(0.1,)))
+    chosen = identify_free_response(*arguments, candidates=PLAIN._replace(ridges=(0.1, 1e-6)))
     assert chosen.residual_um < 0.5 * heavy.residual_um
 
 
-def test_thresholds_and_times_are_spread_over_what_was_taught() -> None:
-    plain, fading = spread_thresholds(3.0, 0.0), spread_thresholds(3.0, 1.0)
-    assert (plain[0], fading[0]) == (0.0, 0.0)
-    assert plain[-1] == pytest.approx(0.9 * 1.5)
-    assert fading[-1] == pytest.approx(0.7)
-    assert spread_thresholds(6.0, 0.0)[-1] == pytest.approx(2.0 * plain[-1])
+@pytest.mark.parametrize("share", [0.0, 0.35, 0.7])
+def test_the_widest_play_of_a_family_yields_within_the_travel(share: float) -> None:
+    thresholds = spread_thresholds(3.0, share, 9)
+    assert thresholds == pytest.approx([thresholds[0] * (k + 1) for k in range(9)])
+    widest_V = thresholds[-1]
+    way_V = np.array([-4.0, *np.linspace(0.0, 3.0, 301) - 4.0])
+    plays_V = play_columns((widest_V,), (share / widest_V,), way_V)[1:, 0]
+    behind_V = way_V[1:] - plays_V
+    yields = int(np.argmax(behind_V >= widest_V * (1.0 - 1e-9)))
+    assert yields * 0.01 == pytest.approx(REACH * 3.0, abs=0.01)
+
+
+def test_times_are_spread_over_what_was_taught() -> None:
     assert spread_creep_times(0.02, 60.0) == pytest.approx((0.1, 0.5, 2.5, 12.5))
+    assert spread_creep_times(0.02, 63.0)[-1] == pytest.approx(62.5)
+
+
+def test_a_displacement_that_would_fall_after_a_turn_is_refused() -> None:
+    """Rising over the whole travel, falling where a curved branch turns back."""
+    voltage_V = drive(2000)
+    bent = replace(MODEL, creep_times_s=(), creep_fractions=(), curvature_um_per_V2=-5.0)
+    x_um = simulate(bent, np.array(voltage_V), PERIOD_S)
+    with pytest.raises(ValueError, match=r"slope at 2\.\d+ V = -"):
+        identify_free_response(
+            voltage_V,
+            x_um.tolist(),
+            PERIOD_S,
+            thresholds_V=MODEL.thresholds_V,
+            creep_times_s=(),
+            candidates=PLAIN._replace(curved=(True,)),
+        )
 
 
 @pytest.mark.parametrize(

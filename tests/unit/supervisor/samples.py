@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 from math import sin
 
 from pincette.control.path_shapes import sinusoid
+from pincette.control.plant import consistent_arm, discretize
 from pincette.messages import Applied, Command, Estimate, Message, Position, Telemetry, Truth
 
 PERIOD_S = 0.02
+PLANT = discretize(consistent_arm(2437.8, 0.026, 19.0, 0.46), PERIOD_S)
 CONTACT_UM, STIFFNESS = 31.2, 2.11
 PHASES = (
     ("zero", 20, 0.0, 0.0),

@@ -12,12 +12,12 @@ from pincette_supervisor.result import grip_result
 from pincette_supervisor.result_models import GripResult
 
 from . import samples
-from .samples import PERIOD_S, Tick
+from .samples import PERIOD_S, PLANT, Tick
 
 
 def result_of(ticks: list[Tick]) -> GripResult:
     table = columns([m for tick in ticks for m in tick.messages()], PERIOD_S)
-    return grip_result(table, period_s=PERIOD_S, target_mN=20.0, dropped=0)
+    return grip_result(table, plant=PLANT, period_s=PERIOD_S, target_mN=20.0, dropped=0)
 
 
 def test_a_grip_has_the_figures_it_was_made_with() -> None:

@@ -10,14 +10,14 @@ from pincette_supervisor.result_models import TrackResult
 from pincette_supervisor.track_result import full_amplitude, track_result
 
 from . import samples
-from .samples import PATH, PERIOD_S, Tick
+from .samples import PATH, PERIOD_S, PLANT, Tick
 
 X_PP_UM = 20.0 / samples.STIFFNESS
 
 
 def result_of(ticks: list[Tick]) -> TrackResult:
     table = columns([m for tick in ticks for m in tick.messages()], PERIOD_S)
-    return track_result(table, path=PATH, period_s=PERIOD_S, dropped=0)
+    return track_result(table, plant=PLANT, path=PATH, period_s=PERIOD_S, dropped=0)
 
 
 def test_a_track_has_the_figures_it_was_made_with() -> None:
@@ -64,7 +64,9 @@ def test_on_a_real_rig_no_true_force_is_known() -> None:
     ticks = samples.track()
     messages = [m for tick in ticks for m in tick.messages()[:-1]]
     table = columns(messages, PERIOD_S)
-    assert track_result(table, path=PATH, period_s=PERIOD_S, dropped=0).true_force_mN is None
+    result = track_result(table, plant=PLANT, path=PATH, period_s=PERIOD_S, dropped=0)
+    assert result.true_force_mN is None
+    assert result.true_perturbation_error_mN is None
 
 
 def test_a_job_that_never_tracked_has_no_figures_of_the_path() -> None:

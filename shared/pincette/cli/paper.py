@@ -1,0 +1,55 @@
+"""``pincette paper``: repeat the paper's experiments on a simulated rig, and write the report."""
+
+from pathlib import Path
+from typing import cast
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from pincette.cli.rest import CliError
+from pincette.cli.rig_file import opened
+from pincette.paper.closed_loop import StudyError
+from pincette.paper.study import run_study
+
+
+def paper(path: Path, folder: Path, rigs: int) -> int:
+    """Run the whole study with its progress shown, and print its summary."""
+    console = Console(highlight=False)
+    rig = opened(path)
+    if rig.simulation is None:
+        raise CliError(f"{path} has no [simulation]: the study runs on simulated rigs")
+    if rigs < 1:
+        raise CliError(f"--rigs {rigs}: at least 1 is wanted")
+    try:
+        with Progress(
+            TextColumn("{task.description:<32}"),
+            BarColumn(),
+            TextColumn("{task.percentage:>3.0f} %"),
+            TimeElapsedColumn(),
+            console=console,
+        ) as bar:
+            task = bar.add_task("", total=1.0)
+
+            def show(what: str, share: float) -> None:
+                bar.update(task, description=what, completed=share)
+                if not console.is_terminal:
+                    console.print(f"{100.0 * share:3.0f} %  {what}")
+
+            summary = run_study(rig, folder, show, rigs)
+    except StudyError as error:
+        raise CliError(f"the study could not be finished: {error}") from error
+    _tell(summary, console)
+    console.print(f"report: {folder / 'index.html'}, numbers: {folder / 'paper.json'}")
+    return 0
+
+
+def _tell(summary: dict[str, object], console: Console) -> None:
+    for name, value in summary.items():
+        console.print(f"  {name}: {_text(value)}", markup=False)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, dict):
+        parts = cast("dict[str, object]", value)
+        return ", ".join(f"{name} {_text(item)}" for name, item in parts.items())
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

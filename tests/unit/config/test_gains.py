@@ -1,0 +1,115 @@
+"""Whether a law may run on a rig file, and the gains that are found for one."""
+
+from time import process_time
+
+import pytest
+
+from pincette.config import RigFile
+from pincette.config.gains import judged, tuned
+from pincette.control.law import LawSettings, ParameterSet, Scheme, default_settings
+from pincette.control.stability import LIMIT_RADIUS
+from tests.support.rigs import Tree, demo_rig, merged
+
+SCHEMES: tuple[Scheme, ...] = ("pbsmic", "dsmifc")
+SETS: tuple[ParameterSet, ...] = ("consistent", "printed")
+STRAIGHT: Tree = {"model": {"free_response": None, "hysteresis_fraction": 0.03}}
+"""An arm whose free response is known as a line alone, whatever the demo rig was taught."""
+
+TAUGHT: dict[str, Tree] = {
+    "free_response": {
+        "thresholds_V": [0.0],
+        "weights_um_per_V": [19.0],
+        "creep_times_s": [],
+        "creep_fractions": [],
+        "fadings_per_V": [],
+    },
+    "recorded_response": {
+        "bottom_V": 0.0,
+        "bottom_um": 0.0,
+        "top_V": 4.0,
+        "top_um": 76.0,
+        "ascending": [0.0, 0.5, 1.0],
+        "descending": [0.0, 0.5, 1.0],
+    },
+}
+"""The same line, as each source of a free response would have it."""
+
+
+def rig_of(**tables: Tree) -> RigFile:
+    return demo_rig(merged(STRAIGHT, tables), time="lockstep")
+
+
+@pytest.fixture(scope="module")
+def rig() -> RigFile:
+    return rig_of()
+
+
+def test_the_laws_of_the_paper_may_run_on_the_rig_of_the_paper(rig: RigFile) -> None:
+    for scheme in SCHEMES:
+        for name in SETS:
+            found = judged(rig, default_settings(scheme, name))
+            assert found.stable, found.reason
+            assert found.limit_radius == LIMIT_RADIUS
+
+
+@pytest.mark.parametrize("observer", ["inverse_dynamics", "kalman"])
+def test_a_hopeless_law_is_refused_with_its_radius(observer: str) -> None:
+    fast = rig_of(rig={"period_s": 0.001}, model={"force_observer": observer})
+    found = judged(fast, LawSettings(K_P=1.0))
+    assert not found.stable
+    assert found.radius > 1.0
+    assert f"spectral radius {found.radius:.4g}, limit 0.97" in found.reason
+    assert "at a period of 1 ms" in found.reason
+
+
+def test_what_the_rig_file_says_of_the_part_is_what_is_judged(rig: RigFile) -> None:
+    sure = rig_of(part={"stiffness_tolerance": 0.01})
+    hard = rig_of(part={"stiffness_mN_per_um": 200.0, "stiffness_tolerance": 0.01})
+    law = LawSettings(K_P=2.0, K_f=1e5)
+    radii = [judged(one, law).radius for one in (sure, rig, hard)]
+    assert radii[0] <= radii[1] < radii[2]
+    assert judged(hard, law).case.K_e_mN_per_um == pytest.approx(200.0, rel=0.011)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_tuned_gains_may_run(rig: RigFile, scheme: Scheme) -> None:
+    begun = process_time()
+    found = tuned(rig, scheme)
+    took_s = process_time() - begun
+    print(f"{scheme} tuned in {took_s:.2f} s of processor time")
+    # Both laws within 5 s.
+    assert took_s < 2.5
+    law = found.chosen.settings
+    assert (law.scheme, law.set, law.K_S) == (scheme, "consistent", 0.0)
+    assert judged(rig, law).radius == found.radius < LIMIT_RADIUS
+    assert all(judged(rig, item.settings).stable for item in found.front)
+
+
+def test_the_same_rig_file_is_tuned_once(rig: RigFile) -> None:
+    found = tuned(rig, "pbsmic")
+    assert tuned(rig.model_copy(), "pbsmic") is found
+    # On other ports it is another rig file, whose search begins anew and ends alike.
+    moved = rig.supervisor.model_copy(update={"port": rig.supervisor.port + 1})
+    again = tuned(rig.model_copy(update={"supervisor": moved}), "pbsmic")
+    assert again is not found
+    assert again == found
+
+
+def test_an_uncertain_force_takes_weight_off_the_force(rig: RigFile) -> None:
+    vague = rig_of(model={"hysteresis_fraction": 0.2})
+    sharp, dull = tuned(rig, "pbsmic"), tuned(vague, "pbsmic")
+    assert dull.chosen.settings.K_f == 0.0 < sharp.chosen.settings.K_f
+    found = {item.settings: item for item in sharp.candidates}
+    both = [(item, found[item.settings]) for item in dull.candidates if item.settings in found]
+    assert any(item.settings.K_f > 0.0 for item, _ in both)
+    for item, before in both:
+        if item.settings.K_f > 0.0:
+            assert item.position_percent > before.position_percent
+
+
+@pytest.mark.parametrize("name", TAUGHT)
+def test_a_taught_response_errs_by_its_own_residual(name: str) -> None:
+    """Not by the hysteresis of a line, with which no force would be fed back at all."""
+    table = {**TAUGHT[name], "residual_um": 0.001}
+    model: Tree = {"free_response": None, "hysteresis_fraction": 0.2, name: table}
+    assert tuned(rig_of(model=model), "pbsmic").chosen.settings.K_f > 0.0
