@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 from draw_step import step_picture
 
-from pincette.control import law as control_law
-from pincette.control.force import force
-from pincette.control.hysteresis import HysteresisModel
-from pincette.control.identified_response import identified_response
-from pincette.control.law import LawSettings
-from pincette.control.loop_matrix import Loop
-from pincette.control.mode import sample_mode
-from pincette.control.plant import consistent_arm
-from pincette.control.stability_map import radius_map
-from pincette.control.steady import steady_state_errors
-from pincette.control.worst_case import Intervals
+from pincette.control.arm.mode import sample_mode
+from pincette.control.arm.plant import consistent_arm
+from pincette.control.force.estimation import force
+from pincette.control.laws import law as control_law
+from pincette.control.laws.law import LawSettings
+from pincette.control.laws.steady import steady_state_errors
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.identified_response import identified_response
+from pincette.control.stability.loop_matrix import Loop
+from pincette.control.stability.stability_map import radius_map
+from pincette.control.stability.worst_case import Intervals
 from pincette.paper.drawing import (
     BLUE,
     FAINT,

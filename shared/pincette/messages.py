@@ -6,7 +6,7 @@ of the arming it belongs to. A message is invalid until somebody says that it is
 
 from dataclasses import dataclass
 
-from pincette.control.program import Program
+from pincette.control.planning.program import Program
 
 VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
 """Bits of ``limits_active``."""

@@ -25,7 +25,7 @@ import zenoh
 from pincette.bus.links import Ends, client_ends, endpoint
 from pincette.bus.zenoh_bus import ZenohBus, open_session
 from pincette.config import RigFile
-from pincette.control.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program, Segment
 from pincette.messages import Reset
 from pincette.runtime.arming import arm, status
 from pincette.runtime.fleet import Fleet

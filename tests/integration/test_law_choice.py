@@ -10,8 +10,8 @@ from pydantic import TypeAdapter
 
 from pincette.config import RigFile
 from pincette.config.gains import tuned
-from pincette.control.law import ParameterSet, Scheme
-from pincette.control.plant import discretize, printed_arm
+from pincette.control.arm.plant import discretize, printed_arm
+from pincette.control.laws.law import ParameterSet, Scheme
 from pincette.messages import Message, Sample
 from pincette.runtime.composed import ComposedLoop
 from pincette_supervisor.archive import Record, Take, gather

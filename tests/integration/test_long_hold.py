@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pincette.config import RigFile, read_rig
-from pincette.control.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program, Segment
 from pincette.messages import Estimate, Message, Telemetry, Truth
 from pincette.runtime.composed import ComposedLoop
 

@@ -5,7 +5,7 @@ from functools import lru_cache
 import pytest
 
 from pincette.config import IdentifiedFreeResponse, RigFile
-from pincette.control.plant import discretize
+from pincette.control.arm.plant import discretize
 from pincette.messages import Message, Sample
 from pincette.runtime.composed import ComposedLoop
 from pincette_supervisor.columns import columns

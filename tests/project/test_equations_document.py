@@ -121,7 +121,7 @@ def test_what_is_not_there_is_found(root: Path) -> None:
     with pytest.raises(ModuleNotFoundError):
         resolve("pincetto.control")
     with pytest.raises(AttributeError):
-        resolve("pincette.control.plant.discretise")
+        resolve("pincette.control.arm.plant.discretise")
     text = "`tests/project/none.py` `tests/project/conftest.py::test_none`"
     assert missing_tests(root, text) == text.replace("`", "").split()
     assert names_equation("(16) to (32)", 20)

@@ -93,7 +93,7 @@ def undocumented(tree: ast.AST) -> Iterator[str]:
 
 
 def test_mathematics_is_documented(root: Path) -> None:
-    modules = sorted((root / "shared/pincette/control").glob("*.py"))
+    modules = sorted((root / "shared/pincette/control").rglob("*.py"))
     assert modules
     assert {
         module.name: bare

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pincette.codec import MAX_BYTES, CodecError, decode, encode
-from pincette.control.law import LawSettings
-from pincette.control.program import Guards, Program, Segment
+from pincette.control.laws.law import LawSettings
+from pincette.control.planning.program import Guards, Program, Segment
 from pincette.messages import Applied, Command, Estimate, Load, Position, Telemetry
 
 packb = cast(Any, msgpack).packb

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from pincette.config import RigFile
-from pincette.control.law import Law, LawSettings, build
-from pincette.control.plant import ArmParameters
-from pincette.control.program import Program
+from pincette.control.arm.plant import ArmParameters
+from pincette.control.laws.law import Law, LawSettings, build
+from pincette.control.planning.program import Program
 
 
 @dataclass(frozen=True, slots=True)

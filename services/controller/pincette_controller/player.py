@@ -6,10 +6,10 @@ move the program on.
 
 from dataclasses import dataclass, field, replace
 
-from pincette.control.contact_line import ContactLine
-from pincette.control.paths import Path
-from pincette.control.profiles import move, quintic
-from pincette.control.program import Program, Segment
+from pincette.control.planning.contact_line import ContactLine
+from pincette.control.planning.paths import Path
+from pincette.control.planning.profiles import move, quintic
+from pincette.control.planning.program import Program, Segment
 from pincette.messages import Estimate
 
 STOP_S = 0.3

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from pincette.config import RigFile
-from pincette.control import law as control_law
-from pincette.control.law import Law, LawState
-from pincette.control.program import Program
-from pincette.control.sliding import LawOutput
+from pincette.control.laws import law as control_law
+from pincette.control.laws.law import Law, LawState
+from pincette.control.laws.sliding import LawOutput
+from pincette.control.planning.program import Program
 from pincette.messages import (
     SLEW_DOWN,
     SLEW_UP,

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 from pincette.config import RigFile, derived
-from pincette.control.free_response import FreeResponse
-from pincette.control.observers import ForceObserver
-from pincette.control.plant import DifferenceEquation, discretize
-from pincette.control.touch import KinkLimits, kink_limits
-from pincette.control.zeroing import ZeroLimits
+from pincette.control.arm.plant import DifferenceEquation, discretize
+from pincette.control.force.observers import ForceObserver
+from pincette.control.force.touch import KinkLimits, kink_limits
+from pincette.control.force.zeroing import ZeroLimits
+from pincette.control.response.free_response import FreeResponse
 
 REST_S = 0.2
 REST_SAMPLES = (10, 64)

@@ -5,13 +5,13 @@ from math import isfinite, log10
 from typing import NamedTuple
 
 from pincette.config import RigFile
-from pincette.control.force import COVERAGE, uncertainty
-from pincette.control.free_response import FreeResponse, FreeSample
-from pincette.control.observers import ForceObserver
-from pincette.control.plant import perturbation
-from pincette.control.to_and_fro import ToAndFro, forgotten_mN
-from pincette.control.touch import TouchWatch
-from pincette.control.zeroing import zero_refusal
+from pincette.control.arm.plant import perturbation
+from pincette.control.force.estimation import COVERAGE, uncertainty
+from pincette.control.force.observers import ForceObserver
+from pincette.control.force.to_and_fro import ToAndFro, forgotten_mN
+from pincette.control.force.touch import TouchWatch
+from pincette.control.force.zeroing import zero_refusal
+from pincette.control.response.free_response import FreeResponse, FreeSample
 from pincette.messages import Applied, Arm, Done, Estimate, Message, Position
 from pincette.service import Drive, Input, RefusedError, Service
 from pincette.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS

@@ -11,8 +11,8 @@ from typing import Any
 
 from pincette import __version__
 from pincette.config import RigFile
-from pincette.control.law import build
-from pincette.control.plant import DifferenceEquation
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.laws.law import build
 from pincette.messages import Message
 from pincette_supervisor import record as files
 from pincette_supervisor.columns import Columns, columns

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pincette.control.plant import DifferenceEquation, perturbation
+from pincette.control.arm.plant import DifferenceEquation, perturbation
 from pincette_supervisor import figures
 from pincette_supervisor.columns import Columns
 from pincette_supervisor.figures import Series, series

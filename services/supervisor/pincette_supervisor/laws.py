@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from pincette.config import ConfigError, RigFile
 from pincette.config.gains import judged, tuned
-from pincette.control.law import LawSettings, Scheme, default_settings
-from pincette.control.stability import Assessment
+from pincette.control.laws.law import LawSettings, Scheme, default_settings
+from pincette.control.stability.assessment import Assessment
 from pincette_supervisor.path_requests import FaultyRequestError
 from pincette_supervisor.plan_models import GainsFrom, Law
 from pincette_supervisor.request_models import Gains, JobRequest

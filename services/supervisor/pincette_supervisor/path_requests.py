@@ -3,8 +3,8 @@
 from typing import Any
 
 from pincette.config import RigFile
-from pincette.control.path_shapes import sinusoid, steps, triangle, waypoints
-from pincette.control.paths import Path
+from pincette.control.planning.path_shapes import sinusoid, steps, triangle, waypoints
+from pincette.control.planning.paths import Path
 from pincette_supervisor.request_models import TrackJobRequest
 
 SWING = ("force_mean_mN", "force_pp_mN", "frequency_hz", "cycles")

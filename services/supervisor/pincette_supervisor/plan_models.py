@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel
 
-from pincette.control.law import ForceAge, ParameterSet, Scheme
+from pincette.control.laws.law import ForceAge, ParameterSet, Scheme
 from pincette_supervisor.models import JobKind, example
 
 GainsFrom = Literal["rig", "paper", "default", "request", "tuned"]

@@ -5,15 +5,15 @@ from math import ceil
 from typing import Any
 
 from pincette.config import RigFile, derived
-from pincette.control.course import Course
-from pincette.control.grip_plan import GripRequest, plan_grip
-from pincette.control.law import LawSettings
-from pincette.control.path_shapes import peaks
-from pincette.control.paths import Path
-from pincette.control.plan import ContactPlan
-from pincette.control.program import Program
-from pincette.control.steady import steady_error_ranges
-from pincette.control.track_plan import TrackRequest, plan_track
+from pincette.control.laws.law import LawSettings
+from pincette.control.laws.steady import steady_error_ranges
+from pincette.control.planning.contact_plan import ContactPlan
+from pincette.control.planning.course import Course
+from pincette.control.planning.grip_plan import GripRequest, plan_grip
+from pincette.control.planning.path_shapes import peaks
+from pincette.control.planning.paths import Path
+from pincette.control.planning.program import Program
+from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette_supervisor import plan_models
 from pincette_supervisor.laws import ChosenLaw, choose_law
 from pincette_supervisor.path_requests import path_values, requested_path

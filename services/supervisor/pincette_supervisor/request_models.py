@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
-from pincette.control.law import ForceAge, ParameterSet, Scheme
-from pincette.control.paths import Shape
+from pincette.control.laws.law import ForceAge, ParameterSet, Scheme
+from pincette.control.planning.paths import Shape
 from pincette_supervisor.models import example
 
 Positive = Annotated[float, Field(gt=0)]

@@ -5,8 +5,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from pincette.control.contact_line import ContactFit, ContactLine
-from pincette.control.plant import DifferenceEquation
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.planning.contact_line import ContactFit, ContactLine
 from pincette.messages import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette_supervisor import figures
 from pincette_supervisor.columns import Columns, missed

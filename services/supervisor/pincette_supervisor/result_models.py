@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from pincette.control.paths import Shape
+from pincette.control.planning.paths import Shape
 from pincette_supervisor.models import example
 from pincette_supervisor.states import ActionType
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pincette.control.paths import Path
-from pincette.control.plant import DifferenceEquation
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.planning.paths import Path
 from pincette_supervisor import figures
 from pincette_supervisor.columns import Columns
 from pincette_supervisor.figures import Mask, Series, series, within

@@ -5,8 +5,8 @@ import math
 from collections.abc import Callable
 from typing import Any, get_args
 
-from pincette.control.law import ParameterSet, Scheme
-from pincette.control.paths import Shape
+from pincette.control.laws.law import ParameterSet, Scheme
+from pincette.control.planning.paths import Shape
 
 JOB_ACTIONS = {
     "stop": "stop a job; a held part stays held",

@@ -7,8 +7,8 @@ from typing import Literal
 from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
 from pincette.config import RecordedFreeResponse
-from pincette.control.identification import Identification
-from pincette.control.recording import Recording
+from pincette.control.response.identification import Identification
+from pincette.control.response.recording import Recording
 from pincette.runtime import teaching
 
 Source = Literal["identified", "recorded"]

@@ -6,22 +6,22 @@ Several programs work with the same parts of a rig file; each part is made of it
 from pincette.config.model import Model
 from pincette.config.rig_file import RigFile
 from pincette.config.tables import ConfigError
-from pincette.control.feasibility import PlanLimits, acceleration_limit
-from pincette.control.free_response import FreeResponse, FreeSample, nominal_response
-from pincette.control.identified_response import identified_response
-from pincette.control.inverse_dynamics import inverse_dynamics
-from pincette.control.kalman import augmented_kalman
-from pincette.control.law import LawSettings
-from pincette.control.loop_matrix import Loop
-from pincette.control.observers import (
+from pincette.control.force.inverse_dynamics import inverse_dynamics
+from pincette.control.force.kalman import augmented_kalman
+from pincette.control.force.observers import (
     ForceObserver,
     QuasiStatic,
     QuasiStaticParameters,
     least_period_s,
 )
-from pincette.control.plan import PlannedRig
-from pincette.control.recorded_response import recorded_response
-from pincette.control.worst_case import Intervals, around
+from pincette.control.laws.law import LawSettings
+from pincette.control.planning.contact_plan import PlannedRig
+from pincette.control.planning.feasibility import PlanLimits, acceleration_limit
+from pincette.control.response.free_response import FreeResponse, FreeSample, nominal_response
+from pincette.control.response.identified_response import identified_response
+from pincette.control.response.recorded_response import recorded_response
+from pincette.control.stability.loop_matrix import Loop
+from pincette.control.stability.worst_case import Intervals, around
 
 X_START_UM = 0.0
 """Where the arm rests at zero voltage: the rig file's sensor offset makes it so."""

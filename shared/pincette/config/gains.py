@@ -6,12 +6,12 @@ import numpy as np
 
 from pincette.config.derived import X_START_UM, free_response, intervals, loop
 from pincette.config.rig_file import RigFile
-from pincette.control.law import LawSettings, Scheme
-from pincette.control.path_shapes import sinusoid
-from pincette.control.profiles import quintic
-from pincette.control.stability import LIMIT_RADIUS, Assessment, assess
-from pincette.control.tuning import Tuning, TuningPath, TuningRig, tune
-from pincette.control.worst_case import worst_case
+from pincette.control.laws.law import LawSettings, Scheme
+from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.profiles import quintic
+from pincette.control.stability.assessment import LIMIT_RADIUS, Assessment, assess
+from pincette.control.stability.tuning import Tuning, TuningPath, TuningRig, tune
+from pincette.control.stability.worst_case import worst_case
 
 TUNED_HZ = 0.5
 """Frequency of the sinusoid that gains are tuned on, that of the paper."""

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from pincette.config.tables import NotNegative, Positive, Table
-from pincette.control.law import LawSettings
+from pincette.control.laws.law import LawSettings
 
 
 class Law(Table):

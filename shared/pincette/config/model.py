@@ -6,9 +6,9 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from pincette.config.tables import NotNegative, Positive, Table
-from pincette.control.hysteresis import HysteresisModel
-from pincette.control.plant import ArmParameters, consistent_arm
-from pincette.control.recorded_response import RecordedBranches, Turn
+from pincette.control.arm.plant import ArmParameters, consistent_arm
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.recorded_response import RecordedBranches, Turn
 
 
 class IdentifiedFreeResponse(Table):

@@ -11,7 +11,7 @@ from pincette.config.law import Law
 from pincette.config.model import Model
 from pincette.config.simulation import Simulation
 from pincette.config.tables import ConfigError, NotNegative, Positive, Table, Url
-from pincette.control.paths import Shape
+from pincette.control.planning.paths import Shape
 
 Options = dict[str, str | int | float | bool]
 """What only one driver understands; it checks them itself."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pincette.config import IdentifiedFreeResponse, RigFile
 from pincette.config.gains import tuned
-from pincette.control.law import LawSettings, Scheme
+from pincette.control.laws.law import LawSettings, Scheme
 from pincette.messages import Telemetry
 from pincette.paper import printed
 from pincette.paper.closed_loop import StudyError, outcome, play, tracking_plan

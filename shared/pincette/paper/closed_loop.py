@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.config import RigFile, derived
-from pincette.control.law import LawSettings
-from pincette.control.path_shapes import sinusoid
-from pincette.control.plan import ContactPlan
-from pincette.control.program import Program
-from pincette.control.track_plan import TrackRequest, plan_track
+from pincette.control.laws.law import LawSettings
+from pincette.control.planning.contact_plan import ContactPlan
+from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.program import Program
+from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette.messages import Applied, Estimate, Message, Telemetry, Truth
 from pincette.paper import printed
 from pincette.runtime.composed import ComposedLoop

@@ -1,9 +1,9 @@
 """Fig. 8: the line of peak-to-peak force over peak-to-peak position, in open loop."""
 
 from pincette.config import RigFile
-from pincette.control.calibration import stiffness_line
-from pincette.control.free_response import FreeResponse
-from pincette.control.observers import QuasiStatic, QuasiStaticParameters
+from pincette.control.calibration.lines import stiffness_line
+from pincette.control.force.observers import QuasiStatic, QuasiStaticParameters
+from pincette.control.response.free_response import FreeResponse
 from pincette.paper import printed
 from pincette.paper.drawing import BLUE, ORANGE, Axis, label, legend, picture
 from pincette.paper.estimation import CYCLES, read

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.config import RigFile, Simulation, derived
-from pincette.control.calibration import compliance
-from pincette.control.frequency_response import FrequencyResponse, swept_response
-from pincette.control.law import default_settings
-from pincette.control.observers import ForceObserver
-from pincette.control.resonance import SecondOrder, fit_second_order
-from pincette.control.stability import LIMIT_RADIUS
-from pincette.control.stability_map import radius_map
+from pincette.control.calibration.frequency_response import FrequencyResponse, swept_response
+from pincette.control.calibration.lines import compliance
+from pincette.control.calibration.resonance import SecondOrder, fit_second_order
+from pincette.control.force.observers import ForceObserver
+from pincette.control.laws.law import default_settings
+from pincette.control.stability.assessment import LIMIT_RADIUS
+from pincette.control.stability.stability_map import radius_map
 from pincette.paper import printed
 from pincette.paper.drawing import BLUE, INK, ORANGE, Axis, label, legend, picture
 from pincette.paper.open_loop import drive

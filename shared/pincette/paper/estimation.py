@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.config import RigFile, Simulation
-from pincette.control.free_response import FreeResponse, FreeSample
-from pincette.control.observers import ForceObserver, QuasiStatic, QuasiStaticParameters
+from pincette.control.force.observers import ForceObserver, QuasiStatic, QuasiStaticParameters
+from pincette.control.response.free_response import FreeResponse, FreeSample
 from pincette.paper import printed
 from pincette.paper.closed_loop import rms
 from pincette.paper.drawing import BLUE, GREEN, ORANGE, Axis, label, legend_above, picture

@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from pincette.config import RigFile
-from pincette.control.law import LawSettings, default_settings
+from pincette.control.laws.law import LawSettings, default_settings
 from pincette.paper import printed
 from pincette.paper.closed_loop import Errors, Record, track, tracking_plan
 from pincette.paper.drawing import BLUE, GREEN, Axis, label, legend, picture

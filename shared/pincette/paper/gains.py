@@ -1,8 +1,8 @@
 """The search for gains, drawn, and its choice tried on the rig."""
 
 from pincette.config.gains import tuned
-from pincette.control.law import Scheme
-from pincette.control.tuning import Tuning
+from pincette.control.laws.law import Scheme
+from pincette.control.stability.tuning import Tuning
 from pincette.paper.calibrated import Prepared
 from pincette.paper.closed_loop import Errors, track, tracking_plan
 from pincette.paper.drawing import BLUE, FAINT, ORANGE, RED, Axis, label, legend, picture

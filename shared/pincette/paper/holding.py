@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.config import RigFile, derived
-from pincette.control.grip_plan import GripRequest, plan_grip
-from pincette.control.program import Program, Segment
+from pincette.control.planning.grip_plan import GripRequest, plan_grip
+from pincette.control.planning.program import Program, Segment
 from pincette.paper.closed_loop import Record, StudyError, outcome, play, record
 from pincette.paper.drawing import BLUE, GREEN, ORANGE, Axis, label, legend_above, picture
 from pincette.paper.report import Comparison, Picture, Section

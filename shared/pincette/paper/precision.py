@@ -7,7 +7,7 @@ from statistics import median
 from typing import Any
 
 from pincette.config import RigFile
-from pincette.control.law import Scheme
+from pincette.control.laws.law import Scheme
 from pincette.paper import printed
 from pincette.paper.calibrated import prepare
 from pincette.paper.closed_loop import Errors, track, tracking_plan

@@ -1,9 +1,9 @@
 """Where x_1 may come from beside the identified operator: a straight line, a recorded loop."""
 
 from pincette.config import RigFile
-from pincette.control.free_response import FreeResponse, FreeSample, nominal_response
-from pincette.control.recorded_response import recorded_response
-from pincette.control.recording import record_free_response
+from pincette.control.response.free_response import FreeResponse, FreeSample, nominal_response
+from pincette.control.response.recorded_response import recorded_response
+from pincette.control.response.recording import record_free_response
 from pincette.runtime.teaching import free_motion
 
 

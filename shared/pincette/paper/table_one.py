@@ -4,7 +4,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from pincette.config import RigFile
-from pincette.control.law import default_settings
+from pincette.control.laws.law import default_settings
 from pincette.paper import printed
 from pincette.paper.closed_loop import Errors, Record, track, tracking_plan
 from pincette.paper.drawing import BLUE, ORANGE, Axis, label, legend, picture

@@ -3,7 +3,7 @@
 from typing import cast
 
 from pincette.bus.protocol import Bus
-from pincette.control.program import Program
+from pincette.control.planning.program import Program
 from pincette.messages import Arm, Load, Status, StatusRequest
 from pincette.topics import ARM, LOAD, STATUS
 

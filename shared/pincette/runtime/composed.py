@@ -10,7 +10,7 @@ from functools import partial
 from pincette import plugins
 from pincette.bus.memory import MemoryBus
 from pincette.config import ConfigError, RigFile
-from pincette.control.program import Program
+from pincette.control.planning.program import Program
 from pincette.messages import Message, Reset
 from pincette.runtime.arming import arm
 from pincette.runtime.devices import simulated_devices

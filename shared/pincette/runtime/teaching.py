@@ -1,9 +1,9 @@
 """The free response of a simulated rig: its arm moved with the part taken out, and taught."""
 
 from pincette.config import RigFile
-from pincette.control.identification import Identification, identify_free_response
-from pincette.control.recording import Recording, record_free_response
-from pincette.control.teaching import teaching_program
+from pincette.control.planning.teaching import teaching_program
+from pincette.control.response.identification import Identification, identify_free_response
+from pincette.control.response.recording import Recording, record_free_response
 from pincette.messages import Estimate
 from pincette.runtime.composed import ComposedLoop
 

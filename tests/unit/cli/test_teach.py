@@ -12,9 +12,9 @@ from pincette.cli.main import main
 from pincette.cli.teach import as_toml
 from pincette.config import ConfigError, parse_rig, read_rig
 from pincette.config.derived import free_response
-from pincette.control.hysteresis_motion import simulate
-from pincette.control.identification import Identification
-from pincette.control.recorded_response import RecordedResponse
+from pincette.control.response.hysteresis_motion import simulate
+from pincette.control.response.identification import Identification
+from pincette.control.response.recorded_response import RecordedResponse
 from pincette.runtime.teaching import record, teach
 from pincette.sim.rig import SimulatedRig
 

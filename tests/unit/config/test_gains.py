@@ -6,8 +6,8 @@ import pytest
 
 from pincette.config import RigFile
 from pincette.config.gains import judged, tuned
-from pincette.control.law import LawSettings, ParameterSet, Scheme, default_settings
-from pincette.control.stability import LIMIT_RADIUS
+from pincette.control.laws.law import LawSettings, ParameterSet, Scheme, default_settings
+from pincette.control.stability.assessment import LIMIT_RADIUS
 from tests.support.rigs import Tree, demo_rig, merged
 
 SCHEMES: tuple[Scheme, ...] = ("pbsmic", "dsmifc")

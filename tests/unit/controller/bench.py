@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, replace
 
-from pincette.control.law import LawSettings
-from pincette.control.plant import consistent_arm, discretize
-from pincette.control.program import Guards, Program, Segment
+from pincette.control.arm.plant import consistent_arm, discretize
+from pincette.control.laws.law import LawSettings
+from pincette.control.planning.program import Guards, Program, Segment
 from pincette.messages import Arm, Command, Estimate, Load, Telemetry
 from pincette_controller.config import ControllerConfig
 from pincette_controller.step import Inputs, State, answer, start, step

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from pincette.control.path_shapes import sinusoid
-from pincette.control.program import Guards, Program, Segment
+from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.program import Guards, Program, Segment
 from pincette.messages import Estimate
 from pincette_controller.player import Player, advance, begin, release, stop
 

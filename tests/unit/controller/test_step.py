@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from pincette.config import read_rig
-from pincette.control import law as control_law
-from pincette.control.law import Law, LawSettings, LawState, build
-from pincette.control.law import start as start_law
+from pincette.control.laws import law as control_law
+from pincette.control.laws.law import Law, LawSettings, LawState, build
+from pincette.control.laws.law import start as start_law
 from pincette.messages import SLEW_DOWN, VOLTAGE_MAX, Arm, Command, Load
 from pincette.service import RefusedError
 from pincette_controller.config import configure

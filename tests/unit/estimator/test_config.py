@@ -3,9 +3,9 @@
 import pytest
 
 from pincette.config import ConfigError, parse_rig
-from pincette.control.inverse_dynamics import InverseDynamics
-from pincette.control.kalman import AugmentedKalman
-from pincette.control.observers import QuasiStatic
+from pincette.control.force.inverse_dynamics import InverseDynamics
+from pincette.control.force.kalman import AugmentedKalman
+from pincette.control.force.observers import QuasiStatic
 from pincette_estimator.config import configure
 from tests.unit.estimator.bench import DEMO, a_rig
 

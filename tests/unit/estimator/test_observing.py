@@ -4,7 +4,7 @@ from math import pi, sin, sqrt
 
 import pytest
 
-from pincette.control.mode import sample_mode
+from pincette.control.arm.mode import sample_mode
 from pincette_estimator.config import EstimatorConfig, configure
 from tests.unit.estimator.bench import TAUGHT, Bench, a_rig
 

@@ -5,7 +5,7 @@ from math import inf, isfinite, nan
 
 import pytest
 
-from pincette.control.program import Guards, Program
+from pincette.control.planning.program import Guards, Program
 from pincette.messages import Load
 from pincette.service import RefusedError
 from pincette_estimator.config import EstimatorConfig, configure
@@ -148,7 +148,7 @@ def test_the_perturbation_is_that_of_its_own_force() -> None:
 
 
 def test_the_uncertainty_grows_with_the_to_and_fro_since_the_zero() -> None:
-    bench = Bench(IDENTIFIED)
+    bench = Bench(replace(IDENTIFIED, forgotten_mN=3.0))
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 0.0, zero=True)
     before = bench.feed(0.0, 0.0).force_uncertainty_mN

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pincette.config import read_rig
-from pincette.control.hysteresis import displacement_um, start, step
+from pincette.control.response.hysteresis import displacement_um, start, step
 from pincette.runtime.teaching import free_range_um, teach, without_part
 
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import sin
 
-from pincette.control.path_shapes import sinusoid
-from pincette.control.plant import consistent_arm, discretize
+from pincette.control.arm.plant import consistent_arm, discretize
+from pincette.control.planning.path_shapes import sinusoid
 from pincette.messages import Applied, Command, Estimate, Message, Position, Telemetry, Truth
 
 PERIOD_S = 0.02

@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pincette.control.plant import discretize, printed_arm
+from pincette.control.arm.plant import discretize, printed_arm
 from pincette.messages import Message
 from pincette_supervisor.columns import columns
 from pincette_supervisor.law_result import law_figures, true_perturbation_error
-from tests.unit.control.model_loop import ModelArm
+from tests.unit.control.laws.model_loop import ModelArm
 
 from . import samples
 from .samples import PERIOD_S, PLANT, Tick

@@ -9,7 +9,7 @@ import pytest
 
 from pincette.config import RigFile
 from pincette.config.gains import judged, tuned
-from pincette.control.law import LawSettings, ParameterSet, Scheme, default_settings
+from pincette.control.laws.law import LawSettings, ParameterSet, Scheme, default_settings
 from pincette_supervisor import laws
 from pincette_supervisor.planning import plan_job
 from pincette_supervisor.request_models import GripJobRequest, TrackJobRequest

@@ -1,0 +1,1 @@
+"""The arm: its equation of motion, and its mode from sample to sample."""

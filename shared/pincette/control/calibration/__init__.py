@@ -1,0 +1,1 @@
+"""Calibration: mode, compliance and contact from measurements, with their uncertainties."""

@@ -1,0 +1,150 @@
+"""The force observer for short periods that undoes the mode: (53) with its G⁻¹(s).
+
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from dataclasses import dataclass
+from math import exp, sqrt
+
+from pincette.control.arm.mode import Mode, sample_mode
+from pincette.control.checks import require_not_negative, require_positive
+
+NOISE_GAIN_MAX = 5.0
+"""Amplification of the sensor's noise beyond which the inverse is refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class InverseParameters:
+    """Coefficients; made by ``inverse_dynamics``."""
+
+    mode: Mode
+    gain_mN_per_um: float
+    zero_1: float
+    """2e^(-σT)cos ω_d T."""
+    zero_2: float
+    """e^(-2σT)."""
+    pole: float
+    """e^(-T/τ), twice."""
+    noise_gain: float
+
+
+@dataclass(frozen=True, slots=True)
+class InverseDynamics:
+    """(53) with G(s) of (54) and a filter that makes its inverse proper.
+
+        F̂ = (1/s_p)·G⁻¹(s)/(τs + 1)²·(G·x_1 - x),   G⁻¹ = (s² + 2ζω_n s + ω_n²)/ω_n²     (53)
+
+    ``free_um``, the x_1 of the voltage without the mode, is held over a period, so that G·x_1, the
+    printed x_1(t), is followed exactly and a free arm reads nothing, at any period. The inverse
+    is discretised by matched zeros and poles,
+
+        F̂ = (g/s_p)·(1 - 2e^(-σT)cos(ω_d T) z⁻¹ + e^(-2σT) z⁻²)/(1 - e^(-T/τ) z⁻¹)²·(G·x_1 - x)
+
+    with g for unity at low frequencies. Its zeros are the poles of the sampled mode: whatever ring
+    is left in G·x_1 - x is taken out within two samples, whether the mode lies below half the
+    sampling rate or is aliased. Tustin's rule, even warped to ω_n, needs T < π/ω_n and misses the
+    damping; the exact inverse for a held force has a zero near z = -1, thus a ringing pole. The
+    price is a lag of about one sample, and 2τ.
+    """
+
+    parameters: InverseParameters
+    mode_um: float = 0.0
+    """G·x_1."""
+    speed_um_per_s: float = 0.0
+    """Its rate."""
+    error_1_um: float = 0.0
+    """G·x_1 - x one sample ago."""
+    error_2_um: float = 0.0
+    force_1_mN: float = 0.0
+    """F̂ one sample ago."""
+    force_2_mN: float = 0.0
+
+    @property
+    def noise_gain(self) -> float:
+        """That of the inverse and its filter."""
+        return self.parameters.noise_gain
+
+    def observe(
+        self, x_um: float, free_um: float, _voltage_V: float, /
+    ) -> tuple["InverseDynamics", float]:
+        """Follow the mode, and undo it in what the position lacks to it."""
+        p, mode = self.parameters, self.parameters.mode
+        offset_um, speed = self.mode_um - free_um, self.speed_um_per_s
+        mode_um = free_um + mode.xx * offset_um + mode.xv * speed
+        error_um = mode_um - x_um
+        ring_um = error_um - p.zero_1 * self.error_1_um + p.zero_2 * self.error_2_um
+        F_mN = p.gain_mN_per_um * ring_um + p.pole * (
+            2.0 * self.force_1_mN - p.pole * self.force_2_mN
+        )
+        after = InverseDynamics(
+            p,
+            mode_um,
+            mode.vx * offset_um + mode.vv * speed,
+            error_um,
+            self.error_1_um,
+            F_mN,
+            self.force_1_mN,
+        )
+        return after, F_mN
+
+    def restart(self, x_um: float, free_um: float, _voltage_V: float, /) -> "InverseDynamics":
+        """Let both arms, the free one and the pressed one, be at rest."""
+        p, error_um = self.parameters, free_um - x_um
+        F_mN = p.gain_mN_per_um * (1.0 - p.zero_1 + p.zero_2) * error_um / (1.0 - p.pole) ** 2
+        return InverseDynamics(p, free_um, 0.0, error_um, error_um, F_mN, F_mN)
+
+
+def inverse_dynamics(
+    natural_frequency_rad_per_s: float,
+    damping_ratio: float,
+    compliance_um_per_mN: float,
+    *,
+    period_s: float,
+    filter_s: float,
+) -> InverseDynamics:
+    """Make the observer.
+
+    Parameters
+    ----------
+    natural_frequency_rad_per_s, damping_ratio
+        ω_n and ζ of (54).
+    filter_s
+        τ; 0 leaves the filter out, which the sampled inverse does not need.
+
+    Raises
+    ------
+    ValueError
+        Where a value is out of range, or the period is so close to a multiple of the mode's that
+        a sampled ring looks like a constant: the inverse would amplify noise without bound.
+    """
+    mode = sample_mode(natural_frequency_rad_per_s, damping_ratio, period_s)
+    s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")
+    tau_s = require_not_negative("inverse filter", filter_s, "s")
+    zero_1 = mode.xx + mode.vv
+    zero_2 = mode.xx * mode.vv - mode.xv * mode.vx
+    pole = exp(-period_s / tau_s) if tau_s > 0.0 else 0.0
+    gain = (1.0 - pole) ** 2 / (1.0 - zero_1 + zero_2)
+    noise_gain = _noise_gain(gain, zero_1, zero_2, pole)
+    if noise_gain > NOISE_GAIN_MAX:
+        raise ValueError(
+            f"period = {period_s} s: the inverse of the mode would amplify noise {noise_gain:.1f} "
+            f"times, limit {NOISE_GAIN_MAX}; choose another period or a longer inverse filter"
+        )
+    return InverseDynamics(
+        InverseParameters(mode, gain / s_p, zero_1, zero_2, pole, noise_gain),
+    )
+
+
+def _noise_gain(gain: float, zero_1: float, zero_2: float, pole: float) -> float:
+    """Root of the sum of squares of the impulse response."""
+    inputs = [1.0, -zero_1, zero_2]
+    squares = before = before_2 = 0.0
+    # The response falls as k·p^k; what is left at the end is below 1e-12 of it.
+    for index in range(100_000):
+        put_in = inputs[index] if index < len(inputs) else 0.0
+        now = gain * put_in + pole * (2.0 * before - pole * before_2)
+        squares += now * now
+        if index > len(inputs) and now * now + before * before <= 1e-24 * squares:
+            break
+        before, before_2 = now, before
+    return sqrt(squares)

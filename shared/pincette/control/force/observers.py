@@ -1,0 +1,140 @@
+"""Position and free response in, contact force out: what all force observers agree on.
+
+An observer is immutable and linear: its reading and what it becomes are linear in what it is fed
+and in its own state. Its field ``parameters`` is fixed; every other field is a float of its state,
+which ``state_of`` and ``with_state`` take out and put in.
+"""
+
+from dataclasses import dataclass, fields, replace
+from math import pi, sqrt
+from typing import Any, Protocol, Self, TypeVar
+
+from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.force.estimation import force
+
+SHORTEST_PERIODS = 2.0
+"""Periods of the mode below which a sampling period is not long against it."""
+
+
+class ForceObserver(Protocol):
+    """Finds F from x_k and x_1, once a period; F > 0 is compressive."""
+
+    @property
+    def noise_gain(self) -> float:
+        """Standard deviation of the force times s_p, over that of white noise in x."""
+        ...
+
+    def observe(self, x_um: float, free_um: float, voltage_V: float, /) -> tuple[Self, float]:
+        """Take in x_k, x_1 and the voltage u_{k-1} they answer to; return F̂ in mN with it.
+
+        ``free_um`` is x_1 without the mode: where u_{k-1}, held since k-1, would let the arm rest.
+        """
+        ...
+
+    def restart(self, x_um: float, free_um: float, voltage_V: float, /) -> Self:
+        """Forget the past: the arm rests at ``x_um``, and the force is (x_1 - x)/s_p."""
+        ...
+
+
+AnyObserver = TypeVar("AnyObserver", bound=ForceObserver)
+
+
+def state_of(observer: ForceObserver) -> tuple[float, ...]:
+    """Return the observer's state, without its parameters."""
+    return tuple(getattr(observer, name) for name in _names(observer))
+
+
+def with_state(observer: AnyObserver, state: tuple[float, ...]) -> AnyObserver:
+    """Return the observer with another state; raises ValueError for another length."""
+    whole: Any = observer
+    return replace(whole, **dict(zip(_names(observer), state, strict=True)))
+
+
+def _names(observer: Any) -> list[str]:
+    return [field.name for field in fields(observer) if field.name != "parameters"]
+
+
+def least_period_s(natural_frequency_rad_per_s: float) -> float:
+    """Shortest period in s at which G⁻¹ ≈ 1 may be assumed, two of the mode's."""
+    omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
+    return SHORTEST_PERIODS * 2.0 * pi / omega_n
+
+
+@dataclass(frozen=True, slots=True)
+class QuasiStaticParameters:
+    """How ``QuasiStatic`` reads (53).
+
+    Raises
+    ------
+    ValueError
+        Where s_p is not positive, d_p negative, or the share not within (0, 1].
+    """
+
+    compliance_um_per_mN: float
+    """s_p."""
+    share: float = 1.0
+    """Share by which the force follows each reading; 1 without a low-pass. See ``smoothing``."""
+    newest_voltage: bool = False
+    """Take x_1 for x_k from the voltage put out at k instead of the one applied at k-1."""
+    printed_um_per_V: float = 0.0
+    """d_p of the printed term; 0 leaves it out."""
+
+    def __post_init__(self) -> None:
+        require_positive("compliance", self.compliance_um_per_mN, "µm/mN")
+        require_not_negative("printed piezoelectric constant", self.printed_um_per_V, "µm/V")
+        if not 0.0 < self.share <= 1.0:
+            raise ValueError(f"share of the low-pass = {self.share}, must be within (0, 1]")
+
+    @property
+    def bare(self) -> bool:
+        """Whether a reading needs no past."""
+        return self.share == 1.0 and not self.newest_voltage and self.printed_um_per_V == 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class QuasiStatic:
+    """(53) with G⁻¹ ≈ 1, for periods long against the mode's.
+
+        F̂ = (x_1 - x)/s_p  [+ d_p/s_p·(u(t) - u(t - T))]                                 (53)
+
+    with the signs of F > 0 compressive. Matched ages pair x_k with x_1 of u_{k-1}, which it
+    answers to. As printed, x, x_1 and u are those of one instant t, and x_1(t) is excited by the
+    voltage that is put out at t only after x(t) was measured: then x is held back by a sample,
+    since x_1 of u_k is known at k+1, and a moving free arm reads d_p/s_p·[u(t) - u(t - T)]. The
+    printed term has the sign that doubles it. It would cancel the reading of an x_1 that is one
+    sample older than x.
+    """
+
+    parameters: QuasiStaticParameters
+    force_mN: float = 0.0
+    """F̂ of the sample before."""
+    x_um: float = 0.0
+    """x_{k-1}."""
+    voltage_V: float = 0.0
+    """u_{k-2}."""
+
+    @property
+    def noise_gain(self) -> float:
+        """√(share/(2 - share)): that of the low-pass."""
+        share = self.parameters.share
+        return sqrt(share / (2.0 - share))
+
+    def observe(
+        self, x_um: float, free_um: float, voltage_V: float, /
+    ) -> tuple["QuasiStatic", float]:
+        """Read (53), low-passed."""
+        p = self.parameters
+        if p.bare:
+            return self, force(x_um, free_um, p.compliance_um_per_mN)
+        x = self.x_um if p.newest_voltage else x_um
+        printed_um = p.printed_um_per_V * (voltage_V - self.voltage_V)
+        reading_mN = force(x - printed_um, free_um, p.compliance_um_per_mN)
+        F_mN = self.force_mN + p.share * (reading_mN - self.force_mN)
+        return QuasiStatic(p, F_mN, x_um, voltage_V), F_mN
+
+    def restart(self, x_um: float, free_um: float, voltage_V: float, /) -> "QuasiStatic":
+        """Hold what a resting arm would have left behind."""
+        p = self.parameters
+        if p.bare:
+            return self
+        return QuasiStatic(p, force(x_um, free_um, p.compliance_um_per_mN), x_um, voltage_V)

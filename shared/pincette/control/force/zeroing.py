@@ -1,0 +1,121 @@
+"""Whether the force may be zeroed: only where the arm is provably free.
+
+A zero declares the force at a rest to be none. In contact it hides the force for as long as it
+holds, so each reason to doubt is a reason to refuse.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+
+from pincette.control.force.touch import Touch
+from pincette.control.response.free_response import FreeResponse, FreeSample, rest_mean
+
+FIRST_ZERO = (
+    "; without a zero since the arming, x_1 counts from where the arm was found: if it touched "
+    "something there, take that away or open the gripper, and arm again"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroLimits:
+    """What a rest must satisfy for the force to be zeroed on it."""
+
+    rest_samples: int = 10
+    spread_um: float = 0.5
+    """Largest spread, maximum minus minimum, of x and of x - x_1 over the rest."""
+    offset_um: float = 5.0
+    """Largest change of the offset without travel, where the arm's memory is unknown, and"""
+    offset_fraction: float = 0.4
+    """the share of d_p·|u - u_zero| by which it may grow: whole hysteresis, and an error of d_p."""
+    first_touch_um: float = inf
+    """Position from which on the arm may touch the part."""
+    touch_um: float = inf
+    """By how much a touch may have pushed the arm back: the contact's force times s_p."""
+
+
+def zero_refusal(
+    model: FreeResponse,
+    samples: Sequence[FreeSample],
+    *,
+    part_held: bool,
+    limits: ZeroLimits,
+    creep_um: float = 0.0,
+    touch: Touch | None = None,
+    zeroed: bool = True,
+    memory_known: bool = True,
+) -> str:
+    """Why the force must not be zeroed on the end of ``samples``; "" where it may be.
+
+    Refused while a part is held, before there are enough samples, where the arm has not settled,
+    where it stands beyond the first touch that is planned, where it has met something on the way
+    and been pushed back since, and where x_1 would move by more than hysteresis, an error of the
+    model and creep explain.
+
+    Parameters
+    ----------
+    samples
+        Oldest first, with the voltages and positions up to the present.
+    creep_um
+        How far creep may have moved the arm since the last zero.
+    touch
+        What the arm has met since the last zero.
+    zeroed
+        Whether there was a zero since the arming; without one the offset that is judged is that
+        of where the arm was found, and the text says what that means.
+    memory_known
+        Whether the model has followed the arm beyond this voltage before. Where it has not, it
+        may miss a part of the hysteresis that came about before its time, and its own tolerance
+        would block an arm that is free.
+    """
+    if part_held:
+        return "zero refused: a part is held, and its force would be taken for none"
+    count = limits.rest_samples
+    if len(samples) < count:
+        return f"zero refused: {len(samples)} samples of rest, {count} are wanted"
+    spread_um = _spread_um(model, samples, count)
+    if not spread_um <= limits.spread_um:
+        return (
+            f"zero refused: the arm has not settled, it spread over {spread_um:.3f} µm "
+            f"in {count} samples, limit {limits.spread_um} µm"
+        )
+    rest = rest_mean(samples, count)
+    if not rest.x_um <= limits.first_touch_um:
+        return (
+            f"zero refused: the arm rests at {rest.x_um:.3f} µm, where it may touch the part, "
+            f"limit {limits.first_touch_um:.3f} µm"
+        )
+    if touch is not None:
+        back_um = touch.pushed_back_um(rest.x_um, model.nominal_um_per_V * rest.voltage_V)
+        if back_um > limits.touch_um:
+            return (
+                f"zero refused: the arm touched something at {touch.x_um:.3f} µm, which has pushed "
+                f"it back by {back_um:.3f} µm since, limit {limits.touch_um:.3f} µm"
+            )
+    travel_um = model.nominal_um_per_V * abs(rest.voltage_V - model.zero_V)
+    change_um, limit_um = model.residual_um(rest), model.zero_tolerance_um(creep_um)
+    if not memory_known:
+        unknown_um = limits.offset_um + limits.offset_fraction * travel_um + creep_um
+        limit_um = max(limit_um, unknown_um)
+    if not abs(change_um) <= limit_um:
+        hint = "" if zeroed else FIRST_ZERO
+        return (
+            f"zero refused: the offset would change by {change_um:.3f} µm, "
+            f"limit {limit_um:.3f} µm after {travel_um:.1f} µm of travel{hint}"
+        )
+    return ""
+
+
+def _spread_um(model: FreeResponse, samples: Sequence[FreeSample], count: int) -> float:
+    """Largest of the spreads of x and of x - x_1 over the last ``count`` samples."""
+    first = len(samples) - count
+    lowest_um = highest_um = samples[first].x_um
+    lowest_residual_um = highest_residual_um = model.residual_um(samples[first])
+    for index in range(first + 1, len(samples)):
+        sample = samples[index]
+        lowest_um = min(lowest_um, sample.x_um)
+        highest_um = max(highest_um, sample.x_um)
+        residual_um = model.residual_um(sample)
+        lowest_residual_um = min(lowest_residual_um, residual_um)
+        highest_residual_um = max(highest_residual_um, residual_um)
+    return max(highest_um - lowest_um, highest_residual_um - lowest_residual_um)

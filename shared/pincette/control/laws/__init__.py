@@ -1,0 +1,1 @@
+"""The laws: from references, position and force to the voltage."""

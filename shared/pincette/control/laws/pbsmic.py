@@ -1,0 +1,145 @@
+"""Position-based sliding mode impedance control (PBSMIC), (16) to (32).
+
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. Forces are compressive: F > 0 is
+the force of the grip on the object.
+"""
+
+from dataclasses import dataclass
+
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.laws.history import History, append, look
+from pincette.control.laws.impedance import DiscreteImpedance, desired_position
+from pincette.control.laws.sliding import LawOutput, saturation, sliding_band, winds_up
+
+
+@dataclass(frozen=True, slots=True)
+class PbsmicParameters:
+    """The law's model of the arm, its target impedance and its gains."""
+
+    plant: DifferenceEquation
+    impedance: DiscreteImpedance
+    K_P: float
+    K_I: float
+    """K_P and K_I without unit; K_P ≥ 0, K_I > 0. Where the model holds, each sample takes
+    the share K_I/(K_P + K_I) off the error."""
+    K_S: float
+    """Switching gain in mN; 0 switches it off. The slope (K_P + K_I)·K_S/(k̄·δ) inside the
+    boundary layer belongs between 0 and 1."""
+    delta: float
+    """Half width of the boundary layer in µm."""
+
+
+@dataclass(frozen=True, slots=True)
+class PbsmicState:
+    """What the law remembers, named as it stands before the tick that computes u_k."""
+
+    history: History
+    x_d_um: float
+    """x_{d,k-1}."""
+    deviation_1_um: float
+    """x_{d,k-1} - x_{r,k-1}."""
+    deviation_2_um: float
+    """x_{d,k-2} - x_{r,k-2}."""
+    integral_um: float
+    """ε_{k-2}."""
+
+
+def start(history: History, *, x_um: float, x_r_um: float) -> PbsmicState:
+    """Begin a segment without a bump, just before the step that gets the same ``x_um``.
+
+    x_d starts from ``x_um`` and ε = 0. The step that follows keeps the voltage of a resting arm
+    where x_{r,k} = x and F_k = F_{r,k} = F_{k-1}; a distance x_r - x or a force error left at this
+    moment is taken up with the impedance (14). By (15), x_d(0) = x_r(0), it would be an error e
+    instead; both are the same where the reference starts from the arm.
+    """
+    deviation_um = x_um - x_r_um
+    return PbsmicState(
+        history=history,
+        x_d_um=x_um,
+        deviation_1_um=deviation_um,
+        deviation_2_um=deviation_um,
+        integral_um=0.0,
+    )
+
+
+def step(
+    parameters: PbsmicParameters,
+    state: PbsmicState,
+    *,
+    x_um: float,
+    force_mN: float,
+    applied_V: float,
+    x_r_um: float,
+    force_r_mN: float,
+    limited: int,
+) -> tuple[PbsmicState, LawOutput]:
+    """Compute u_k (25) with sat (32) in place of sgn.
+
+    Which sample is which: (4) is backward Euler, so x_k is the position *after* u_k has acted.
+    At the tick that computes u_k the newest measurement is therefore x_{k-1}, while the newest
+    force serves as F_k:
+
+    ==================  ============  ====================================================
+    ``x_um``            x_{k-1}       newest measurement
+    ``force_mN``        F_k           newest force; see ``law.step`` for its age
+    ``applied_V``       u_{k-1}       really applied in the last tick: the anti-windup
+    ``x_r_um``          x_{r,k}       reference for after u_k has acted
+    ``force_r_mN``      F_{r,k}       likewise
+    ==================  ============  ====================================================
+
+    With x̂_k the position (17) predicts for an unchanged voltage and p̃_k = 0, (25) reads
+
+        u_k = u_{k-1} + (k̄/d̄)[x_{d,k} + K_P e_{k-1}/(K_P + K_I) - x̂_k] - (K_S/d̄) sat(s_{k-1}/δ)
+
+    since s_{k-1} - K_I ε_{k-1} = K_P e_{k-1}: ε moves the voltage through the switching term
+    alone. ``limited`` is as ``winds_up`` takes it; what winds up is not added to ε.
+    """
+    plant, past = parameters.plant, state.history
+    K_P, K_I = parameters.K_P, parameters.K_I
+    seen = look(plant, past, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
+
+    error_um = x_um - state.x_d_um
+    integral_um = state.integral_um
+    if not winds_up(limited, error_um):
+        integral_um += error_um
+    sliding_um = K_P * error_um + K_I * integral_um
+
+    x_d_um = desired_position(
+        parameters.impedance,
+        deviation_1_um=state.deviation_1_um,
+        deviation_2_um=state.deviation_2_um,
+        force_mN=force_mN,
+        force_r_mN=force_r_mN,
+        x_r_um=x_r_um,
+    )
+    reaching_um = K_P * error_um / (K_P + K_I)
+    voltage_V = (
+        applied_V
+        + plant.k_bar / plant.d_bar * (x_d_um + reaching_um - seen.coasting_um)
+        - parameters.K_S / plant.d_bar * saturation(sliding_um, parameters.delta)
+    )
+    next_state = PbsmicState(
+        history=append(
+            past,
+            x_um=x_um,
+            force_mN=force_mN,
+            applied_V=applied_V,
+            coasting_um=seen.coasting_um,
+        ),
+        x_d_um=x_d_um,
+        deviation_1_um=x_d_um - x_r_um,
+        deviation_2_um=state.deviation_1_um,
+        integral_um=integral_um,
+    )
+    per_mN = (K_P + K_I) / plant.k_bar
+    return next_state, LawOutput(
+        voltage_V=voltage_V,
+        x_d_um=x_d_um,
+        error_um=error_um,
+        integral_um=integral_um,
+        sliding_um=sliding_um,
+        band_um=sliding_band(per_mN, parameters.K_S, seen.perturbation_error_mN),
+        residual_um=seen.residual_um,
+        perturbation_mN=seen.perturbation_mN,
+        perturbation_error_mN=seen.perturbation_error_mN,
+    )

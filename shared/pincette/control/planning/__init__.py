@@ -1,0 +1,1 @@
+"""Planning: references of position and force together, and the programs that carry them."""

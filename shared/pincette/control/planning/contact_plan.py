@@ -1,0 +1,262 @@
+"""What every plan that meets a part has in common: its way there and back, its course, its limits.
+
+Throughout the contact F_r = K_e·(x_r - x_e), so that the steady errors (51) and (52) of Q. Xu,
+IEEE T-ASE 10(3), 2013 vanish where the rig is as the plan assumes.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+from pincette.control.checks import require_positive
+from pincette.control.planning.course import Course, PlannedArm, PlannedPhase, sample_course
+from pincette.control.planning.feasibility import Excursion, PlanLimits, excursions
+from pincette.control.planning.profiles import minimum_duration
+from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.response.hysteresis import HysteresisModel
+
+MARGIN_UM = 1.0
+"""Beyond the contact's tolerance, on both sides: tracking lag, and the samples of the guard."""
+SHORTEST_MOVE_S = 0.3
+CONTACT_SAMPLES = 3
+LOST_FRACTION = 0.3
+LOST_SAMPLES = 5
+ZERO_WAIT_S = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactRequest:
+    """How a part is to be met, loaded and left; all positive but ``contact_um``."""
+
+    load_s: float
+    approach_um_per_s: float
+    seek_um_per_s: float
+    contact_force_mN: float
+    zero_s: float
+    contact_um: float
+    """x_e, the position of the arm at first touch."""
+    contact_tolerance_um: float
+    stiffness_mN_per_um: float
+    """K_e."""
+    stiffness_tolerance: float
+    """Share of K_e by which the part may differ; below 1."""
+
+    @property
+    def stand_off_um(self) -> float:
+        """Where the arm is zeroed, surely free of the part."""
+        return self.contact_um - self.contact_tolerance_um - MARGIN_UM
+
+
+def check_contact(request: ContactRequest) -> None:
+    """Refuse impossible numbers; raises ValueError."""
+    for field in fields(ContactRequest):
+        if field.name != "contact_um":
+            require_positive(field.name, getattr(request, field.name), "")
+    if request.stiffness_tolerance >= 1.0:
+        raise ValueError(f"stiffness_tolerance = {request.stiffness_tolerance} must be below 1")
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRig:
+    """The rig as a plan knows it."""
+
+    limits: PlanLimits
+    piezo_um_per_V: float
+    """d_p."""
+    compliance_um_per_mN: float
+    """s_p."""
+    period_s: float
+    """On which the limits are checked."""
+    x_start_um: float = 0.0
+    """Where the arm rests at zero voltage."""
+    free_response: HysteresisModel | None = None
+    """As identified; None: a straight line of slope d_p."""
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One limit broken: by which member of the request, by how much, and where it begins."""
+
+    pointer: str
+    """JSON pointer into the request; "" where the cause lies outside it."""
+    quantity: str
+    value: float
+    limit: float
+    unit: str
+    at_s: float
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class ContactPlan:
+    """A program, its predicted phases and course, and every limit it breaks (none: play it)."""
+
+    program: Program
+    phases: tuple[PlannedPhase, ...]
+    """A segment without end is drawn ``SHORTEST_MOVE_S`` long."""
+    course: Course
+    """On the grid of the period."""
+    violations: tuple[Violation, ...]
+    duration_s: float
+    arm: PlannedArm
+
+
+def plan_contact(
+    request: ContactRequest,
+    rig: PlannedRig,
+    pressing: Sequence[Segment],
+    pointers: Mapping[str, str],
+) -> ContactPlan:
+    """Plan zero, approach, zero, contact, what is done while pressed, and the retreat.
+
+    Parameters
+    ----------
+    pressing
+        From the load to the unload.
+    pointers
+        The member of the request that leads beyond a limit, by the phase in which it does.
+
+    Raises
+    ------
+    ValueError
+        Where d_p, s_p or the period is not finite and positive.
+    """
+    arm = PlannedArm(
+        x_start_um=rig.x_start_um,
+        piezo_um_per_V=require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V"),
+        compliance_um_per_mN=require_positive("compliance", rig.compliance_um_per_mN, "µm/mN"),
+        contact_um=request.contact_um,
+        stiffness_mN_per_um=request.stiffness_mN_per_um,
+        free_response=rig.free_response,
+    )
+    retreat_s = _free_s(request, request.contact_um - arm.x_start_um)
+    retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um)
+    segments = (*_way_there(request, arm), *pressing, retreat)
+    phases = _phases(request, arm, segments)
+    course = sample_course(arm, phases, rig.period_s)
+    broken = [_violation(found, pointers) for found in excursions(course, rig.limits)]
+    broken.extend(_early_contact(request, rig.x_start_um))
+    return ContactPlan(
+        program=Program(segments, _guards(request, rig.limits), request.stiffness_mN_per_um),
+        phases=_with_voltages(phases, course, rig.period_s),
+        course=course,
+        violations=tuple(broken),
+        duration_s=phases[-1].end_s,
+        arm=arm,
+    )
+
+
+def _free_s(request: ContactRequest, distance_um: float) -> float:
+    return max(SHORTEST_MOVE_S, minimum_duration(distance_um, request.approach_um_per_s))
+
+
+def _softest(request: ContactRequest) -> float:
+    return request.stiffness_mN_per_um * (1.0 - request.stiffness_tolerance)
+
+
+def _way_there(request: ContactRequest, arm: PlannedArm) -> tuple[Segment, ...]:
+    stand_off_um = request.stand_off_um
+    # Far enough for the softest part that is admitted, touched last, to reach the contact force.
+    seek_to_um = (
+        request.contact_um
+        + request.contact_tolerance_um
+        + MARGIN_UM
+        + request.contact_force_mN / _softest(request)
+    )
+    seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s
+    approach_s = _free_s(request, stand_off_um - arm.x_start_um)
+    return (
+        Segment("zero", "zero", request.zero_s),
+        Segment("approach", "free", approach_s, x_to_um=stand_off_um),
+        Segment("approach", "zero", request.zero_s),
+        Segment("contact", "seek", seek_s, x_to_um=seek_to_um),
+    )
+
+
+def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
+    return Guards(
+        contact_force_mN=request.contact_force_mN,
+        contact_samples=CONTACT_SAMPLES,
+        force_max_mN=limits.force_max_mN,
+        lost_fraction=LOST_FRACTION,
+        lost_samples=LOST_SAMPLES,
+        stiffness_min_mN_per_um=_softest(request),
+        stiffness_max_mN_per_um=request.stiffness_mN_per_um * (1.0 + request.stiffness_tolerance),
+        zero_wait_s=ZERO_WAIT_S,
+    )
+
+
+def _phases(
+    request: ContactRequest, arm: PlannedArm, segments: Sequence[Segment]
+) -> tuple[PlannedPhase, ...]:
+    """Follow the segments in time; contact is met where it is expected."""
+    phases: list[PlannedPhase] = []
+    start_s, x_um, force_mN = 0.0, arm.x_start_um, 0.0
+    for segment in segments:
+        duration_s = SHORTEST_MOVE_S if segment.duration_s is None else segment.duration_s
+        if segment.kind == "seek":
+            force_mN = request.contact_force_mN
+            duration_s = (arm.pressed_um(force_mN) - x_um) / request.seek_um_per_s
+            x_um = arm.pressed_um(force_mN)
+        elif segment.path is not None:
+            force_mN = segment.path.at(duration_s)
+            x_um = arm.pressed_um(force_mN)
+        elif segment.force_to_mN is not None:
+            force_mN = segment.force_to_mN
+            x_um = arm.pressed_um(force_mN)
+        elif segment.x_to_um is not None:
+            x_um = segment.x_to_um
+        planned = PlannedPhase(
+            segment.phase, segment.kind, start_s, duration_s, x_um, force_mN, 0.0, segment.path
+        )
+        phases.append(planned)
+        start_s = planned.end_s
+    return tuple(phases)
+
+
+def _with_voltages(
+    phases: Sequence[PlannedPhase], course: Course, period_s: float
+) -> tuple[PlannedPhase, ...]:
+    """Phases with the voltage of the tick that is nearest to their end."""
+    last = len(course.voltage_V) - 1
+    return tuple(
+        replace(phase, voltage_V=course.voltage_V[min(last, int(phase.end_s / period_s + 0.5))])
+        for phase in phases
+    )
+
+
+def _early_contact(request: ContactRequest, x_start_um: float) -> list[Violation]:
+    stand_off_um = request.stand_off_um
+    if stand_off_um >= x_start_um:
+        return []
+    message = (
+        f"contact at {request.contact_um:g} µm, less its tolerance of "
+        f"{request.contact_tolerance_um:g} µm and {MARGIN_UM:g} µm, is {stand_off_um:g} µm "
+        f"and lies before the start at {x_start_um:g} µm: the arm may touch already"
+    )
+    return [Violation("/contact_um", "position", stand_off_um, x_start_um, "µm", 0.0, message)]
+
+
+def _violation(excursion: Excursion, pointers: Mapping[str, str]) -> Violation:
+    """Name the member of the request that leads beyond a limit."""
+    pointer = pointers.get(excursion.phase, "")
+    if excursion.phase == "contact":
+        pointer = "/contact_force_mN" if excursion.quantity == "force" else "/contact_um"
+    elif excursion.phase == "approach":
+        pointer = "/contact_um" if excursion.quantity != "slew" else "/approach_um_per_s"
+    elif excursion.phase == "retreat" and excursion.quantity == "slew":
+        pointer = "/approach_um_per_s"
+    side = "above" if excursion.value > excursion.limit else "below"
+    again = "" if excursion.times == 1 else f", {excursion.times} times"
+    return Violation(
+        pointer=pointer,
+        quantity=excursion.quantity,
+        value=excursion.value,
+        limit=excursion.limit,
+        unit=excursion.unit,
+        at_s=excursion.at_s,
+        message=(
+            f"{excursion.quantity} {excursion.value:.3f} {excursion.unit} {side} the limit "
+            f"{excursion.limit:g} {excursion.unit}, from {excursion.at_s:.2f} s "
+            f"({excursion.phase}{again})"
+        ),
+    )

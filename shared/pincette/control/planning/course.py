@@ -1,0 +1,130 @@
+"""The predicted course of a plan: positions, forces and voltages in time, and limits broken.
+
+Where plan and rig agree the arm is where its references are. The voltage is that which brings the
+free displacement x - x_start + s_p·F: by the identified free response where there is one, else
+
+    u = (x - x_start + s_p·F)/d_p,  in contact F = K_e·(x - x_e)
+
+At ``x_start_um`` the voltage is 0.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pincette.control.checks import require_positive
+from pincette.control.planning.paths import Path
+from pincette.control.planning.profiles import quintic
+from pincette.control.planning.program import SegmentKind
+from pincette.control.response.free_voltage import free_voltages
+from pincette.control.response.hysteresis import HysteresisModel
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedArm:
+    """The arm and what it meets, as a plan assumes them."""
+
+    x_start_um: float
+    """Where the arm rests at zero voltage."""
+    piezo_um_per_V: float
+    """d_p."""
+    compliance_um_per_mN: float
+    """s_p."""
+    contact_um: float
+    """x_e, the position of first touch."""
+    stiffness_mN_per_um: float
+    """K_e."""
+    free_response: HysteresisModel | None = None
+
+    def pressed_um(self, force_mN: float) -> float:
+        """Position x = x_e + F/K_e at which the contact bears a force."""
+        return self.contact_um + force_mN / self.stiffness_mN_per_um
+
+    def voltages_V(
+        self, x_um: Sequence[float], force_mN: Sequence[float], period_s: float
+    ) -> list[float]:
+        """Voltages that lead the unpoled arm along positions against forces, a period each."""
+        free_um = [
+            x - self.x_start_um + self.compliance_um_per_mN * force
+            for x, force in zip(x_um, force_mN, strict=True)
+        ]
+        if self.free_response is None:
+            return [displacement / self.piezo_um_per_V for displacement in free_um]
+        return free_voltages(self.free_response, free_um, period_s)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPhase:
+    """One segment as it should go; position, force and voltage are those at its end."""
+
+    phase: str
+    kind: SegmentKind
+    start_s: float
+    duration_s: float
+    x_um: float
+    force_mN: float
+    voltage_V: float
+    path: Path | None = None
+
+    @property
+    def end_s(self) -> float:
+        """When the next one begins."""
+        return self.start_s + self.duration_s
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A predicted course on a regular grid; lists of one length.
+
+    While the arm seeks, ``force_r_mN`` is the force expected of the contact.
+    """
+
+    t_s: list[float]
+    phase: list[str]
+    x_r_um: list[float]
+    force_r_mN: list[float]
+    voltage_V: list[float]
+
+
+def sample_course(arm: PlannedArm, phases: Sequence[PlannedPhase], period_s: float) -> Course:
+    """Course of the phases every ``period_s``, from 0 to their end.
+
+    Raises
+    ------
+    ValueError
+        Where the period is not finite and positive.
+    """
+    require_positive("period", period_s, "s")
+    course = Course([], [], [], [], [])
+    place, x_from_um, force_from_mN = 0, arm.x_start_um, 0.0
+    # The last tick may lie a rounding error beyond the end.
+    for tick in range(int(phases[-1].end_s / period_s + 1e-6) + 1):
+        t_s = tick * period_s
+        phase = phases[place]
+        while place + 1 < len(phases) and t_s >= phases[place + 1].start_s:
+            x_from_um, force_from_mN = phase.x_um, phase.force_mN
+            place += 1
+            phase = phases[place]
+        x_um, force_mN = _point(arm, phase, t_s - phase.start_s, x_from_um, force_from_mN)
+        course.t_s.append(t_s)
+        course.phase.append(phase.phase)
+        course.x_r_um.append(x_um)
+        course.force_r_mN.append(force_mN)
+    course.voltage_V.extend(arm.voltages_V(course.x_r_um, course.force_r_mN, period_s))
+    return course
+
+
+def _point(
+    arm: PlannedArm, phase: PlannedPhase, t_s: float, x_from_um: float, force_from_mN: float
+) -> tuple[float, float]:
+    """Position and force at a time since the begin of a phase."""
+    if phase.path is not None:
+        value = phase.path.at(t_s)
+        return (arm.pressed_um(value), value) if phase.path.quantity == "force" else (value, 0.0)
+    share = min(1.0, t_s / phase.duration_s)
+    if phase.kind == "force":
+        force_mN = force_from_mN + (phase.force_mN - force_from_mN) * quintic(share)
+        return arm.pressed_um(force_mN), force_mN
+    if phase.kind == "seek":
+        x_um = x_from_um + (phase.x_um - x_from_um) * share
+        return x_um, max(0.0, arm.stiffness_mN_per_um * (x_um - arm.contact_um))
+    return x_from_um + (phase.x_um - x_from_um) * quintic(share), 0.0

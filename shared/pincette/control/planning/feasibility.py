@@ -1,0 +1,104 @@
+"""Whether a rig bears a planned course: every limit broken, by how much, where and when.
+
+The period is that of the course, on which the arm is driven. The rate of the voltage is its change
+from one period to the next. The acceleration of x_r is its second difference; it is bounded so
+that the mode, were it to set in at once, rings by less than ``RING_UM``: a < RING_UM·ω_n².
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pincette.control.checks import require_positive
+from pincette.control.planning.course import Course
+
+RING_UM = 0.025
+"""As much as the paper's sensor resolves."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanLimits:
+    """What the rig bears."""
+
+    voltage_min_V: float
+    voltage_max_V: float
+    position_min_um: float
+    position_max_um: float
+    force_max_mN: float
+    slew_V_per_s: float
+    acceleration_um_per_s2: float
+    """Of x_r; see ``acceleration_limit``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Excursion:
+    """Where a course goes beyond one limit within one phase."""
+
+    quantity: str
+    value: float
+    """The furthest value."""
+    limit: float
+    unit: str
+    at_s: float
+    """Where it begins, and"""
+    phase: str
+    """in which phase."""
+    times: int = 1
+    """How often it goes beyond and comes back."""
+
+
+def acceleration_limit(natural_frequency_rad_per_s: float) -> float:
+    """Acceleration of x_r in µm/s² under which the mode rings by ``RING_UM``: RING_UM·ω_n²."""
+    omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
+    return RING_UM * omega_n * omega_n
+
+
+def excursions(course: Course, limits: PlanLimits) -> tuple[Excursion, ...]:
+    """Every phase of a course that goes beyond a limit, ordered by limit and time."""
+    voltage, position, t_s = course.voltage_V, course.x_r_um, course.t_s
+    period_s = t_s[1] - t_s[0] if len(t_s) > 1 else 1.0
+    slew = _differences(voltage, period_s)
+    acceleration = _differences(_differences(position, period_s), period_s)
+    return (
+        *_beyond(course, "force", "mN", course.force_r_mN, limits.force_max_mN, 1.0),
+        *_beyond(course, "voltage", "V", voltage, limits.voltage_max_V, 1.0),
+        *_beyond(course, "voltage", "V", voltage, limits.voltage_min_V, -1.0),
+        *_beyond(course, "position", "µm", position, limits.position_max_um, 1.0),
+        *_beyond(course, "position", "µm", position, limits.position_min_um, -1.0),
+        *_beyond(course, "slew", "V/s", slew, limits.slew_V_per_s, 1.0),
+        *_beyond(course, "slew", "V/s", slew, -limits.slew_V_per_s, -1.0),
+        *_beyond(course, "acceleration", "µm/s²", acceleration, limits.acceleration_um_per_s2, 1.0),
+        *_beyond(
+            course, "acceleration", "µm/s²", acceleration, -limits.acceleration_um_per_s2, -1.0
+        ),
+    )
+
+
+def _differences(values: Sequence[float], period_s: float) -> list[float]:
+    """Rate at which each value was come to from the one before; as many as there are values."""
+    rates = [0.0]
+    for index in range(1, len(values)):
+        rates.append((values[index] - values[index - 1]) / period_s)
+    return rates
+
+
+def _beyond(
+    course: Course, quantity: str, unit: str, values: list[float], limit: float, side: float
+) -> list[Excursion]:
+    """Excursions above (side +1) or below (side -1) a limit, those of one phase taken together."""
+    found: list[Excursion] = []
+    begin: int | None = None
+    for index in range(len(values) + 1):
+        # What touches the limit is within it, rounding included.
+        outside = index < len(values) and side * (values[index] - limit) > 1e-9
+        if outside and begin is None:
+            begin = index
+        elif not outside and begin is not None:
+            furthest = max(values[begin:index], key=lambda value: side * value)
+            at_s, phase, times = course.t_s[begin], course.phase[begin], 1
+            if found and found[-1].phase == phase:
+                before = found.pop()
+                at_s, times = before.at_s, before.times + 1
+                furthest = max(before.value, furthest, key=lambda value: side * value)
+            found.append(Excursion(quantity, furthest, limit, unit, at_s, phase, times))
+            begin = None
+    return found

@@ -1,0 +1,49 @@
+"""A grip planned in position and force at once: zero, approach, contact, load, hold, unload."""
+
+from dataclasses import dataclass
+
+from pincette.control.checks import require_positive
+from pincette.control.planning.contact_plan import (
+    SHORTEST_MOVE_S,
+    ContactPlan,
+    ContactRequest,
+    PlannedRig,
+    check_contact,
+    plan_contact,
+)
+from pincette.control.planning.program import Segment
+
+PRESSING = ("load", "hold", "unload")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GripRequest(ContactRequest):
+    """What to grip and how.
+
+    Raises
+    ------
+    ValueError
+        Where a number is impossible.
+    """
+
+    force_mN: float
+    hold_s: float | None
+    """None: until an action ends it."""
+
+    def __post_init__(self) -> None:
+        check_contact(self)
+        require_positive("force_mN", self.force_mN, "")
+        if self.hold_s is not None:
+            require_positive("hold_s", self.hold_s, "")
+
+
+def plan_grip(request: GripRequest, rig: PlannedRig) -> ContactPlan:
+    """Plan a grip; raises as ``plan_contact`` does."""
+    force_mN, load_s, hold_s = request.force_mN, request.load_s, request.hold_s
+    settle_s = SHORTEST_MOVE_S if hold_s is None else min(SHORTEST_MOVE_S, hold_s)
+    pressing = (
+        Segment("load", "force", load_s, force_to_mN=force_mN),
+        Segment("hold", "force", hold_s, force_to_mN=force_mN, move_s=settle_s),
+        Segment("unload", "force", load_s, force_to_mN=0.0),
+    )
+    return plan_contact(request, rig, pressing, dict.fromkeys(PRESSING, "/force_mN"))

@@ -1,0 +1,180 @@
+"""Shapes of paths from what people ask for, and how far and how fast a path goes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.planning.paths import Knot, Path, Quantity
+from pincette.control.planning.profiles import minimum_duration
+
+KNOTS_MAX = 256
+"""As many as travel in one message."""
+CORNER_SHARE = 0.75
+"""Of its acceleration that a triangle turns with."""
+PIECE_LOOKS, CYCLE_LOOKS = 64, 512
+"""Points at which a piece and a cycle are looked at for their peaks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Peaks:
+    """Extremes of a path and its derivatives, and when they are first reached.
+
+    By looks at many points, hence too low by 1e-3 of the value at most.
+    """
+
+    lowest: float
+    highest: float
+    rate: float
+    rate_at_s: float
+    acceleration: float
+    acceleration_at_s: float
+
+
+def sinusoid(
+    quantity: Quantity, mean: float, peak_to_peak: float, frequency_hz: float, cycles: int
+) -> Path:
+    """Sine about a mean, from the mean upwards; raises ValueError unless all are positive."""
+    return Path(
+        quantity,
+        "sinusoid",
+        mean=mean,
+        amplitude=0.5 * require_positive("peak to peak", peak_to_peak, ""),
+        cycle_s=1.0 / require_positive("frequency", frequency_hz, "Hz"),
+        cycles=cycles,
+    )
+
+
+def triangle(
+    quantity: Quantity,
+    mean: float,
+    peak_to_peak: float,
+    frequency_hz: float,
+    cycles: int,
+    acceleration: float,
+) -> Path:
+    """Triangle about a mean, from the mean upwards, whose corners reach the peaks.
+
+    A corner turns with ``CORNER_SHARE`` of the acceleration given, so that the blend, which adds
+    to it, stays within it too. Where even a triangle of corners alone, two parabolas, needs more,
+    it is that one.
+
+    Raises
+    ------
+    ValueError
+        Where a number is not positive.
+    """
+    amplitude = 0.5 * require_positive("peak to peak", peak_to_peak, "")
+    cycle_s = 1.0 / require_positive("frequency", frequency_hz, "Hz")
+    limit = CORNER_SHARE * require_positive("acceleration of a corner", acceleration, "1/s²")
+    # Acceleration amplitude/(cycle²·h·(1/4 - h/2)) for half a corner h, solved for the smaller h.
+    product = amplitude / (cycle_s * cycle_s * limit)
+    corner = 0.25 - sqrt(max(0.0, 0.0625 - 2.0 * product))
+    return Path(
+        quantity,
+        "triangle",
+        mean=mean,
+        amplitude=amplitude,
+        cycle_s=cycle_s,
+        cycles=cycles,
+        corner=corner,
+    )
+
+
+def steps(
+    quantity: Quantity, levels: Sequence[float], dwell_s: float, rate: float, acceleration: float
+) -> Path:
+    """Rest at each level in turn; quintic moves between, as fast as rate and acceleration allow.
+
+    Raises
+    ------
+    ValueError
+        Where there is no level, dwell, rate or acceleration is not positive, or there are more
+        levels than ``KNOTS_MAX``/2.
+    """
+    require_positive("dwell", dwell_s, "s")
+    if not 1 <= len(levels) <= KNOTS_MAX // 2:
+        raise ValueError(f"{len(levels)} levels, must be 1 to {KNOTS_MAX // 2}")
+    knots = [Knot(0.0, levels[0], 0.0)]
+    for level in levels:
+        t_s, distance = knots[-1].t_s, level - knots[-1].value
+        if distance != 0.0:
+            t_s += minimum_duration(distance, rate, acceleration)
+            knots.append(Knot(t_s, level, 0.0))
+        knots.append(Knot(t_s + dwell_s, level, 0.0))
+    return Path(quantity, "step", knots=tuple(knots))
+
+
+def waypoints(quantity: Quantity, points: Sequence[tuple[float, float]]) -> Path:
+    """Pass through values at times, smoothly and without overshoot; at rest at both ends.
+
+    The rate at a point is the harmonic mean of the mean rates before and after it, 0 where they
+    differ in sign; so it is at most twice either, and each quintic piece stays between its ends.
+
+    Parameters
+    ----------
+    points
+        Times in s, ascending from 0, and values.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer than two points or more than ``KNOTS_MAX``, or times do not ascend
+        from 0.
+    """
+    if not 2 <= len(points) <= KNOTS_MAX:
+        raise ValueError(f"{len(points)} points, must be 2 to {KNOTS_MAX}")
+    for index in range(1, len(points)):
+        gap_s = points[index][0] - points[index - 1][0]
+        require_positive(f"time from point {index - 1} to point {index}", gap_s, "s")
+    knots: list[Knot] = []
+    for index, (t_s, value) in enumerate(points):
+        rate = 0.0
+        if 0 < index < len(points) - 1:
+            rate = _passing_rate(points[index - 1], points[index], points[index + 1])
+        knots.append(Knot(t_s, value, rate))
+    return Path(quantity, "waypoints", knots=tuple(knots))
+
+
+def _passing_rate(
+    before: tuple[float, float], here: tuple[float, float], after: tuple[float, float]
+) -> float:
+    rate_in = (here[1] - before[1]) / (here[0] - before[0])
+    rate_out = (after[1] - here[1]) / (after[0] - here[0])
+    if rate_in * rate_out <= 0.0:
+        return 0.0
+    return 2.0 * rate_in * rate_out / (rate_in + rate_out)
+
+
+def peaks(path: Path) -> Peaks:
+    """Look at a path: each piece, or the blend and one cycle at full amplitude."""
+    if path.knots:
+        looks, ends = PIECE_LOOKS, [knot.t_s for knot in path.knots]
+    else:
+        looks = CYCLE_LOOKS
+        ends = [cycle * path.cycle_s for cycle in range(path.blend_cycles + 2)]
+    first = path.point(0.0)
+    lowest = highest = first.value
+    rate = rate_at_s = acceleration = acceleration_at_s = 0.0
+    for index in range(1, len(ends)):
+        begin_s, length_s = ends[index - 1], ends[index] - ends[index - 1]
+        for look in range(looks + 1):
+            t_s = begin_s + length_s * look / looks
+            value, speed, bend = path.point(t_s)
+            lowest, highest = min(lowest, value), max(highest, value)
+            if abs(speed) > rate:
+                rate, rate_at_s = abs(speed), t_s
+            if abs(bend) > acceleration:
+                acceleration, acceleration_at_s = abs(bend), t_s
+    return Peaks(lowest, highest, rate, rate_at_s, acceleration, acceleration_at_s)
+
+
+def ring_um(acceleration_um_per_s2: float, natural_frequency_rad_per_s: float) -> float:
+    """Amplitude a/ω_n² in µm with which an acceleration that sets in at once lets the mode ring.
+
+    The quasi-static deflection of the mode under it: what no law at T ≫ 2π/ω_n can take away. It
+    says nothing of the staircase that a held voltage makes of every slope.
+    """
+    a = require_not_negative("acceleration", acceleration_um_per_s2, "µm/s²")
+    omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
+    return a / (omega_n * omega_n)

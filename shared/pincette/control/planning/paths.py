@@ -1,0 +1,183 @@
+"""Paths of one reference in time, from rest to rest; the unit is that of the quantity.
+
+A sinusoid and a triangle swing about a mean, and blend in and out over whole cycles:
+
+    value(t) = mean + amplitude·w(t)·c(t/cycle)
+
+with c odd, of period and amplitude 1, and w the quintic from 0 to 1 and back. Steps and waypoints
+are quintic pieces between knots. A path knows nothing but the time since its start, so that it has
+the same bits wherever it is worked out.
+"""
+
+from dataclasses import dataclass
+from math import cos, isfinite, pi, sin
+from typing import Literal, NamedTuple
+
+from pincette.control.checks import require_positive
+from pincette.control.planning.profiles import move
+
+Shape = Literal["sinusoid", "triangle", "step", "waypoints"]
+Quantity = Literal["force", "position"]
+
+
+@dataclass(frozen=True, slots=True)
+class Knot:
+    """Where a path passes at a time, and how fast."""
+
+    t_s: float
+    value: float
+    rate: float
+
+
+class Point(NamedTuple):
+    """Value of a path, and its first and second derivative in time."""
+
+    value: float
+    rate: float
+    acceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """A path of force in mN, or of position in µm; made by ``path_shapes``.
+
+    Raises
+    ------
+    ValueError
+        Where the numbers make no path.
+    """
+
+    quantity: Quantity
+    shape: Shape
+    mean: float = 0.0
+    amplitude: float = 0.0
+    cycle_s: float = 0.0
+    cycles: int = 0
+    """At full amplitude."""
+    blend_cycles: int = 1
+    """In which the amplitude grows, and as many in which it fades."""
+    corner: float = 0.0
+    """Half the time that a triangle takes to turn, as a share of its cycle, up to 1/4."""
+    knots: tuple[Knot, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.knots or self.shape in ("step", "waypoints"):
+            _check_knots(self.knots)
+            return
+        require_positive("cycle", self.cycle_s, "s")
+        if not (isfinite(self.mean) and isfinite(self.amplitude)):
+            raise ValueError(f"mean {self.mean} and amplitude {self.amplitude} must be finite")
+        if self.cycles < 1 or self.blend_cycles < 1:
+            raise ValueError(f"{self.cycles} cycles and {self.blend_cycles} to blend, at least 1")
+        if self.shape == "triangle" and not 0.0 < self.corner <= 0.25:
+            raise ValueError(f"corner = {self.corner}, must be above 0 and at most 0.25")
+
+    @property
+    def duration_s(self) -> float:
+        """From rest to rest."""
+        if self.knots:
+            return self.knots[-1].t_s
+        return (self.cycles + 2 * self.blend_cycles) * self.cycle_s
+
+    @property
+    def full_from_s(self) -> float:
+        """Begin of the part at full amplitude: whole cycles, or the whole path between knots."""
+        return 0.0 if self.knots else self.blend_cycles * self.cycle_s
+
+    @property
+    def full_to_s(self) -> float:
+        """End of that part."""
+        return self.duration_s - self.full_from_s
+
+    @property
+    def start(self) -> float:
+        """Value before and at the start."""
+        return self.knots[0].value if self.knots else self.mean
+
+    def at(self, t_s: float) -> float:
+        """Value at a time since the start; clamped to the ends."""
+        return self.point(t_s).value
+
+    def point(self, t_s: float) -> Point:
+        """Value, rate and acceleration at a time since the start; at rest outside."""
+        if self.knots:
+            return _between(self.knots, t_s)
+        return self._swing(min(max(t_s, 0.0), self.duration_s))
+
+    def _swing(self, t_s: float) -> Point:
+        share = t_s / self.cycle_s
+        share -= int(share)
+        c, c_1, c_2 = _sine(share) if self.shape == "sinusoid" else _triangle(share, self.corner)
+        blend_s = self.blend_cycles * self.cycle_s
+        left_s = self.duration_s - t_s
+        w, w_1, w_2 = _blend(min(t_s, left_s) / blend_s)
+        # Rates per cycle and per blend become rates per second.
+        c_1, c_2 = c_1 / self.cycle_s, c_2 / (self.cycle_s * self.cycle_s)
+        w_1 = (w_1 if t_s < left_s else -w_1) / blend_s
+        w_2 = w_2 / (blend_s * blend_s)
+        return Point(
+            self.mean + self.amplitude * (w * c),
+            self.amplitude * (w_1 * c + w * c_1),
+            self.amplitude * (w_2 * c + 2.0 * w_1 * c_1 + w * c_2),
+        )
+
+
+def _check_knots(knots: tuple[Knot, ...]) -> None:
+    if len(knots) < 2 or knots[0].t_s != 0.0:
+        raise ValueError("a path wants two knots at least, the first at 0 s")
+    if knots[0].rate != 0.0 or knots[-1].rate != 0.0:
+        raise ValueError("a path begins and ends at rest")
+    before_s = -1.0
+    for knot in knots:
+        if not (isfinite(knot.t_s) and isfinite(knot.value) and isfinite(knot.rate)):
+            raise ValueError(f"knot at {knot.t_s} s: {knot.value}, rate {knot.rate}, not finite")
+        if knot.t_s <= before_s:
+            raise ValueError(f"knot at {knot.t_s} s, must be after {before_s} s")
+        before_s = knot.t_s
+
+
+def _between(knots: tuple[Knot, ...], t_s: float) -> Point:
+    """On the quintic piece that a time falls on."""
+    if t_s <= 0.0:
+        return Point(knots[0].value, 0.0, 0.0)
+    if t_s >= knots[-1].t_s:
+        return Point(knots[-1].value, 0.0, 0.0)
+    low, high = 0, len(knots) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if knots[middle].t_s <= t_s else (low, middle)
+    before, after = knots[low], knots[high]
+    piece = move(before.value, before.rate, after.value, after.rate, after.t_s - before.t_s)
+    t_s -= before.t_s
+    return Point(piece.position(t_s), piece.speed(t_s), piece.acceleration(t_s))
+
+
+def _blend(s: float) -> Point:
+    """Quintic from 0 to 1 over s, with derivatives by s; see ``profiles.quintic``."""
+    if s >= 1.0:
+        return Point(1.0, 0.0, 0.0)
+    left = 1.0 - s
+    return Point(
+        s * s * s * (10.0 + s * (6.0 * s - 15.0)),
+        30.0 * s * s * left * left,
+        60.0 * s * left * (left - s),
+    )
+
+
+def _sine(share: float) -> Point:
+    angle = 2.0 * pi * share
+    value, slope = sin(angle), cos(angle)
+    return Point(value, 2.0 * pi * slope, -4.0 * pi * pi * value)
+
+
+def _triangle(share: float, corner: float) -> Point:
+    """Triangle whose corners are parabolas that reach 1, by the share of a cycle."""
+    slope = 1.0 / (0.25 - 0.5 * corner)
+    side, half = (1.0, share) if share < 0.5 else (-1.0, share - 0.5)
+    past = half - 0.25
+    if abs(past) >= corner:
+        return Point(
+            side * slope * (0.25 - abs(past)), -side * slope if past > 0.0 else side * slope, 0.0
+        )
+    bend = slope / corner
+    return Point(side * (1.0 - 0.5 * bend * past * past), -side * bend * past, -side * bend)

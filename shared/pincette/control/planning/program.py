@@ -1,0 +1,75 @@
+"""The program a controller plays: segments of references, and the guards that end them."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pincette.control.laws.law import LawSettings
+from pincette.control.planning.paths import Path
+
+SegmentKind = Literal["zero", "free", "seek", "force", "path"]
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One piece of a program.
+
+    ``zero``   the arm rests, free of contact; at its end the force estimator is re-zeroed.
+    ``free``   x_r moves smoothly to ``x_to_um``; the law is fed no force.
+    ``seek``   x_r moves at constant speed to ``x_to_um`` until the contact guard fires.
+    ``force``  F_r moves smoothly to ``force_to_mN`` and x_r with it, on the contact line
+               F_r = K_e·(x_r - x_e), in ``move_s``; then both rest until ``duration_s``.
+    ``path``   of force: F_r follows ``path`` and x_r with it, on the contact line; of position:
+               x_r follows it, free of contact. It begins where the segment before has ended.
+    """
+
+    phase: str
+    kind: SegmentKind
+    duration_s: float | None
+    """None: until an action ends it."""
+    x_to_um: float | None = None
+    force_to_mN: float | None = None
+    move_s: float | None = None
+    """None: the whole duration."""
+    path: Path | None = None
+    law: int = 0
+    """Which of the program's laws holds."""
+
+    @property
+    def presses(self) -> bool:
+        """Whether the law is fed the force."""
+        if self.kind == "path":
+            return self.path is not None and self.path.quantity == "force"
+        return self.kind == "force"
+
+
+@dataclass(frozen=True, slots=True)
+class Guards:
+    """What ends a segment early. Forces compressive and positive, in mN."""
+
+    contact_force_mN: float
+    """Estimated force above which contact is believed."""
+    contact_samples: int
+    """Consecutive samples above it."""
+    force_max_mN: float
+    """Estimated force that ends the grip as ``overforce``."""
+    lost_fraction: float
+    """Share of F_r below which, in the hold, the part counts as lost; along a path only where F_r
+    is at least twice the contact force."""
+    lost_samples: int
+    stiffness_min_mN_per_um: float
+    stiffness_max_mN_per_um: float
+    zero_wait_s: float
+    """How long the controller waits for the estimator to confirm a zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """Segments in order, guards, the contact stiffness K_e the plan assumes, and the laws."""
+
+    segments: tuple[Segment, ...]
+    guards: Guards
+    contact_stiffness_mN_per_um: float
+    laws: tuple[LawSettings, ...] = ()
+    """None: the rig file's."""
+    contact_line: Literal["identified", "planned"] = "identified"
+    """K_e and x_e as the load shows them, or K_e as planned and x_e from the first touch."""

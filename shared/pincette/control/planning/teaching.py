@@ -1,0 +1,73 @@
+"""The free motion from which the free response of an arm is identified."""
+
+from typing import NamedTuple
+
+from pincette.control.checks import require_positive
+from pincette.control.planning.profiles import minimum_duration
+from pincette.control.planning.program import Guards, Program, Segment
+
+
+class Leg(NamedTuple):
+    """A move to a share of the range, at a share of the speed, and a rest in s after it."""
+
+    to: float
+    rest_s: float = 0.0
+    pace: float = 1.0
+
+
+SLOW = 1.0 / 3.0
+COURSE = (
+    # Growing swings from unpoled, as a rig begins: a first stroke has a branch of its own.
+    *(Leg(0.0, 2.0), Leg(0.2), Leg(0.0, 0.4), Leg(0.4), Leg(0.0, 0.4), Leg(0.7), Leg(0.0, 0.4)),
+    # The whole range, which washes out what was before; then swings of mixed width.
+    *(Leg(1.0, 0.4), Leg(0.0, 0.3), Leg(1.0), Leg(0.0, 0.3)),
+    *(Leg(0.8), Leg(0.1), Leg(0.8), Leg(0.1), Leg(0.65), Leg(0.3), Leg(0.7), Leg(0.2)),
+    # A grip, loops at its top as the work makes them, and a drift under small loops.
+    *(Leg(0.56, 0.4, SLOW), Leg(0.66, 0.2, SLOW), Leg(0.95, 3.0, SLOW)),
+    *(Leg(0.75), Leg(0.95), Leg(0.75), Leg(0.95), Leg(0.8), Leg(0.9), Leg(0.78), Leg(0.88)),
+    *(Leg(0.55, 0.0, SLOW), Leg(0.05, 0.3)),
+    # Reversals within reversals, at rests of several lengths.
+    *(Leg(0.6), Leg(0.3), Leg(0.5), Leg(0.35), Leg(1.0, 2.0), Leg(0.45), Leg(0.8, 0.5)),
+    *(Leg(0.2), Leg(0.6, 0.4), Leg(0.9, 1.5), Leg(0.62), Leg(0.0, 1.0)),
+    # A grip again, and swings again: what the model is chosen and judged by.
+    *(Leg(0.5, 0.4, SLOW), Leg(0.62, 0.2, SLOW), Leg(0.88, 2.0, SLOW)),
+    *(Leg(0.7), Leg(0.88), Leg(0.7), Leg(0.88), Leg(0.65), Leg(0.1, 0.2)),
+    *(Leg(0.8), Leg(0.1), Leg(0.8), Leg(0.25), Leg(0.6), Leg(0.4), Leg(0.55, 0.4)),
+    *(Leg(0.93, 2.0, SLOW), Leg(0.73), Leg(0.93), Leg(0.0, 0.4)),
+)
+SHORTEST_MOVE_S = 0.3
+
+
+def teaching_program(from_um: float, to_um: float, speed_um_per_s: float) -> Program:
+    """Free motion over a range of positions, at the peak speed given.
+
+    Raises
+    ------
+    ValueError
+        Where the range or the speed is not finite and positive.
+    """
+    range_um = require_positive("range of the teaching motion", to_um - from_um, "µm")
+    require_positive("speed of the teaching motion", speed_um_per_s, "µm/s")
+    segments: list[Segment] = []
+    at_um = 0.0
+    for leg in COURSE:
+        x_um = from_um + leg.to * range_um
+        move_s = max(SHORTEST_MOVE_S, minimum_duration(x_um - at_um, leg.pace * speed_um_per_s))
+        segments.append(Segment("teach", "free", move_s, x_to_um=x_um))
+        if leg.rest_s > 0.0:
+            segments.append(Segment("teach", "free", leg.rest_s, x_to_um=x_um))
+        at_um = x_um
+    return Program(tuple(segments), _UNGUARDED, contact_stiffness_mN_per_um=1.0)
+
+
+_UNGUARDED = Guards(
+    contact_force_mN=1.0,
+    contact_samples=1,
+    force_max_mN=1.0,
+    lost_fraction=0.0,
+    lost_samples=1,
+    stiffness_min_mN_per_um=0.0,
+    stiffness_max_mN_per_um=1.0,
+    zero_wait_s=1.0,
+)
+"""Nothing is touched, and without a zero no guard of force acts."""

@@ -1,0 +1,109 @@
+"""A path tracked in contact, in position and force at once.
+
+The load goes to the highest force of the path and back to its start, so that the contact line is
+identified over all of it, and a force that lags or has hysteresis errs to both sides alike. The
+arm then settles on that line where the path begins.
+"""
+
+from dataclasses import dataclass
+
+from pincette.control.checks import require_positive
+from pincette.control.planning.contact_plan import (
+    SHORTEST_MOVE_S,
+    ContactPlan,
+    ContactRequest,
+    PlannedRig,
+    Violation,
+    check_contact,
+    plan_contact,
+)
+from pincette.control.planning.path_shapes import Peaks, peaks
+from pincette.control.planning.paths import Path
+from pincette.control.planning.program import Segment
+
+SETTLE_S = 0.8
+"""From the end of the load until the path begins."""
+SAMPLES_PER_CYCLE = 10
+"""Fewest that show a swing's peaks to 5 %."""
+PRESSING = ("load", "settle", "track", "unload")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackRequest(ContactRequest):
+    """What to track and how.
+
+    Raises
+    ------
+    ValueError
+        Where a number is impossible, or the path is not one of force.
+    """
+
+    path: Path
+    rate_um_per_s: float
+    """Highest speed of x_r along the path, and"""
+    acceleration_um_per_s2: float
+    """highest acceleration."""
+    pointer: str
+    """The member of the request that the height of the path comes from."""
+
+    def __post_init__(self) -> None:
+        check_contact(self)
+        require_positive("rate_um_per_s", self.rate_um_per_s, "")
+        require_positive("acceleration_um_per_s2", self.acceleration_um_per_s2, "")
+        if self.path.quantity != "force":
+            raise ValueError("a path in contact must be one of force")
+
+
+def plan_track(request: TrackRequest, rig: PlannedRig) -> ContactPlan:
+    """Plan a path in contact; raises as ``plan_contact`` does."""
+    path, load_s, found = request.path, request.load_s, peaks(request.path)
+    pressing = (
+        Segment("load", "force", load_s, force_to_mN=found.highest),
+        Segment("load", "force", load_s, force_to_mN=path.start),
+        Segment("settle", "force", SETTLE_S, force_to_mN=path.start, move_s=SHORTEST_MOVE_S),
+        Segment("track", "path", path.duration_s, path=path),
+        Segment("unload", "force", load_s, force_to_mN=0.0),
+    )
+    plan = plan_contact(request, rig, pressing, dict.fromkeys(PRESSING, request.pointer))
+    start_s = next(phase.start_s for phase in plan.phases if phase.phase == "track")
+    broken = (*plan.violations, *_path_violations(request, found, start_s, rig.period_s))
+    return ContactPlan(plan.program, plan.phases, plan.course, broken, plan.duration_s, plan.arm)
+
+
+def _path_violations(
+    request: TrackRequest, found: Peaks, start_s: float, period_s: float
+) -> list[Violation]:
+    """What a path must not do whatever the rig bears."""
+    K_e, path = request.stiffness_mN_per_um, request.path
+    swings = not path.knots
+    hurry = "/frequency_hz" if swings else request.pointer
+    broken: list[Violation] = []
+
+    def add(
+        pointer: str, quantity: str, value: float, limit: float, unit: str, at_s: float, why: str
+    ) -> None:
+        side = "above" if value > limit else "below"
+        at_s += start_s
+        message = (
+            f"{quantity} {value:.3f} {unit} {side} the limit {limit:g} {unit}, "
+            f"from {at_s:.2f} s (track): {why}"
+        )
+        broken.append(Violation(pointer, quantity, value, limit, unit, at_s, message))
+
+    if found.lowest < 0.0:
+        why = "a part is pressed, not pulled"
+        add(request.pointer, "force", found.lowest, 0.0, "mN", path.full_from_s, why)
+    if found.rate / K_e > request.rate_um_per_s * (1.0 + 1e-6):
+        why = "too fast for the rate that the path may have"
+        limit = request.rate_um_per_s
+        add(hurry, "rate", found.rate / K_e, limit, "µm/s", found.rate_at_s, why)
+    acceleration = found.acceleration / K_e
+    if acceleration > request.acceleration_um_per_s2 * (1.0 + 1e-6):
+        why = "too sudden for the acceleration that the path may have"
+        limit, at_s = request.acceleration_um_per_s2, found.acceleration_at_s
+        add(hurry, "acceleration", acceleration, limit, "µm/s²", at_s, why)
+    if swings and path.cycle_s < SAMPLES_PER_CYCLE * period_s * (1.0 - 1e-9):
+        why = f"a cycle has fewer than {SAMPLES_PER_CYCLE} samples"
+        limit = 1.0 / (SAMPLES_PER_CYCLE * period_s)
+        add("/frequency_hz", "frequency", 1.0 / path.cycle_s, limit, "Hz", 0.0, why)
+    return broken

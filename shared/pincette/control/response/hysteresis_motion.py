@@ -1,0 +1,79 @@
+"""Hysteresis and creep over a whole recorded motion: what ``hysteresis.step`` does, in columns."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.response.hysteresis import HysteresisModel, creep_factors
+
+Column = NDArray[np.float64]
+
+YIELDS_WITHIN = 1e-12
+"""Share of its threshold within which a play counts as yielding; for rounding."""
+
+
+def simulate(model: HysteresisModel, voltage_V: Column, period_s: float) -> Column:
+    """Free displacement in µm of an actuator that starts unpoled; N samples for N."""
+    weights = np.asarray(model.weights_um_per_V)
+    plays = play_columns(model.thresholds_V, model.fadings_per_V, voltage_V)
+    static = plays @ weights + model.curvature_um_per_V2 * voltage_V**2
+    creep = creep_columns(model.creep_times_s, static, period_s)
+    return static + creep @ np.asarray(model.creep_fractions)
+
+
+def play_columns(
+    thresholds_V: Sequence[float], fadings_per_V: Sequence[float], voltage_V: Column
+) -> NDArray[np.float64]:
+    """Plays y_i in V, N × thresholds, of an actuator that starts unpoled.
+
+    Without ``fadings_per_V`` none fades.
+    """
+    r = np.asarray(thresholds_V, dtype=float)
+    fading = np.asarray(fadings_per_V, dtype=float) if len(fadings_per_V) else np.zeros(len(r))
+    fades = fading > 0.0
+    # Any rate does where none is used.
+    rate = np.where(fades, fading, 1.0)
+    rows = np.empty((len(voltage_V), len(r)))
+    play, before = np.zeros(len(r)), 0.0
+    for index, u in enumerate(voltage_V.tolist()):
+        if u != before:
+            if fades.any():
+                lost = -np.expm1(-rate * abs(u - before))
+                z = (before - play) * (1.0 - lost) + np.copysign(lost, u - before) / rate
+                play = np.where(fades, u - z, play)
+            play = np.maximum(u - r, np.minimum(u + r, play))
+            before = u
+        rows[index] = play
+    return rows
+
+
+def slopes_um_per_V(
+    model: HysteresisModel, plays_V: NDArray[np.float64], voltage_V: Column
+) -> NDArray[np.float64]:
+    """Slopes of the static displacement in µm/V, N × 2: going on up, and going on down.
+
+    Of the states that ``play_columns`` gives, by dy/du = 2q·u + Σ w_i·(1 - dz_i/du), where a play
+    that yields adds its whole weight.
+    """
+    r = np.asarray(model.thresholds_V)
+    fading = np.asarray(model.fadings_per_V or np.zeros(len(r)))
+    z = voltage_V[:, np.newaxis] - plays_V
+    both: list[Column] = []
+    for ahead in (z, -z):
+        moved = np.where(ahead >= r * (1.0 - YIELDS_WITHIN), 1.0, fading * ahead)
+        both.append(moved @ np.asarray(model.weights_um_per_V))
+    return np.stack(both, axis=1) + 2.0 * model.curvature_um_per_V2 * voltage_V[:, np.newaxis]
+
+
+def creep_columns(
+    creep_times_s: Sequence[float], static_um: Column, period_s: float
+) -> NDArray[np.float64]:
+    """Creep states c_j in µm, N × times."""
+    rows = np.empty((len(static_um), len(creep_times_s)))
+    for column, factor in enumerate(creep_factors(tuple(creep_times_s), period_s)):
+        creep = 0.0
+        for index, value in enumerate(static_um.tolist()):
+            creep = value + (creep - value) * factor
+            rows[index, column] = creep
+    return rows

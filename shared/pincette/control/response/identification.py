@@ -1,0 +1,287 @@
+"""Identification of the free response from a recorded free motion, by least squares.
+
+The plays p_i(u) are known, and the displacement is linear in their weights. The creep is driven by
+the static output that the weights make, hence a few rounds of
+
+    x_k ≈ q·u_k² + Σ w_i·p_i(u)_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ w_i·p_i
+
+with the y of the round before.
+
+Neighbouring plays are nearly collinear. Every column is scaled to r.m.s. 1 and the solution held
+by a ridge. Weights may be negative, so that a branch may bend either way; what must hold, a
+displacement that rises with the voltage, is checked of the model that results.
+
+What least squares cannot give, the families of plays, curvature and ridge, is chosen by motion
+that the coefficients were not fitted to; and motion that the choice has not seen gives the
+residual.
+
+A family of plays has thresholds r_i spread over the travel, and fadings λ_i = c/r_i: each of its
+plays yields at the same share c of the level 1/λ_i that it would tend to without yielding. The
+family of c = 0 forgets nothing. Turned at its threshold a play yields again after a travel of
+
+    r·ln[(1 + c)/(1 - c)]/c,    2·r where c = 0
+"""
+
+from collections.abc import Sequence
+from itertools import product
+from math import inf, log, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.checks import require_positive
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.hysteresis_motion import (
+    Column,
+    creep_columns,
+    play_columns,
+    slopes_um_per_V,
+)
+
+PLAYS_PER_FAMILY = 9
+PLAYS = 18
+"""Of all families together, at most; the linear part comes to them."""
+REACH = 0.95
+"""Share of the travel after which, turned at its threshold, the widest play yields again."""
+YIELDING = 0.7
+"""Largest r_i·λ_i. At 1 a play would be an operator that never yields, that of Dahl, which is a
+Bouc-Wen hysteresis of one branch; it has to stay a play, and yield well before."""
+CREEP_STEP = 5.0
+"""From one creep time to the next; the first is that many samples."""
+ROUNDS = 5
+MIN_SAMPLES_PER_COEFFICIENT = 20
+SHARE_OF_CHOICE = 0.25
+"""Of the record, before the part held out: what families, curvature, ridge are chosen by."""
+WORTH = 0.9
+"""Another candidate must leave less than this share of what the present one leaves: by a few per
+cent two spans of one record differ anyway."""
+
+
+class Identification(NamedTuple):
+    """A model, and the r.m.s. in µm that it leaves of motion it was not fitted to."""
+
+    model: HysteresisModel
+    residual_um: float
+
+
+class Candidates(NamedTuple):
+    """What may be chosen of what least squares cannot give; simple ones first."""
+
+    families: tuple[tuple[float, ...], ...] = (
+        (0.0,),
+        (0.5 * YIELDING,),
+        (YIELDING,),
+        (YIELDING, 0.6, 0.5),
+    )
+    """r·λ of each family of plays; several families blend several rates of forgetting."""
+    curved: tuple[bool, ...] = (False, True)
+    ridges: tuple[float, ...] = (1e-6, 1e-4)
+    """Share of the columns' mean square: 1e-6 bounds the condition number by 1e3·√columns."""
+
+
+ALL = Candidates()
+
+
+class _Choice(NamedTuple):
+    families: tuple[float, ...]
+    curved: bool
+    ridge: float
+
+
+class _Record(NamedTuple):
+    u: Column
+    x: Column
+    period_s: float
+    thresholds_V: tuple[float, ...] | None
+    creep_times_s: tuple[float, ...]
+    known: int
+    """Sample from which every play is where the voltage says, however it began."""
+    plays: dict[tuple[float, ...], "_Plays"]
+    """Of the families that have been asked for."""
+
+
+class _Plays(NamedTuple):
+    thresholds_V: tuple[float, ...]
+    fadings_per_V: tuple[float, ...]
+    columns: NDArray[np.float64]
+
+
+def identify_free_response(
+    voltage_V: Sequence[float],
+    x_um: Sequence[float],
+    period_s: float,
+    *,
+    thresholds_V: Sequence[float] | None = None,
+    creep_times_s: Sequence[float] | None = None,
+    candidates: Candidates = ALL,
+    unpoled: bool = True,
+    held_out: float = 0.25,
+) -> Identification:
+    """Fit weights and creep fractions to a free motion.
+
+    Parameters
+    ----------
+    voltage_V, x_um
+        N samples in V and µm, of matched ages: ``voltage_V[k]`` led to ``x_um[k]``, so it is the
+        one applied at k-1. The offset of x does not matter.
+    period_s
+        From one sample to the next.
+    thresholds_V, creep_times_s
+        The linear part's 0 and the thresholds of each family; creep times. None for what
+        ``spread_thresholds`` and ``spread_creep_times`` make of travel and duration.
+    candidates
+        Families, curvature and ridge to choose from.
+    unpoled
+        Whether the actuator begins at 0 V with nothing remembered. Elsewhere samples count from
+        where the voltage has travelled twice the largest threshold, which puts every play where
+        the voltage says, or near it where they fade; what still creeps from before falls to the
+        creep that is identified.
+    held_out
+        Share of the samples, the last ones, that the residual is taken on. Their mean is taken
+        off, as a zero of the estimator would do.
+
+    Raises
+    ------
+    ValueError
+        Where lengths disagree, there are fewer than ``MIN_SAMPLES_PER_COEFFICIENT`` samples for
+        each coefficient, a sample is not finite, the voltage travels less than 0.1 V or twice
+        the largest threshold, or the displacement does not rise with the voltage.
+    """
+    u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)
+    require_positive("period", period_s, "s")
+    if not 0.0 < held_out < 1.0 - SHARE_OF_CHOICE:
+        raise ValueError(f"held_out = {held_out}, must be in (0, {1.0 - SHARE_OF_CHOICE})")
+    times_s = creep_times_s
+    if times_s is None:
+        times_s = spread_creep_times(period_s, period_s * len(u))
+    given = None if thresholds_V is None else tuple(thresholds_V)
+    _require_usable(u, x, (given or (0.0,))[-1])
+    widest_V = (given or spread_thresholds(float(np.ptp(u)), 0.0, 1))[-1]
+    known = 0 if unpoled else _first_known(u, widest_V)
+    record = _Record(u, x, period_s, given, tuple(times_s), known, {})
+    fitted = int(len(u) * (1.0 - held_out))
+    model, motion = _fit(record, fitted, _choose(record, fitted, candidates))
+    return Identification(model, float(np.std((x - motion)[fitted:])))
+
+
+def spread_thresholds(travel_V: float, share: float, plays: int) -> tuple[float, ...]:
+    """Thresholds in V of a family, even, the largest as ``REACH`` says; ``share`` is r·λ."""
+    ways = log((1.0 + share) / (1.0 - share)) / share if share > 0.0 else 2.0
+    widest_V = REACH * travel_V / ways
+    return tuple([widest_V * (index + 1) / plays for index in range(plays)])
+
+
+def spread_creep_times(period_s: float, duration_s: float) -> tuple[float, ...]:
+    """Creep times in s, from some samples to the whole motion: slower creep looks like a drift."""
+    times_s: list[float] = []
+    time_s = CREEP_STEP * period_s
+    while time_s <= duration_s:
+        times_s.append(time_s)
+        time_s *= CREEP_STEP
+    return tuple(times_s)
+
+
+def _require_usable(u: Column, x: Column, threshold_V: float) -> None:
+    if len(u) != len(x):
+        raise ValueError(f"{len(u)} voltages for {len(x)} positions, must be as many")
+    if not (np.isfinite(u).all() and np.isfinite(x).all()):
+        raise ValueError("a sample is not finite, all must be")
+    wanted_V = max(2.0 * threshold_V, 0.1)
+    travel_V = float(np.ptp(u)) if len(u) else 0.0
+    if not travel_V >= wanted_V:
+        raise ValueError(f"the voltage travels {travel_V:.3f} V, must be at least {wanted_V:.3f} V")
+
+
+def _require_enough(samples: int, coefficients: int) -> None:
+    wanted = MIN_SAMPLES_PER_COEFFICIENT * coefficients
+    if samples < wanted:
+        raise ValueError(f"{samples} samples, {wanted} are wanted for {coefficients} coefficients")
+
+
+def _first_known(u: Column, threshold_V: float) -> int:
+    swing = np.maximum.accumulate(u) - np.minimum.accumulate(u)
+    return int(np.argmax(swing >= min(2.0 * threshold_V, float(swing[-1]))))
+
+
+def _choose(record: _Record, fitted: int, candidates: Candidates) -> _Choice:
+    """By what each leaves of the middle of the record; a richer one has to be worth it."""
+    until = int(fitted - SHARE_OF_CHOICE * len(record.u))
+    choices = [_Choice(*values) for values in product(*candidates)]
+    best, least = choices[0], inf
+    if len(choices) > 1:
+        for choice in choices:
+            left = _left(record, until, fitted, choice)
+            if left < WORTH * least:
+                best, least = choice, left
+    return best
+
+
+def _left(record: _Record, until: int, end: int, choice: _Choice) -> float:
+    try:
+        _, motion = _fit(record, until, choice)
+    except ValueError:
+        return inf  # a candidate that makes an impossible model is none
+    return float(np.std((record.x - motion)[until:end]))
+
+
+def _fit(record: _Record, until: int, choice: _Choice) -> tuple[HysteresisModel, Column]:
+    """Model fitted to the samples before ``until``, and its motion over the whole record."""
+    u, times_s, period_s = record.u, record.creep_times_s, record.period_s
+    thresholds, fadings, columns_V = _plays(record, choice.families)
+    statics = [columns_V]
+    if choice.curved:
+        statics.append((u * u)[:, np.newaxis])
+    plays = np.hstack(statics)
+    count, bent = len(thresholds), plays.shape[1]
+    _require_enough(until - record.known, bent + len(times_s) + 1)
+    ones = np.ones((len(u), 1))
+    known = slice(record.known, until)
+    level = float(np.mean(record.x[known]))
+    target = record.x - level
+    slope = float(np.dot(u[known], target[known]) / np.dot(u[known], u[known]))
+    static: Column = u * slope
+    solution, columns = np.empty(0), plays
+    for _ in range(ROUNDS):
+        columns = np.hstack([plays, creep_columns(times_s, static, period_s), ones])
+        solution = _ridge(columns[known], target[known], choice.ridge)
+        static = plays @ solution[:bent]
+    model = HysteresisModel(
+        thresholds_V=thresholds,
+        weights_um_per_V=tuple(solution[:count].tolist()),
+        creep_times_s=times_s,
+        creep_fractions=tuple(solution[bent:-1].tolist()),
+        fadings_per_V=fadings,
+        curvature_um_per_V2=float(solution[count]) if choice.curved else 0.0,
+    )
+    # The model's own check knows neither its curvature nor how its families lie to each other.
+    slopes = slopes_um_per_V(model, columns_V, u)
+    index = int(np.argmin(slopes.min(axis=1)))
+    require_positive(f"slope at {u[index]:.3f} V", float(slopes[index].min()), "µm/V")
+    return model, columns @ solution + level
+
+
+def _plays(record: _Record, families: tuple[float, ...]) -> _Plays:
+    if families not in record.plays:
+        travel_V = float(np.ptp(record.u))
+        count = min(PLAYS_PER_FAMILY, PLAYS // len(families))
+        thresholds, fadings = [0.0], [0.0]
+        for share in families:
+            given = record.thresholds_V
+            family = given[1:] if given else spread_thresholds(travel_V, share, count)
+            thresholds += family
+            fadings += [share / threshold for threshold in family]
+        columns = play_columns(thresholds, fadings, record.u)
+        fading = tuple(fadings) if any(fadings) else ()
+        record.plays[families] = _Plays(tuple(thresholds), fading, columns)
+    return record.plays[families]
+
+
+def _ridge(columns: NDArray[np.float64], target: Column, ridge: float) -> Column:
+    """Minimise |A·z - b|² + N·ridge·|scale·z|²."""
+    scale = np.sqrt(np.mean(columns**2, axis=0))
+    scale[scale == 0.0] = 1.0
+    penalty = sqrt(ridge * len(target)) * np.eye(columns.shape[1])
+    stacked = np.vstack([columns / scale, penalty])
+    padded = np.concatenate([target, np.zeros(columns.shape[1])])
+    return np.linalg.lstsq(stacked, padded, rcond=None)[0] / scale

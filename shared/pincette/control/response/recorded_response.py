@@ -1,0 +1,197 @@
+"""The free response x_1 by a recorded stroke up and down, and Madelung's rules.
+
+The two branches are kept as shapes: which share of the way in x is done at which share of the way
+in u. From a turning point (u_r, x_r) the arm goes towards the turning point before, (u_p, x_p), by
+
+    x = x_r + (x_p - x_r)·shape((u - u_r)/(u_p - u_r))
+
+with the shape of the branch that runs in that direction; and once it has passed (u_p, x_p), the
+loop between the two is forgotten and the branch before it goes on (return-point memory).
+Source: E. Madelung, Annalen der Physik 322(10), 1905. Creep is not in it, and adds to its error.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import sqrt
+from typing import NamedTuple
+
+from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.response.free_response import FreeSample, rest_mean
+from pincette.control.response.identified_response import (
+    ERRORS_TOLERATED,
+    GROWTH_V,
+    LEAST_TOLERANCE_UM,
+)
+
+MOST_TURNS = 16
+"""Turning points kept; beyond, the smallest loop is forgotten."""
+IGNORED_V = 0.01
+"""Reversals up to this are taken for the noise of a law, and run back on the same branch."""
+
+
+class Turn(NamedTuple):
+    """Where the voltage turned round."""
+
+    voltage_V: float
+    x_um: float
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedBranches:
+    """The outermost loop, and the shapes of its branches at even shares of the voltage's way.
+
+    Raises
+    ------
+    ValueError
+        Where the loop does not rise in u and in x, or a shape does not rise from 0 to 1.
+    """
+
+    bottom: Turn
+    top: Turn
+    ascending: tuple[float, ...]
+    """From bottom to top."""
+    descending: tuple[float, ...]
+    """From top to bottom."""
+
+    def __post_init__(self) -> None:
+        require_positive("voltage of the stroke", self.top.voltage_V - self.bottom.voltage_V, "V")
+        require_positive("height of the stroke", self.top.x_um - self.bottom.x_um, "µm")
+        for name, shape in (("ascending", self.ascending), ("descending", self.descending)):
+            if len(shape) < 2 or shape[0] != 0.0 or shape[-1] != 1.0:
+                raise ValueError(f"{name} shape of {len(shape)} values, must go from 0 to 1")
+            for before, after in pairwise(shape):
+                require_positive(f"rise of the {name} shape", after - before, "")
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedResponse:
+    """x_1 = offset + displacement on the recorded branches."""
+
+    branches: RecordedBranches
+    turns: tuple[Turn, ...]
+    """Oldest first, two at least; the arm goes from the last towards the one before."""
+    furthest_V: float
+    """How far it has come since the last turn."""
+    voltage_V: float
+    """The voltage followed last."""
+    nominal_um_per_V: float
+    """d_p."""
+    model_error_um: float
+    """r.m.s. that the branches left of free motion they were not taken from."""
+    offset_um: float = 0.0
+    zero_V: float = 0.0
+
+    def follow(self, voltage_V: float, _dt_s: float, /) -> "RecordedResponse":
+        """Take in the voltage; the branches know no time."""
+        turns, furthest_V, u = self.turns, self.furthest_V, voltage_V
+        rising = turns[-2].voltage_V > turns[-1].voltage_V
+        if abs(u - furthest_V) > IGNORED_V and (u < furthest_V) == rising:
+            turns = _turned(self.branches, turns, furthest_V)
+            furthest_V, rising = u, not rising
+        if (u > furthest_V) == rising:
+            furthest_V = u
+        turns = _passed(self.branches, turns, furthest_V)
+        return replace(self, turns=turns, furthest_V=furthest_V, voltage_V=u)
+
+    def position_um(self) -> float:
+        """Return x_1 at the voltage followed last."""
+        return self.offset_um + self.displacement_um()
+
+    def displacement_um(self) -> float:
+        """Return x on the branch at the voltage followed last, without offset."""
+        return _on_branch(self.branches, self.turns[-1], self.turns[-2], self.voltage_V)
+
+    def error_um(self) -> float:
+        """Return √2·residual·min(1, |u - u_zero|/GROWTH_V), as an identified response does."""
+        travel_V = abs(self.voltage_V - self.zero_V)
+        return sqrt(2.0) * self.model_error_um * min(1.0, travel_V / GROWTH_V)
+
+    def sample(self, x_um: float) -> FreeSample:
+        """Note a position of the free arm at the voltage followed last."""
+        return FreeSample(self.voltage_V, x_um, self.displacement_um())
+
+    def residual_um(self, sample: FreeSample) -> float:
+        """Return x - x_1 of a sample, by the offset that holds at present."""
+        return sample.x_um - self.offset_um - sample.displacement_um
+
+    def begin(self, x_um: float) -> "RecordedResponse":
+        """Move the offset so that x_1 is ``x_um``."""
+        return replace(self, offset_um=x_um - self.displacement_um(), zero_V=self.voltage_V)
+
+    def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "RecordedResponse":
+        """Move the offset so that x_1 goes through the rest; raises ValueError without one."""
+        rest = rest_mean(samples, rest_samples)
+        offset_um = rest.x_um - rest.displacement_um
+        return replace(self, offset_um=offset_um, zero_V=rest.voltage_V)
+
+    def zero_tolerance_um(self, creep_um: float) -> float:
+        """Return five errors and the creep, 0.5 µm at least."""
+        return max(LEAST_TOLERANCE_UM, ERRORS_TOLERATED * self.error_um() + creep_um)
+
+
+def recorded_response(
+    branches: RecordedBranches, piezo_um_per_V: float, model_error_um: float
+) -> RecordedResponse:
+    """Response at 0 V, on the ascending branch; raises ValueError for an impossible d_p or error.
+
+    Where the arm has been before nobody knows; the first stroke to an end of the recorded range
+    makes it so.
+    """
+    turns = _passed(branches, (branches.top, branches.bottom), 0.0)
+    if branches.bottom.voltage_V > 0.0:
+        turns = (branches.top, _on_line(branches, branches.bottom, 0.0))
+    return RecordedResponse(
+        branches=branches,
+        turns=turns,
+        furthest_V=0.0,
+        voltage_V=0.0,
+        nominal_um_per_V=require_positive("piezoelectric constant", piezo_um_per_V, "µm/V"),
+        model_error_um=require_not_negative("model error", model_error_um, "µm"),
+    )
+
+
+def _turned(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) -> tuple[Turn, ...]:
+    """Turning points after the voltage turned round at ``at_V``."""
+    here = Turn(at_V, _on_branch(branches, turns[-1], turns[-2], at_V))
+    if len(turns) == 2 and at_V == turns[0].voltage_V:
+        return turns[1], here
+    turns = (*turns, here)
+    if len(turns) <= MOST_TURNS:
+        return turns
+    # The loop between two neighbours, neither outermost nor on the branch in use.
+    smallest = min(
+        range(1, len(turns) - 3),
+        key=lambda index: abs(turns[index + 1].voltage_V - turns[index].voltage_V),
+    )
+    return turns[:smallest] + turns[smallest + 2 :]
+
+
+def _passed(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) -> tuple[Turn, ...]:
+    """Turning points after the voltage has come to ``at_V`` on its branch."""
+    while True:
+        origin, target = turns[-1], turns[-2]
+        rising = target.voltage_V > origin.voltage_V
+        if at_V == target.voltage_V or (at_V < target.voltage_V) == rising:
+            return turns
+        if len(turns) == 2:
+            # Beyond what was recorded the end of the branch goes straight on.
+            return _on_line(branches, target, at_V), origin
+        turns = (turns[1], turns[0]) if len(turns) == 3 else turns[:-2]
+
+
+def _on_line(branches: RecordedBranches, end: Turn, at_V: float) -> Turn:
+    """Point on the straight line through an end of the loop, of the loop's mean slope."""
+    bottom, top = branches.bottom, branches.top
+    slope = (top.x_um - bottom.x_um) / (top.voltage_V - bottom.voltage_V)
+    return Turn(at_V, end.x_um + slope * (at_V - end.voltage_V))
+
+
+def _on_branch(branches: RecordedBranches, origin: Turn, target: Turn, at_V: float) -> float:
+    """Return x in µm on the branch from one turning point towards another."""
+    shape = branches.ascending if target.voltage_V > origin.voltage_V else branches.descending
+    cells = len(shape) - 1
+    place = cells * (at_V - origin.voltage_V) / (target.voltage_V - origin.voltage_V)
+    cell = min(max(int(place), 0), cells - 1)
+    share = shape[cell] + (place - cell) * (shape[cell + 1] - shape[cell])
+    return origin.x_um + (target.x_um - origin.x_um) * share

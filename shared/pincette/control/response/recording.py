@@ -1,0 +1,139 @@
+"""A recorded free response out of a free motion: its branches, and the error they leave."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.response.hysteresis_motion import Column
+from pincette.control.response.recorded_response import RecordedBranches, Turn, recorded_response
+
+CELLS = 24
+END = 0.03
+"""Share of the voltage's travel within which a stroke counts as having come to an end, and
+by which it may go back on its way."""
+MIN_SAMPLES_PER_CELL = 2
+LEAST_RISE = 1e-3
+"""Of a cell's share; what noise would make fall is made to rise by this."""
+
+
+class Recording(NamedTuple):
+    """Branches, and the r.m.s. in µm that they leave of motion they were not taken from."""
+
+    branches: RecordedBranches
+    residual_um: float
+
+
+def record_free_response(
+    voltage_V: Sequence[float], x_um: Sequence[float], *, held_out: float = 0.25
+) -> Recording:
+    """Take branches from the strokes over the whole range of voltage in a free motion.
+
+    Parameters
+    ----------
+    voltage_V, x_um
+        N samples in V and µm, of matched ages as for ``identify_free_response``.
+    held_out
+        Share of the samples, the last ones, that the residual is taken on, its mean taken off.
+
+    Raises
+    ------
+    ValueError
+        Where lengths disagree, a sample is not finite, the motion before the part held out has
+        no stroke up or none down over the range, or it has too few samples.
+    """
+    u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)
+    if len(u) != len(x):
+        raise ValueError(f"{len(u)} voltages for {len(x)} positions, must be as many")
+    if not (np.isfinite(u).all() and np.isfinite(x).all()):
+        raise ValueError("a sample is not finite, all must be")
+    if not 0.0 < held_out < 1.0:
+        raise ValueError(f"held_out = {held_out}, must be between 0 and 1")
+    taken = int(len(u) * (1.0 - held_out))
+    branches = recorded_branches(u[:taken], x[:taken])
+    response, followed = recorded_response(branches, 1.0, 0.0), list[float]()
+    for voltage in u.tolist():
+        response = response.follow(voltage, 0.0)
+        followed.append(response.displacement_um())
+    return Recording(branches, float(np.std((x - np.asarray(followed))[taken:])))
+
+
+def recorded_branches(voltage_V: Column, x_um: Column) -> RecordedBranches:
+    """Mean branches of all strokes from end to end; raises ValueError as above."""
+    if len(voltage_V) < 2 or not float(np.ptp(voltage_V)) > 0.0:
+        raise ValueError(f"{len(voltage_V)} samples of a voltage at rest, a stroke is wanted")
+    shapes: list[tuple[float, ...]] = []
+    ends: list[NDArray[np.float64]] = []
+    for name, sign in (("up", 1.0), ("down", -1.0)):
+        strokes = _strokes(sign * voltage_V)
+        if not strokes:
+            raise ValueError(f"no stroke {name} over the {np.ptp(voltage_V):.3f} V of the motion")
+        ways: list[Column] = []
+        for first, last in strokes:
+            u, x = voltage_V[first : last + 1], x_um[first : last + 1]
+            if len(u) < MIN_SAMPLES_PER_CELL * CELLS:
+                raise ValueError(
+                    f"{len(u)} samples in a stroke {name}, "
+                    f"{MIN_SAMPLES_PER_CELL * CELLS} are wanted"
+                )
+            way = (u - u[0]) / (u[-1] - u[0])
+            knots = _knots(way, x)
+            ways.append((knots - knots[0]) / (knots[-1] - knots[0]))
+            points = np.array([[u[0], knots[0]], [u[-1], knots[-1]]])
+            ends.append(points if sign > 0.0 else points[::-1])
+        shapes.append(_rising(np.mean(ways, axis=0)))
+    bottom, top = np.mean(ends, axis=0).tolist()
+    return RecordedBranches(Turn(*bottom), Turn(*top), shapes[0], shapes[1])
+
+
+def _strokes(u: Column) -> list[tuple[int, int]]:
+    """First and last sample of each rise from the lowest to the highest values."""
+    low, high = float(u.min()), float(u.max())
+    margin = END * (high - low)
+    strokes: list[tuple[int, int]] = []
+    begun: int | None = None
+    ended: int | None = None
+    furthest = low
+    for index, value in enumerate(u.tolist()):
+        if value <= low + margin:
+            # The deepest sample of a stay at the bottom, the last of several.
+            if begun is None or ended is not None or value <= u[begun]:
+                begun, ended = index, None
+            furthest = value
+        elif begun is not None:
+            if value < furthest - margin:
+                begun = None
+                continue
+            if value >= high - margin:
+                if ended is None:
+                    strokes.append((begun, index))
+                    ended = index
+                elif value > u[ended]:
+                    strokes[-1] = (begun, index)
+                    ended = index
+            furthest = max(furthest, value)
+    return strokes
+
+
+def _knots(way: Column, x: Column) -> Column:
+    """Values at even shares of the way of the broken line that fits best."""
+    place = np.clip(way, 0.0, 1.0) * CELLS
+    cell = np.minimum(place.astype(int), CELLS - 1)
+    hats = np.zeros((len(way), CELLS + 1))
+    rows = np.arange(len(way))
+    hats[rows, cell] = 1.0 - (place - cell)
+    hats[rows, cell + 1] = place - cell
+    # Where a cell holds no sample its knot is put on the line between its neighbours.
+    bend = 1e-3 * np.diff(np.eye(CELLS + 1), n=2, axis=0)
+    stacked = np.vstack([hats, bend])
+    target = np.concatenate([x, np.zeros(CELLS - 1)])
+    knots = np.linalg.lstsq(stacked, target, rcond=None)[0]
+    return np.asarray(knots, dtype=np.float64)
+
+
+def _rising(shape: Column) -> tuple[float, ...]:
+    """A shape from 0 to 1 that rises throughout."""
+    rises = np.maximum(np.diff(shape), LEAST_RISE / CELLS)
+    values = np.concatenate([[0.0], np.cumsum(rises)]) / np.sum(rises)
+    return (0.0, *values[1:-1].tolist(), 1.0)

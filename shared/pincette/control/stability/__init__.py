@@ -1,0 +1,1 @@
+"""Stability before motion: the loop as it runs, its worst case, and gains within it."""

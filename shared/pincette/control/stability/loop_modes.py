@@ -1,0 +1,68 @@
+"""The modes of a closed loop: its spectral radius, and which slow mode does not matter."""
+
+from math import log
+
+import numpy as np
+
+from pincette.control.stability.loop_blocks import Array
+from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, loop_matrices
+from pincette.control.stability.sampled_arm import LoopCase
+
+SETTLED = 0.02
+"""Share of a disturbance within which the position counts as settled."""
+ROUNDING = 1e-9
+"""What an eigenvalue of 1 may come out above 1."""
+NEXT_TO = 1e-8
+"""Shift of the inverse iteration."""
+
+
+def spectral_radii(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
+    """Largest |λ| of each case's matrix, shape (cases,)."""
+    return np.max(np.abs(np.linalg.eigvals(loop_matrices(loop, cases))), axis=1)
+
+
+def settling_ticks(radius: float) -> float:
+    """Ticks ln(0.02)/ln(r) within which a mode of that radius, 0 < r < 1, falls to 2 %."""
+    return log(SETTLED) / log(radius)
+
+
+def counted_radii(loop: Loop, cases: tuple[LoopCase, ...], limit_radius: float) -> Array:
+    """Spectral radius of each case, without what creeps and does not matter; shape (cases,).
+
+    A switching term of small slope makes s, thus ε, leak away slowly: a real λ just below 1 that
+    leaves next to nothing in the position. Such a mode does not count where its share w of the
+    position's response, to a disturbance of the position or of the voltage, has
+    w·λ^N < 2 % at the N ticks that ``limit_radius`` takes to 2 %. Nothing that rings or grows is
+    left out.
+    """
+    matrices = loop_matrices(loop, cases)
+    modes = np.linalg.eigvals(matrices)
+    sizes = np.abs(modes)
+    slow = (np.imag(modes) == 0.0) & (np.real(modes) >= limit_radius) & (sizes < 1.0 + ROUNDING)
+    which, place = np.nonzero(slow)
+    if which.size:
+        left = _shares(matrices[which], sizes[which, place], loop.arm.d / loop.arm.k)
+        left *= sizes[which, place] ** settling_ticks(limit_radius)
+        sizes[which, place] = np.where(left < SETTLED, 0.0, sizes[which, place])
+    return np.max(sizes, axis=1)
+
+
+def _shares(matrices: Array, values: Array, piezo_um_per_V: float) -> Array:
+    """Share of the real mode λ of each matrix in the position's response, shape (matrices,).
+
+    With right and left eigenvectors v and w of λ it is v_x·w_j/(wᵀv) for a disturbance of state j;
+    both are found by inverse iteration. A mode that is not alone has wᵀv near 0: a large share.
+    """
+    count, size = matrices.shape[:2]
+    # Off the eigenvalue by little against its distance to the others, or it could not be solved.
+    shifted = matrices - (values + NEXT_TO)[:, None, None] * np.eye(size)
+    right = np.ones((count, size, 1))
+    left = np.ones((count, size, 1))
+    for _ in range(3):
+        right = np.linalg.solve(shifted, right)
+        right /= np.max(np.abs(right), axis=1, keepdims=True)
+        left = np.linalg.solve(np.swapaxes(shifted, 1, 2), left)
+        left /= np.max(np.abs(left), axis=1, keepdims=True)
+    product = np.abs(np.sum(left * right, axis=1))[:, 0]
+    disturbed = np.maximum(np.abs(left[:, X, 0]), np.abs(left[:, VOLTAGE, 0]) / piezo_um_per_V)
+    return np.abs(right[:, X, 0]) * disturbed / np.maximum(product, np.finfo(float).tiny)

@@ -1,0 +1,230 @@
+"""Gains by search: how well a law tracks on the identified model, and the Pareto front of it.
+
+The paper tunes by trial and error. Here each candidate plays the real law on the identified arm
+in contact, with the sensor's noise and a plan that errs by what the identification of the contact
+leaves open; what it trades is position against force.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from math import sqrt
+
+from pincette.control.arm.mode import Mode, sample_mode
+from pincette.control.arm.plant import ArmParameters
+from pincette.control.checks import require_positive
+from pincette.control.laws import law as control_law
+from pincette.control.laws.law import LawSettings, Scheme
+from pincette.control.response.free_response import FreeResponse
+
+K_P_GRID = (0.1, 0.2, 0.35, 0.5, 1.0, 2.0)
+"""Of K_P with K_I = 1; without switching only K_I/(K_P + K_I) acts."""
+K_F_GRID = (0.0, 1000.0, 2000.0, 3500.0, 5000.0, 7500.0, 10000.0, 15000.0)
+
+
+@dataclass(frozen=True, slots=True)
+class TuningRig:
+    """The identified arm in contact, as the search plays it."""
+
+    arm: ArmParameters
+    natural_frequency_rad_per_s: float
+    damping_ratio: float
+    response: FreeResponse
+    """Standing at the voltage of first touch."""
+    stiffness_mN_per_um: float
+    """K_e."""
+    stiffness_error: float
+    """Share by which the plan's K_e may err, either way."""
+    force_error_mN: float
+    """By which the estimated force may be off, either way: what the free response leaves open."""
+    noise_um: tuple[float, ...]
+    """Sensor noise, sample by sample; as many as the path has, or more."""
+    period_s: float
+    delay_s: float
+    """From the sample to the arrival of the voltage."""
+    force_filter_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class TuningPath:
+    """Force references from the first touch, one a period, and where the errors begin to count."""
+
+    force_r_mN: tuple[float, ...]
+    settled: int
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Gains and what they came to; errors are r.m.s. in per cent of peak to peak."""
+
+    settings: LawSettings
+    position_percent: float
+    force_percent: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """Candidates, those that no other beats in both errors, and the balanced one."""
+
+    candidates: tuple[Candidate, ...]
+    """All but those of the front that were found beyond the limit of the radius."""
+    front: tuple[Candidate, ...]
+    chosen: Candidate
+    radius: float
+    """Worst spectral radius of the chosen one."""
+
+
+def tune(
+    rig: TuningRig,
+    path: TuningPath,
+    scheme: Scheme,
+    radius: Callable[[LawSettings], float],
+    *,
+    radius_limit: float,
+    K_P: Sequence[float] = K_P_GRID,
+    K_f: Sequence[float] = K_F_GRID,
+) -> Tuning:
+    """Search K_P and K_f on a grid, the switching term off.
+
+    The balanced candidate is that of the front whose larger error, in per cent, is smallest.
+
+    Parameters
+    ----------
+    radius
+        Worst spectral radius of a law on its intervals; see ``stability``.
+    radius_limit
+        Candidates that reach it do not count.
+
+    Raises
+    ------
+    ValueError
+        Where the path is shorter than its settling, or no candidate is within the limit.
+    """
+    start = control_law.default_settings(scheme, "consistent")
+    left = [
+        _candidate(rig, path, replace(start, K_P=proportional, K_f=force_gain))
+        for proportional in K_P
+        for force_gain in K_f
+    ]
+    radii: dict[LawSettings, float] = {}
+    while left:
+        front = pareto_front(left)
+        # A radius costs far more than a track, and only the front's are wanted.
+        for item in front:
+            if item.settings not in radii:
+                radii[item.settings] = radius(item.settings)
+        stable = [item for item in left if radii.get(item.settings, 0.0) < radius_limit]
+        if len(stable) == len(left):
+            chosen = min(front, key=lambda item: max(item.position_percent, item.force_percent))
+            return Tuning(tuple(left), front, chosen, radii[chosen.settings])
+        left = stable
+    raise ValueError(
+        f"none of the gains tried keeps the spectral radius below {radius_limit:g} at a period "
+        f"of {1e3 * rig.period_s:g} ms: take a longer period"
+    )
+
+
+def pareto_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Candidates that no other one equals or beats in both errors, by position error."""
+    front: list[Candidate] = []
+    for item in sorted(candidates, key=lambda c: (c.position_percent, c.force_percent)):
+        if not front or item.force_percent < front[-1].force_percent:
+            front.append(item)
+    return tuple(front)
+
+
+def _candidate(rig: TuningRig, path: TuningPath, settings: LawSettings) -> Candidate:
+    """Play the plan too stiff and too soft, the force read too high and too low."""
+    position_square = force_square = 0.0
+    for side, read in product((-1.0, 1.0), repeat=2):
+        planned = rig.stiffness_mN_per_um * (1.0 + side * rig.stiffness_error)
+        x_rms, F_rms = track(rig, path, settings, planned, read * rig.force_error_mN)
+        position_square += 0.25 * x_rms * x_rms
+        force_square += 0.25 * F_rms * F_rms
+    force_pp = max(path.force_r_mN[path.settled :]) - min(path.force_r_mN[path.settled :])
+    position_pp = force_pp / rig.stiffness_mN_per_um
+    return Candidate(
+        settings,
+        100.0 * sqrt(position_square) / position_pp,
+        100.0 * sqrt(force_square) / force_pp,
+    )
+
+
+def track(
+    rig: TuningRig,
+    path: TuningPath,
+    settings: LawSettings,
+    planned_mN_per_um: float,
+    force_error_mN: float,
+) -> tuple[float, float]:
+    """Errors x - x_r in µm and F - F_r in mN, r.m.s. over the settled part, on x_r = x_e + F_r/K.
+
+    The force is fed with an error, and with the noise that an estimate from the position has.
+    """
+    samples = len(path.force_r_mN) - path.settled
+    if samples < 1 or len(rig.noise_um) < len(path.force_r_mN):
+        raise ValueError(
+            f"{len(path.force_r_mN)} references and {len(rig.noise_um)} of noise, of which "
+            f"{path.settled} are for settling: too few"
+        )
+    law = control_law.build(settings, rig.arm, rig.period_s, rig.force_filter_s)
+    arm = _Arm(rig)
+    x_e_um = arm.x_um
+    state = control_law.start(
+        law, x_um=x_e_um, x_r_um=x_e_um, force_mN=0.0, applied_V=rig.response.voltage_V
+    )
+    applied_V = rig.response.voltage_V
+    position_square = force_square = 0.0
+    for index, force_r_mN in enumerate(path.force_r_mN):
+        noise_um = rig.noise_um[index]
+        x_r_um = x_e_um + force_r_mN / planned_mN_per_um
+        state, output = control_law.step(
+            law,
+            state,
+            x_um=arm.x_um + noise_um,
+            force_mN=arm.force_mN() + force_error_mN - noise_um * rig.arm.k,
+            applied_V=applied_V,
+            x_r_um=x_r_um,
+            force_r_mN=force_r_mN,
+            limited=0,
+        )
+        applied_V = output.voltage_V
+        arm.move(applied_V)
+        if index >= path.settled:
+            position_square += (arm.x_um - x_r_um) ** 2
+            force_square += (arm.force_mN() - force_r_mN) ** 2
+    return sqrt(position_square / samples), sqrt(force_square / samples)
+
+
+class _Arm:
+    """The arm pressed on its contact: the old voltage for the delay, the new one for the rest."""
+
+    def __init__(self, rig: TuningRig) -> None:
+        ratio = rig.stiffness_mN_per_um / rig.arm.k
+        stiffer = sqrt(1.0 + ratio)
+        omega = rig.natural_frequency_rad_per_s * stiffer
+        zeta = rig.damping_ratio / stiffer
+        period_s = require_positive("period", rig.period_s, "s")
+        self._old = sample_mode(omega, zeta, rig.delay_s) if rig.delay_s > 0.0 else None
+        self._new = sample_mode(omega, zeta, period_s - rig.delay_s)
+        self._rig, self._ratio = rig, ratio
+        self._response = rig.response
+        self._touch_um = self.x_um = rig.response.position_um()
+        self._speed_um_per_s = 0.0
+
+    def force_mN(self) -> float:
+        """F = K_e·(x - x_e); the part is not let go."""
+        return self._rig.stiffness_mN_per_um * (self.x_um - self._touch_um)
+
+    def move(self, voltage_V: float) -> None:
+        if self._old is not None:
+            self._pass(self._old)
+        self._response = self._response.follow(voltage_V, self._rig.period_s)
+        self._pass(self._new)
+
+    def _pass(self, mode: Mode) -> None:
+        free_um = self._response.position_um()
+        rest_um = (free_um + self._ratio * self._touch_um) / (1.0 + self._ratio)
+        off_um, v = self.x_um - rest_um, self._speed_um_per_s
+        self.x_um = rest_um + mode.xx * off_um + mode.xv * v
+        self._speed_um_per_s = mode.vx * off_um + mode.vv * v

@@ -1,0 +1,116 @@
+"""When a zero is refused, and what the refusal says."""
+
+import pytest
+
+from pincette.control.force.touch import Touch
+from pincette.control.force.zeroing import ZeroLimits, zero_refusal
+from pincette.control.response.free_response import FreeSample, nominal_response
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.identified_response import identified_response
+
+D_P = 19.0
+MODEL = nominal_response(D_P, FreeSample(0.0, 0.0))
+LIMITS = ZeroLimits(
+    rest_samples=5,
+    spread_um=0.5,
+    first_touch_um=27.0,
+    touch_um=0.92,
+)
+
+
+def refusal(
+    positions_um: list[float],
+    voltage_V: float = 0.0,
+    *,
+    part_held: bool = False,
+    creep_um: float = 0.0,
+    touch: Touch | None = None,
+    zeroed: bool = True,
+) -> str:
+    samples = [FreeSample(voltage_V, x_um) for x_um in positions_um]
+    return zero_refusal(
+        MODEL.follow(voltage_V, 0.02),
+        samples,
+        part_held=part_held,
+        limits=LIMITS,
+        creep_um=creep_um,
+        touch=touch,
+        zeroed=zeroed,
+    )
+
+
+def test_zero_of_a_settled_free_arm_is_allowed() -> None:
+    assert refusal([40.0, 20.0, 0.1, 0.0, 0.2, -0.1, 0.0]) == ""
+
+
+def test_zero_is_refused_while_a_part_is_held() -> None:
+    assert "a part is held" in refusal([0.0] * 5, part_held=True)
+
+
+def test_zero_is_refused_without_enough_rest() -> None:
+    assert "4 samples of rest, 5 are wanted" in refusal([0.0] * 4)
+
+
+def test_zero_is_refused_while_the_arm_moves() -> None:
+    text = refusal([0.0, 0.2, 0.4, 0.6, 0.8])
+    assert "0.800 µm" in text
+    assert "limit 0.5 µm" in text
+
+
+def test_zero_is_refused_while_the_voltage_works_against_something() -> None:
+    samples = [FreeSample(0.01 * index, 0.0) for index in range(5)]
+    text = zero_refusal(MODEL, samples, part_held=False, limits=LIMITS)
+    assert "spread over 0.760 µm" in text
+
+
+def test_zero_is_refused_where_the_offset_is_implausible() -> None:
+    assert "change by 6.000 µm, limit 5.000 µm" in refusal([6.0] * 5)
+    assert refusal([4.0] * 5) == ""
+    # One volt of travel excuses 40 % of 19 µm.
+    assert refusal([19.0 + 7.5] * 5, voltage_V=1.0) == ""
+    assert "-13.000 µm, limit 12.600 µm after 19.0 µm" in refusal([19.0 - 13.0] * 5, voltage_V=1.0)
+
+
+def test_what_may_have_crept_is_allowed_for() -> None:
+    assert refusal([-6.0] * 5, creep_um=1.1) == ""
+    assert "limit 6.100 µm" in refusal([-6.2] * 5, creep_um=1.1)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_better_model_tolerates_less_except_where_the_memory_is_unknown(known: bool) -> None:
+    model = identified_response(HysteresisModel((0.0,), (D_P,)), D_P, 0.1).follow(1.0, 0.02)
+    samples = [model.sample(D_P - 3.0)] * 5
+    assert model.zero_tolerance_um(0.0) < 1.0
+    text = zero_refusal(model, samples, part_held=False, limits=LIMITS, memory_known=known)
+    assert ("the offset would change by -3.000 µm" in text) == known
+    assert (text == "") == (not known)
+
+
+def test_before_the_first_zero_the_refusal_says_what_to_do() -> None:
+    assert "arm again" in refusal([6.0] * 5, zeroed=False)
+    assert "arm again" not in refusal([6.0] * 5, zeroed=True)
+
+
+def test_zero_is_refused_where_the_arm_may_touch_the_part() -> None:
+    assert refusal([26.9] * 5, voltage_V=1.42) == ""
+    text = refusal([27.1] * 5, voltage_V=1.42)
+    assert "rests at 27.100 µm" in text
+    assert "limit 27.000 µm" in text
+
+
+def test_zero_is_refused_where_the_arm_was_pushed_back_since_a_touch() -> None:
+    touch = Touch(x_um=12.0, nominal_um=15.0, slope=0.75)
+    text = refusal([14.0] * 5, voltage_V=1.0, touch=touch)
+    assert "touched something at 12.000 µm" in text
+    assert "by 1.000 µm since, limit 0.920 µm" in text
+    # Within the limit it is the noise of the kink; the offset of the model does not count.
+    assert refusal([14.1] * 5, voltage_V=1.0, touch=touch) == ""
+
+
+def test_a_reading_that_is_no_number_is_refused() -> None:
+    assert refusal([0.0, 0.0, float("nan"), 0.0, 0.0]) != ""
+
+
+@pytest.mark.parametrize("spread_um", [0.4, 0.6])
+def test_the_spread_alone_decides_at_its_limit(spread_um: float) -> None:
+    assert (refusal([0.0, 0.0, spread_um, 0.0, 0.0]) == "") == (spread_um < 0.5)

@@ -1,0 +1,114 @@
+"""What both laws share, closed over the model arm: gain, offset, rest, limits, residual."""
+
+from itertools import pairwise
+
+import pytest
+
+from pincette.control.arm.plant import ArmParameters
+from pincette.control.laws.law import LawSettings, Scheme
+
+from .model_loop import ARM, SCHEMES, Loop, law_of, resting_arm
+
+BOTH = pytest.mark.parametrize("scheme", SCHEMES)
+PERIODS = pytest.mark.parametrize("period_s", [0.02, 0.001])
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(
+    ("K_P", "K_I", "share"), [(5.0, 1.0, 1 / 6), (0.5, 1.0, 2 / 3), (1.0, 1.0, 1 / 2)]
+)
+def test_each_sample_takes_its_share_off_the_error(
+    scheme: Scheme, period_s: float, K_P: float, K_I: float, share: float
+) -> None:
+    """A step of p at a steady reference: e (ε) = -p̃/k̄, and from there (1 - share) a sample."""
+    loop = Loop(
+        law_of(LawSettings(scheme, K_P=K_P, K_I=K_I), period_s), resting_arm(10.0, period_s)
+    )
+    loop.tick(10.0)
+    errors = [loop.tick(10.0, p_mN=1.5).error_um for _ in range(12)]
+    assert errors[0] == pytest.approx(0.0, abs=1e-12)
+    k_bar = loop.arm.plant.k_bar
+    # DSMIFC's impedance remembers ẽ in M̄ and B̄: what vanishes by the share is ε, not e.
+    assert errors[1] == pytest.approx(1.5 / k_bar, rel=1e-9)
+    for before, after in pairwise(errors[1:]):
+        assert after == pytest.approx((1.0 - share) * before, abs=1e-12)
+
+
+@BOTH
+@pytest.mark.parametrize("set_", ["consistent", "printed"])
+@pytest.mark.parametrize("factor", [0.8, 1.25])
+def test_a_steady_reference_is_held_with_zero_error(
+    scheme: Scheme, set_: str, factor: float
+) -> None:
+    """The arm's d_p is 20 % below or 25 % above the law's, and p is 4 mN; the law knows neither."""
+    own = ArmParameters(ARM.m, ARM.b, ARM.k, factor * ARM.d)
+    settings = LawSettings(scheme, "printed" if set_ == "printed" else "consistent", K_P=2.0)
+    loop = Loop(law_of(settings), resting_arm(0.0, arm=own))
+    for tick in range(150):
+        loop.tick(25.0 * min(1.0, tick / 30.0), p_mN=4.0)
+    assert loop.arm.x_um == pytest.approx(25.0, abs=1e-9)
+    assert loop.arm.voltage_V == pytest.approx((own.k * 25.0 - 4.0) / own.d, abs=1e-9)
+
+
+@BOTH
+@PERIODS
+def test_a_steady_arm_at_its_reference_keeps_its_voltage(scheme: Scheme, period_s: float) -> None:
+    law = law_of(LawSettings(scheme, K_S=0.5, delta=0.5), period_s)
+    loop = Loop(law, resting_arm(12.5, period_s, K_e=2.0, x_e_um=11.0))
+    before_V = loop.arm.voltage_V
+    for _ in range(10):
+        output = loop.tick(12.5, 3.0)
+        assert output.voltage_V == pytest.approx(before_V, abs=1e-12)
+        assert output.residual_um == pytest.approx(0.0, abs=1e-12)
+        assert output.x_d_um == pytest.approx(12.5, abs=1e-12)
+
+
+@BOTH
+def test_residual_is_of_the_voltage_really_applied(scheme: Scheme) -> None:
+    """An arm that is the model: no residual and no p̃, though the voltage is clipped at 1 V."""
+    loop = Loop(law_of(LawSettings(scheme)), resting_arm(0.0), high_V=1.0)
+    clipped = 0
+    for tick in range(40):
+        output = loop.tick(30.0 * min(1.0, tick / 20.0))
+        assert output.residual_um == pytest.approx(0.0, abs=1e-9)
+        assert output.perturbation_error_mN == pytest.approx(0.0, abs=1e-9)
+        assert output.perturbation_mN == pytest.approx(0.0, abs=1e-9)
+        clipped += output.voltage_V > 1.0
+    assert clipped > 5
+    assert loop.arm.x_um == pytest.approx(19.0)
+
+
+@BOTH
+def test_p_shows_where_it_acts(scheme: Scheme) -> None:
+    """p steps by 1.5 mN: p̂ has it one sample later, p̃ = p_{k-1} - p_k is -1.5 mN once."""
+    loop = Loop(law_of(LawSettings(scheme, force_age="newest")), resting_arm(10.0))
+    outputs = [loop.tick(10.0, p_mN=1.5 * (tick >= 3)) for tick in range(8)]
+    assert [o.perturbation_mN for o in outputs] == pytest.approx([0.0] * 4 + [1.5] * 4, abs=1e-9)
+    wanted = [0.0] * 4 + [-1.5] + [0.0] * 3
+    assert [o.perturbation_error_mN for o in outputs] == pytest.approx(wanted, abs=1e-9)
+
+
+@BOTH
+def test_a_limit_winds_nothing_up(scheme: Scheme) -> None:
+    """Held at 1 V, 11 µm below its reference, for 60 samples, then sent back to 10 µm.
+
+    Frozen, ε brings nothing along: s is at most K_P e, which the switching term takes off within
+    |s|/(a K_S) samples, a K_S = 0.18 µm; then the arm stands at 10 µm. With the integral running
+    on, s is 60 times that, and the switching term still pushes the arm off.
+    """
+    delta = 0.5 if scheme == "pbsmic" else 1e4
+    law = law_of(LawSettings(scheme, K_S=0.2, delta=delta))
+    found: list[tuple[float, float]] = []
+    for frozen in (True, False):
+        loop = Loop(law, resting_arm(10.0), high_V=1.0)
+        sliding: list[float] = []
+        for tick in range(160):
+            limited = int(frozen and loop.arm.voltage_V >= 1.0)
+            sliding.append(loop.tick(30.0 if tick < 60 else 10.0, limited=limited).sliding_um)
+        found.append((sliding[60], abs(loop.arm.x_um - 10.0)))
+    (s_um, error_um), (wound_um, pushed_um) = found
+    assert -12.0 < s_um < -10.0
+    assert wound_um < -600.0
+    assert error_um < 1e-3
+    assert pushed_um == pytest.approx(2.0 / loop.arm.plant.k_bar * 0.2, rel=0.05)

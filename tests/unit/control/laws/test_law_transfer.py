@@ -1,0 +1,166 @@
+"""Changing the law, or beginning a segment, without a bump in the voltage."""
+
+from collections.abc import Callable
+from math import sin
+
+import pytest
+
+from pincette.control.laws.law import Law, LawSettings, Scheme, rebase, start, step
+
+from .model_loop import ARM, SCHEMES, Loop, law_of, resting_arm
+
+BOTH = pytest.mark.parametrize("scheme", SCHEMES)
+PERIODS = pytest.mark.parametrize("period_s", [0.02, 0.001])
+K_E, X_E_UM = 2.17, 20.0
+ORDER: tuple[Scheme, ...] = ("pbsmic", "dsmifc", "pbsmic")
+
+
+@BOTH
+@PERIODS
+def test_rebase_into_contact_keeps_the_voltage(scheme: Scheme, period_s: float) -> None:
+    """The law was fed no force while it pressed with 2.3 mN; from here on it is."""
+    law = law_of(LawSettings(scheme, K_S=0.5, delta=0.5), period_s)
+    state = start(law, x_um=30.0, x_r_um=30.7, force_mN=0.0, applied_V=1.0)
+
+    def tick(force_mN: float, x_r_um: float) -> float:
+        nonlocal state
+        state, output = step(
+            law,
+            state,
+            x_um=30.0,
+            force_mN=force_mN,
+            applied_V=1.0,
+            x_r_um=x_r_um,
+            force_r_mN=force_mN,
+            limited=0,
+        )
+        return output.voltage_V
+
+    # A hundred ticks with a standing error: ε and e are far from 0.
+    for _ in range(100):
+        tick(0.0, 30.7)
+    kept = state
+    assert abs(tick(2.3, 30.0) - 1.0) > 0.02
+    state = rebase(law, kept, x_um=30.0, x_r_um=30.0, force_mN=2.3, force_r_mN=2.3)
+    for _ in range(5):
+        assert tick(2.3, 30.0) == pytest.approx(1.0, abs=1e-12)
+
+
+@BOTH
+def test_rebase_keeps_what_was_measured_and_applied(scheme: Scheme) -> None:
+    """The residual right after it is still of the samples before."""
+    law = law_of(LawSettings(scheme), 0.001)
+    loop = Loop(law, resting_arm(5.0, 0.001))
+    for tick in range(20):
+        loop.tick(5.0 + 0.05 * tick)
+    history = loop.state.law.history
+    other = law_of(LawSettings("dsmifc" if scheme == "pbsmic" else "pbsmic"), 0.001)
+    loop.change(other)
+    after = loop.state.law.history
+    assert (after.x_2_um, after.x_3_um) == (history.x_2_um, history.x_3_um)
+    assert (after.applied_V, after.coasting_um) == (history.applied_V, history.coasting_um)
+    assert loop.tick(6.0).residual_um == pytest.approx(0.0, abs=1e-9)
+
+
+def hard_restart(loop: Loop, law: Law) -> None:
+    """A law that begins as if nothing had been: at rest, and with no force."""
+    loop.law = law
+    loop.state = start(
+        law,
+        x_um=loop.arm.x_um,
+        x_r_um=loop.x_r_um,
+        force_mN=0.0,
+        applied_V=loop.arm.voltage_V,
+    )
+
+
+def soft(loop: Loop, law: Law) -> None:
+    loop.change(law)
+
+
+def none(_loop: Loop, _law: Law) -> None:
+    """The law that is there goes on."""
+
+
+def voltages(
+    change: Callable[[Loop, Law], None], period_s: float, K_e: float, d_share: float
+) -> list[float]:
+    """Of PBSMIC, DSMIFC, PBSMIC in turn, every 25 ticks, along a moving plan that fits the part.
+
+    The arm's d is ``d_share`` of what the laws know.
+    """
+    laws = [law_of(LawSettings(scheme, K_P=2.0), period_s, 0.03) for scheme in ORDER]
+    loop = Loop(laws[0], resting_arm(25.0, period_s, K_e=K_e, x_e_um=X_E_UM))
+    plant = loop.arm.plant
+    loop.arm.plant = type(plant)(plant.m_bar, plant.b_bar, plant.k_bar, d_share * plant.d_bar)
+    loop.arm.voltage_V /= d_share
+    loop = Loop(laws[0], loop.arm)
+    found: list[float] = []
+    for tick in range(1, 76):
+        if tick in (26, 51):
+            change(loop, laws[tick // 25])
+        x_r_um = 25.0 + 4.0 * sin(0.04 * tick)
+        found.append(loop.tick(x_r_um, K_e * (x_r_um - X_E_UM)).voltage_V)
+    return found
+
+
+def steps(of: list[float]) -> list[float]:
+    return [of[tick] - of[tick - 1] for tick in (25, 50)]
+
+
+@PERIODS
+@pytest.mark.parametrize("K_e", [0.0, K_E])
+def test_a_change_in_motion_is_not_seen_where_the_model_holds(period_s: float, K_e: float) -> None:
+    changed, unchanged = (voltages(change, period_s, K_e, 1.0) for change in (soft, none))
+    assert changed == pytest.approx(unchanged, abs=1e-9)
+    assert min(abs(step_V) for step_V in steps(unchanged)) > 2e-3
+
+
+@PERIODS
+@pytest.mark.parametrize("K_e", [0.0, K_E])
+@pytest.mark.parametrize("d_share", [0.85, 1.15])
+def test_a_change_in_motion_is_less_than_the_plans_own_step(
+    period_s: float, K_e: float, d_share: float
+) -> None:
+    """The arm's d_p is 15 % off, so that there is an error when the law changes."""
+    changed, unchanged = (
+        steps(voltages(change, period_s, K_e, d_share)) for change in (soft, none)
+    )
+    for ours, plans in zip(changed, unchanged, strict=True):
+        assert abs(ours - plans) < abs(plans)
+
+
+@PERIODS
+def test_a_hard_restart_in_contact_is_a_bump(period_s: float) -> None:
+    """What rebase is for: F comes as a step, F/d̄, tens of times the plan's own."""
+    restarted, unchanged = (
+        steps(voltages(change, period_s, K_E, 1.0)) for change in (hard_restart, none)
+    )
+    for ours, plans in zip(restarted, unchanged, strict=True):
+        assert abs(ours - plans) > 0.5 * K_E * 5.0 / ARM.d
+        assert abs(ours - plans) > 5.0 * abs(plans)
+
+
+def test_a_hard_restart_in_free_motion_forgets_the_momentum() -> None:
+    """At 1 ms m̄ and b̄ count: a law that takes the arm for resting is off by a tenth and more."""
+    restarted, unchanged = (
+        steps(voltages(change, 0.001, 0.0, 1.0)) for change in (hard_restart, none)
+    )
+    for ours, plans in zip(restarted, unchanged, strict=True):
+        assert abs(ours - plans) > 0.1 * abs(plans)
+
+
+@BOTH
+def test_in_contact_at_the_steady_state_of_a_plan_that_does_not_fit_nothing_moves(
+    scheme: Scheme,
+) -> None:
+    """E_x and E_f of (51), (52) stand, and no other law finds anything to do about them."""
+    other = law_of(LawSettings("dsmifc" if scheme == "pbsmic" else "pbsmic", K_P=3.0))
+    loop = Loop(law_of(LawSettings(scheme)), resting_arm(25.0, K_e=K_E, x_e_um=X_E_UM))
+    for _ in range(300):
+        loop.tick(26.0, 9.0)
+    before_V, error_um = loop.arm.voltage_V, loop.arm.x_um - 26.0
+    assert abs(error_um) > 0.3
+    loop.change(other)
+    for _ in range(20):
+        assert loop.tick(26.0, 9.0).voltage_V == pytest.approx(before_V, abs=1e-9)

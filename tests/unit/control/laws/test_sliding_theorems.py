@@ -1,0 +1,186 @@
+"""Theorems 1 and 2 in discrete time: |s_k| ≤ |s_{k-1}| holds outside a band, not everywhere.
+
+Both laws on the plant (17) with a given p̃ in every sample, F moving and known. In µm, that is
+with DSMIFC's s over K̄, both (28) and (45) read s_k = s_{k-1} - a[K_S sat(s_{k-1}) + p̃_k] with
+a = G_a/k̄; in mN, (45) has a = G̃_a·K̄/k̄, of which its print lost G̃_a.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pincette.control.arm.plant import discretize, predict_position, printed_arm
+from pincette.control.laws.law import Law, LawSettings, Scheme, start, step
+from pincette.control.laws.sliding import LawOutput, saturation
+
+from .model_loop import ARM, SCHEMES, law_of
+
+K_BAR = {0.02: 1e-3 / 0.02**2 + 8.9221 / 0.02 + 1.9901e4, 0.001: 1e3 + 8922.1 + 1.9901e4}
+SIGN_UM = 1e-9
+"""A boundary layer so thin that sat is sgn."""
+ROUNDING_UM = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A law whose switching gain and boundary layer are given in µm of s."""
+
+    scheme: Scheme
+    printed: bool
+    period_s: float
+    K_P: float
+    K_I: float
+    a_K_S_um: float
+    delta_um: float
+
+    @property
+    def a(self) -> float:
+        arm, T = printed_arm() if self.printed else ARM, self.period_s
+        return (self.K_P + self.K_I) / (arm.m / T**2 + arm.b / T + arm.k)
+
+    @property
+    def K_S(self) -> float:
+        return self.a_K_S_um / self.a
+
+    def law(self) -> Law:
+        delta = self.delta_um * (K_BAR[self.period_s] if self.scheme == "dsmifc" else 1.0)
+        name = "printed" if self.printed else "consistent"
+        gains = (self.K_P, self.K_I, self.K_S, delta)
+        return law_of(LawSettings(self.scheme, name, *gains, force_age="newest"), self.period_s)
+
+
+def cases(K_S_um: st.SearchStrategy[float], delta_um: float) -> st.SearchStrategy[Case]:
+    gains = st.sampled_from([(5.0, 1.0), (1.0, 1.0), (0.5, 1.0), (2.0, 3.0)])
+
+    def make(
+        scheme: Scheme, printed: bool, period_s: float, K: tuple[float, float], a_K_S_um: float
+    ) -> Case:
+        return Case(scheme, printed, period_s, K[0], K[1], a_K_S_um, delta_um)
+
+    return st.builds(
+        make,
+        st.sampled_from(SCHEMES),
+        st.booleans(),
+        st.sampled_from([0.02, 0.001]),
+        gains,
+        K_S_um,
+    )
+
+
+def play(case: Case, start_um: float, errors_mN: list[float]) -> list[LawOutput]:
+    """What the law says; the plant is (17), pushed off by ``start_um`` before the first tick."""
+    law = case.law()
+    plant = discretize(printed_arm() if case.printed else ARM, case.period_s)
+    state = start(law, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)
+    x_1, x_2, x_3, u_1, force_1_mN = start_um, 0.0, 0.0, 0.0, 0.0
+    outputs: list[LawOutput] = []
+    for tick, error_mN in enumerate([*errors_mN, 0.0]):
+        force_mN = 0.5 * (tick % 7)
+        state, output = step(
+            law,
+            state,
+            x_um=x_1,
+            force_mN=force_mN,
+            applied_V=u_1,
+            x_r_um=0.2 * tick,
+            force_r_mN=0.3 * (tick % 5),
+            limited=0,
+        )
+        outputs.append(output)
+        predicted_um = predict_position(
+            plant,
+            voltage_step_V=output.voltage_V - u_1,
+            x_1_um=x_1,
+            x_2_um=x_2,
+            x_3_um=x_3,
+            force_step_mN=force_mN - force_1_mN,
+        )
+        u_1, force_1_mN = output.voltage_V, force_mN
+        x_1, x_2, x_3 = predicted_um - error_mN / plant.k_bar, x_1, x_2
+    return outputs
+
+
+start_um = st.floats(-5.0, 5.0)
+shares = st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=40)
+SOME = settings(deadline=None, max_examples=80, derandomize=True)
+
+
+@SOME
+@given(cases(st.floats(0.01, 0.5), SIGN_UM), start_um, shares, st.floats(0.0, 2.0))
+def test_with_sgn(case: Case, x_um: float, shares: list[float], excess: float) -> None:
+    """``excess`` above 1 lets p̃ exceed K_S, where the theorems promise nothing."""
+    errors_mN = [excess * case.K_S * share for share in shares]
+    s = [output.sliding_um for output in play(case, x_um, errors_mN)]
+    for before, after, error_mN in zip(s, s[1:], errors_mN, strict=False):
+        step_um = case.a * (case.K_S * saturation(before, SIGN_UM) + error_mN)
+        # (28) and (45); within rounding of 0 the sign of s is chance.
+        if abs(before) > 10.0 * SIGN_UM:
+            assert abs(after - (before - step_um)) < ROUNDING_UM
+        if abs(error_mN) <= case.K_S:
+            reach_um = case.a * (case.K_S + abs(error_mN))
+            if abs(before) >= reach_um / 2.0:
+                assert abs(after) <= abs(before) + ROUNDING_UM
+            else:
+                assert abs(after) <= reach_um + ROUNDING_UM
+
+
+@SOME
+@given(cases(st.floats(0.01, 0.5), SIGN_UM), start_um, shares)
+def test_band_of_the_output_is_that_band(case: Case, x_um: float, shares: list[float]) -> None:
+    """Told with the sample that shows p̃: band_k judges the step from s_{k-2} to s_{k-1}."""
+    errors_mN = [case.K_S * share for share in shares]
+    outputs = play(case, x_um, errors_mN)
+    for before, after, error_mN in zip(outputs, outputs[1:], errors_mN, strict=False):
+        assert case.a * after.perturbation_error_mN == pytest.approx(
+            case.a * error_mN, abs=ROUNDING_UM
+        )
+        band_um = 0.5 * case.a * (case.K_S + abs(error_mN))
+        assert after.band_um == pytest.approx(band_um, abs=ROUNDING_UM)
+        if abs(before.sliding_um) >= after.band_um:
+            assert abs(after.sliding_um) <= abs(before.sliding_um) + ROUNDING_UM
+        else:
+            assert abs(after.sliding_um) <= 2.0 * after.band_um + ROUNDING_UM
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_unconditional_claim_fails_inside_the_band(scheme: Scheme) -> None:
+    """K_S ≥ |p̃| = 0, and yet |s| grows: (31) and (48) as printed are half of the truth."""
+    case = Case(scheme, False, 0.02, 1.0, 1.0, 0.5, SIGN_UM)
+    first, second = (output.sliding_um for output in play(case, 0.01, [0.0]))
+    assert 0.0 < abs(first) < 0.25
+    assert abs(second) > 2.0 * abs(first)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_45_in_mN_has_the_factor_that_its_print_lost(scheme: Scheme) -> None:
+    """One step beyond the layer takes G_a·K̄·K̃_S/k̄ off DSMIFC's s, not K̄·K̃_S/k̄."""
+    case = Case(scheme, False, 0.02, 5.0, 1.0, 0.1, SIGN_UM)
+    first, second = (output.sliding_um for output in play(case, 3.0, [0.0]))
+    k_bar = discretize(ARM, 0.02).k_bar
+    assert first - second == pytest.approx(6.0 * case.K_S / k_bar, rel=1e-9)
+
+
+@SOME
+@given(cases(st.floats(0.05, 0.5), 0.5), start_um, shares)
+def test_with_a_boundary_layer(case: Case, x_um: float, shares: list[float]) -> None:
+    """Slope a·K_S/δ ≤ 1: |s| does not grow wherever K_S |sat(s/δ)| ≥ |p̃|."""
+    slope = case.a_K_S_um / case.delta_um
+    errors_mN = [0.3 * case.K_S * share for share in shares]
+    s = [output.sliding_um for output in play(case, x_um, errors_mN)]
+    for before, after, error_mN in zip(s, s[1:], errors_mN, strict=False):
+        if case.K_S * abs(saturation(before, case.delta_um)) >= abs(error_mN):
+            assert abs(after) <= abs(before) + ROUNDING_UM
+        else:
+            assert abs(after) <= case.a * abs(error_mN) / slope + ROUNDING_UM
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_too_steep_a_layer_rattles(scheme: Scheme) -> None:
+    """Slope 28, as the paper's DSMIFC gains have it with true units: s turns its sign and stays."""
+    case = Case(scheme, False, 0.02, 2.0, 1.0, 2.8, 0.1)
+    s = [output.sliding_um for output in play(case, 0.05, [0.0] * 30)]
+    assert all(after * before < 0.0 for before, after in pairwise(s[5:]))
+    assert min(abs(value) for value in s[5:]) > case.delta_um

@@ -1,0 +1,175 @@
+"""A grip's plan: segments, guards, course, and every broken limit with its place."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from pincette.control.planning.contact_plan import ContactPlan, PlannedRig
+from pincette.control.planning.course import Course, sample_course
+from pincette.control.planning.feasibility import PlanLimits
+from pincette.control.planning.grip_plan import GripRequest, plan_grip
+
+REQUEST = GripRequest(
+    force_mN=20.0,
+    hold_s=4.0,
+    load_s=2.0,
+    approach_um_per_s=20.0,
+    seek_um_per_s=4.0,
+    contact_force_mN=2.0,
+    zero_s=0.4,
+    contact_um=30.0,
+    contact_tolerance_um=3.0,
+    stiffness_mN_per_um=2.0,
+    stiffness_tolerance=0.3,
+)
+LIMITS = PlanLimits(
+    voltage_min_V=-1.0,
+    voltage_max_V=4.0,
+    position_min_um=-20.0,
+    position_max_um=70.0,
+    force_max_mN=40.0,
+    slew_V_per_s=10.0,
+    acceleration_um_per_s2=1e5,
+)
+
+
+def planned(
+    request: GripRequest = REQUEST, limits: PlanLimits = LIMITS, x_start_um: float = 0.0
+) -> ContactPlan:
+    rig = PlannedRig(
+        limits,
+        piezo_um_per_V=19.0,
+        compliance_um_per_mN=0.46,
+        period_s=0.02,
+        x_start_um=x_start_um,
+    )
+    return plan_grip(request, rig)
+
+
+def sampled(plan: ContactPlan, period_s: float) -> Course:
+    return sample_course(plan.arm, plan.phases, period_s)
+
+
+def test_segments_in_order() -> None:
+    program = planned().program
+    assert [(segment.phase, segment.kind) for segment in program.segments] == [
+        ("zero", "zero"),
+        ("approach", "free"),
+        ("approach", "zero"),
+        ("contact", "seek"),
+        ("load", "force"),
+        ("hold", "force"),
+        ("unload", "force"),
+        ("retreat", "free"),
+    ]
+    approach, seek = program.segments[1], program.segments[3]
+    assert approach.x_to_um == 26.0
+    assert approach.duration_s == pytest.approx(26.0 * 15.0 / 8.0 / 20.0)
+    # The softest part, touched last, still reaches the contact force 1 µm before the end.
+    assert seek.x_to_um == pytest.approx(34.0 + 2.0 / 1.4)
+    assert seek.duration_s == pytest.approx((8.0 + 2.0 / 1.4) / 4.0)
+    assert program.contact_stiffness_mN_per_um == 2.0
+
+
+def test_guards() -> None:
+    guards = planned().program.guards
+    assert (guards.contact_force_mN, guards.contact_samples, guards.force_max_mN) == (2.0, 3, 40.0)
+    assert guards.stiffness_min_mN_per_um == pytest.approx(1.4)
+    assert guards.stiffness_max_mN_per_um == pytest.approx(2.6)
+
+
+def test_course_is_consistent_in_position_and_force() -> None:
+    plan = planned()
+    assert plan.violations == ()
+    course = plan.course
+    sizes = {len(course.t_s), len(course.x_r_um), len(course.force_r_mN), len(course.voltage_V)}
+    assert sizes == {int(plan.duration_s / 0.02) + 1}
+    assert max(course.force_r_mN) == pytest.approx(20.0)
+    for x_um, force_mN in zip(course.x_r_um, course.force_r_mN, strict=True):
+        assert force_mN == pytest.approx(max(0.0, 2.0 * (x_um - 30.0)), abs=1e-9)
+    # In the hold: x_r = 40 µm, u = (40 + 0.46·20)/19 V.
+    hold = course.phase.index("hold")
+    assert course.x_r_um[hold] == pytest.approx(40.0)
+    assert course.voltage_V[hold] == pytest.approx(49.2 / 19.0)
+    assert course.x_r_um[-1] == pytest.approx(0.0, abs=0.01)
+
+
+def test_course_has_no_jump() -> None:
+    course = sampled(planned(), 0.001)
+    for values, most in (
+        (course.x_r_um, 0.0201),
+        (course.force_r_mN, 0.02),
+        (course.voltage_V, 0.002),
+    ):
+        jumps = [abs(b - a) for a, b in pairwise(values)]
+        assert max(jumps) < most
+
+
+def test_phases_join_and_end_where_they_should() -> None:
+    plan = planned()
+    t_s = 0.0
+    for phase in plan.phases:
+        assert phase.start_s == pytest.approx(t_s)
+        t_s += phase.duration_s
+    assert plan.duration_s == pytest.approx(t_s)
+    touch = plan.phases[3]
+    assert (touch.x_um, touch.force_mN) == pytest.approx((31.0, 2.0))
+    assert touch.duration_s == pytest.approx(5.0 / 4.0)
+    last = plan.phases[-1]
+    assert (last.x_um, last.force_mN) == (0.0, 0.0)
+    assert last.voltage_V == pytest.approx(0.0, abs=1e-3)
+
+
+def test_hold_without_end() -> None:
+    plan = planned(replace(REQUEST, hold_s=None))
+    assert plan.program.segments[5].duration_s is None
+    assert plan.phases[5].duration_s == 0.3
+
+
+def test_short_approach_takes_its_shortest_time() -> None:
+    plan = planned(x_start_um=25.9)
+    assert plan.program.segments[1].duration_s == 0.3
+
+
+def test_every_broken_limit_is_named_with_place_and_time() -> None:
+    limits = PlanLimits(-0.5, 2.0, -20.0, 35.0, 15.0, 10.0, 1e5)
+    violations = planned(limits=limits).violations
+    found = {violation.quantity: violation for violation in violations}
+    assert len(violations) == 3
+    assert set(found) == {"force", "voltage", "position"}
+    force = found["force"]
+    assert (force.pointer, force.limit, force.unit) == ("/force_mN", 15.0, "mN")
+    assert force.value == pytest.approx(20.0)
+    course = planned().course
+    first = next(i for i, value in enumerate(course.force_r_mN) if value > 15.0)
+    assert force.at_s == pytest.approx(course.t_s[first])
+    assert course.phase[first] == "load"
+    assert found["position"].value == pytest.approx(40.0)
+    assert found["voltage"].value == pytest.approx(49.2 / 19.0)
+    assert "force 20.000 mN above the limit 15 mN, from " in force.message
+
+
+def test_each_limit_points_at_the_member_that_breaks_it() -> None:
+    def pointers(limits: PlanLimits) -> list[tuple[str, str]]:
+        return [(v.quantity, v.pointer) for v in planned(limits=limits).violations]
+
+    assert pointers(replace(LIMITS, voltage_max_V=1.0)) == [("voltage", "/contact_um")]
+    assert pointers(replace(LIMITS, force_max_mN=1.0)) == [("force", "/contact_force_mN")]
+    assert pointers(replace(LIMITS, position_min_um=0.5)) == [("position", ""), ("position", "")]
+    assert pointers(replace(LIMITS, force_max_mN=20.0)) == []
+
+
+def test_contact_before_the_start_is_refused() -> None:
+    violations = planned(x_start_um=28.0).violations
+    assert [(v.pointer, v.value, v.limit) for v in violations] == [("/contact_um", 26.0, 28.0)]
+    assert "lies before the start at 28 µm" in violations[0].message
+
+
+def test_impossible_requests_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"force_mN = -3\.0, must be finite and above 0"):
+        replace(REQUEST, force_mN=-3.0)
+    with pytest.raises(ValueError, match=r"stiffness_tolerance = 1\.0 must be below 1"):
+        replace(REQUEST, stiffness_tolerance=1.0)
+    with pytest.raises(ValueError, match=r"period = 0\.0 s"):
+        sampled(planned(), 0.0)

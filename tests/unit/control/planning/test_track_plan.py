@@ -1,0 +1,136 @@
+"""A tracked path's plan: segments, course, predicted voltage, and every limit it breaks."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from pincette.control.planning.contact_plan import ContactPlan, PlannedRig
+from pincette.control.planning.feasibility import PlanLimits
+from pincette.control.planning.path_shapes import sinusoid, steps
+from pincette.control.planning.track_plan import TrackRequest, plan_track
+from pincette.control.response.hysteresis import HysteresisModel
+
+PATH = sinusoid("force", 12.0, 20.0, 0.5, 2)
+REQUEST = TrackRequest(
+    path=PATH,
+    rate_um_per_s=60.0,
+    acceleration_um_per_s2=2000.0,
+    pointer="/force_pp_mN",
+    load_s=2.0,
+    approach_um_per_s=20.0,
+    seek_um_per_s=4.0,
+    contact_force_mN=2.0,
+    zero_s=0.4,
+    contact_um=30.0,
+    contact_tolerance_um=3.0,
+    stiffness_mN_per_um=2.0,
+    stiffness_tolerance=0.3,
+)
+RIG = PlannedRig(
+    PlanLimits(-1.0, 4.0, -20.0, 70.0, 40.0, 10.0, 1e5),
+    piezo_um_per_V=19.0,
+    compliance_um_per_mN=0.46,
+    period_s=0.02,
+)
+
+
+def planned(request: TrackRequest = REQUEST, rig: PlannedRig = RIG) -> ContactPlan:
+    return plan_track(request, rig)
+
+
+def found(plan: ContactPlan) -> list[tuple[str, str]]:
+    return [(violation.quantity, violation.pointer) for violation in plan.violations]
+
+
+def test_segments_in_order() -> None:
+    segments = planned().program.segments
+    assert [(segment.phase, segment.kind) for segment in segments[3:]] == [
+        ("contact", "seek"),
+        ("load", "force"),
+        ("load", "force"),
+        ("settle", "force"),
+        ("track", "path"),
+        ("unload", "force"),
+        ("retreat", "free"),
+    ]
+    up, back, settle, track = segments[4:8]
+    assert (up.force_to_mN, back.force_to_mN, settle.force_to_mN) == pytest.approx((22, 12, 12))
+    assert (track.path, track.duration_s) == (PATH, 8.0)
+
+
+def test_position_and_force_agree_all_along_the_path() -> None:
+    plan = planned()
+    assert plan.violations == ()
+    course = plan.course
+    tracked = [k for k, phase in enumerate(course.phase) if phase == "track"]
+    assert max(course.force_r_mN[k] for k in tracked) == pytest.approx(22.0, abs=0.01)
+    assert min(course.force_r_mN[k] for k in tracked) == pytest.approx(2.0, abs=0.01)
+    for k in tracked:
+        assert course.x_r_um[k] == pytest.approx(30.0 + course.force_r_mN[k] / 2.0)
+        volts = (course.x_r_um[k] + 0.46 * course.force_r_mN[k]) / 19.0
+        assert course.voltage_V[k] == pytest.approx(volts)
+    jumps = [abs(b - a) for a, b in pairwise(course.x_r_um)]
+    assert max(jumps) < 0.45
+
+
+def test_the_voltage_follows_the_identified_free_response() -> None:
+    model = HysteresisModel((0.0, 0.4), (15.0, 6.0), (1.0,), (0.05,))
+    plan = planned(rig=replace(RIG, free_response=model))
+    line = planned()
+    course = plan.course
+    assert course.x_r_um == line.course.x_r_um
+    # Two branches: at one position on the way up and down, two voltages.
+    start = course.phase.index("track")
+    quarter = start + int((PATH.full_from_s + 0.25) / 0.02)
+    falling = quarter + 25
+    assert course.x_r_um[quarter] == pytest.approx(course.x_r_um[falling], abs=0.6)
+    assert course.voltage_V[quarter] - course.voltage_V[falling] > 0.05
+    assert plan.phases[-1].voltage_V != pytest.approx(0.0, abs=1e-3)
+
+
+def test_every_limit_of_the_rig_is_named_in_its_phase() -> None:
+    limits = replace(RIG.limits, force_max_mN=20.0, voltage_max_V=2.5)
+    plan = planned(rig=replace(RIG, limits=limits))
+    phases = {
+        (v.quantity, v.message.partition("(")[2].split(",")[0].rstrip(")")) for v in plan.violations
+    }
+    assert {("force", "load"), ("force", "track"), ("voltage", "track")} <= phases
+    assert {v.pointer for v in plan.violations} == {"/force_pp_mN"}
+    track = next(v for v in plan.violations if "(track" in v.message and v.quantity == "force")
+    assert "3 times" in track.message
+    start_s = next(phase.start_s for phase in plan.phases if phase.phase == "track")
+    assert start_s < track.at_s < start_s + PATH.duration_s
+
+
+def test_a_part_is_not_pulled() -> None:
+    plan = planned(replace(REQUEST, path=sinusoid("force", 9.0, 20.0, 0.5, 2)))
+    assert found(plan) == [("force", "/force_pp_mN")]
+    assert "a part is pressed, not pulled" in plan.violations[0].message
+    assert plan.violations[0].value == pytest.approx(-1.0)
+
+
+def test_a_path_beyond_its_own_rates_names_its_frequency() -> None:
+    fast = replace(REQUEST, path=sinusoid("force", 12.0, 20.0, 2.5, 2))
+    assert found(planned(fast)) == [("rate", "/frequency_hz")]
+    slow = replace(REQUEST, acceleration_um_per_s2=50.0)
+    assert found(planned(slow)) == [("acceleration", "/frequency_hz")]
+
+
+def test_a_cycle_has_ten_samples_at_least() -> None:
+    plan = planned(replace(REQUEST, path=sinusoid("force", 12.0, 0.5, 6.0, 2)))
+    assert found(plan) == [("frequency", "/frequency_hz")]
+    assert plan.violations[0].limit == pytest.approx(5.0)
+
+
+def test_a_voltage_that_rises_too_fast_is_named() -> None:
+    levels = steps("force", [5.0, 30.0], 1.0, 600.0, 1e5)
+    fast = replace(
+        REQUEST, path=levels, rate_um_per_s=300.0, acceleration_um_per_s2=5e4, pointer="/levels_mN"
+    )
+    assert found(planned(fast)) == [("slew", "/levels_mN")]
+
+
+def test_only_a_path_of_force_is_tracked_in_contact() -> None:
+    with pytest.raises(ValueError, match="must be one of force"):
+        replace(REQUEST, path=sinusoid("position", 12.0, 20.0, 0.5, 2))

@@ -1,0 +1,188 @@
+"""The Prandtl-Ishlinskii operator and its creep, against their definitions."""
+
+from dataclasses import replace
+from math import exp, nan
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pincette.control.response.hysteresis import (
+    HysteresisModel,
+    HysteresisState,
+    displacement_um,
+    start,
+    step,
+)
+from pincette.control.response.hysteresis_motion import play_columns, simulate, slopes_um_per_V
+
+PLAYS = HysteresisModel((0.0, 0.5, 1.0), (10.0, 4.0, 2.0))
+CREEPING = replace(PLAYS, creep_times_s=(0.1, 10.0), creep_fractions=(0.05, 0.02))
+FADING = HysteresisModel(
+    (0.0, 0.5, 1.0, 0.5, 1.0), (10.0, 4.0, 2.0, 1.0, 1.5), fadings_per_V=(0.0, 0.8, 0.8, 1.4, 0.0)
+)
+"""Two thresholds twice, one play of four that does not fade."""
+VOLTAGES = st.lists(st.floats(-2.0, 3.0), min_size=1, max_size=20)
+
+
+def follow(model: HysteresisModel, *voltages_V: float, dt_s: float = 0.0) -> HysteresisState:
+    state = start(model)
+    for voltage in voltages_V:
+        state = step(model, state, voltage, dt_s)
+    return state
+
+
+def position(*voltages_V: float) -> float:
+    return displacement_um(PLAYS, follow(PLAYS, *voltages_V))
+
+
+def test_first_stroke_and_the_way_back() -> None:
+    assert position(2.0) == pytest.approx(10 * 2.0 + 4 * 1.5 + 2 * 1.0)
+    # On the way back a play moves only after 2r.
+    assert position(2.0, 1.2) == pytest.approx(10 * 1.2 + 4 * 1.5 + 2 * 1.0)
+    assert position(2.0, 0.0) == pytest.approx(10 * 0.0 + 4 * 0.5 + 2 * 1.0)
+
+
+def test_a_minor_loop_closes_and_is_wiped_out() -> None:
+    assert position(2.0, 1.0, 1.6, 1.0) == pytest.approx(position(2.0, 1.0))
+    assert position(1.0, 0.2, 0.8, 2.0) == pytest.approx(position(2.0))
+
+
+BOTH = pytest.mark.parametrize("model", [PLAYS, FADING], ids=["plays", "fading"])
+
+
+@BOTH
+@given(voltages=VOLTAGES)
+def test_rate_independent(model: HysteresisModel, voltages: list[float]) -> None:
+    halves: list[float] = []
+    before = 0.0
+    for voltage in voltages:
+        halves += [0.5 * (before + voltage), voltage]
+        before = voltage
+    whole_um = displacement_um(model, follow(model, *voltages))
+    assert displacement_um(model, follow(model, *halves)) == pytest.approx(whole_um, abs=1e-9)
+
+
+@BOTH
+@given(voltages=VOLTAGES)
+def test_odd(model: HysteresisModel, voltages: list[float]) -> None:
+    mirrored = follow(model, *[-voltage for voltage in voltages])
+    there = follow(model, *voltages)
+    assert displacement_um(model, mirrored) == pytest.approx(-displacement_um(model, there))
+
+
+@BOTH
+@given(voltages=VOLTAGES)
+def test_the_displacement_rises_with_the_voltage(
+    model: HysteresisModel, voltages: list[float]
+) -> None:
+    state = follow(model, *voltages)
+    higher = step(model, state, state.voltage_V + 0.01, 0.0)
+    assert displacement_um(model, higher) > displacement_um(model, state)
+
+
+def test_fading_wears_off_what_small_loops_pass_over() -> None:
+    there = follow(FADING, 2.0, 1.2)
+    shaken = follow(FADING, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
+    assert min(abs(1.2 - play) for play in there.plays_V[1:]) > 0.04
+    assert max(abs(1.2 - play) for play in shaken.plays_V[:-1]) < 0.03
+    assert shaken.plays_V[-1] == there.plays_V[-1]
+    unfaded = follow(PLAYS, 2.0, *[1.2 + 0.05 * (-1) ** k for k in range(200)], 1.2)
+    assert displacement_um(PLAYS, unfaded) == pytest.approx(position(2.0, 1.15, 1.2))
+
+
+def test_fading_is_the_solution_of_its_equation() -> None:
+    end_V, steps = 0.45, 20000
+    state = follow(FADING, end_V)
+    for play, fading in ((1, 0.8), (3, 1.4)):
+        z = 0.0
+        for _ in range(steps):
+            z += (1.0 - fading * z) * end_V / steps
+        assert end_V - state.plays_V[play] == pytest.approx(z, rel=1e-4)
+
+
+@given(voltages=VOLTAGES)
+def test_what_does_not_fade_is_the_plain_play_to_the_bit(voltages: list[float]) -> None:
+    play, thresholds = [0.0, 0.0, 0.0], PLAYS.thresholds_V
+    for u in voltages:
+        play = [max(u - r, min(u + r, y)) for r, y in zip(thresholds, play, strict=True)]
+    assert follow(PLAYS, *voltages).plays_V == tuple(play)
+    # Nor does it matter to such a play that others beside it fade.
+    assert follow(FADING, *voltages).plays_V[-1] == play[-1]
+
+
+@BOTH
+def test_slopes_are_those_of_small_steps(model: HysteresisModel) -> None:
+    bent = replace(model, curvature_um_per_V2=0.4)
+    random = np.random.default_rng(3)
+    voltage_V = np.cumsum(random.normal(0.0, 0.4, 60))
+    plays_V = play_columns(bent.thresholds_V, bent.fadings_per_V, voltage_V)
+    slopes = slopes_um_per_V(bent, plays_V, voltage_V)
+    state = start(bent)
+    for voltage, (up, down) in zip(voltage_V.tolist(), slopes.tolist(), strict=True):
+        state = step(bent, state, voltage, 0.0)
+        for way_V, slope in ((1e-6, up), (-1e-6, down)):
+            moved = step(bent, state, voltage + way_V, 0.0)
+            rise_um = displacement_um(bent, moved) - displacement_um(bent, state)
+            assert rise_um / way_V == pytest.approx(slope, abs=1e-4)
+
+
+def test_curvature_adds_to_the_static_displacement() -> None:
+    bent = replace(PLAYS, curvature_um_per_V2=-0.3)
+    assert displacement_um(bent, follow(bent, 2.0, 1.5)) == pytest.approx(
+        position(2.0, 1.5) - 0.3 * 1.5**2
+    )
+
+
+@BOTH
+def test_a_motion_at_once_is_the_motion_step_by_step(model: HysteresisModel) -> None:
+    bent = replace(
+        model, creep_times_s=(0.1, 10.0), creep_fractions=(0.05, 0.02), curvature_um_per_V2=0.4
+    )
+    random = np.random.default_rng(7)
+    voltage_V = np.cumsum(random.normal(0.0, 0.2, 400))
+    voltage_V[50:60] = voltage_V[49]
+    state, steps_um = start(bent), list[float]()
+    for voltage in voltage_V.tolist():
+        state = step(bent, state, voltage, 0.02)
+        steps_um.append(displacement_um(bent, state))
+    assert simulate(bent, voltage_V, 0.02) == pytest.approx(np.array(steps_um), abs=1e-12)
+
+
+def test_creep_is_exact_however_the_time_is_cut() -> None:
+    once = step(CREEPING, start(CREEPING), 1.0, 4.0)
+    cut = follow(CREEPING, *[1.0] * 200, dt_s=0.02)
+    static = position(1.0)
+    expected = static * (1.0 + 0.05 * (1 - exp(-40.0)) + 0.02 * (1 - exp(-0.4)))
+    assert displacement_um(CREEPING, once) == pytest.approx(expected)
+    assert displacement_um(CREEPING, cut) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("model", "text"),
+    [
+        (((0.0, 0.5), (1.0,)), "1 weights_um_per_V, must be 2"),
+        (((0.1,), (1.0,)), "the first must be 0 V"),
+        (((), ()), "the first must be 0 V"),
+        (((0.0, 0.5, 0.5), (1.0, 1.0, 1.0)), "0.5 V with fading 0.0 per V occurs twice"),
+        (((0.0, 0.0), (1.0, 1.0)), "threshold = 0.0 V"),
+        (((0.0, nan), (1.0, 1.0)), "threshold = nan V"),
+        (((0.0, 0.5), (1.0, -1.5)), "slope up to 0.5 V = -0.5 µm/V"),
+        (((0.0, 0.5, 0.2), (9.0, -2.0, -8.0)), "slope up to 0.5 V = -1.0 µm/V"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (1.0,)), "1 fadings_per_V, must be 2"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (0.5, 0.5)), "fading 0.5 per V of the linear part"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (0.0, -1.0)), "fading = -1.0 per V"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (0.0, nan)), "fading = nan per V"),
+        (((0.0, 1.0), (9.0, 1.0), (), (), (0.0, 1.0)), "must be below 1.0 V, 1/fading"),
+        (((0.0, 1.0), (1.0, 4.0), (), (), (0.0, 0.5)), "slope after a turn = -1.0 µm/V"),
+        (((0.0,), (9.0,), (), (), (), nan), "curvature nan"),
+        (((0.0,), (1.0,), (1.0,), ()), "0 creep_fractions, must be 1"),
+        (((0.0,), (1.0,), (0.0,), (0.1,)), "creep time = 0.0 s"),
+        (((0.0,), (1.0,), (1.0,), (nan,)), "creep fraction nan"),
+    ],
+)
+def test_impossible_models_are_refused(model: tuple[Any, ...], text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        HysteresisModel(*model)

@@ -1,0 +1,203 @@
+"""Identification of a free response: from its own model class, and from another."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import sin
+
+import numpy as np
+import pytest
+
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.hysteresis_motion import (
+    Column,
+    creep_columns,
+    play_columns,
+    simulate,
+)
+from pincette.control.response.identification import (
+    REACH,
+    Candidates,
+    identify_free_response,
+    spread_creep_times,
+    spread_thresholds,
+)
+
+PERIOD_S = 0.02
+MODEL = HysteresisModel((0.0, 0.4, 0.8), (12.0, 4.0, 2.0), (0.5, 5.0), (0.03, 0.05))
+PLAIN = Candidates(families=((0.0,),), curved=(False,), ridges=(1e-6,))
+
+
+def drive(count: int) -> list[float]:
+    """Two incommensurate swings, so that loops lie within loops."""
+    return [1.2 * sin(0.011 * k) + 0.9 * sin(0.037 * k) for k in range(count)]
+
+
+def noise(count: int, seed: int = 1) -> Column:
+    return np.random.default_rng(seed).normal(0.0, 0.03, count)
+
+
+def test_the_model_that_made_the_motion_is_found() -> None:
+    voltage_V = drive(2000)
+    x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S) + noise(2000) + 70.0
+    found = identify_free_response(
+        voltage_V, x_um.tolist(), PERIOD_S, thresholds_V=(0.0, 0.4, 0.8), creep_times_s=(0.5, 5.0)
+    )
+    assert found.model.weights_um_per_V == pytest.approx(MODEL.weights_um_per_V, rel=0.02)
+    assert found.model.creep_fractions == pytest.approx(MODEL.creep_fractions, rel=0.1)
+    assert found.residual_um == pytest.approx(0.03, rel=0.1)
+
+
+def test_an_actuator_that_begins_poled_is_found_by_what_it_does_later() -> None:
+    drives = np.array([*np.linspace(0.0, 3.0, 100), *np.linspace(3.0, 0.0, 100), *drive(3000)])
+    x_um = simulate(MODEL, drives, PERIOD_S) + noise(len(drives))
+    found, taken_for_unpoled = (
+        identify_free_response(
+            drives[200:].tolist(),
+            x_um[200:].tolist(),
+            PERIOD_S,
+            thresholds_V=(0.0, 0.4, 0.8),
+            creep_times_s=(0.5, 5.0),
+            unpoled=unpoled,
+        )
+        for unpoled in (False, True)
+    )
+    assert found.model.weights_um_per_V == pytest.approx(MODEL.weights_um_per_V, rel=0.1)
+    assert found.residual_um < taken_for_unpoled.residual_um
+
+
+def test_fading_and_curvature_are_found_where_they_are() -> None:
+    thresholds = spread_thresholds(4.0, 0.7, 9)
+    fadings = [0.7 / threshold for threshold in thresholds]
+    model = HysteresisModel(
+        (0.0, *thresholds),
+        (12.0, 0.5, 0.5, 2.5, 0.5, 0.5, 2.5, 0.5, 0.5, 5.0),
+        (0.5,),
+        (0.03,),
+        fadings_per_V=(0.0, *fadings),
+        curvature_um_per_V2=-0.3,
+    )
+    voltage_V = drive(2500)
+    x_um = simulate(model, np.array(voltage_V), PERIOD_S) + noise(2500)
+    arguments = (voltage_V, x_um.tolist(), PERIOD_S)
+    found = identify_free_response(*arguments)
+    faded = [
+        threshold * fading
+        for threshold, fading in zip(
+            found.model.thresholds_V, found.model.fadings_per_V, strict=True
+        )
+    ]
+    assert max(faded) == pytest.approx(0.7)
+    assert found.model.curvature_um_per_V2 == pytest.approx(-0.3, rel=0.1)
+    assert found.residual_um < 0.045
+    assert identify_free_response(*arguments, candidates=PLAIN).residual_um > (
+        2.0 * found.residual_um
+    )
+
+
+def relays_um(voltage_V: Column) -> Column:
+    """An actuator of 1200 Preisach relays, which has neither plays nor fading, and a line."""
+    random = np.random.default_rng(6)
+    half_width = random.gamma(2.0, 0.25, 1200)
+    middle = random.normal(0.3, 1.0, 1200)
+    up = np.zeros(1200, dtype=bool)
+    rows = np.empty(len(voltage_V))
+    for index, u in enumerate(voltage_V.tolist()):
+        up = (up | (u > middle + half_width)) & (u > middle - half_width)
+        rows[index] = 10.0 * u + 0.02 * np.count_nonzero(up)
+    return rows
+
+
+def stops_um(voltage_V: Column) -> Column:
+    """An actuator of 60 stops, whose density falls off with their height, a line, and creep."""
+    heights = np.linspace(0.02, 2.4, 60)
+    stops, before = np.zeros(60), 0.0
+    rows = np.empty(len(voltage_V))
+    for index, u in enumerate(voltage_V.tolist()):
+        stops = np.clip(stops + (u - before), -heights, heights)
+        before = u
+        rows[index] = 19.0 * u - 0.18 * float(np.exp(-0.6 * heights) @ stops)
+    return rows + creep_columns((0.3, 3.0), rows, PERIOD_S) @ np.array([0.02, 0.02])
+
+
+@pytest.mark.parametrize("made_um", [relays_um, stops_um], ids=["relays", "stops"])
+def test_an_actuator_of_another_class_that_does_not_fade_is_given_no_fading(
+    made_um: Callable[[Column], Column],
+) -> None:
+    voltage_V = np.array([0.0, *np.linspace(0.0, -2.2, 60), *drive(4000)])
+    x_um = made_um(voltage_V)
+    found = identify_free_response(
+        voltage_V.tolist(), (x_um + noise(len(x_um))).tolist(), PERIOD_S, unpoled=False
+    )
+    straight_um = float(np.std(x_um - np.polyval(np.polyfit(voltage_V, x_um, 1), voltage_V)))
+    print(f"residual {found.residual_um:.4f} µm of {straight_um:.4f} µm, {found.model}")
+    assert found.model.fadings_per_V == ()
+    assert found.residual_um < 0.2 * straight_um
+
+
+def test_collinear_plays_stay_bounded() -> None:
+    voltage_V = drive(4000)
+    x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S)
+    thresholds = [0.01 * index for index in range(80)]
+    found = identify_free_response(
+        voltage_V, x_um.tolist(), PERIOD_S, thresholds_V=thresholds, candidates=PLAIN
+    )
+    assert max(abs(weight) for weight in found.model.weights_um_per_V) < 20.0
+
+
+def test_the_ridge_is_chosen_by_motion_it_was_not_fitted_to() -> None:
+    voltage_V = drive(1600)
+    x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S) + noise(1600)
+    arguments = (voltage_V, x_um.tolist(), PERIOD_S)
+    heavy = identify_free_response(*arguments, candidates=PLAIN._replace(ridges=(0.1,)))
+    chosen = identify_free_response(*arguments, candidates=PLAIN._replace(ridges=(0.1, 1e-6)))
+    assert chosen.residual_um < 0.5 * heavy.residual_um
+
+
+@pytest.mark.parametrize("share", [0.0, 0.35, 0.7])
+def test_the_widest_play_of_a_family_yields_within_the_travel(share: float) -> None:
+    thresholds = spread_thresholds(3.0, share, 9)
+    assert thresholds == pytest.approx([thresholds[0] * (k + 1) for k in range(9)])
+    widest_V = thresholds[-1]
+    way_V = np.array([-4.0, *np.linspace(0.0, 3.0, 301) - 4.0])
+    plays_V = play_columns((widest_V,), (share / widest_V,), way_V)[1:, 0]
+    behind_V = way_V[1:] - plays_V
+    yields = int(np.argmax(behind_V >= widest_V * (1.0 - 1e-9)))
+    assert yields * 0.01 == pytest.approx(REACH * 3.0, abs=0.01)
+
+
+def test_times_are_spread_over_what_was_taught() -> None:
+    assert spread_creep_times(0.02, 60.0) == pytest.approx((0.1, 0.5, 2.5, 12.5))
+    assert spread_creep_times(0.02, 63.0)[-1] == pytest.approx(62.5)
+
+
+def test_a_displacement_that_would_fall_after_a_turn_is_refused() -> None:
+    """Rising over the whole travel, falling where a curved branch turns back."""
+    voltage_V = drive(2000)
+    bent = replace(MODEL, creep_times_s=(), creep_fractions=(), curvature_um_per_V2=-5.0)
+    x_um = simulate(bent, np.array(voltage_V), PERIOD_S)
+    with pytest.raises(ValueError, match=r"slope at 2\.\d+ V = -"):
+        identify_free_response(
+            voltage_V,
+            x_um.tolist(),
+            PERIOD_S,
+            thresholds_V=MODEL.thresholds_V,
+            creep_times_s=(),
+            candidates=PLAIN._replace(curved=(True,)),
+        )
+
+
+@pytest.mark.parametrize(
+    ("voltage_V", "x_um", "text"),
+    [
+        ([0.0] * 100, [0.0] * 99, "100 voltages for 99 positions"),
+        (drive(15), [0.0] * 15, r"travels 0\.\d+ V, must be at least 1\.000 V"),
+        (drive(76), [0.0] * 76, "57 samples, 60 are wanted for 3 coefficients"),
+        ([float("nan")] * 100, [0.0] * 100, "a sample is not finite"),
+        (drive(400), [-19.0 * u for u in drive(400)], "slope up to .* V = -"),
+    ],
+)
+def test_a_motion_that_teaches_nothing_is_refused(
+    voltage_V: list[float], x_um: list[float], text: str
+) -> None:
+    with pytest.raises(ValueError, match=text):
+        identify_free_response(voltage_V, x_um, PERIOD_S, thresholds_V=(0.0, 0.5), creep_times_s=())

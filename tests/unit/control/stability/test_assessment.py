@@ -1,0 +1,141 @@
+"""What may run, what may not, and whether the advice holds."""
+
+import re
+from dataclasses import replace
+from math import inf
+
+import pytest
+
+from pincette.control.arm.plant import consistent_arm
+from pincette.control.force.inverse_dynamics import inverse_dynamics
+from pincette.control.laws.law import LawSettings, default_settings
+from pincette.control.stability.assessment import LIMIT_RADIUS, assess
+from pincette.control.stability.loop_matrix import Loop
+from pincette.control.stability.worst_case import Intervals, around
+from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
+
+ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
+PART = around(2.17, 0.3)
+DEFAULT = Loop(LawSettings(), ARM, 0.02, force_filter_s=0.03)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        LawSettings(),
+        LawSettings(K_P=5.0),
+        LawSettings(K_P=0.5),
+        LawSettings("dsmifc", K_P=2.0, delta=1e6),
+        default_settings("pbsmic", "printed"),
+        default_settings("dsmifc", "printed"),
+    ],
+)
+def test_the_laws_may_run_at_the_period_of_the_paper(law: LawSettings) -> None:
+    found = assess(replace(DEFAULT, law=law), PART)
+    assert found.stable
+    assert found.reason == ""
+    assert found.margin == pytest.approx(0.97 - found.radius)
+    assert 0.7 < found.radius < 0.9
+    assert found.radius ** (found.settling_s / 0.02) == pytest.approx(0.02)
+
+
+def test_a_refusal_names_radius_limit_case_and_change() -> None:
+    found = assess(replace(DEFAULT, period_s=0.005), PART)
+    assert not found.stable
+    assert found.margin < 0.0
+    assert found.settling_s == inf
+    omega_n = OMEGA_N * found.case.frequency_factor
+    for part in (
+        f"the loop is unstable: spectral radius {found.radius:.4g}, limit 0.97",
+        "at a period of 5 ms",
+        f"in contact with K_e = {found.case.K_e_mN_per_um:.3g} mN/µm",
+        f"ω_n = {omega_n:.0f} rad/s",
+        f"delay = {5.0 * found.case.delay_periods:.2g} ms",
+    ):
+        assert part in found.reason
+
+
+def proposed(loop: Loop, text: str) -> tuple[Loop, str]:
+    """The loop that a proposal asks for, and the radius it promises."""
+    match = re.fullmatch(r"(.+) gives ([0-9.]+)", text)
+    assert match is not None, text
+    for change in match[1].split(" and "):
+        if change.startswith("a period of "):
+            loop = replace(loop, period_s=1e-3 * float(change.split()[3]))
+        else:
+            name, value = change.split(" = ")
+            loop = loop.with_law(**{name: float(value)})
+    return loop, match[2]
+
+
+@pytest.mark.parametrize(
+    ("law", "period_s"),
+    [
+        (LawSettings(), 0.005),
+        (LawSettings(), 0.001),
+        (LawSettings(K_P=5.0), 0.004),
+        (LawSettings(K_P=50.0), 0.02),
+        (LawSettings(K_S=1.0, delta=1.0), 0.02),
+        (LawSettings(K_S=1.0, delta=1.0), 0.005),
+        (default_settings("dsmifc", "printed"), 0.005),
+    ],
+)
+def test_the_advice_holds(law: LawSettings, period_s: float) -> None:
+    loop = replace(DEFAULT, law=law, period_s=period_s)
+    found = assess(loop, PART)
+    assert not found.stable
+    advice = found.reason.split("; ")[1].split(", ")
+    assert len(advice) in (1, 2)
+    for text in advice:
+        other, promised = proposed(loop, text)
+        reached = assess(other, PART)
+        assert reached.stable, text
+        assert f"{reached.radius:.3f}" == promised, text
+
+
+def test_a_loop_that_nothing_helps_says_so() -> None:
+    found = assess(replace(DEFAULT, law=LawSettings(K_P=50.0), period_s=0.001), PART)
+    assert found.reason.endswith("no change of one gain or of the period that was tried suffices")
+
+
+def test_a_switching_term_that_does_nothing_is_not_blamed() -> None:
+    loop = Loop(default_settings("pbsmic", "printed"), ARM, 0.004)
+    assert "K_S" not in assess(loop, PART).reason
+
+
+def test_an_observer_made_for_a_period_is_not_carried_to_another() -> None:
+    observer = inverse_dynamics(OMEGA_N, ZETA, S_P, period_s=0.004, filter_s=1e-3)
+    loop = Loop(LawSettings(K_P=5.0), ARM, 0.004, 0.03, observer=observer)
+    assert "a period of 4 ms" in assess(loop, PART).reason
+    assert "a period of 5 ms" not in assess(loop, PART).reason
+
+
+def test_a_slow_loop_is_refused_for_being_slow() -> None:
+    found = assess(replace(DEFAULT, law=LawSettings(K_P=50.0)), PART)
+    assert found.reason.startswith("the loop settles too slowly: spectral radius 0.98")
+    assert 2.6 < found.settling_s < 10.0
+
+
+def test_the_limit_is_an_argument() -> None:
+    radius = assess(DEFAULT, PART).radius
+    assert assess(DEFAULT, PART, limit_radius=radius + 1e-6).stable
+    assert not assess(DEFAULT, PART, limit_radius=radius - 1e-6).stable
+    for limit in (0.0, 1.0):
+        with pytest.raises(ValueError, match=f"spectral radius = {limit}, must be between 0 and 1"):
+            assess(DEFAULT, PART, limit_radius=limit)
+
+
+def test_the_delay_decides() -> None:
+    """A loop for a short delay is not one for a delay of nearly a period."""
+    loop = Loop(LawSettings(), ARM, 0.008, force_filter_s=0.03)
+    at_once = assess(loop, around(2.17, 0.3, delay_periods=(0.0, 0.0)))
+    late = assess(loop, around(2.17, 0.3, delay_periods=(0.0, 1.0)))
+    assert at_once.stable
+    assert late.radius > at_once.radius + 0.05
+    assert late.case.delay_periods > 0.5
+
+
+def test_an_assessment_is_the_same_again() -> None:
+    loop = replace(DEFAULT, period_s=0.015)
+    assert assess(loop, PART) == assess(replace(loop), Intervals(PART.K_e_mN_per_um))
+    assert assess(loop, PART).limit_radius == LIMIT_RADIUS

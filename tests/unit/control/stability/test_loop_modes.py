@@ -1,0 +1,80 @@
+"""Which slow mode counts: what creeps after the position has settled does not, all else does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pincette.control.arm.plant import consistent_arm, discretize
+from pincette.control.laws.law import LawSettings, default_settings
+from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, loop_matrices
+from pincette.control.stability.loop_modes import counted_radii, settling_ticks, spectral_radii
+from pincette.control.stability.sampled_arm import LoopCase
+from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
+
+ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
+CASES = (LoopCase(), LoopCase(K_e_mN_per_um=2.17))
+LIMIT = 0.97
+
+
+def sloped(slope: float, period_s: float = 0.02) -> Loop:
+    """PBSMIC with slope G_a·K_S/(k̄·δ) inside the boundary layer."""
+    law = LawSettings(delta=1.0)
+    K_S = slope * discretize(ARM, period_s).k_bar / (law.K_P + law.K_I)
+    return Loop(replace(law, K_S=K_S), ARM, period_s, force_filter_s=0.03)
+
+
+def test_settling_is_to_two_percent() -> None:
+    assert 0.97 ** settling_ticks(0.97) == pytest.approx(0.02)
+    assert settling_ticks(0.97) == pytest.approx(128.4, abs=0.1)
+
+
+@pytest.mark.parametrize("scheme", ["pbsmic", "dsmifc"])
+def test_the_printed_switching_creeps_and_does_not_count(scheme: str) -> None:
+    """The printed K_S/d̄ does next to nothing: s leaks away at 1e-11 or 1e-5 a tick."""
+    law = default_settings("pbsmic" if scheme == "pbsmic" else "dsmifc", "printed")
+    loop = Loop(law, ARM, 0.02)
+    assert np.all(spectral_radii(loop, CASES) > 0.9999)
+    assert counted_radii(loop, CASES, LIMIT) == pytest.approx(
+        spectral_radii(loop.with_law(K_S=0.0), CASES), abs=1e-4
+    )
+
+
+@pytest.mark.parametrize(
+    ("slope", "limit", "counts"),
+    [
+        (0.001, LIMIT, [False, False]),
+        (0.01, LIMIT, [False, False]),
+        (0.025, 0.85, [True, False]),
+    ],
+)
+def test_a_slow_mode_counts_by_what_it_leaves(
+    slope: float, limit: float, counts: list[bool]
+) -> None:
+    """Judged here by the position itself, after the ticks that the limit takes to 2 %."""
+    loop = sloped(slope)
+    slow = spectral_radii(loop, CASES)
+    assert slow == pytest.approx([1.0 - slope] * 2, abs=2e-3)
+    later = np.linalg.matrix_power(loop_matrices(loop, CASES), round(settling_ticks(limit)))
+    kicks = np.maximum(np.abs(later[:, X, X]), np.abs(later[:, X, VOLTAGE]) / 19.0)
+    assert [bool(kick > 0.02) for kick in kicks] == counts
+    found = counted_radii(loop, CASES, limit)
+    assert [bool(radius == other) for radius, other in zip(found, slow, strict=True)] == counts
+    assert found[1] < 0.85
+
+
+def test_what_rings_or_grows_always_counts() -> None:
+    ringing = Loop(LawSettings(K_P=5.0), ARM, 0.002)
+    growing = sloped(2.5)
+    for loop in (ringing, growing):
+        found = counted_radii(loop, CASES, 0.9)
+        assert found == pytest.approx(spectral_radii(loop, CASES), rel=1e-12)
+        assert np.all(found > 0.9)
+
+
+def test_one_switching_mode_does_not_hide_another() -> None:
+    """A printed law whose arm rings at 5 ms has the ring's radius, not that of ε."""
+    loop = Loop(default_settings("pbsmic", "printed"), ARM, 0.004)
+    found = counted_radii(loop, CASES[:1], LIMIT)
+    assert found == pytest.approx(spectral_radii(loop.with_law(K_S=0.0), CASES[:1]), abs=1e-6)
+    assert found[0] > LIMIT

@@ -1,0 +1,104 @@
+"""The search for the worst case against a blind search of more points."""
+
+import re
+
+import numpy as np
+import pytest
+
+from pincette.control.arm.plant import consistent_arm
+from pincette.control.laws.law import LawSettings, default_settings
+from pincette.control.stability.loop_matrix import Loop
+from pincette.control.stability.loop_modes import counted_radii, spectral_radii
+from pincette.control.stability.sampled_arm import LoopCase
+from pincette.control.stability.worst_case import Intervals, around, worst_case
+from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
+
+ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
+PART = around(2.17, 0.3)
+LIMIT = 0.97
+
+
+def drawn(count: int, seed: int) -> tuple[LoopCase, ...]:
+    """Cases anywhere within the intervals of PART, a third of them free."""
+    numbers = np.random.default_rng(seed)
+    return tuple(
+        LoopCase(
+            0.0 if index % 3 == 0 else float(numbers.uniform(0.7 * 2.17, 1.3 * 2.17)),
+            float(numbers.uniform(0.95, 1.05)),
+            float(numbers.uniform(0.0, 0.5)),
+        )
+        for index in range(count)
+    )
+
+
+@pytest.mark.parametrize("period_s", [0.02, 0.01, 0.005, 0.001])
+@pytest.mark.parametrize(
+    "law",
+    [
+        LawSettings(),
+        LawSettings(K_P=0.5, force_age="newest"),
+        default_settings("pbsmic", "printed"),
+        LawSettings("dsmifc", K_P=2.0, delta=1e6),
+    ],
+)
+def test_a_blind_search_finds_no_worse(law: LawSettings, period_s: float) -> None:
+    loop = Loop(law, ARM, period_s, force_filter_s=0.03)
+    case, radius = worst_case(loop, PART, LIMIT)
+    blind = np.max(counted_radii(loop, drawn(3000, seed=7), LIMIT))
+    assert radius > blind - 0.01
+    assert radius == pytest.approx(counted_radii(loop, (case,), LIMIT)[0], rel=1e-12)
+
+
+def test_the_worst_case_is_within_the_intervals() -> None:
+    case, _ = worst_case(Loop(LawSettings(), ARM, 0.005, force_filter_s=0.03), PART, LIMIT)
+    assert case.K_e_mN_per_um == 0.0 or 0.7 * 2.17 <= case.K_e_mN_per_um <= 1.3 * 2.17
+    assert 0.95 <= case.frequency_factor <= 1.05
+    assert 0.0 <= case.delay_periods <= 0.5
+
+
+def test_five_percent_of_the_resonance_decide() -> None:
+    """At 5 ms the default law passes as identified, and fails nearby."""
+    loop = Loop(LawSettings(), ARM, 0.005, force_filter_s=0.03)
+    assert np.max(spectral_radii(loop, PART.middle())) < LIMIT
+    case, radius = worst_case(loop, PART, LIMIT)
+    assert radius > 1.05
+    assert case.K_e_mN_per_um > 0.0
+
+
+def test_intervals_of_no_width_are_one_case() -> None:
+    loop = Loop(LawSettings(), ARM, 0.01, force_filter_s=0.03)
+    point = Intervals((2.0, 2.0), False, (1.01, 1.01), (0.2, 0.2))
+    case = LoopCase(2.0, 1.01, 0.2)
+    assert point.middle() == (case,)
+    assert worst_case(loop, point, LIMIT) == (case, spectral_radii(loop, (case,))[0])
+
+
+def test_a_wider_interval_is_no_better() -> None:
+    loop = Loop(LawSettings(), ARM, 0.005, force_filter_s=0.03)
+    radii = [worst_case(loop, around(2.17, share), LIMIT)[1] for share in (0.0, 0.1, 0.3)]
+    assert radii[0] <= radii[1] + 0.01
+    assert radii[1] <= radii[2] + 0.01
+
+
+def test_free_motion_alone_needs_no_contact() -> None:
+    loop = Loop(LawSettings(), ARM, 0.004, force_filter_s=0.03)
+    case, radius = worst_case(loop, Intervals(None), LIMIT)
+    assert case.K_e_mN_per_um == 0.0
+    assert radius > 1.0
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ((None, False), "neither free nor in contact"),
+        (((3.0, 2.0),), "K_e_mN_per_um: from 3.0 to 2.0, must be ascending"),
+        (((-1.0, 2.0),), "contact stiffness K_e = -1.0 mN/µm"),
+        (((1.0, 2.0), True, (0.0, 1.0)), "frequency factor = 0.0"),
+        (((1.0, 2.0), True, (1.0, 1.0), (0.0, 1.5)), "delay = 1.5 periods"),
+    ],
+)
+def test_impossible_intervals_are_refused(
+    values: tuple[tuple[float, float] | None, bool], text: str
+) -> None:
+    with pytest.raises(ValueError, match=re.escape(text)):
+        Intervals(*values)
