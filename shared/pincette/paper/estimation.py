@@ -1,4 +1,4 @@
-"""Figs. 6 and 7: the force estimator without and with a contact, and what makes it err."""
+"""Fig. 6: the force estimator without a contact, and what makes it err."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from pincette.control.force.observers import ForceObserver, QuasiStatic, QuasiSt
 from pincette.control.response.free_response import FreeResponse, FreeSample
 from pincette.paper import printed
 from pincette.paper.closed_loop import rms
-from pincette.paper.drawing import BLUE, GREEN, ORANGE, Axis, label, legend_above, picture
+from pincette.paper.drawing import BLUE, ORANGE, Axis, label, picture
 from pincette.paper.open_loop import Motion, drive, peak_to_peak, raised_sinusoid
 from pincette.paper.report import Comparison, Picture, Section
 from pincette.paper.rigs import loop_percent, simulation_of
@@ -153,33 +153,6 @@ def fig_6(rig: RigFile, sources: dict[str, FreeResponse]) -> tuple[Section, dict
     return section, errors
 
 
-def fig_7(rig: RigFile, response: FreeResponse) -> Section:
-    """The estimator on a contact that the arm touches from the start, Fig. 7."""
-    touching = simulation_of(rig).model_copy(update={"bead_contact_um": 0.0})
-    s_p = rig.model.compliance_um_per_mN
-    signal = raised_sinusoid(1.0, printed.FREQUENCY_HZ, CYCLES, rig.rig.period_s)
-    reading = read(touching, signal, response, QuasiStatic(QuasiStaticParameters(s_p)))
-    force_pp = peak_to_peak(reading.motion.true_force_mN)
-    return Section(
-        key="fig7",
-        title="Fig. 7: the force estimator with a contact",
-        text=(
-            "Open loop, 1 V peak to peak, in contact from the start; the estimate beside the true "
-            "contact force of the simulated rig, which the paper could not see.",
-        ),
-        pictures=(Picture("fig7", "Fig. 7 repeated: open loop in contact", _fig_7(reading)),),
-        comparisons=(
-            Comparison("estimate against the true force", "mN r.m.s.", None, reading.error_mN),
-            Comparison(
-                "the same, of the force's peak to peak",
-                "%",
-                None,
-                100.0 * reading.error_mN / force_pp,
-            ),
-        ),
-    )
-
-
 def _fig_6(reading: Reading) -> bytes:
     motion = reading.motion
     t = np.arange(len(reading.force_mN)) * motion.period_s
@@ -196,20 +169,3 @@ def _fig_6(reading: Reading) -> bytes:
         label(axes[3], "time / s", "estimated force / mN", "(d)")
 
     return picture(2, 2, 5.4, draw)
-
-
-def _fig_7(reading: Reading) -> bytes:
-    motion = reading.motion
-    t = np.arange(len(reading.force_mN)) * motion.period_s
-
-    def draw(axes: list[Axis]) -> None:
-        axes[0].plot(t, motion.x_um, color=BLUE)
-        label(axes[0], "", "position / µm")
-        axes[1].plot(t, motion.true_force_mN, color=GREEN, label="true")
-        axes[1].plot(t, reading.force_mN, color=BLUE, linewidth=0.9, label="estimated")
-        label(axes[1], "", "force / mN")
-        legend_above(axes[1])
-        axes[2].plot(t, reading.force_mN - motion.true_force_mN, color=BLUE, linewidth=0.9)
-        label(axes[2], "time / s", "error / mN")
-
-    return picture(3, 1, 5.4, draw, sharex=True)

@@ -12,6 +12,7 @@ from pincette.paper import (
     force_gain,
     gains,
     holding,
+    planned_pair,
     precision,
     table_one,
 )
@@ -45,7 +46,7 @@ def run_study(base: RigFile, folder: Path, progress: Progress, rigs: int) -> dic
     progress("Figs. 6 and 7: estimator", 0.08)
     sources = {"the identified response": response, **other_sources(taught)}
     fig_6, free_mN = estimation.fig_6(taught, sources)
-    sections += [fig_6, estimation.fig_7(taught, response)]
+    sections += [fig_6, planned_pair.fig_7(taught, response)]
     progress("Fig. 8: stiffness line", 0.12)
     sections.append(contact.fig_8(taught, response))
     progress("Fig. 9 and Table I: PBSMIC", 0.14)
