@@ -14,6 +14,7 @@ from pincette.paper.study import run_study
 from tests.support.rigs import demo_rig
 
 SECTIONS = (
+    "short",
     "fig5",
     "fig6",
     "fig7",

@@ -133,7 +133,8 @@ def fig_6(rig: RigFile, sources: dict[str, FreeResponse]) -> tuple[Section, dict
         reading = read(free, sinusoid, best, QuasiStatic(parameters))
         rows.append(Comparison(f"sinusoid 0.5 Hz, {name}", "mN r.m.s.", None, reading.error_mN))
     rows.append(Comparison("hysteresis loop at 2 V", "% of stroke", None, loop_percent(free)))
-    gain = peak_to_peak(first.motion.true_x_um) / printed.VOLTAGE_LEVELS_V[-1]
+    settled = first.motion.tail(len(first.force_mN) // CYCLES)
+    gain = peak_to_peak(settled.true_x_um) / printed.VOLTAGE_LEVELS_V[-1]
     rows.append(Comparison("gain at 2 V", "µm/V", printed.PIEZO_UM_PER_V, gain))
     section = Section(
         key="fig6",

@@ -128,7 +128,7 @@ def _section(section: Section) -> str:
             f'src="data:image/png;base64,{image}">'
             f"<figcaption>{html.escape(picture.caption)}</figcaption></figure>"
         )
-    parts += [_comparisons(section.comparisons), _trends(section.trends), "</section>"]
+    parts += [_trends(section.trends), _comparisons(section.comparisons), "</section>"]
     return "\n".join(parts)
 
 
