@@ -3,16 +3,22 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 import pytest
 
 from pincette.instruments.memory_link import MemoryLink
 from pincette.instruments.protocols import Link
-from pincette.sim.instrument import Instrument
+from pincette.sim.instrument import TERMINATOR, Instrument
 from pincette.sim.wire import serve
 
-Reach = Callable[[Instrument], tuple[str, Link | None]]
+
+class Reach(Protocol):
+    def __call__(
+        self, instrument: Instrument, terminator: bytes = TERMINATOR
+    ) -> tuple[str, Link | None]: ...
+
+
 Script = Callable[[list[bytes | None]], str]
 
 
@@ -22,11 +28,13 @@ def reach(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Reach]:
     way: Literal["memory", "tcp", "pty"] = request.param
     with ExitStack() as wires:
 
-        def offer(instrument: Instrument) -> tuple[str, Link | None]:
+        def offer(
+            instrument: Instrument, terminator: bytes = TERMINATOR
+        ) -> tuple[str, Link | None]:
             if way == "memory":
                 return "memory://", MemoryLink(instrument.answer)
             url = "socket://127.0.0.1:0" if way == "tcp" else str(tmp_path / "port")
-            return wires.enter_context(serve(url, instrument)).url, None
+            return wires.enter_context(serve(url, instrument, terminator=terminator)).url, None
 
         yield offer
 

@@ -3,18 +3,26 @@
 import math
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from typing import Protocol
 
 import pytest
 
 from pincette.config import ConfigError, Output
-from pincette.instruments import icpdas_i7024
+from pincette.instruments import icpdas_i7024, srs_dc205
 from pincette.instruments.protocols import InstrumentError, Link, VoltageOutput
+from pincette.sim import dc205
+from pincette.sim.dc205 import SimulatedDC205
 from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.instrument import Instrument
+from pincette.sim.instrument import TERMINATOR, Instrument
 
-Reach = Callable[[Instrument], tuple[str, Link | None]]
 TIMEOUT_S = 0.1
 GARBAGE = (b"", b"\xff\x00;", b">>", b"> ", b"MS,01,+0001.50")
+
+
+class Reach(Protocol):
+    def __call__(
+        self, instrument: Instrument, terminator: bytes = TERMINATOR
+    ) -> tuple[str, Link | None]: ...
 
 
 def _always(reply: bytes) -> Callable[[bytes], bytes]:
@@ -41,6 +49,7 @@ class VoltageOutputContract:
 
     step_V: float
     limit_V: float
+    terminator: bytes = TERMINATOR
 
     def instrument(self, put_out: Callable[[float], None]) -> Instrument:
         raise NotImplementedError
@@ -51,7 +60,7 @@ class VoltageOutputContract:
     @contextmanager
     def opened(self, reach: Reach) -> Generator[tuple[Load, VoltageOutput]]:
         load = Load(self.instrument)
-        output = self.open(*reach(load))
+        output = self.open(*reach(load, self.terminator))
         yield load, output
         output.close()
 
@@ -106,7 +115,7 @@ class VoltageOutputContract:
         load = Load(self.instrument)
         load.voice = lambda _line: None
         with pytest.raises(InstrumentError, match="no answer"):
-            self.open(*reach(load))
+            self.open(*reach(load, self.terminator))
 
 
 def settings(url: str = "memory://", /, **options: str | float | bool) -> Output:
@@ -132,6 +141,31 @@ class TestI7024WithChecksum(VoltageOutputContract):
     def open(self, url: str, link: Link | None) -> VoltageOutput:
         chosen = settings(url, address=0xAB, channel=3, checksum=True)
         return icpdas_i7024.open_output(chosen, link)
+
+
+class TestDC205(VoltageOutputContract):
+    step_V, limit_V, terminator = 1e-6, 10.0, dc205.TERMINATOR
+
+    def instrument(self, put_out: Callable[[float], None]) -> Instrument:
+        return SimulatedDC205(put_out)
+
+    def open(self, url: str, link: Link | None) -> VoltageOutput:
+        return srs_dc205.open_output(Output(driver="srs_dc205", url=url, timeout_s=TIMEOUT_S), link)
+
+
+class TestDC205WithNumbersInItsLargeRange(TestDC205):
+    """The instrument says 1 where it else says ON."""
+
+    limit_V = 100.0
+
+    def instrument(self, put_out: Callable[[float], None]) -> Instrument:
+        source = SimulatedDC205(put_out)
+        source.answer(b"TOKN OFF")
+        return source
+
+    def open(self, url: str, link: Link | None) -> VoltageOutput:
+        chosen = Output(driver="srs_dc205", url=url, timeout_s=TIMEOUT_S, options={"range_V": 100})
+        return srs_dc205.open_output(chosen, link)
 
 
 class Lines:

@@ -34,7 +34,7 @@ def run(context: Context) -> None:
         bench = open_bench(context.rig, time.monotonic, tell if config.truth else None)
         with (
             serve(config.sensor_url, bench.sensor, config.baud),
-            serve(config.output_url, bench.output, config.baud),
+            serve(config.output_url, bench.output, config.baud, bench.output_terminator),
         ):
             bus.announce("rig")
             context.ready(f"simulates {config.sensor_url} and {config.output_url}")

@@ -15,7 +15,7 @@ from rich.console import Console
 from pincette import plugins
 from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
-from pincette.config import RigFile
+from pincette.config import ConfigError, RigFile
 from pincette.instruments.protocols import InstrumentError
 from pincette.runtime.devices import open_device
 from pincette.runtime.fleet import FleetError, check_ports
@@ -140,7 +140,11 @@ def _instruments(rig: RigFile) -> Iterator[Finding]:
 def _reached(service: AnyService, rig: RigFile, what: str) -> Finding:
     try:
         device = open_device(service, rig)
-    except (InstrumentError, plugins.PluginError) as error:
+    except plugins.PluginError as error:
+        return Finding(False, f"{service.name}: {error}", "install the driver, or name another")
+    except ConfigError as error:
+        return Finding(False, f"{service.name}: {error}", "mend the options in the rig file")
+    except InstrumentError as error:
         remedy = "check cable, power, address, and the url in the rig file"
         return Finding(False, f"{service.name}: {error}", remedy)
     if device is not None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pincette import __version__
-from pincette.cli import doctor, job, job_words, rig_file, stop, teach, topics, up
+from pincette.cli import doctor, drivers, job, job_words, rig_file, stop, teach, topics, up
 from pincette.cli.job_words import JOB_ACTIONS, number
 from pincette.cli.rest import DEFAULT_URL, CliError
 from pincette.runtime.process import Options, programs, run_program
@@ -54,6 +54,8 @@ def parser() -> argparse.ArgumentParser:
     rigged("demo", "start a rig, grip its part, show the result, end", records=True)
     rigged("doctor", "say what is missing for a rig, and how to get it", records=True)
     rigged("topics", "list the keys of a rig and what goes over them")
+    listing = "list the drivers of position sensors and voltage outputs, and their options"
+    words.add_parser("drivers", help=listing, description=listing)
     jobs = words.add_parser("job", help="start a job and follow it, or act on one")
     job_words.add(jobs, _addressed)
 
@@ -124,6 +126,8 @@ def _call(given: argparse.Namespace) -> int:
             return doctor.doctor(given.rig, given.data)
         case "topics":
             return topics.topics(given.rig)
+        case "drivers":
+            return drivers.drivers()
         case "teach":
             return teach.teach(given.rig, given.write, given.source)
         case "paper":

@@ -17,9 +17,12 @@ IDLE_S = 0.05
 class Wire:
     """Serves one instrument until it is closed; a client that comes back is served again."""
 
-    def __init__(self, port: Port, instrument: Instrument, baud: int | None) -> None:
+    def __init__(
+        self, port: Port, instrument: Instrument, baud: int | None, terminator: bytes
+    ) -> None:
         self._port = port
         self._instrument = instrument
+        self._terminator = terminator
         self._byte_s = BITS_PER_BYTE / baud if baud else 0.0
         self._wake, self._waker = os.pipe()
         self._closing = threading.Event()
@@ -71,31 +74,38 @@ class Wire:
             chunk = line.recv(4096)
             if not chunk:
                 return
-            *requests, pending = (pending + chunk).split(TERMINATOR)
+            *requests, pending = (pending + chunk).split(self._terminator)
             pending = pending if len(pending) <= LONGEST_LINE else b""
             for request in requests:
-                self._take_time(len(request) + 1)
+                self._take_time(len(request) + len(self._terminator))
                 reply = self._instrument.answer(request)
                 if reply is not None:
-                    self._take_time(len(reply) + 1)
-                    line.sendall(reply + TERMINATOR)
+                    self._take_time(len(reply) + len(self._terminator))
+                    line.sendall(reply + self._terminator)
 
     def _take_time(self, count: int) -> None:
         if self._byte_s:
             time.sleep(count * self._byte_s)
 
 
-def serve(url: str, instrument: Instrument, baud: int | None = None) -> Wire:
+def serve(
+    url: str,
+    instrument: Instrument,
+    baud: int | None = None,
+    terminator: bytes = TERMINATOR,
+) -> Wire:
     """Offer an instrument at a driver's url.
 
     Parameters
     ----------
     baud
         Each byte takes ten bits at this rate, in both directions; None takes no time.
+    terminator
+        Ends each line, in both directions.
 
     Raises
     ------
     WireError
         Where the port is taken, or is none.
     """
-    return Wire(open_port(url), instrument, baud)
+    return Wire(open_port(url), instrument, baud, terminator)

@@ -1,0 +1,202 @@
+"""The DC205's driver: its bytes, what it makes of refusals, and of anything a line may carry."""
+
+import logging
+import random
+from collections.abc import Callable
+from functools import partial
+
+import pytest
+
+from pincette.config import ConfigError, Output
+from pincette.instruments import srs_dc205
+from pincette.instruments.memory_link import MemoryLink
+from pincette.instruments.protocols import InstrumentError
+from pincette.sim import dc205
+from pincette.sim.dc205 import SimulatedDC205
+from pincette.sim.wire import serve
+
+SEED = 205
+REPLIES = 3000
+NAME = b"Stanford Research Systems,DC205,s/n20512345,ver1.00"
+ALPHABET = b"0123456789+-.;,: EONFKAYVLDRG1\r\x00\xff"
+
+
+def settings(url: str = "memory://", /, **options: str | float | bool) -> Output:
+    return Output(driver="srs_dc205", url=url, timeout_s=0.2, options=dict(options))
+
+
+class Recorded:
+    """A source behind a link that writes down each line; its answers can be replaced."""
+
+    def __init__(self, *before: bytes) -> None:
+        self.voltages_V: list[float] = []
+        self.source = SimulatedDC205(self.voltages_V.append)
+        for line in before:
+            self.source.answer(line)
+        self.voltages_V.clear()
+        self.lines: list[bytes] = []
+        self.voice: Callable[[bytes], bytes | None] = self.source.answer
+        self.link = MemoryLink(self._answer)
+
+    def _answer(self, line: bytes) -> bytes | None:
+        self.lines.append(line)
+        return self.voice(line)
+
+    def open(self, **options: str | float | bool) -> srs_dc205.DC205:
+        return srs_dc205.open_output(settings(**options), self.link)
+
+
+def test_the_bytes_are_those_of_the_manual() -> None:
+    line = Recorded()
+    output = line.open()
+    output.write_V(1.5)
+    output.write_V(-0.25)
+    assert output.read_V() == -0.25
+    assert line.lines == [
+        b"TERM LF;*IDN?",
+        b"LEXE?;LCME?;RNGE?;SOUT?;VOLT?",
+        b"VOLT 0;RNGE RANGE10;LEXE?;LCME?",
+        b"VOLT 1.500000;LEXE?;LCME?",
+        b"SOUT 1;LEXE?;LCME?",
+        b"VOLT -0.250000;SOUT?;LEXE?;LCME?",
+        b"VOLT?;SOUT?;OVLD?",
+    ]
+    assert line.voltages_V == [1.5, -0.25]
+
+
+def test_the_output_is_switched_on_only_after_its_voltage_is_accepted() -> None:
+    line = Recorded()
+    output = line.open()
+    line.voice = lambda said: b"1;0" if said.startswith(b"VOLT") else line.source.answer(said)
+    with pytest.raises(InstrumentError, match=r"\+2\.000000 V refused.*illegal value"):
+        output.write_V(2.0)
+    assert not any(said.startswith(b"SOUT 1") for said in line.lines)
+
+
+def test_an_output_that_is_on_is_taken_over_as_it_is() -> None:
+    line = Recorded(b"RNGE RANGE10;VOLT 3.5;SOUT ON")
+    output = line.open()
+    assert output.read_V() == 3.5
+    assert line.voltages_V == []
+    output.write_V(3.25)
+    assert line.voltages_V == [3.25]
+
+
+def test_an_output_that_is_on_in_another_range_is_not_opened() -> None:
+    line = Recorded(b"RNGE RANGE1;VOLT 0.5;SOUT ON")
+    with pytest.raises(InstrumentError, match=r"on, \+0\.500000 V in the range of ±1 V; switch it"):
+        line.open()
+    with pytest.raises(InstrumentError, match="port is closed"):
+        line.link.exchange(b"*IDN?")
+    assert line.voltages_V == []
+
+
+def test_errors_of_the_time_before_do_not_count() -> None:
+    output = Recorded(b"VOLT 99;NONE?").open()
+    output.write_V(0.5)
+    assert output.read_V() == 0.5
+
+
+def test_an_output_that_somebody_switched_off_is_not_switched_on_again() -> None:
+    line = Recorded()
+    output = line.open()
+    output.write_V(2.0)
+    line.source.answer(b"SOUT 0")
+    for _ in range(2):
+        with pytest.raises(InstrumentError, match=r"\+1\.000000 V not put out: .*switched off"):
+            output.write_V(1.0)
+    assert output.read_V() == 0.0
+    assert line.voltages_V == [2.0, 0.0]
+
+
+def test_an_overload_is_no_reading() -> None:
+    line = Recorded()
+    output = line.open()
+    output.write_V(2.0)
+    line.source.overloaded = True
+    with pytest.raises(InstrumentError, match=r"overloaded, \+2\.000000 V is not held"):
+        output.read_V()
+
+
+@pytest.mark.parametrize(
+    ("reply", "cause"),
+    [
+        (b"ON;1;0", r"execution error 1 \(illegal value\)"),
+        (b"ON;0;9", r"command error 9 \(bad floating-point number\)"),
+        (b"ON;77;0", r"execution error 77 \(no meaning known\)"),
+        (b"ON;0", "2 answers"),
+        (b"ON;x;0", "no error code"),
+        (b"2;0;0", "is none of"),
+    ],
+)
+def test_a_refusal_names_value_and_cause(reply: bytes, cause: str) -> None:
+    line = Recorded()
+    output = line.open()
+    output.write_V(0.0)
+    line.voice = lambda _said: reply
+    with pytest.raises(InstrumentError, match=cause) as refused:
+        output.write_V(-1.5)
+    assert "DC205" in str(refused.value)
+    if b"0;0" not in reply and reply.count(b";") == 2:
+        assert "-1.500000 V" in str(refused.value)
+
+
+@pytest.mark.parametrize("name", [b"!017024", b"Stanford Research Systems,SIM928,s/n1,ver1"])
+def test_another_instrument_is_not_opened(name: bytes) -> None:
+    line = Recorded()
+    line.voice = lambda _said: name
+    with pytest.raises(InstrumentError, match="names another instrument"):
+        line.open()
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("range_V", 5), ("range_V", "10"), ("baud", 19200), ("address", 1)]
+)
+def test_impossible_options_are_refused(option: str, value: str | int) -> None:
+    with pytest.raises(ConfigError, match=f"srs_dc205 option {option} = {value!r}"):
+        Recorded().open(**{option: value})
+
+
+def test_opening_a_port_warns_that_they_have_not_met(caplog: pytest.LogCaptureFixture) -> None:
+    source = SimulatedDC205(lambda _voltage_V: None)
+    with (
+        caplog.at_level(logging.WARNING),
+        serve("socket://127.0.0.1:0", source, terminator=dc205.TERMINATOR) as wire,
+    ):
+        srs_dc205.open_output(settings(wire.url)).close()
+    assert "srs_dc205 has not met its instrument" in caplog.text
+    assert not srs_dc205.MET
+
+
+def test_whatever_the_line_carries_there_is_one_kind_of_error() -> None:
+    chance = random.Random(SEED)
+    failed = 0
+    for _ in range(REPLIES):
+        line = Recorded()
+        output = line.open()
+        if chance.randrange(2):
+            output.write_V(0.0)
+        honest = line.voice
+        line.voice = partial(_spoilt, honest, chance)
+        for act in (line.open, output.read_V, partial(output.write_V, 1.0)):
+            try:
+                act()
+            except InstrumentError:
+                failed += 1
+    assert failed > REPLIES, f"seed {SEED}"
+
+
+def _spoilt(
+    honest: Callable[[bytes], bytes | None], chance: random.Random, line: bytes
+) -> bytes | None:
+    """An answer with a byte changed, dropped or added; or something else altogether; or none."""
+    reply, kind = honest(line), chance.randrange(6)
+    if kind == 0 or reply is None:
+        return None
+    if kind == 1:
+        return bytes(chance.choices(ALPHABET, k=chance.randrange(40)))
+    if kind == 2:
+        return chance.randbytes(chance.randrange(40))
+    place = chance.randrange(len(reply) + 1)
+    byte = bytes(chance.choices(ALPHABET, k=1)) if kind < 5 else b""
+    return reply[:place] + byte + reply[place + (kind != 3) :]

@@ -1,0 +1,53 @@
+"""The demo grip with the voltage output exchanged: the rest of the loop knows nothing of it."""
+
+from math import fsum
+
+import pytest
+
+from pincette.config import Output, RigFile
+from pincette.messages import Applied, Message, Telemetry, Truth
+from pincette.runtime.composed import ComposedLoop
+from pincette_supervisor.planning import plan_job
+from pincette_supervisor.request_models import GripJobRequest
+from tests.support.rigs import demo_rig
+
+
+def truths(published: list[Message]) -> list[Truth]:
+    return [message for message in published if isinstance(message, Truth)]
+
+
+@pytest.fixture(scope="module")
+def rig() -> RigFile:
+    return demo_rig(time="lockstep")
+
+
+@pytest.fixture(scope="module")
+def published(rig: RigFile) -> list[Message]:
+    output = Output(driver="srs_dc205", url=rig.output.url)
+    own = rig.model_copy(update={"output": output})
+    return ComposedLoop(own).play(plan_job(GripJobRequest(kind="grip"), own).program)
+
+
+def test_the_bead_is_gripped(published: list[Message]) -> None:
+    telemetry = [message for message in published if isinstance(message, Telemetry)]
+    assert telemetry[-1].outcome == "gripped"
+    hold = {message.seq for message in telemetry if message.phase == "hold"}
+    true_mN = [truth.force_mN for truth in truths(published) if truth.seq in hold]
+    assert len(true_mN) >= 100
+    assert fsum(true_mN) / len(true_mN) == pytest.approx(20.0, abs=1.0)
+
+
+def test_each_voltage_arrives_in_its_tick(rig: RigFile, published: list[Message]) -> None:
+    """To half a step of the simulated rig; the line's own is a thousand times finer."""
+    assert rig.simulation is not None
+    arrived_V = {truth.seq: truth.voltage_V for truth in truths(published)}
+    wanted_V = {
+        message.seq: message.voltage_V
+        for message in published
+        if isinstance(message, Applied) and message.answered
+    }
+    ticks = sorted(wanted_V.keys() & arrived_V.keys())
+    assert ticks == list(range(len(arrived_V)))
+    apart_V = [abs(wanted_V[tick] - arrived_V[tick]) for tick in ticks]
+    assert max(apart_V) <= 0.501 * rig.simulation.output_step_V
+    assert max(wanted_V.values()) > 1.0

@@ -1,0 +1,141 @@
+"""`pincette drivers` lists what is there, whole or broken, and a missing one is named."""
+
+import importlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pincette import plugins
+from pincette.cli.drivers import Driver, installed
+from pincette.cli.main import main
+
+Install = Callable[[str, str, str], None]
+OPENER = "def open_sensor(settings, link=None): ...\n"
+WHOLE = f"""\
+from pydantic import Field
+from pincette.config import Sensor, Table
+
+MET = True
+
+class WholeOptions(Table):
+    head: int
+    word: str = "µ"
+    sizes: list[int] = Field(default_factory=list)
+
+class Other(Table):
+    unrelated: int = 1
+
+{OPENER}"""
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Put a distribution in reach that registers a position sensor from a module of its name."""
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+
+    def put(distribution: str, name: str, source: str) -> None:
+        module = distribution.replace("-", "_")
+        (tmp_path / f"{module}.py").write_text(source, encoding="utf-8")
+        about = tmp_path / f"{module}-2.1.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 2.1\n"
+        )
+        (about / "entry_points.txt").write_text(
+            f"[{plugins.POSITION_SENSORS}]\n{name} = {module}:open_sensor\n"
+        )
+        # What the folder holds is cached, by a time of change that may be too coarse.
+        importlib.invalidate_caches()
+
+    return put
+
+
+def found(name: str) -> Driver:
+    (driver,) = [each for each in installed(plugins.POSITION_SENSORS) if each.name == name]
+    return driver
+
+
+def test_own_drivers_are_listed_with_options_and_defaults() -> None:
+    keyence = found("keyence_lkg")
+    assert keyence.origin.startswith("pincette ")
+    assert keyence.met is False
+    assert keyence.options == ("output = 1", 'unit = "um"', "baud = 115200")
+    assert keyence.fault == ""
+    outputs = {driver.name: driver for driver in installed(plugins.VOLTAGE_OUTPUTS)}
+    assert "checksum = false" in outputs["icpdas_i7024"].options
+
+
+def test_an_outside_driver_is_listed_with_where_it_comes_from(install: Install) -> None:
+    install("drivers-whole", "whole", WHOLE)
+    wanted = ("head (must be given)", 'word = "µ"', "sizes (set when it is opened)")
+    assert found("whole") == Driver("whole", "drivers-whole 2.1", True, wanted)
+
+
+def test_a_driver_may_say_nothing_of_itself(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install("drivers-bare", "bare", OPENER)
+    assert found("bare") == Driver("bare", "drivers-bare 2.1", None, ())
+    assert main(["drivers"]) == 0
+    said = capsys.readouterr().out
+    assert (
+        "  bare, from drivers-bare 2.1\n"
+        "      does not say whether it has met its instrument\n"
+        "      options: none\n"
+    ) in said
+
+
+@pytest.mark.parametrize(
+    ("distribution", "source", "cause"),
+    [
+        ("broken-import", "import none_such\n", "ModuleNotFoundError: No module named"),
+        ("broken-syntax", "def\n", "SyntaxError: "),
+        ("broken-value", "raise ValueError('no licence')\n", "ValueError: no licence"),
+        ("broken-exit", "raise SystemExit(3)\n", "SystemExit: 3"),
+        ("broken-name", "MET = True\n", "AttributeError: "),
+    ],
+)
+def test_a_broken_driver_is_listed_and_breaks_nothing(
+    install: Install,
+    capsys: pytest.CaptureFixture[str],
+    distribution: str,
+    source: str,
+    cause: str,
+) -> None:
+    install(distribution, "a_broken_one", source)
+    assert main(["drivers"]) == 0
+    said = capsys.readouterr().out
+    assert f"  a_broken_one, from {distribution} 2.1\n      cannot be used: " in said
+    assert f"cannot be imported: {cause}" in said
+    for whole in ("keyence_lkg", "icpdas_i7024"):
+        assert f"  {whole}, from pincette " in said
+
+
+def test_a_name_that_two_distributions_give_is_refused(install: Install) -> None:
+    install("one-keyence", "keyence_lkg", OPENER)
+    both = [each for each in installed(plugins.POSITION_SENSORS) if each.name == "keyence_lkg"]
+    assert [driver.origin.split()[0] for driver in both] == ["one-keyence", "pincette"]
+    cause = "'keyence_lkg' is registered by one-keyence 2.1 and pincette .*; uninstall all but one"
+    with pytest.raises(plugins.PluginError, match=cause):
+        plugins.load(plugins.POSITION_SENSORS, "keyence_lkg")
+    assert all("uninstall all but one" in driver.fault for driver in both)
+
+
+@pytest.mark.parametrize("group", plugins.DRIVERS)
+def test_a_driver_that_is_not_there_is_named_beside_those_that_are(group: str) -> None:
+    with pytest.raises(plugins.PluginError) as raised:
+        plugins.load(group, "none_such")
+    there = ", ".join(plugins.names(group))
+    assert str(raised.value) == (
+        f"no {plugins.DRIVERS[group]} 'none_such' is installed; there are {there}; "
+        "`pincette drivers` lists them"
+    )
+
+
+def test_another_kind_of_plug_in_is_not_looked_for_among_the_drivers() -> None:
+    with pytest.raises(plugins.PluginError) as raised:
+        plugins.load(plugins.PROGRAMS, "none_such")
+    assert "pincette.programs 'none_such'" in str(raised.value)
+    assert "pincette drivers" not in str(raised.value)
