@@ -11,6 +11,8 @@ From public drivers, not seen in the manual: the execution errors' meanings, and
 the setting, not a measurement. Unverified: how fast the output may be updated and settles, the
 resolution within a range, whether an overload is latched, what the terminals do while the output
 is off (0 V is assumed). The ±100 V range needs the instrument's interlock closed.
+
+No watchdog on the host is known of it: where the program or the host dies, the last voltage stays.
 """
 
 import logging
