@@ -7,7 +7,7 @@ the force of the grip on the object. Where (39) and (44) print K_I, K̃_I is mea
 from dataclasses import dataclass
 
 from pincette.control.arm.plant import DifferenceEquation
-from pincette.control.laws.history import History, append, look
+from pincette.control.laws.history import History, look
 from pincette.control.laws.impedance import DiscreteImpedance, desired_position, impedance_residual
 from pincette.control.laws.sliding import LawOutput, saturation, sliding_band, winds_up
 
@@ -88,9 +88,9 @@ def step(
 
     since s_{k-1} - K̃_I ζ_{k-1} = K̃_P ε_{k-1}: ζ moves the voltage through the switching term alone.
     """
-    plant, impedance, past = parameters.plant, parameters.impedance, state.history
+    plant, impedance = parameters.plant, parameters.impedance
     K_P, K_I = parameters.K_P, parameters.K_I
-    seen = look(plant, past, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
+    seen = look(plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
 
     error_1_um = x_um - state.x_r_um
     error_mN = impedance_residual(
@@ -120,13 +120,7 @@ def step(
         - parameters.K_S / plant.d_bar * saturation(sliding_mN, parameters.delta)
     )
     next_state = DsmifcState(
-        history=append(
-            past,
-            x_um=x_um,
-            force_mN=force_mN,
-            applied_V=applied_V,
-            coasting_um=seen.coasting_um,
-        ),
+        history=seen.history,
         x_r_um=x_r_um,
         error_2_um=error_1_um,
         error_3_um=state.error_2_um,

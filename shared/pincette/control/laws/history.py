@@ -36,6 +36,8 @@ class Outlook:
     """p̂_k = p_{k-1} (6)."""
     perturbation_error_mN: float
     """p̃_{k-1} (8)."""
+    history: History
+    """With the newest sample in it, for the next tick."""
 
 
 def rest(*, x_um: float, force_mN: float, applied_V: float) -> History:
@@ -69,11 +71,5 @@ def look(
             force_mN=past.force_mN,
         ),
         perturbation_error_mN=-plant.k_bar * residual_um,
+        history=History(x_um, past.x_2_um, force_mN, applied_V, coasting_um),
     )
-
-
-def append(
-    past: History, *, x_um: float, force_mN: float, applied_V: float, coasting_um: float
-) -> History:
-    """History with the newest sample in it, for the next tick."""
-    return History(x_um, past.x_2_um, force_mN, applied_V, coasting_um)

@@ -7,7 +7,7 @@ the force of the grip on the object.
 from dataclasses import dataclass
 
 from pincette.control.arm.plant import DifferenceEquation
-from pincette.control.laws.history import History, append, look
+from pincette.control.laws.history import History, look
 from pincette.control.laws.impedance import DiscreteImpedance, desired_position
 from pincette.control.laws.sliding import LawOutput, saturation, sliding_band, winds_up
 
@@ -94,9 +94,9 @@ def step(
     since s_{k-1} - K_I ε_{k-1} = K_P e_{k-1}: ε moves the voltage through the switching term
     alone. ``limited`` is as ``winds_up`` takes it; what winds up is not added to ε.
     """
-    plant, past = parameters.plant, state.history
+    plant = parameters.plant
     K_P, K_I = parameters.K_P, parameters.K_I
-    seen = look(plant, past, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
+    seen = look(plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
 
     error_um = x_um - state.x_d_um
     integral_um = state.integral_um
@@ -119,13 +119,7 @@ def step(
         - parameters.K_S / plant.d_bar * saturation(sliding_um, parameters.delta)
     )
     next_state = PbsmicState(
-        history=append(
-            past,
-            x_um=x_um,
-            force_mN=force_mN,
-            applied_V=applied_V,
-            coasting_um=seen.coasting_um,
-        ),
+        history=seen.history,
         x_d_um=x_d_um,
         deviation_1_um=x_d_um - x_r_um,
         deviation_2_um=state.deviation_1_um,

@@ -16,6 +16,7 @@ MEASURED = Path(__file__).parents[4].parent / "shared/data/piezo-stack-hysteresi
 
 def measured(lag: int) -> tuple[list[float], list[float]]:
     """Voltage in V, and displacement in µm that many samples later."""
+    # The record is another's, and the project must not contain it.
     if not MEASURED.exists():
         pytest.skip("the measured hysteresis of a piezo stack is not beside this checkout")
     rows = np.loadtxt(MEASURED)[::EVERY]
