@@ -7,6 +7,7 @@ of the arming it belongs to. A message is invalid until somebody says that it is
 from dataclasses import dataclass
 
 from pincette.control.planning.program import Program
+from pincette.control.planning.sweep import Sweep
 
 VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
 """Bits of ``limits_active``."""
@@ -22,6 +23,19 @@ class Position:
     x_um: float
     valid: bool = False
     fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Burst:
+    """What the sensor acquired from its own buffer up to sample ``seq``: one each 1/``rate_hz``."""
+
+    epoch: int
+    seq: int
+    rate_hz: float
+    x_um: tuple[float, ...]
+    drive_V: tuple[float, ...]
+    """At the amplifier's input, as measured beside the position."""
+    valid: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +73,8 @@ class Command:
     final: bool
     """The last command of this arming."""
     valid: bool = False
+    sweep: Sweep | None = None
+    """Play this about ``voltage_V``; the commands after it say that it may go on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +144,10 @@ class Arm:
     epoch: int
     owner: int
     digest: str
+    calibration: str = ""
+    """The model in use as JSON, over that of the rig file; see ``config.calibration``."""
+    capture_hz: float = 0.0
+    """As in the program that is played."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +180,24 @@ class Reset:
 
 
 @dataclass(frozen=True, slots=True)
+class Order:
+    """Operate a simulated rig: what a person at the bench does, or a fault that befalls it.
+
+    Refused unless the rig file allows it.
+    """
+
+    target: str
+    """``part``, ``weight``, ``arm``, ``sensor`` or ``output``."""
+    what: str
+    """What is done to it: ``remove``, ``off``, ``stuck`` …"""
+    value: float | None = None
+    after_s: float = 0.0
+    """From now on, in the rig's own time."""
+    for_s: float | None = None
+    """How long a fault lasts; None: until ``heal``."""
+
+
+@dataclass(frozen=True, slots=True)
 class StatusRequest:
     """Ask any program how it is."""
 
@@ -177,6 +215,8 @@ class Status:
     missed: int
     refused: int
     detail: str
+    calibration: str = ""
+    """Digest of the model in use; empty: that of the rig file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +228,7 @@ class Done:
 
 Message = (
     Position
+    | Burst
     | Estimate
     | Command
     | Applied
@@ -198,8 +239,9 @@ Message = (
     | Act
     | Trip
     | Reset
+    | Order
     | StatusRequest
     | Status
     | Done
 )
-Sample = Position | Estimate | Command | Applied | Telemetry
+Sample = Position | Burst | Estimate | Command | Applied | Telemetry

@@ -24,11 +24,21 @@ class RefusedError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
+class Acquired:
+    """A buffered acquisition since the last tick: one sample each 1/``rate_hz``."""
+
+    rate_hz: float
+    x_um: tuple[float, ...]
+    drive_V: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Reading:
     """What the position sensor said in this tick, or why it said nothing."""
 
     x_um: float
     fault: str = ""
+    acquired: Acquired | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +46,22 @@ class Drive:
     """An output for the instrument: put out this voltage before anything is published."""
 
     voltage_V: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wave:
+    """An output for the instrument: begin to put out these voltages, one each 1/``rate_hz``."""
+
+    voltages_V: tuple[float, ...]
+    rate_hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """An output for the instrument: see that the wave it plays has not broken off."""
+
+
+ForInstrument = Drive | Wave | Look
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +95,8 @@ class Service(Generic[R, C, S, I]):
     inputs_type: Callable[..., I]
     configure: Callable[[R], C]
     start: Callable[[C], S]
-    step: Callable[[C, S, I, float], tuple[S, tuple[Message | Drive, ...]]]
-    answer: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | Drive, ...]]]
+    step: Callable[[C, S, I, float], tuple[S, tuple[Message | ForInstrument, ...]]]
+    answer: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | ForInstrument, ...]]]
     instrument: Literal["position_sensor", "voltage_output"] | None = None
     wake_periods: float | None = None
     """In real time, step at least this often, in control periods."""

@@ -35,22 +35,26 @@ class Question:
 
 
 POSITION = Topic("position", messages.Position, "sensor", "measured tip position")
+BURST = Topic(
+    "burst", messages.Burst, "sensor", "buffered acquisition, where one is made", per_tick=False
+)
 ESTIMATE = Topic("estimate", messages.Estimate, "estimator", "contact force and perturbation")
 COMMAND = Topic("command", messages.Command, "controller", "voltage asked for")
 APPLIED = Topic("applied", messages.Applied, "actuator", "voltage applied, state and cause")
 TELEMETRY = Topic("telemetry", messages.Telemetry, "controller", "references and sliding function")
 TRUTH = Topic("truth", messages.Truth, "rig", "what a simulated rig knows; for the record only")
 
-TOPICS = (POSITION, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH)
+TOPICS = (POSITION, BURST, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH)
 TOPIC_OF: dict[type[Message], Topic] = {topic.message: topic for topic in TOPICS}
 
 LOOP = ("sensor", "estimator", "controller", "actuator")
 """The services of the loop, in the order in which a tick passes through them."""
 
 LOAD = Question("load", "controller", messages.Load, messages.Done, "load a program")
-ACT = Question("act", "controller", messages.Act, messages.Done, "stop or release")
+ACT = Question("act", "controller", messages.Act, messages.Done, "stop, release or continue")
 TRIP = Question("trip", "actuator", messages.Trip, messages.Done, "go to the safe state, latch")
 RESET = Question("reset", "actuator", messages.Reset, messages.Done, "clear the latch")
+ORDER = Question("order", "rig", messages.Order, messages.Done, "operate a simulated rig")
 ARM = {
     name: Question("arm", name, messages.Arm, messages.Done, "begin a new epoch") for name in LOOP
 }
@@ -60,7 +64,7 @@ STATUS = {
     )
     for name in LOOP
 }
-QUESTIONS = (LOAD, ACT, TRIP, RESET, *ARM.values(), *STATUS.values())
+QUESTIONS = (LOAD, ACT, TRIP, RESET, ORDER, *ARM.values(), *STATUS.values())
 
 
 def key(rig: str, topic: Topic) -> str:

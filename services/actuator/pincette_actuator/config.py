@@ -29,6 +29,8 @@ class ActuatorConfig:
     voltage_max_V: float
     slew_V: float
     """Largest change of the voltage from one command to the next."""
+    sweep_V: float
+    """Largest amplitude of a sweep, to which the slew limit does not apply."""
 
 
 def configure(rig: RigFile) -> ActuatorConfig:
@@ -52,4 +54,5 @@ def configure(rig: RigFile) -> ActuatorConfig:
         voltage_min_V=limits.voltage_min_V,
         voltage_max_V=limits.voltage_max_V,
         slew_V=limits.slew_V_per_s * period_s,
+        sweep_V=limits.sweep_V,
     )

@@ -12,6 +12,7 @@ up to a bound, and nothing is later by more than the standstill itself.
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from pincette.control.planning.sweep import Sweep
 from pincette.messages import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN, Command
 from pincette_actuator.config import ActuatorConfig
 
@@ -41,6 +42,8 @@ class State:
     """Begin of the freeze or the ramp."""
     ramp_from_V: float = 0.0
     limits_active: int = 0
+    sweep: Sweep | None = None
+    """What the instrument plays about ``voltage_V``."""
     ran_s: float | None = None
     """When the actuator ran last."""
     excused_s: float = 0.0
@@ -114,6 +117,19 @@ def objection(config: ActuatorConfig, state: State, command: Command, now: float
     if now - arrived_s > config.age_limit_s:
         age_ms, limit_ms = 1e3 * (now - arrived_s), 1e3 * config.age_limit_s
         return f"command {command.seq}: {age_ms:.0f} ms old, limit {limit_ms:.0f} ms"
+    return "" if command.sweep is None else _too_wide(config, command.voltage_V, command.sweep)
+
+
+def _too_wide(config: ActuatorConfig, about_V: float, sweep: Sweep) -> str:
+    """Why a sweep is not played; empty where it may be."""
+    if sweep.amplitude_V > config.sweep_V:
+        return f"sweep of ±{sweep.amplitude_V} V, limit ±{config.sweep_V} V"
+    low_V, high_V = about_V - sweep.amplitude_V, about_V + sweep.amplitude_V
+    if low_V < config.voltage_min_V or high_V > config.voltage_max_V:
+        return (
+            f"sweep from {low_V:.3f} V to {high_V:.3f} V, limits {config.voltage_min_V} V and "
+            f"{config.voltage_max_V} V"
+        )
     return ""
 
 
@@ -143,6 +159,7 @@ def take(config: ActuatorConfig, state: State, command: Command, now: float) -> 
         taken_seq=command.seq,
         fresh_s=now if arrived_s is None else arrived_s,
         limits_active=flags,
+        sweep=command.sweep,
         excused_s=0.0,
     )
 
@@ -151,7 +168,7 @@ def trip(config: ActuatorConfig, state: State, cause: str, now: float) -> State:
     """Begin the safe state, unless it has begun; the first cause is kept."""
     if state.mode in ("frozen", "ramping") or (state.mode == "latched" and state.cause != "boot"):
         return state
-    tripped = replace(state, cause=cause, since_s=now, limits_active=0, pending=None)
+    tripped = replace(state, cause=cause, since_s=now, limits_active=0, sweep=None, pending=None)
     if state.part_held and state.mode == "armed":
         return replace(tripped, mode="frozen")
     if config.lockstep and state.mode != "armed":
@@ -189,6 +206,7 @@ def wind_down(config: ActuatorConfig, state: State, now: float) -> tuple[State, 
             since_s=now,
             ramp_from_V=state.voltage_V,
             part_held=False,
+            sweep=None,
             pending=None,
         )
     return state, False

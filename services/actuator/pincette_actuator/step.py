@@ -5,8 +5,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from pincette.config import RigFile
+from pincette.control.planning.sweep import sweep_V
 from pincette.messages import Applied, Arm, Command, Done, Message, Position, Reset, Trip
-from pincette.service import Drive, Input, RefusedError, Service
+from pincette.service import Drive, ForInstrument, Input, Look, RefusedError, Service, Wave
 from pincette.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TRIP
 from pincette_actuator.config import WAKE_PERIODS, ActuatorConfig, configure
 from pincette_actuator.safety import (
@@ -25,7 +26,7 @@ from pincette_actuator.safety import (
 ANSWER_PERIODS = 0.75
 """A tick without a command by then is answered with the voltage that is kept."""
 
-Outputs = tuple[Message | Drive, ...]
+Outputs = tuple[Message | ForInstrument, ...]
 
 
 class Inputs(NamedTuple):
@@ -73,7 +74,7 @@ def _judge(
     if not reason:
         taken = take(config, state, command, now)
         echo = _applied(taken, command.seq, now, command)
-        return replace(taken, answered_seq=command.seq), (Drive(taken.voltage_V), echo)
+        return replace(taken, answered_seq=command.seq), (_order(taken, state), echo)
     if command.valid:
         state = refuse(state, reason)
     if config.lockstep or (command.seq > state.answered_seq and not command.valid):
@@ -97,8 +98,17 @@ def _answer_tick(config: ActuatorConfig, state: State, now: float) -> tuple[Stat
     seq = newest_sample(state)[0]
     echo = _applied(state, seq, now, None)
     moves = config.lockstep or state.mode not in ("idle", "frozen")
-    outputs: Outputs = (Drive(state.voltage_V), echo) if moves else (echo,)
+    outputs: Outputs = (_order(state, state), echo) if moves else (echo,)
     return replace(state, answered_seq=seq), outputs
+
+
+def _order(state: State, before: State) -> ForInstrument:
+    """What the instrument is told: a voltage ends a sweep, a sweep that it plays goes on."""
+    if state.sweep is None:
+        return Drive(state.voltage_V)
+    if state.sweep == before.sweep:
+        return Look()
+    return Wave(sweep_V(state.sweep, state.voltage_V), state.sweep.rate_hz)
 
 
 def _applied(state: State, seq: int, now: float, command: Command | None) -> Applied:

@@ -45,6 +45,12 @@ class Player:
     ended: bool = False
     bump: bool = False
     """The law must be rebased before this tick: the force it is fed begins or ends."""
+    applied_V: float = 0.0
+    """As the newest estimate has it."""
+    from_V: float = 0.0
+    """The voltage at which the segment began."""
+    voltage_V: float = 0.0
+    """What an open-loop segment asks for."""
 
     @property
     def pressing(self) -> bool:
@@ -52,15 +58,17 @@ class Player:
         return self.segment.presses
 
 
-def begin(program: Program, x_um: float) -> Player:
+def begin(program: Program, x_um: float, applied_V: float = 0.0) -> Player:
     """Stand at the first segment, with the arm where it is."""
     first = program.segments[0]
-    return Player(0, first, 0, x_um, 0.0, 0.0, x_um, 0.0, 0.0)
+    return Player(
+        0, first, 0, x_um, 0.0, 0.0, x_um, 0.0, 0.0, from_V=applied_V, voltage_V=applied_V
+    )
 
 
 def advance(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
     """Move on by one tick: guards first, then time, then the references of the next sample."""
-    player = replace(player, zero=False, bump=False)
+    player = replace(player, zero=False, bump=False, applied_V=estimate.applied_V)
     player = _guard(program, player, estimate, period_s)
     while not player.ended and _is_over(player, period_s):
         player = _next(program, player, estimate)
@@ -83,6 +91,16 @@ def stop(player: Player) -> Player:
 def release(program: Program, player: Player) -> Player:
     """Go on with the unload, from wherever a part is held."""
     return _jump(program, player, "unload", player.x_r_um)
+
+
+def proceed(program: Program, player: Player, x_um: float) -> Player:
+    """Leave a segment that waits for a person."""
+    return _follow(program, player, x_um) if waits(player) else player
+
+
+def waits(player: Player) -> bool:
+    """Whether the program waits for the action ``continue``."""
+    return player.segment.kind == "voltage" and player.segment.duration_s is None
 
 
 def _guard(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
@@ -171,6 +189,8 @@ def _next(program: Program, player: Player, estimate: Estimate) -> Player:
         player = replace(player, outcome="gripped")
     if segment.kind == "path" and not player.outcome:
         player = replace(player, outcome="tracked")
+    if segment.open_loop and not player.outcome:
+        player = replace(player, outcome="moved")
     return _follow(program, player, estimate.x_um)
 
 
@@ -184,6 +204,8 @@ def _follow(program: Program, player: Player, x_um: float) -> Player:
 
 def _let_go(player: Player, following: Segment, x_um: float) -> Player:
     """Where the pressing ends, the law is fed no force any more and x_r starts from x."""
+    if player.segment.open_loop and not following.open_loop:
+        return replace(player, bump=True, x_r_um=x_um, force_r_mN=0.0)
     if not player.pressing or following.presses:
         return player
     return replace(player, held=False, bump=True, x_r_um=x_um, force_r_mN=0.0)
@@ -220,6 +242,8 @@ def _enter(player: Player, index: int, segment: Segment) -> Player:
         from_x_um=player.x_r_um,
         from_speed_um_per_s=player.speed_um_per_s,
         from_force_mN=player.force_r_mN,
+        from_V=player.applied_V,
+        voltage_V=player.applied_V,
     )
 
 
@@ -240,6 +264,9 @@ def _refer(player: Player, period_s: float) -> Player:
         return replace(player, x_r_um=player.from_x_um + speed * t_s, speed_um_per_s=speed)
     if segment.kind == "force" and segment.force_to_mN is not None:
         return _press(player, segment.force_to_mN, t_s)
+    if segment.kind == "voltage" and segment.path is not None:
+        begin_V = player.from_V if segment.path.relative else 0.0
+        return replace(player, voltage_V=begin_V + segment.path.at(t_s))
     if segment.kind == "path" and segment.path is not None:
         return _track(player, segment.path, t_s)
     return replace(player, speed_um_per_s=0.0)

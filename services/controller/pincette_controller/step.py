@@ -22,10 +22,10 @@ from pincette.messages import (
     Message,
     Telemetry,
 )
-from pincette.service import Drive, Input, RefusedError, Service
+from pincette.service import ForInstrument, Input, RefusedError, Service
 from pincette.topics import ACT, ARM, COMMAND, ESTIMATE, LOAD, STATUS, TELEMETRY
 from pincette_controller.config import ControllerConfig, configure
-from pincette_controller.player import Player, advance, begin, release, stop
+from pincette_controller.player import Player, advance, begin, proceed, release, stop, waits
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
 """Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
@@ -64,7 +64,7 @@ def start(_config: ControllerConfig) -> State:
 
 def step(
     config: ControllerConfig, state: State, inputs: Inputs, _now: float
-) -> tuple[State, tuple[Message | Drive, ...]]:
+) -> tuple[State, tuple[Message | ForInstrument, ...]]:
     """Answer one estimate with one command; without a program, or blind, with an invalid one."""
     estimate = inputs.estimate
     if estimate is None:
@@ -81,8 +81,8 @@ def step(
 
 def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
-) -> tuple[State, tuple[Message | Drive, ...]]:
-    before = state.player or begin(program, estimate.x_um)
+) -> tuple[State, tuple[Message | ForInstrument, ...]]:
+    before = state.player or begin(program, estimate.x_um, estimate.applied_V)
     memory = state.memory or control_law.start(
         state.laws[before.segment.law],
         x_um=estimate.x_um,
@@ -90,12 +90,14 @@ def _play(
         force_mN=0.0,
         applied_V=estimate.applied_V,
     )
-    state, player, acted = _act(state, program, before)
+    state, player, acted = _act(state, program, before, estimate.x_um)
     player = advance(program, player, estimate, config.period_s)
     law = state.laws[player.segment.law]
     force_mN = estimate.force_mN if player.pressing else 0.0
     force_r_mN = player.force_r_mN if player.pressing else 0.0
-    anew = player.bump or player.pressing != before.pressing
+    if player.segment.open_loop:
+        player = replace(player, x_r_um=estimate.x_um, speed_um_per_s=0.0)
+    anew = player.bump or player.segment.open_loop or player.pressing != before.pressing
     if anew or player.segment.law != before.segment.law:
         # Another law alone: the references go on, and the newest sample belongs to those before.
         known = player if anew else before
@@ -117,16 +119,17 @@ def _play(
         force_r_mN=force_r_mN,
         limited=_limited(estimate.limits_active),
     )
-    voltage_V = estimate.applied_V if player.ended else output.voltage_V
+    voltage_V = player.voltage_V if player.segment.open_loop else output.voltage_V
     command = Command(
         epoch=state.epoch,
         seq=estimate.seq,
         owner=state.owner,
-        voltage_V=voltage_V,
+        voltage_V=estimate.applied_V if player.ended else voltage_V,
         part_held=player.held,
         zero=player.zero,
         final=player.ended,
         valid=True,
+        sweep=None if player.ended else player.segment.sweep,
     )
     telemetry = _telemetry(state, before, memory, player, output, acted)
     playing = not player.ended
@@ -140,7 +143,7 @@ def _limited(limits_active: int) -> int:
     return -1 if limits_active & LOWERING else 0
 
 
-def _act(state: State, program: Program, player: Player) -> tuple[State, Player, str]:
+def _act(state: State, program: Program, player: Player, x_um: float) -> tuple[State, Player, str]:
     """Let the actions act whose seq has come."""
     acted: list[str] = []
     later: list[Act] = []
@@ -150,6 +153,9 @@ def _act(state: State, program: Program, player: Player) -> tuple[State, Player,
         elif wish.action == "stop":
             player = stop(player)
             acted.append("stop")
+        elif wish.action == "continue":
+            player = proceed(program, player, x_um)
+            acted.append("continue")
         elif player.held:
             player = release(program, player)
             acted.append("release")
@@ -239,12 +245,14 @@ def _check_laws(config: ControllerConfig, program: Program) -> None:
 
 
 def _note(state: State, request: Act) -> tuple[State, Message, tuple[Message, ...]]:
-    if request.action not in ("stop", "release"):
-        raise RefusedError(f"no action {request.action!r}; there are stop, release")
+    if request.action not in ("stop", "release", "continue"):
+        raise RefusedError(f"no action {request.action!r}; there are stop, release, continue")
     if not state.playing:
         raise RefusedError(f"nothing plays: {request.action} has nothing to act on")
     if request.action == "release" and (state.player is None or not state.player.held):
         raise RefusedError("no part is held: release has nothing to let go")
+    if request.action == "continue" and (state.player is None or not waits(state.player)):
+        raise RefusedError("the program waits for nobody: continue has nothing to go on with")
     if request.at_seq is not None and request.at_seq <= state.seq:
         raise RefusedError(f"seq {request.at_seq} is past, the controller is at {state.seq}")
     seq = state.seq + 1 if request.at_seq is None else request.at_seq

@@ -5,9 +5,9 @@ from math import isfinite
 from typing import NamedTuple
 
 from pincette.config import RigFile
-from pincette.messages import Arm, Done, Message, Position
-from pincette.service import Drive, Input, Reading, RefusedError, Service
-from pincette.topics import APPLIED, ARM, POSITION, STATUS
+from pincette.messages import Arm, Burst, Done, Message, Position
+from pincette.service import Acquired, ForInstrument, Input, Reading, RefusedError, Service
+from pincette.topics import APPLIED, ARM, BURST, POSITION, STATUS
 from pincette_sensor.config import SensorConfig, configure
 
 
@@ -49,7 +49,7 @@ def _fault(config: SensorConfig, reading: Reading) -> str:
 
 def step(
     config: SensorConfig, state: State, inputs: Inputs, now: float
-) -> tuple[State, tuple[Message | Drive, ...]]:
+) -> tuple[State, tuple[Message | ForInstrument, ...]]:
     """Number the reading; what is no measurement is sent as invalid, with its fault."""
     reading = inputs.device
     if reading is None:
@@ -59,7 +59,23 @@ def step(
     x_um = 0.0 if fault else config.direction * (reading.x_um - config.offset_um)
     position = Position(state.epoch, state.seq, now - began_s, x_um, not fault, fault[:200])
     refused = state.refused + bool(fault)
-    return State(state.epoch, state.seq + 1, began_s, refused, fault), (position,)
+    after = State(state.epoch, state.seq + 1, began_s, refused, fault)
+    if reading.acquired is None:
+        return after, (position,)
+    return after, (position, _burst(config, state, reading.acquired))
+
+
+def _burst(config: SensorConfig, state: State, acquired: Acquired) -> Burst:
+    """Make positions of the arm of what was acquired; invalid where one is out of range."""
+    low_um, high_um = config.minimum_um, config.maximum_um
+    return Burst(
+        epoch=state.epoch,
+        seq=state.seq,
+        rate_hz=acquired.rate_hz,
+        x_um=tuple(config.direction * (x_um - config.offset_um) for x_um in acquired.x_um),
+        drive_V=acquired.drive_V,
+        valid=all(low_um <= x_um <= high_um for x_um in acquired.x_um),
+    )
 
 
 def answer(
@@ -75,7 +91,7 @@ SERVICE: Service[RigFile, SensorConfig, State, Inputs] = Service(
     name="sensor",
     summary="owns the sampling clock, numbers the samples, refuses what is no measurement",
     inputs=(Input(APPLIED, "pace"),),
-    outputs=(POSITION,),
+    outputs=(POSITION, BURST),
     questions=(ARM["sensor"], STATUS["sensor"]),
     inputs_type=Inputs,
     configure=configure,

@@ -1,11 +1,13 @@
 """The rig file, read and checked."""
 
+from pincette.config.calibration import Calibration, calibrated, parse_calibration
 from pincette.config.model import IdentifiedFreeResponse, Model, RecordedFreeResponse
 from pincette.config.rig_file import Output, RigFile, Sensor, parse_rig, read_rig
 from pincette.config.simulation import Simulation
 from pincette.config.tables import ConfigError, Table
 
 __all__ = [
+    "Calibration",
     "ConfigError",
     "IdentifiedFreeResponse",
     "Model",
@@ -15,6 +17,8 @@ __all__ = [
     "Sensor",
     "Simulation",
     "Table",
+    "calibrated",
+    "parse_calibration",
     "parse_rig",
     "read_rig",
 ]

@@ -46,6 +46,8 @@ class Sensor(Table):
     timeout_s: Positive = 0.1
     noise_um: NotNegative
     """r.m.s., as identified; enters the force uncertainty."""
+    record: str | None = None
+    """File that every byte to and from the instrument is written to."""
     options: Options = Field(default_factory=Options)
 
 
@@ -55,6 +57,10 @@ class Output(Table):
     driver: str
     url: Url
     timeout_s: Positive = 0.1
+    record: str | None = None
+    """File that every byte to and from the instrument is written to."""
+    on_silence: Literal["safe", "holds", "unstated"] = "unstated"
+    """What the hardware does by itself where its host falls silent: go to a safe value, or hold."""
     options: Options = Field(default_factory=Options)
 
 
@@ -64,6 +70,8 @@ class Limits(Table):
     voltage_min_V: float
     voltage_max_V: float
     slew_V_per_s: Positive
+    sweep_V: Positive = 0.1
+    """Amplitude of a swept sine; near the resonance the arm moves 1/(2ζ) times as far."""
     position_min_um: float
     position_max_um: float
     force_max_mN: Positive

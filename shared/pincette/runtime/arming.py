@@ -17,7 +17,15 @@ def status(bus: Bus, service: str, timeout_s: float = 2.0) -> Status:
     return cast(Status, bus.ask(STATUS[service], StatusRequest(), timeout_s))
 
 
-def arm(bus: Bus, program: Program, *, epoch: int, digest: str, owner: int | None = None) -> None:
+def arm(
+    bus: Bus,
+    program: Program,
+    *,
+    epoch: int,
+    digest: str,
+    owner: int | None = None,
+    calibration: str = "",
+) -> None:
     """Load a program and start it.
 
     Raises
@@ -31,4 +39,4 @@ def arm(bus: Bus, program: Program, *, epoch: int, digest: str, owner: int | Non
         owner = status(bus, "controller").instance
     bus.ask(LOAD, Load(program))
     for service in ORDER:
-        bus.ask(ARM[service], Arm(epoch, owner, digest))
+        bus.ask(ARM[service], Arm(epoch, owner, digest, calibration, program.capture_hz))

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from pincette import __version__
-from pincette.config import RigFile
-from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
+from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse_calibration
+from pincette.instruments.protocols import VoltageOutput
 from pincette.messages import Applied, Arm, Message, Sample, Status, StatusRequest
-from pincette.service import AnyService, Drive, Input, Reading, RefusedError
+from pincette.runtime.instrument import Device, Instrument
+from pincette.runtime.timing import budget
+from pincette.service import AnyService, ForInstrument, Input, RefusedError
 from pincette.topics import COMMAND
 
 JOIN_WAIT_PERIODS = 0.25
 KEPT = 16
 """Samples kept for a join; what waits longer than this has lost its partner."""
-
-Device = PositionSensor | VoltageOutput | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +41,7 @@ class Node:
         self.digest = rig.digest()
         self.lockstep = rig.lockstep
         self.period_s = rig.rig.period_s
+        self.calibration = Calibration()
         self.config: Any = service.configure(rig)
         self.state: Any = service.start(self.config)
         if service.adopt is not None:
@@ -48,8 +49,9 @@ class Node:
             self.state = service.adopt(self.config, self.state, found_V)
         self.steps = 0
         self.missed = 0
+        self._rig = rig
         self._now = 0.0
-        self._device = device
+        self._device = Instrument(device, self.period_s)
         self._instrument = service.instrument is not None
         self._joins = [item for item in service.inputs if item.role == "join"]
         self._roles: dict[type, Input] = {item.topic.message: item for item in service.inputs}
@@ -127,15 +129,15 @@ class Node:
         """Step because the grid says so: read the sensor first."""
         values: list[Any] = list(self._blank)
         if self.service.instrument == "position_sensor":
-            try:
-                values[0] = Reading(cast(PositionSensor, self._device).read_um())
-            except InstrumentError as error:
-                values[0] = Reading(0.0, str(error))
+            values[0] = self._device.read()
         return self._step(values, now)
 
     def wake(self, now: float) -> tuple[Message, ...]:
-        """Step because time has passed."""
-        return self._step(list(self._blank), now)
+        """Step because time has passed, and say to a watched instrument that its host lives."""
+        values: list[Any] = list(self._blank)
+        if fault := self._device.keep_alive(now):
+            values[0] = fault
+        return self._step(values, now)
 
     def wind_down(self, now: float) -> bool:
         """Bring the instrument to rest before the program ends; true where it is."""
@@ -151,25 +153,18 @@ class Node:
         self.state, outputs = service.step(
             self.config, self.state, service.inputs_type(*values), now
         )
-        if not self._instrument or not outputs or type(outputs[0]) is not Drive:
+        if not self._instrument or not outputs or not isinstance(outputs[0], ForInstrument):
             return cast("tuple[Message, ...]", outputs)
-        fault = self._put_out(outputs[0])
+        fault = self._device.put_out(outputs[0])
         if fault:
             values = list(self._blank)
             values[0] = fault
             self.state, outputs = service.step(
                 self.config, self.state, service.inputs_type(*values), now
             )
-            if outputs and type(outputs[0]) is Drive:
-                self._put_out(outputs[0])
+            if outputs and isinstance(outputs[0], ForInstrument):
+                self._device.put_out(outputs[0])
         return _published(outputs)
-
-    def _put_out(self, drive: Drive) -> str:
-        try:
-            cast(VoltageOutput, self._device).write_V(drive.voltage_V)
-        except InstrumentError as error:
-            return str(error)
-        return ""
 
     def ask(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
         """Answer a question: the reply, or the text of a refusal, and what is to be published.
@@ -179,26 +174,29 @@ class Node:
         now = self._now if self.lockstep else now
         if isinstance(request, StatusRequest):
             return self._status(), ()
+        config = self.config
         try:
             if isinstance(request, Arm):
-                self._may_arm(request)
-            self.state, reply, outputs = self.service.answer(self.config, self.state, request, now)
+                config = self._may_arm(request)
+            self.state, reply, outputs = self.service.answer(config, self.state, request, now)
         except RefusedError as error:
             return str(error), ()
         if isinstance(request, Arm):
+            self.config, self.calibration = config, parse_calibration(request.calibration)
             self._pending.clear()
             for waiting in self._waiting.values():
                 for place in [place for place in waiting if place[0] != request.epoch]:
                     del waiting[place]
             if self._paced and self.lockstep:
                 self._pending.append(Pending(None, 0.0))
-        if outputs and type(outputs[0]) is Drive:
-            fault = self._put_out(outputs[0])
+        if outputs and isinstance(outputs[0], ForInstrument):
+            fault = self._device.put_out(outputs[0])
             if fault:
                 return fault, ()
         return reply, _published(outputs)
 
-    def _may_arm(self, request: Arm) -> None:
+    def _may_arm(self, request: Arm) -> Any:
+        """Return what the service works with in the epoch asked for; raises RefusedError."""
         if request.digest != self.digest:
             raise RefusedError(
                 f"{self.service.name} runs with rig file {self.digest}, the others with "
@@ -209,6 +207,20 @@ class Node:
                 f"this controller is instance {self.instance}, not {request.owner}: "
                 "a second one runs on this rig"
             )
+        if self.service.instrument == "voltage_output":
+            needed = budget(self._rig)
+            if not needed.fits:
+                raise RefusedError(f"the instruments are too slow: {needed.words()}")
+        if self.service.instrument == "position_sensor":
+            self._device.capture(request.capture_hz)
+        if request.calibration == self.calibration.text():
+            return self.config
+        try:
+            return self.service.configure(
+                calibrated(self._rig, parse_calibration(request.calibration))
+            )
+        except ConfigError as error:
+            raise RefusedError(f"{self.service.name}: {error}") from error
 
     def _status(self) -> Status:
         state = self.state
@@ -222,14 +234,14 @@ class Node:
             missed=self.missed,
             refused=getattr(state, "refused", 0),
             detail=getattr(state, "detail", ""),
+            calibration=self.calibration.digest,
         )
 
     def close(self) -> None:
         """Give the instrument back."""
-        if self._device is not None:
-            self._device.close()
+        self._device.close()
 
 
-def _published(outputs: tuple[Message | Drive, ...]) -> tuple[Message, ...]:
+def _published(outputs: tuple[Message | ForInstrument, ...]) -> tuple[Message, ...]:
     """Outputs without what was for the instrument."""
-    return tuple(output for output in outputs if not isinstance(output, Drive))
+    return tuple(output for output in outputs if not isinstance(output, ForInstrument))

@@ -26,6 +26,7 @@ CONFIG = ActuatorConfig(
     voltage_min_V=-1.0,
     voltage_max_V=4.0,
     slew_V=2.0,
+    sweep_V=0.1,
 )
 EPOCH, OWNER = 11, 5
 

@@ -17,7 +17,7 @@ from pincette.control.checks import require_positive
 from pincette.control.planning.profiles import move
 
 Shape = Literal["sinusoid", "triangle", "step", "waypoints"]
-Quantity = Literal["force", "position"]
+Quantity = Literal["force", "position", "voltage"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,9 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """A path of force in mN, or of position in µm; made by ``path_shapes``.
+    """A path of force in mN, of position in µm, or of voltage in V.
+
+    Those of force are made by ``path_shapes``.
 
     Raises
     ------
@@ -59,6 +61,8 @@ class Path:
     corner: float = 0.0
     """Half the time that a triangle takes to turn, as a share of its cycle, up to 1/4."""
     knots: tuple[Knot, ...] = ()
+    relative: bool = False
+    """Of voltage: counted from the voltage at which the path begins."""
 
     def __post_init__(self) -> None:
         if self.knots or self.shape in ("step", "waypoints"):

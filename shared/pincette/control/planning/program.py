@@ -5,8 +5,9 @@ from typing import Literal
 
 from pincette.control.laws.law import LawSettings
 from pincette.control.planning.paths import Path
+from pincette.control.planning.sweep import Sweep
 
-SegmentKind = Literal["zero", "free", "seek", "force", "path"]
+SegmentKind = Literal["zero", "free", "seek", "force", "path", "voltage", "sweep"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,17 +21,20 @@ class Segment:
                F_r = K_e·(x_r - x_e), in ``move_s``; then both rest until ``duration_s``.
     ``path``   of force: F_r follows ``path`` and x_r with it, on the contact line; of position:
                x_r follows it, free of contact. It begins where the segment before has ended.
+    ``voltage`` no law: the voltage follows ``path``, or without one stays as it is.
+    ``sweep``  no law: the output plays ``sweep`` about the voltage at which the segment begins.
     """
 
     phase: str
     kind: SegmentKind
     duration_s: float | None
-    """None: until an action ends it."""
+    """None: until an action ends it; of a voltage, ``continue``."""
     x_to_um: float | None = None
     force_to_mN: float | None = None
     move_s: float | None = None
     """None: the whole duration."""
     path: Path | None = None
+    sweep: Sweep | None = None
     law: int = 0
     """Which of the program's laws holds."""
 
@@ -40,6 +44,11 @@ class Segment:
         if self.kind == "path":
             return self.path is not None and self.path.quantity == "force"
         return self.kind == "force"
+
+    @property
+    def open_loop(self) -> bool:
+        """Whether no law holds."""
+        return self.kind in ("voltage", "sweep")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,3 +82,5 @@ class Program:
     """None: the rig file's."""
     contact_line: Literal["identified", "planned"] = "identified"
     """K_e and x_e as the load shows them, or K_e as planned and x_e from the first touch."""
+    capture_hz: float = 0.0
+    """Rate at which the sensor acquires beside the samples of the loop; 0: not."""

@@ -1,0 +1,87 @@
+"""What calibrations have found, laid over a rig file; it travels as JSON with each arming."""
+
+import hashlib
+import json
+from typing import Any
+
+from pydantic import Field, ValidationError, field_validator
+
+from pincette.config.rig_file import RigFile, parse_rig
+from pincette.config.tables import ConfigError, Table
+
+CALIBRATED = (
+    "model.natural_frequency_rad_per_s",
+    "model.damping_ratio",
+    "model.piezo_um_per_V",
+    "model.compliance_um_per_mN",
+    "model.hysteresis_fraction",
+    "model.creep_mN_per_decade",
+    "model.forgotten_mN",
+    "model.forgotten_scale_V",
+    "model.free_response",
+    "part.contact_um",
+    "part.stiffness_mN_per_um",
+    "sensor.noise_um",
+)
+"""Quantities of a rig file that a calibration may replace, by table and name."""
+
+
+class Calibration(Table):
+    """Values by quantity, and the calibration that each comes from.
+
+    What is not in ``values`` is as the rig file has it, and assumed.
+    """
+
+    values: dict[str, Any] = Field(default_factory=dict)
+    sources: dict[str, str] = Field(default_factory=dict)
+
+    @field_validator("values")
+    @classmethod
+    def _known(cls, values: dict[str, Any]) -> dict[str, Any]:
+        odd = sorted(values.keys() - set(CALIBRATED))
+        if odd:
+            raise ValueError(f"{', '.join(odd)}: no calibration replaces that")
+        return values
+
+    @property
+    def digest(self) -> str:
+        """Names the values; empty where there are none."""
+        if not self.values:
+            return ""
+        text = json.dumps(self.values, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def text(self) -> str:
+        """JSON, the same bytes for the same content; empty where there are no values."""
+        if not self.values:
+            return ""
+        return json.dumps(self.model_dump(), sort_keys=True, separators=(",", ":"))
+
+
+def parse_calibration(text: str) -> Calibration:
+    """Calibration of its JSON text; raises ConfigError where it is none."""
+    if not text:
+        return Calibration()
+    try:
+        return Calibration.model_validate_json(text)
+    except ValidationError as error:
+        raise ConfigError(f"calibration {text[:60]!r}: {error.errors()[0]['msg']}") from error
+
+
+def calibrated(rig: RigFile, calibration: Calibration) -> RigFile:
+    """Lay a calibration over a rig file.
+
+    Raises
+    ------
+    ConfigError
+        Where a value is impossible.
+    """
+    if not calibration.values:
+        return rig
+    tree = rig.model_dump(exclude_unset=True)
+    for name, value in calibration.values.items():
+        table, _, quantity = name.partition(".")
+        tree.setdefault(table, {})[quantity] = value
+    if "model.free_response" in calibration.values:
+        tree["model"].pop("recorded_response", None)
+    return parse_rig(tree)
