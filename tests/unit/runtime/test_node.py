@@ -6,12 +6,26 @@ from typing import NamedTuple
 
 import pytest
 
-from pincette.config import RigFile, read_rig
-from pincette.instruments.protocols import InstrumentError
-from pincette.messages import Applied, Arm, Done, Message, Position, Status, StatusRequest
+from pincette.config import Calibration, RigFile, calibrated, read_rig
+from pincette.control.planning.sweep import Sweep
+from pincette.instruments.protocols import Block, InstrumentError
+from pincette.messages import (
+    Applied,
+    Arm,
+    Burst,
+    Command,
+    Done,
+    Message,
+    Position,
+    Reset,
+    Status,
+    StatusRequest,
+)
 from pincette.runtime.node import Node
 from pincette.service import Drive, Input, Service
 from pincette.topics import APPLIED, ESTIMATE, POSITION
+from pincette_actuator import SERVICE as ACTUATOR
+from pincette_estimator import SERVICE as ESTIMATOR
 from pincette_sensor import SERVICE as SENSOR
 
 RIG = read_rig(Path("deploy/rigs/demo.toml"))
@@ -142,3 +156,101 @@ def test_a_sensor_that_fails_gives_an_invalid_sample_with_the_reason() -> None:
     (sample,) = node.tick(1.0)
     assert isinstance(sample, Position)
     assert (sample.valid, sample.fault, sample.seq) == (False, "laser off", 0)
+
+
+def test_an_arming_brings_the_model_that_the_service_works_with() -> None:
+    node = Node(ESTIMATOR, RIG)
+    found = Calibration(values={"model.compliance_um_per_mN": 0.5})
+    before = node.config
+    reply, _ = node.ask(Arm(2, 1, RIG.digest(), found.text()), 0.0)
+    assert reply == Done(0)
+    assert node.config == ESTIMATOR.configure(calibrated(RIG, found)) != before
+    status, _ = node.ask(StatusRequest(), 0.0)
+    assert isinstance(status, Status)
+    assert status.calibration == found.digest
+    node.ask(Arm(3, 1, RIG.digest()), 0.0)
+    assert node.config == before
+
+
+def test_a_model_that_cannot_be_refuses_the_arming_and_changes_nothing() -> None:
+    node = Node(ESTIMATOR, RIG)
+    before = node.config
+    reply, _ = node.ask(Arm(2, 1, RIG.digest(), '{"values": {"model.damping_ratio": -1}}'), 0.0)
+    assert isinstance(reply, str)
+    assert "estimator" in reply
+    assert "model.damping_ratio = -1" in reply
+    assert (node.config, node.state.epoch) == (before, 0)
+
+
+class Buffered:
+    """A sensor whose buffer holds three samples more at each look."""
+
+    def __init__(self) -> None:
+        self.rates: list[float] = []
+
+    def read_um(self) -> float:
+        return 1.0
+
+    def begin_capture(self, rate_hz: float) -> None:
+        self.rates.append(rate_hz)
+
+    def read_block(self) -> Block:
+        return Block((2.0, 3.0, 4.0), (0.1, 0.2, 0.3))
+
+    def end_capture(self) -> None:
+        self.rates.append(0.0)
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def test_an_acquisition_lasts_as_long_as_the_arming_that_asked_for_it() -> None:
+    sensor = Buffered()
+    node = Node(SENSOR, RIG, sensor)
+    node.ask(Arm(1, 1, RIG.digest(), capture_hz=150.0), 0.0)
+    position, burst = node.tick(0.0)
+    assert isinstance(position, Position)
+    assert position.x_um == 4.0
+    assert burst == Burst(1, 0, 150.0, (2.0, 3.0, 4.0), (0.1, 0.2, 0.3), True)
+    node.ask(Arm(2, 1, RIG.digest()), 0.0)
+    (single,) = node.tick(0.02)
+    assert isinstance(single, Position)
+    assert single.x_um == 1.0
+    assert sensor.rates == [0.0, 150.0, 0.0]
+
+
+def test_a_sensor_without_a_buffer_refuses_to_acquire() -> None:
+    reply, _ = Node(SENSOR, RIG, BrokenSensor()).ask(Arm(1, 1, RIG.digest(), "", 1e4), 0.0)
+    assert reply == "the position sensor has no buffered acquisition"
+
+
+class PlainOutput:
+    """An output without a buffer."""
+
+    def __init__(self) -> None:
+        self.put_V: list[float] = []
+
+    def write_V(self, voltage_V: float) -> None:
+        self.put_V.append(voltage_V)
+
+    def read_V(self) -> float:
+        return 0.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def test_an_output_without_a_buffer_trips_on_a_wave() -> None:
+    output = PlainOutput()
+    node = Node(ACTUATOR, RIG, output)
+    node.ask(Reset(acknowledge=True), 0.0)
+    assert node.ask(Arm(1, 1, RIG.digest()), 0.0)[0] == Done(-1)
+    node.accept(position(0), 0.0)
+    node.fire(0.0)
+    sweep = Sweep(5.0, 400.0, 1.0, 0.05, 4_000.0)
+    node.accept(Command(1, 0, 1, 0.0, False, False, False, True, sweep), 0.0)
+    (applied,) = node.fire(0.001)
+    assert isinstance(applied, Applied)
+    assert (applied.state, applied.answered) == ("ramping", False)
+    assert "plays no waves" in applied.cause
+    assert output.put_V == [0.0]

@@ -1,0 +1,107 @@
+"""Segments without a law: voltage paths, waiting for a person, swept sines, and the way back."""
+
+from dataclasses import replace
+
+import pytest
+
+from pincette.control.planning.paths import Knot, Path
+from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.sweep import Sweep
+from pincette.messages import Act
+from pincette.service import RefusedError
+from pincette_controller.step import answer
+
+from .bench import CONFIG, GUARDS, Bench, T
+
+SWEEP = Sweep(5.0, 800.0, 1.0, 0.02, 10_000.0)
+
+
+def ramp(to_V: float, *, relative: bool = False) -> Path:
+    knots = (Knot(0.0, 0.0, 0.0), Knot(0.4, to_V, 0.0))
+    return Path("voltage", "waypoints", knots=knots, relative=relative)
+
+
+def plays(*segments: Segment) -> Bench:
+    return Bench(Program(segments, GUARDS, 2.0))
+
+
+def test_a_voltage_path_is_put_out_as_it_is() -> None:
+    bench = plays(Segment("rise", "voltage", 0.4, path=ramp(0.3)))
+    last = bench.until()
+    asked = [tick.command.voltage_V for tick in bench.ticks[:-1]]
+    path = ramp(0.3)
+    assert asked == [path.at((index + 1) * T) for index in range(len(asked))]
+    assert last.telemetry.outcome == "moved"
+    assert last.command.final
+    assert last.command.voltage_V == asked[-1] == pytest.approx(0.3)
+
+
+def test_a_relative_path_counts_from_where_the_voltage_is() -> None:
+    bench = plays(
+        Segment("rise", "voltage", 0.4, path=ramp(0.3)),
+        Segment("more", "voltage", 0.4, path=ramp(0.2, relative=True)),
+        Segment("rest", "voltage", 0.2),
+    )
+    bench.until()
+    assert bench.applied_V == pytest.approx(0.5)
+
+
+def test_a_wait_keeps_the_voltage_until_somebody_says_continue() -> None:
+    bench = plays(
+        Segment("rise", "voltage", 0.4, path=ramp(0.3)), Segment("hang 5 mN", "voltage", None)
+    )
+    with pytest.raises(RefusedError, match="waits for nobody"):
+        answer(CONFIG, bench.state, Act("continue"), 0.0)
+    bench.until("hang 5 mN")
+    for _ in range(100):
+        assert not bench.tick().command.final
+    bench.state, _, _ = answer(CONFIG, bench.state, Act("continue"), 0.0)
+    assert bench.tick().telemetry.acted == "continue"
+    assert bench.ticks[-1].command.final
+    assert bench.applied_V == pytest.approx(0.3)
+
+
+def test_a_sweep_goes_with_every_command_of_its_segment_and_with_no_other() -> None:
+    bench = plays(
+        Segment("rest", "voltage", 0.1),
+        Segment("sweep", "sweep", SWEEP.duration_s, sweep=SWEEP),
+        Segment("calm", "voltage", 0.1),
+    )
+    bench.until()
+    carried = [tick.command.sweep for tick in bench.ticks]
+    assert carried.count(SWEEP) == 50
+    assert {tick.telemetry.phase for tick in bench.ticks if tick.command.sweep} == {"sweep"}
+    assert not any(tick.command.voltage_V for tick in bench.ticks)
+
+
+def test_a_law_takes_over_without_a_jump() -> None:
+    bench = plays(
+        Segment("rise", "voltage", 0.4, path=ramp(0.3)),
+        Segment("retreat", "free", 0.6, x_to_um=0.0),
+    )
+    bench.until("retreat")
+    steps = [
+        abs(after.command.voltage_V - before.command.voltage_V)
+        for before, after in zip(bench.ticks, bench.ticks[1:], strict=False)
+    ]
+    assert steps[-1] < max(steps[:-1])
+    last = bench.until()
+    assert bench.x_um == pytest.approx(0.0, abs=0.02)
+    assert last.telemetry.outcome == "moved"
+
+
+@pytest.mark.parametrize("phase", ["rise", "sweep", "hang"])
+def test_a_stop_ends_what_plays(phase: str) -> None:
+    bench = plays(
+        Segment("rise", "voltage", 0.4, path=ramp(0.3)),
+        Segment("sweep", "sweep", SWEEP.duration_s, sweep=SWEEP),
+        Segment("hang", "voltage", None),
+    )
+    bench.until(phase)
+    bench.state, _, _ = answer(CONFIG, bench.state, Act("stop"), 0.0)
+    stopping = bench.tick()
+    assert stopping.telemetry.phase == "stopping"
+    assert stopping.command.sweep is None
+    assert bench.until().telemetry.outcome == "stopped"
+    held = replace(stopping.command, seq=0)
+    assert abs(bench.applied_V - held.voltage_V) < 0.02
