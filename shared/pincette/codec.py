@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 import msgpack as untyped_msgpack
 
-from pincette.messages import Message
+from pincette.messages import Document, Message
 from pincette.topics import QUESTIONS, TOPICS
 
 # The package ships no types.
@@ -22,7 +22,8 @@ msgpack = cast(Any, untyped_msgpack)
 ENCODING = "application/msgpack"
 MAX_BYTES = 65536
 MAX_TEXT = 400
-MAX_ITEMS = 256
+MAX_DOCUMENT = 32_768
+MAX_ITEMS = 4096
 
 M = TypeVar("M", bound=Message)
 Reader = Callable[[str, Any], Any]
@@ -103,7 +104,19 @@ def _text(place: str, value: Any) -> str:
     return value
 
 
-_SIMPLE: dict[Any, Reader] = {float: _float, int: _int, bool: _bool, str: _text}
+def _document(place: str, value: Any) -> str:
+    if type(value) is not str or len(value) > MAX_DOCUMENT:
+        raise CodecError(f"{place}: not a text of at most {MAX_DOCUMENT} characters")
+    return value
+
+
+_SIMPLE: dict[Any, Reader] = {
+    float: _float,
+    int: _int,
+    bool: _bool,
+    str: _text,
+    Document: _document,
+}
 
 
 def _reader(hint: Any) -> Reader:

@@ -5,9 +5,13 @@ of the arming it belongs to. A message is invalid until somebody says that it is
 """
 
 from dataclasses import dataclass
+from typing import NewType
 
 from pincette.control.planning.program import Program
 from pincette.control.planning.sweep import Sweep
+
+Document = NewType("Document", str)
+"""A text of many lines, as JSON; other texts are short."""
 
 VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
 """Bits of ``limits_active``."""
@@ -56,6 +60,8 @@ class Estimate:
     tripped: bool
     degraded: bool
     valid: bool = False
+    fault: str = ""
+    """Why it is not valid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +79,8 @@ class Command:
     final: bool
     """The last command of this arming."""
     valid: bool = False
+    fault: str = ""
+    """Why it is not valid: what the controller cannot see."""
     sweep: Sweep | None = None
     """Play this about ``voltage_V``; the commands after it say that it may go on."""
 
@@ -144,7 +152,7 @@ class Arm:
     epoch: int
     owner: int
     digest: str
-    calibration: str = ""
+    calibration: Document = Document("")
     """The model in use as JSON, over that of the rig file; see ``config.calibration``."""
     capture_hz: float = 0.0
     """As in the program that is played."""

@@ -2,6 +2,7 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -9,34 +10,94 @@ import pytest
 
 from pincette.instruments.memory_link import MemoryLink
 from pincette.instruments.protocols import Link
+from pincette.instruments.recording import Recorder, RecordingLink
+from pincette.instruments.replay import ReplayLink
 from pincette.sim.instrument import TERMINATOR, Instrument
 from pincette.sim.wire import serve
 
 
 class Reach(Protocol):
     def __call__(
-        self, instrument: Instrument, terminator: bytes = TERMINATOR
+        self, instrument: Instrument, terminator: bytes = TERMINATOR, /
     ) -> tuple[str, Link | None]: ...
 
 
 Script = Callable[[list[bytes | None]], str]
 
 
-@pytest.fixture(params=["memory", "tcp", "pty"])
+class Understudy:
+    """A replayed dialogue, whose requests the instrument is told for what they do to it."""
+
+    def __init__(self, replay: ReplayLink, instrument: Instrument) -> None:
+        self.replay = replay
+        self._instrument = instrument
+
+    def exchange(self, request: bytes) -> bytes:
+        reply = self.replay.exchange(request)
+        self._instrument.answer(request)
+        return reply
+
+    def tell(self, line: bytes) -> None:
+        self.replay.tell(line)
+        self._instrument.answer(line)
+
+    def close(self) -> None:
+        self.replay.close()
+
+
+def offer_in_memory(instrument: Instrument, terminator: bytes = TERMINATOR) -> tuple[str, Link]:
+    return "memory://", MemoryLink(instrument.answer, terminator)
+
+
+def offer_on_a_port(wires: ExitStack, url: str) -> Reach:
+    def offer(instrument: Instrument, terminator: bytes = TERMINATOR) -> tuple[str, Link | None]:
+        return wires.enter_context(serve(url, instrument, terminator=terminator)).url, None
+
+    return offer
+
+
+def offer_recorded(folder: Path) -> Reach:
+    numbers = count()
+
+    def offer(instrument: Instrument, terminator: bytes = TERMINATOR) -> tuple[str, Link | None]:
+        path = folder / f"{next(numbers)}.txt"
+        recorder = Recorder(path, "memory://", terminator, lambda: 0.0)
+        return "memory://", RecordingLink(MemoryLink(instrument.answer, terminator), recorder)
+
+    return offer
+
+
+def offer_replayed(folder: Path, played: list[ReplayLink]) -> Reach:
+    numbers = count()
+
+    def offer(instrument: Instrument, _terminator: bytes = TERMINATOR) -> tuple[str, Link | None]:
+        url = f"replay:{folder / f'{next(numbers)}.txt'}"
+        played.append(ReplayLink(url, lambda _link: None))
+        return url, Understudy(played[-1], instrument)
+
+    return offer
+
+
+@pytest.fixture(params=["memory", "tcp", "pty", "recording"])
 def reach(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Reach]:
-    """Offer an instrument in one of three ways: the url, and the link where there is no port."""
-    way: Literal["memory", "tcp", "pty"] = request.param
-    with ExitStack() as wires:
+    """Offer an instrument in one of four ways: the url, and the link where there is no port.
 
-        def offer(
-            instrument: Instrument, terminator: bytes = TERMINATOR
-        ) -> tuple[str, Link | None]:
-            if way == "memory":
-                return "memory://", MemoryLink(instrument.answer)
+    A recording is made of the very test, over memory; then the test is played from it.
+    """
+    way: Literal["memory", "tcp", "pty", "recording"] = request.param
+    if way == "memory":
+        yield offer_in_memory
+    elif way == "recording":
+        rehearse: Callable[[Reach], None] = getattr(request.instance, request.function.__name__)
+        rehearse(offer_recorded(tmp_path))
+        played = list[ReplayLink]()
+        yield offer_replayed(tmp_path, played)
+        assert played
+        assert all(replay.ended for replay in played)
+    else:
+        with ExitStack() as wires:
             url = "socket://127.0.0.1:0" if way == "tcp" else str(tmp_path / "port")
-            return wires.enter_context(serve(url, instrument, terminator=terminator)).url, None
-
-        yield offer
+            yield offer_on_a_port(wires, url)
 
 
 @pytest.fixture

@@ -2,19 +2,23 @@
 
 import logging
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 
 import pytest
 
 from pincette.config import ConfigError, Output
 from pincette.instruments import srs_dc205
+from pincette.instruments.link import open_link
+from pincette.instruments.link_line import RETRY_S
 from pincette.instruments.memory_link import MemoryLink
-from pincette.instruments.protocols import InstrumentError
+from pincette.instruments.protocols import InstrumentError, WatchedOutput
 from pincette.sim import dc205
 from pincette.sim.dc205 import SimulatedDC205
 from pincette.sim.wire import serve
 
+ANY = "socket://127.0.0.1:0"
 SEED = 205
 REPLIES = 3000
 NAME = b"Stanford Research Systems,DC205,s/n20512345,ver1.00"
@@ -166,6 +170,67 @@ def test_opening_a_port_warns_that_they_have_not_met(caplog: pytest.LogCaptureFi
         srs_dc205.open_output(settings(wire.url)).close()
     assert "srs_dc205 has not met its instrument" in caplog.text
     assert not srs_dc205.MET
+
+
+def test_a_port_opened_again_finds_the_output_on_and_works_on() -> None:
+    line = Recorded()
+    now_s = 0.0
+    with lent_clock(lambda: now_s), ExitStack() as wires:
+        wire = wires.enter_context(serve(ANY, line.source, terminator=dc205.TERMINATOR))
+        output = srs_dc205.open_output(settings(wire.url))
+        wires.callback(output.close)
+        output.write_V(2.0)
+        wire.close()
+        with pytest.raises(InstrumentError) as caught:
+            output.write_V(2.1)
+        assert caught.value.cause == "hung_up"
+        line.source.answer(b"VOLT 99;NONE?")
+        wires.enter_context(serve(wire.url, line.source, terminator=dc205.TERMINATOR))
+        now_s = RETRY_S
+        output.write_V(2.2)
+        assert line.voltages_V == [2.0, 2.2]
+
+
+def test_a_source_that_lost_its_supply_is_not_switched_on_again() -> None:
+    before, after = Recorded(), Recorded()
+    now_s = 0.0
+    with lent_clock(lambda: now_s), ExitStack() as wires:
+        wire = wires.enter_context(serve(ANY, before.source, terminator=dc205.TERMINATOR))
+        output = srs_dc205.open_output(settings(wire.url))
+        wires.callback(output.close)
+        output.write_V(2.0)
+        wire.close()
+        with pytest.raises(InstrumentError, match="hung up"):
+            output.write_V(2.1)
+        wires.enter_context(serve(wire.url, after.source, terminator=dc205.TERMINATOR))
+        now_s = RETRY_S
+        for _ in range(2):
+            with pytest.raises(InstrumentError, match="has been switched off") as caught:
+                output.write_V(2.2)
+            assert caught.value.cause == "refused"
+        assert output.read_V() == 0.0
+        assert after.voltages_V == []
+
+
+@contextmanager
+def lent_clock(clock: Callable[[], float]) -> Generator[None]:
+    """Let the links that the driver opens go by another clock."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(srs_dc205, "open_link", partial(open_link, clock=clock))
+        yield
+
+
+@pytest.mark.parametrize(("baud", "exchange_ms"), [(9600, 42.7), (115200, 3.6)])
+def test_the_time_of_a_write_follows_from_the_line(baud: int, exchange_ms: float) -> None:
+    timing = srs_dc205.timing(settings(baud=baud))
+    # VOLT -10.000000;SOUT?;LEXE?;LCME? and ON;0;0, a line feed each.
+    assert round(1e3 * timing.exchange_s, 1) == exchange_ms
+    assert timing.response_s == 0.0
+    assert "assumed" in timing.note
+
+
+def test_it_has_no_watchdog() -> None:
+    assert not isinstance(Recorded().open(), WatchedOutput)
 
 
 def test_whatever_the_line_carries_there_is_one_kind_of_error() -> None:

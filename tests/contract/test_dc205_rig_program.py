@@ -25,6 +25,9 @@ class Bus:
     def publish(self, message: Message) -> None:
         self.told.append(message)
 
+    def serve(self, *_question: object) -> None:
+        pass
+
     def announce(self, _name: str) -> None:
         pass
 

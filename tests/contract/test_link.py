@@ -1,15 +1,19 @@
 """Every way a port can fail must come out as an error that says what happened."""
 
+import io
+import logging
 import socket
 import struct
+import termios
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import serial
 
 from pincette.instruments.link import LONGEST_FRAME, open_link
-from pincette.instruments.protocols import InstrumentError, Link
+from pincette.instruments.protocols import Cause, InstrumentError, Link
 from pincette.sim.keyence import SimulatedKeyence
 from pincette.sim.wire import serve
 
@@ -23,8 +27,10 @@ def _solicited(line: bytes) -> bool:
 @contextmanager
 def opened(url: str, timeout_s: float = 0.2) -> Generator[Link]:
     link = open_link(url, baud=115200, timeout_s=timeout_s, accept=_solicited)
-    yield link
-    link.close()
+    try:
+        yield link
+    finally:
+        link.close()
 
 
 def test_an_answer_comes_without_its_terminator(script: Script) -> None:
@@ -50,32 +56,44 @@ def test_a_partial_answer_is_an_error_and_the_next_exchange_is_clean(script: Scr
         with pytest.raises(InstrumentError, match=r"only b'MS,01,\+00' within 0\.2 s") as caught:
             link.exchange(b"MS,01")
         assert str(caught.value).startswith(url)
+        assert caught.value.cause == "garbled"
         assert link.exchange(b"MS,01") == b"MS,01,+0002.00"
 
 
 def test_unsolicited_lines_alone_are_no_answer(script: Script) -> None:
     with (
         opened(script([b"TG,01,+0009.00\r"])) as link,
-        pytest.raises(InstrumentError, match="no answer"),
+        pytest.raises(InstrumentError, match="no answer") as caught,
     ):
         link.exchange(b"MS,01")
+    assert caught.value.cause == "silent"
 
 
 def test_a_frame_without_an_end_is_cut_off(script: Script) -> None:
     with (
         opened(script([b"x" * (LONGEST_FRAME + 1)])) as link,
-        pytest.raises(InstrumentError, match=f"{LONGEST_FRAME + 1} bytes without an end"),
+        pytest.raises(InstrumentError, match=f"{LONGEST_FRAME + 1} bytes without an end") as caught,
     ):
         link.exchange(b"MS,01")
+    assert caught.value.cause == "garbled"
 
 
-def test_a_hang_up_is_named_and_stays(script: Script) -> None:
+def test_a_hang_up_is_named(script: Script) -> None:
     url = script([None])
     with opened(url) as link:
-        for _ in range(3):
-            with pytest.raises(InstrumentError, match="hung up") as caught:
+        with pytest.raises(InstrumentError, match="hung up") as caught:
+            link.exchange(b"MS,01")
+        assert str(caught.value).startswith(url)
+        assert caught.value.cause == "hung_up"
+
+
+def test_a_link_that_was_closed_stays_closed(script: Script) -> None:
+    with opened(script([])) as link:
+        link.close()
+        for _ in range(2):
+            with pytest.raises(InstrumentError, match="port is closed") as caught:
                 link.exchange(b"MS,01")
-            assert str(caught.value).startswith(url)
+            assert caught.value.cause == "misused"
 
 
 def test_a_reset_connection_is_a_hang_up_and_is_closed_cleanly() -> None:
@@ -98,8 +116,9 @@ def test_a_vanished_pseudo_terminal_is_a_hang_up(tmp_path: Path) -> None:
         for _ in range(2):
             with pytest.raises(InstrumentError, match="hung up"):
                 link.exchange(b"MS,01")
-    with pytest.raises(InstrumentError, match="no such device"):
+    with pytest.raises(InstrumentError, match="no such device") as caught:
         open_link(wire.url, baud=115200, timeout_s=0.1)
+    assert caught.value.cause == "cannot_open"
 
 
 def test_a_refused_connection_says_what_to_do() -> None:
@@ -122,3 +141,67 @@ def test_a_port_without_a_descriptor_serves_too() -> None:
         with pytest.raises(InstrumentError, match="no answer"):
             link.exchange(b"TG,01")
         assert link.exchange(b"again") == b"again"
+
+
+def test_a_line_without_an_answer_is_sent_before_the_request(script: Script) -> None:
+    with opened(script([b"", b"!01+00.000\r"])) as link:
+        link.tell(b"~**")
+        assert link.exchange(b"$0180") == b"!01+00.000"
+
+
+class Wreck:
+    """A port of pyserial that raises what the case says."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+        self.timeout: float | None = 0.0
+        self.in_waiting = 0
+
+    def fileno(self) -> int:
+        raise io.UnsupportedOperation
+
+    def read(self, _size: int = 1, /) -> bytes:
+        raise self.error
+
+    def write(self, _data: bytes, /) -> int:
+        raise self.error
+
+    def close(self) -> None:
+        raise self.error
+
+
+@pytest.mark.parametrize(
+    ("error", "cause"),
+    [
+        (serial.SerialException("gone"), "hung_up"),
+        (OSError(5, "input/output error"), "hung_up"),
+        (termios.error(5, "input/output error"), "hung_up"),
+        (TypeError("an integer is required"), "hung_up"),
+        (ValueError("file descriptor cannot be negative"), "hung_up"),
+        (serial.SerialTimeoutException("write timeout"), "silent"),
+    ],
+)
+def test_whatever_a_port_raises_is_one_kind_of_error(
+    error: Exception, cause: Cause, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def port(*_wanted: object, **_how: object) -> Wreck:
+        return Wreck(error)
+
+    monkeypatch.setattr(serial, "serial_for_url", port)
+    with opened("/dev/wreck") as link:
+        with pytest.raises(InstrumentError, match="/dev/wreck") as caught:
+            link.exchange(b"MS,01")
+        assert caught.value.cause == cause
+
+
+def test_every_exchange_is_logged_with_its_bytes_escaped(
+    script: Script, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.DEBUG, "pincette.instruments.link")
+    with opened(script([b"\xff\x00\r", None])) as link:
+        link.exchange(b"MS,01")
+        with pytest.raises(InstrumentError):
+            link.exchange(b"R0")
+    first, second = [record.getMessage() for record in caplog.records]
+    assert first.endswith(r": MS,01 -> \xff\x00")
+    assert ": R0 -> hung_up: " in second

@@ -40,6 +40,8 @@ class PositionSensorContract:
 
     step_um: float
     far_um: float
+    tells_causes = False
+    """Whether the driver tells what is out of range from what is no reading."""
 
     def instrument(self, measure: Callable[[], float | None]) -> Instrument:
         raise NotImplementedError
@@ -68,16 +70,19 @@ class PositionSensorContract:
                 (None, "invalid reading"),
             ):
                 target.x_um = x_um
-                with pytest.raises(InstrumentError, match=cause):
+                with pytest.raises(InstrumentError, match=cause) as caught:
                     sensor.read_um()
+                if self.tells_causes:
+                    assert caught.value.cause == ("invalid" if x_um is None else "out_of_range")
             target.x_um = 1.0
             assert sensor.read_um() == 1.0
 
     def test_silence_is_an_error_until_it_ends(self, reach: Reach) -> None:
         with self.opened(reach) as (target, sensor):
             target.voice = lambda _line: None
-            with pytest.raises(InstrumentError, match="no answer"):
+            with pytest.raises(InstrumentError, match="no answer") as caught:
                 sensor.read_um()
+            assert caught.value.cause == "silent"
             target.voice, target.x_um = None, 2.0
             assert sensor.read_um() == 2.0
 
@@ -85,14 +90,16 @@ class PositionSensorContract:
         with self.opened(reach) as (target, sensor):
             for garbage in GARBAGE:
                 target.voice = _always(garbage)
-                with pytest.raises(InstrumentError):
+                with pytest.raises(InstrumentError) as caught:
                     sensor.read_um()
+                assert caught.value.cause == "garbled"
 
     def test_a_closed_sensor_says_so_and_may_be_closed_again(self, reach: Reach) -> None:
         with self.opened(reach) as (_, sensor):
             sensor.close()
-            with pytest.raises(InstrumentError, match="port is closed"):
+            with pytest.raises(InstrumentError, match="port is closed") as caught:
                 sensor.read_um()
+            assert caught.value.cause == "misused"
 
     def test_a_silent_instrument_is_not_opened(self, reach: Reach) -> None:
         target = Target(self.instrument)
@@ -114,7 +121,7 @@ def settings(url: str = "memory://", /, **options: str | float | bool) -> Sensor
 
 
 class TestKeyenceMicrometres(PositionSensorContract):
-    step_um, far_um = 0.01, 10_000.0
+    step_um, far_um, tells_causes = 0.01, 10_000.0, True
 
     def instrument(self, measure: Callable[[], float | None]) -> Instrument:
         return SimulatedKeyence(measure)
@@ -124,7 +131,7 @@ class TestKeyenceMicrometres(PositionSensorContract):
 
 
 class TestKeyenceMillimetres(PositionSensorContract):
-    step_um, far_um = 0.01, 10_000.0
+    step_um, far_um, tells_causes = 0.01, 10_000.0, True
 
     def instrument(self, measure: Callable[[], float | None]) -> Instrument:
         return SimulatedKeyence(measure, "mm")
@@ -143,6 +150,9 @@ class Lines:
     def exchange(self, request: bytes) -> bytes:
         return self.table[request]
 
+    def tell(self, line: bytes) -> None:
+        raise AssertionError(f"{line!r} has an answer")
+
     def close(self) -> None:
         self.closed = True
 
@@ -153,11 +163,12 @@ def test_set_up_mode_is_left_and_given_time(monkeypatch: pytest.MonkeyPatch) -> 
     instrument = SimulatedKeyence(lambda: 1.0)
     instrument.answer(b"Q0")
     reply = instrument.answer(b"MS,01")
-    assert reply == b"ER,MS,01"
+    assert reply == b"ER,MS,51"
     sensor = keyence_lkg.open_sensor(settings(), Lines({b"R0": b"R0", b"MS,01": reply}))
     assert slept == [keyence_lkg.MODE_CHANGE_S]
-    with pytest.raises(InstrumentError, match=r"error 01 \(not in this mode\)"):
+    with pytest.raises(InstrumentError, match=r"error 51 \(not in this mode\)") as caught:
         sensor.read_um()
+    assert caught.value.cause == "refused"
 
 
 @pytest.mark.parametrize("reply", [b"ER,R0,99", b"ER,R0,50", b"hello", b"MS,01,+0001.00"])
@@ -195,3 +206,33 @@ def test_a_port_opened_warns_that_the_driver_has_not_met_its_instrument(
 def test_impossible_options_are_refused(option: str, value: str | int) -> None:
     with pytest.raises(ConfigError, match=f"keyence_lkg option {option} = {value!r}"):
         keyence_lkg.open_sensor(settings(**{option: value}))
+
+
+@pytest.mark.parametrize(("baud", "exchange_ms"), [(9600, 21.9), (38400, 5.5), (115200, 1.8)])
+def test_the_time_of_a_reading_follows_from_the_line(baud: int, exchange_ms: float) -> None:
+    timing = keyence_lkg.timing(settings(baud=baud))
+    assert round(1e3 * timing.exchange_s, 1) == exchange_ms
+    assert timing.buffered_hz is None
+    assert "assumed" in timing.note
+
+
+def test_a_port_opened_again_finds_the_instrument_measuring_or_says_that_it_changes() -> None:
+    prepare = _on_open_of(settings("/dev/sensor"))
+    prepare(Lines({b"R0": b"ER,R0,01"}))
+    with pytest.raises(InstrumentError, match="changing to measuring mode") as caught:
+        prepare(Lines({b"R0": b"R0"}))
+    assert caught.value.cause == "refused"
+
+
+def _on_open_of(sensor: Sensor) -> Callable[[Link], None]:
+    """What the driver has a link do where a lost port has been opened again."""
+    given = list[Callable[[Link], None]]()
+
+    def opened(*_wanted: object, on_open: Callable[[Link], None], **_how: object) -> Lines:
+        given.append(on_open)
+        return Lines({b"R0": b"ER,R0,01"})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(keyence_lkg, "open_link", opened)
+        keyence_lkg.open_sensor(sensor)
+    return given[0]

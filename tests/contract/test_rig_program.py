@@ -29,6 +29,9 @@ class DeafBus:
     def publish(self, message: Message) -> None:
         self.told.append(message)
 
+    def serve(self, *_question: object) -> None:
+        pass
+
     def announce(self, name: str) -> None:
         self.names.append(name)
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import pytest
 
-from pincette.config import ConfigError, Output
+from pincette.config import Output
 from pincette.instruments import icpdas_i7024, srs_dc205
 from pincette.instruments.protocols import InstrumentError, Link, VoltageOutput
 from pincette.sim import dc205
@@ -21,7 +21,7 @@ GARBAGE = (b"", b"\xff\x00;", b">>", b"> ", b"MS,01,+0001.50")
 
 class Reach(Protocol):
     def __call__(
-        self, instrument: Instrument, terminator: bytes = TERMINATOR
+        self, instrument: Instrument, terminator: bytes = TERMINATOR, /
     ) -> tuple[str, Link | None]: ...
 
 
@@ -85,15 +85,19 @@ class VoltageOutputContract:
     def test_what_it_cannot_put_out_is_refused_before_it_is_sent(self, reach: Reach) -> None:
         with self.opened(reach) as (load, output):
             for voltage_V in (self.limit_V + 1e-3, -self.limit_V - 1e-3, math.nan, math.inf):
-                with pytest.raises(InstrumentError, match=rf"{voltage_V} V refused, limit"):
+                with pytest.raises(
+                    InstrumentError, match=rf"{voltage_V} V refused, limit"
+                ) as caught:
                     output.write_V(voltage_V)
+                assert caught.value.cause == "misused"
             assert load.voltages_V == []
 
     def test_silence_is_an_error_until_it_ends(self, reach: Reach) -> None:
         with self.opened(reach) as (load, output):
             load.voice = lambda _line: None
-            with pytest.raises(InstrumentError, match="no answer"):
+            with pytest.raises(InstrumentError, match="no answer") as caught:
                 output.write_V(1.0)
+            assert caught.value.cause == "silent"
             load.voice = None
             output.write_V(2.0)
             assert load.voltages_V == [2.0]
@@ -102,14 +106,16 @@ class VoltageOutputContract:
         with self.opened(reach) as (load, output):
             for garbage in GARBAGE:
                 load.voice = _always(garbage)
-                with pytest.raises(InstrumentError):
+                with pytest.raises(InstrumentError) as caught:
                     output.write_V(1.0)
+                assert caught.value.cause == "garbled"
 
     def test_a_closed_output_says_so_and_may_be_closed_again(self, reach: Reach) -> None:
         with self.opened(reach) as (_, output):
             output.close()
-            with pytest.raises(InstrumentError, match="port is closed"):
+            with pytest.raises(InstrumentError, match="port is closed") as caught:
                 output.write_V(1.0)
+            assert caught.value.cause == "misused"
 
     def test_a_silent_instrument_is_not_opened(self, reach: Reach) -> None:
         load = Load(self.instrument)
@@ -168,59 +174,6 @@ class TestDC205WithNumbersInItsLargeRange(TestDC205):
         return srs_dc205.open_output(chosen, link)
 
 
-class Lines:
-    """A link that answers the module's name, and one reply to all else."""
-
-    def __init__(self, reply: bytes, name: bytes = b"!017024") -> None:
-        self.reply, self.name = reply, name
-        self.asked: list[bytes] = []
-        self.closed = False
-
-    def exchange(self, request: bytes) -> bytes:
-        self.asked.append(request)
-        return self.name if request == b"$01M" else self.reply
-
-    def close(self) -> None:
-        self.closed = True
-
-
-@pytest.mark.parametrize(
-    ("reply", "cause"),
-    [
-        (b"?", "out of range"),
-        (b"?01", "invalid command"),
-        (b"!", "host watchdog has tripped"),
-        (b"!01", "means nothing here"),
-    ],
-)
-def test_a_refusal_names_value_and_cause(reply: bytes, cause: str) -> None:
-    output = icpdas_i7024.open_output(settings(), Lines(reply))
-    with pytest.raises(InstrumentError, match=rf"-1\.500 V .*{cause}"):
-        output.write_V(-1.5)
-
-
-def test_the_bytes_are_those_of_the_manual() -> None:
-    link = Lines(b">")
-    icpdas_i7024.open_output(settings(channel=2), link).write_V(5.0)
-    assert link.asked == [b"$01M", b"#012+05.000"]
-
-
-def test_something_else_at_the_address_is_not_opened() -> None:
-    link = Lines(b">", name=b"MS,01")
-    with pytest.raises(InstrumentError, match="does not name a module"):
-        icpdas_i7024.open_output(settings(), link)
-    assert link.closed
-
-
-def test_a_wrong_checksum_is_refused() -> None:
-    with pytest.raises(InstrumentError, match="wrong checksum"):
-        icpdas_i7024.open_output(settings(checksum=True), Lines(b">00", name=b"!01702400"))
-
-
-@pytest.mark.parametrize(
-    ("option", "value"),
-    [("address", 256), ("channel", 4), ("checksum", "yes"), ("baud", 300), ("colour", "red")],
-)
-def test_impossible_options_are_refused(option: str, value: str | int) -> None:
-    with pytest.raises(ConfigError, match=f"icpdas_i7024 option {option} = {value!r}"):
-        icpdas_i7024.open_output(settings(**{option: value}))
+class TestI7024WithoutWatchdog(TestI7024):
+    def open(self, url: str, link: Link | None) -> VoltageOutput:
+        return icpdas_i7024.open_output(settings(url, watchdog_s=0), link)

@@ -1,5 +1,6 @@
 """Simulated instruments on real ports: reconnection, line speed, clean refusals."""
 
+import socket
 import threading
 import time
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pincette.instruments.link import open_link
+from pincette.instruments.protocols import InstrumentError
 from pincette.sim.dcon import SimulatedI7024
 from pincette.sim.keyence import SimulatedKeyence
 from pincette.sim.ports import WireError
@@ -34,6 +36,40 @@ def test_bytes_take_their_time_on_the_line() -> None:
         link.close()
     assert reply == b"MS,01,+0001.00"
     assert took_s >= (6 + 15) * 10 / 9600
+
+
+def test_an_answer_arrives_in_pieces() -> None:
+    with serve(ANY, SimulatedKeyence(lambda: 1.0), baud=1200) as wire:
+        host, _, port = wire.url.removeprefix("socket://").rpartition(":")
+        with socket.create_connection((host, int(port)), timeout=5.0) as line:
+            line.sendall(b"MS,01\r")
+            pieces = list[bytes]()
+            while not b"".join(pieces).endswith(b"\r"):
+                pieces.append(line.recv(100))
+    assert b"".join(pieces) == b"MS,01,+0001.00\r"
+    assert len(pieces) > 3
+
+
+def test_an_instrument_takes_its_time_to_answer() -> None:
+    instrument = SimulatedKeyence(lambda: 1.0, processing_s={b"MS": 0.05})
+    with serve(ANY, instrument) as wire:
+        link = open_link(wire.url, baud=115200, timeout_s=1.0)
+        began_s = time.monotonic()
+        assert link.exchange(b"MS,01") == b"MS,01,+0001.00"
+        assert time.monotonic() - began_s >= 0.05
+        link.close()
+
+
+def test_a_frame_may_arrive_in_part() -> None:
+    cuts = iter([7, 0, 100])
+    with serve(ANY, SimulatedKeyence(lambda: 1.0), garble=lambda data: data[: next(cuts)]) as wire:
+        link = open_link(wire.url, baud=115200, timeout_s=0.1)
+        for cause in ("garbled", "silent"):
+            with pytest.raises(InstrumentError) as caught:
+                link.exchange(b"MS,01")
+            assert caught.value.cause == cause
+        assert link.exchange(b"MS,01") == b"MS,01,+0001.00"
+        link.close()
 
 
 def test_a_watchdog_trips_while_the_line_is_idle() -> None:

@@ -94,7 +94,7 @@ def test_it_is_listed_as_the_page_says(page: str, place: Path) -> None:
 
 
 def test_a_rig_file_that_names_it_opens_it(place: Path, tmp_path: Path) -> None:
-    lds = SimulatedLDS(lambda: 0.0)
+    lds = SimulatedLDS(lambda: 0.0, head=3)
     output = SimulatedI7024(lambda _voltage_V: None, lambda: 0.0)
     with serve(ANY, lds) as sensor_wire, serve(ANY, output) as output_wire:
         rig = without_simulation(sensor_wire.url, output_wire.url)
@@ -103,7 +103,8 @@ def test_a_rig_file_that_names_it_opens_it(place: Path, tmp_path: Path) -> None:
         done = pincette("doctor", "--rig", file, "--data", tmp_path, path=place)
     assert done.returncode == 0, done.stdout + done.stderr
     assert f"position sensor at {sensor_wire.url}" in done.stdout
-    assert lds.asked == [b"*IDN?"]
+    assert lds.asked[0] == b"*IDN?"
+    assert set(lds.asked[1:]) == {b"POS3?"}
 
 
 def test_a_rig_file_that_names_it_where_it_is_not_installed_says_so(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import json
 import socket
 from pathlib import Path
 from typing import Any, cast
+from urllib.parse import urlsplit
 
 from pincette.config import RigFile, parse_rig, read_rig
 
@@ -41,16 +42,20 @@ def merged(tree: Tree, changes: Tree) -> Tree:
 
 def demo_rig(changes: Tree | None = None, *, time: str = "real") -> RigFile:
     """The demo rig on ports of its own, with changes."""
+    return at_own_ports(read_rig(DEMO), merged({"rig": {"time": time}}, changes or {}))
+
+
+def at_own_ports(rig: RigFile, changes: Tree | None = None) -> RigFile:
+    """A rig on ports that nobody uses, with changes."""
     port = free_ports(8)
-    own: Tree = {
-        "rig": {"time": time},
-        "bus": {"port": port},
-        "sensor": {"url": f"socket://127.0.0.1:{port + 5}"},
-        "output": {"url": f"socket://127.0.0.1:{port + 6}"},
-        "supervisor": {"port": port + 7},
-    }
-    tree = merged(read_rig(DEMO).model_dump(mode="json"), own)
-    return parse_rig(_as_toml_gives(merged(tree, changes or {})))
+    own: Tree = {"bus": {"port": port}, "supervisor": {"port": port + 7}}
+    tree = rig.model_dump(mode="json", exclude_unset=True)
+    for table, offset in (("sensor", 5), ("output", 6)):
+        url = urlsplit(tree[table]["url"])
+        if url.scheme == "grpc":  # both are channels of one device
+            offset = 5
+        own[table] = {"url": f"{url.scheme}://127.0.0.1:{port + offset}{url.path}"}
+    return parse_rig(_as_toml_gives(merged(merged(tree, own), changes or {})))
 
 
 def _as_toml_gives(tree: Tree) -> Tree:

@@ -44,6 +44,8 @@ class State:
     limits_active: int = 0
     sweep: Sweep | None = None
     """What the instrument plays about ``voltage_V``."""
+    blind: str = ""
+    """Why the newest command is not valid; empty where it is."""
     ran_s: float | None = None
     """When the actuator ran last."""
     excused_s: float = 0.0
@@ -160,6 +162,7 @@ def take(config: ActuatorConfig, state: State, command: Command, now: float) -> 
         fresh_s=now if arrived_s is None else arrived_s,
         limits_active=flags,
         sweep=command.sweep,
+        blind="",
         excused_s=0.0,
     )
 
@@ -182,6 +185,7 @@ def pass_time(config: ActuatorConfig, state: State, now: float) -> State:
     if state.mode == "armed" and now - state.fresh_s > config.age_limit_s:
         silent_ms, limit_ms = 1e3 * (now - state.fresh_s), 1e3 * config.age_limit_s
         cause = f"command_age: no command for {silent_ms:.0f} ms, limit {limit_ms:.0f} ms"
+        cause = f"{cause}; {state.blind}" if state.blind else cause
         state = trip(config, state, cause, now)
     if state.mode == "frozen" and now - state.since_s >= config.freeze_s:
         state = replace(state, mode="ramping", since_s=now, ramp_from_V=state.voltage_V)

@@ -172,6 +172,7 @@ def _no_command(state: State, estimate: Estimate) -> Command:
         zero=False,
         final=False,
         valid=False,
+        fault=estimate.fault,
     )
 
 

@@ -8,6 +8,7 @@ from pincette.control.force.observers import ForceObserver
 from pincette.control.force.touch import KinkLimits, kink_limits
 from pincette.control.force.zeroing import ZeroLimits
 from pincette.control.response.free_response import FreeResponse
+from pincette_estimator.stuck import moved_V
 
 REST_S = 0.2
 REST_SAMPLES = (10, 64)
@@ -32,6 +33,8 @@ class EstimatorConfig:
     forgotten_scale_V: float
     zero_limits: ZeroLimits
     kink_limits: KinkLimits
+    stuck_V: float
+    """Change of the voltage that a working sensor must show."""
 
 
 def configure(rig: RigFile) -> EstimatorConfig:
@@ -64,4 +67,5 @@ def configure(rig: RigFile) -> EstimatorConfig:
         kink_limits=kink_limits(
             part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance), s_p, rig.sensor.noise_um
         ),
+        stuck_V=moved_V(rig.sensor.noise_um, model.piezo_um_per_V),
     )

@@ -12,10 +12,12 @@ from pincette.control.force.to_and_fro import ToAndFro, forgotten_mN
 from pincette.control.force.touch import TouchWatch
 from pincette.control.force.zeroing import zero_refusal
 from pincette.control.response.free_response import FreeResponse, FreeSample
+from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.messages import Applied, Arm, Done, Estimate, Message, Position
 from pincette.service import Drive, Input, RefusedError, Service
 from pincette.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS
 from pincette_estimator.config import EstimatorConfig, configure
+from pincette_estimator.stuck import StuckWatch
 
 FREE_SAMPLES = 128
 """Samples of free motion kept, enough for the branch that leads to a rest."""
@@ -35,6 +37,8 @@ class State:
 
     response: FreeResponse
     """Its memory outlives an arming, as the arm's does."""
+    model: FreeResponse
+    """What ``response`` began as, unpoled."""
     observer: ForceObserver
     epoch: int = 0
     followed_seq: int = -1
@@ -55,11 +59,20 @@ class State:
     known_V: float = 0.0
     """before this epoch: up to there it has the arm's memory."""
     refused: int = 0
+    stuck: StuckWatch = field(default_factory=StuckWatch)
+    """Whether the sensor follows the voltage at all."""
+    past: VoltageMemory = field(default_factory=VoltageMemory)
+    """The voltage since the start, for another model to be led through."""
+
+    @property
+    def detail(self) -> str:
+        """What a person is told of this program."""
+        return self.stuck.words
 
 
 def start(config: EstimatorConfig) -> State:
     """Nothing has been applied and nothing measured."""
-    return State(config.response, config.observer)
+    return State(config.response, config.response, config.observer)
 
 
 def step(
@@ -75,10 +88,21 @@ def step(
         return state, (_degraded(state, position, None),)
     seq, x_um, u_V = position.seq, position.x_um, applied.voltage_V
     # Over all samples since the last that had a voltage.
-    response = state.response.follow(u_V, (seq - state.followed_seq) * config.period_s)
+    passed_s = (seq - state.followed_seq) * config.period_s
+    response, past = state.response.follow(u_V, passed_s), state.past.follow(u_V, passed_s)
     to_and_fro = state.to_and_fro.follow(u_V)
-    if not position.valid or not isfinite(x_um):
-        state = replace(state, response=response, to_and_fro=to_and_fro, followed_seq=seq)
+    stuck = state.stuck
+    if measured := position.valid and isfinite(x_um):
+        stuck = stuck.follow(x_um, u_V, config.stuck_V)
+    if not measured or stuck.stuck:
+        state = replace(
+            state,
+            response=response,
+            to_and_fro=to_and_fro,
+            followed_seq=seq,
+            stuck=stuck,
+            past=past,
+        )
         return state, (_degraded(state, position, applied),)
     t_s, first = seq * config.period_s, state.observed_seq is None
     if first:
@@ -114,6 +138,7 @@ def step(
     x_2_um, x_3_um = (x_um, x_um) if first else (state.x_2_um, state.x_3_um)
     after = State(
         response,
+        state.model,
         observer,
         state.epoch,
         seq,
@@ -128,6 +153,8 @@ def step(
         max(state.highest_V, u_V),
         state.known_V,
         state.refused,
+        stuck,
+        past,
     )
     p_mN = perturbation(
         config.plant, x_um=x_um, x_1_um=x_2_um, x_2_um=x_3_um, voltage_V=u_V, force_mN=F_mN
@@ -199,23 +226,37 @@ def _degraded(state: State, position: Position, applied: Applied | None) -> Esti
         tripped=applied is not None and applied.state in TRIPPED,
         degraded=applied is None,
         valid=False,
+        fault=_fault(state, position, applied),
     )
 
 
+def _fault(state: State, position: Position, applied: Applied | None) -> str:
+    """Why there is no force to be had from a sample."""
+    if not position.valid:
+        return f"sensor: {position.fault}"[:200]
+    return state.stuck.words or ("no voltage of the sample before" if applied is None else "")
+
+
 def answer(
-    _config: EstimatorConfig, state: State, request: Message, _now: float
+    config: EstimatorConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
-    """Begin a new epoch without a zero; x_1 remembers what the arm has been through."""
+    """Begin a new epoch without a zero; x_1 remembers what the arm has been through.
+
+    Another model than before is led through the same past.
+    """
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
+    same = config.response == state.model
     begun = State(
-        state.response,
-        state.observer,
+        state.response if same else state.past.replayed(config.response),
+        config.response,
+        config.observer,
         epoch=request.epoch,
         to_and_fro=state.to_and_fro,
         highest_V=state.highest_V,
         known_V=state.highest_V,
         refused=state.refused,
+        past=state.past,
     )
     return begun, Done(0), ()
 

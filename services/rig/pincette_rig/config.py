@@ -7,12 +7,10 @@ from pincette.config import ConfigError, RigFile
 
 @dataclass(frozen=True, slots=True)
 class RigConfig:
-    """Where the two instruments are offered, and how fast their lines are."""
+    """Where the two instruments are offered, and whether the truth is told."""
 
     sensor_url: str
     output_url: str
-    baud: int | None
-    """None in lockstep: bytes then take no time."""
     truth: bool
 
 
@@ -33,6 +31,5 @@ def configure(rig_file: RigFile) -> RigConfig:
     return RigConfig(
         sensor_url=rig_file.sensor.url,
         output_url=rig_file.output.url,
-        baud=None if rig_file.lockstep else simulation.baud,
         truth=simulation.truth,
     )

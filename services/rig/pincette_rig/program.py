@@ -5,16 +5,17 @@ import time
 from pincette.messages import Truth
 from pincette.runtime.context import Context
 from pincette.runtime.priority import come_first
+from pincette.runtime.rig_orders import serve_orders
 from pincette.sim.bench import open_bench
-from pincette.sim.wire import serve
+from pincette.sim.script import script_of
 from pincette_rig.config import configure
 
 
 def run(context: Context) -> None:
-    """Offer both instruments at the urls of the rig file until told to stop.
+    """Offer both instruments at the urls of the rig file, and take orders, until told to stop.
 
     What is true is published from the output's thread, before the write is answered; its ``seq``
-    counts the writes since the start, from 0.
+    counts the ticks since the start, from 0.
 
     Raises
     ------
@@ -31,11 +32,10 @@ def run(context: Context) -> None:
         bus.publish(Truth(seq, x_um, force_mN, voltage_V))
 
     try:
-        bench = open_bench(context.rig, time.monotonic, tell if config.truth else None)
-        with (
-            serve(config.sensor_url, bench.sensor, config.baud),
-            serve(config.output_url, bench.output, config.baud, bench.output_terminator),
-        ):
+        script = script_of(context.rig)
+        bench = open_bench(context.rig, time.monotonic, tell if config.truth else None, script)
+        with bench.offer():
+            serve_orders(bus, script)
             bus.announce("rig")
             context.ready(f"simulates {config.sensor_url} and {config.output_url}")
             context.stop.wait()

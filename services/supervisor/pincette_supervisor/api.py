@@ -8,13 +8,14 @@ from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 
 from pincette import __version__
-from pincette_supervisor import problems, routes_jobs, routes_rigs
+from pincette_supervisor import problems, routes_calibrations, routes_jobs, routes_rigs
+from pincette_supervisor.calibration_models import CalibrationResult
 from pincette_supervisor.conductor import Conductor
 from pincette_supervisor.problem_models import Problem
 from pincette_supervisor.result_models import GripResult, TrackResult
 
 BASE = "/api/v1"
-MODELS = (Problem, GripResult, TrackResult)
+MODELS = (Problem, GripResult, TrackResult, CalibrationResult)
 """Models the OpenAPI document shows although no route names them."""
 
 
@@ -32,6 +33,7 @@ def create_app(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> FastAPI:
     problems.install(app)
     app.include_router(routes_rigs.routes(conductor, estop_pool), prefix=BASE)
     app.include_router(routes_jobs.routes(conductor), prefix=BASE)
+    app.include_router(routes_calibrations.routes(conductor), prefix=BASE)
     _probes(app, conductor)
     plain: Callable[[], dict[str, Any]] = app.openapi
 
@@ -81,5 +83,6 @@ def _probes(app: FastAPI, conductor: Conductor) -> None:
     @app.get("/version", tags=["probes"])
     async def version() -> dict[str, str]:  # pyright: ignore[reportUnusedFunction]
         """The program's version and the rig it serves."""
-        rig = conductor.site.rig
-        return {"version": __version__, "rig": rig.rig.name, "rig_file_digest": rig.digest()}
+        site = conductor.site
+        name = site.rig.rig.name
+        return {"version": __version__, "rig": name, "rig_file_digest": site.digest}

@@ -16,7 +16,7 @@ from pincette.control.laws.law import build
 from pincette.messages import Message
 from pincette_supervisor import record as files
 from pincette_supervisor.columns import Columns, columns
-from pincette_supervisor.planning import Planned
+from pincette_supervisor.planned import Planned
 from pincette_supervisor.plot import picture
 from pincette_supervisor.result import grip_result
 from pincette_supervisor.result_models import GripResult, TrackResult
@@ -58,11 +58,47 @@ class Record:
     table: Columns
     result: GripResult | TrackResult
     epoch: int
+    fault: str = ""
+    """Why the samples do not give what was asked for: never, of a job whose outcome says so."""
 
     @property
     def tree(self) -> dict[str, Any]:
         """The result as it is stored and sent."""
         return self.result.model_dump(mode="json")
+
+    def write(self, folder: Path) -> None:
+        """Write samples, plot, request, result and manifest; raises OSError."""
+        folder.mkdir(parents=True, exist_ok=True)
+        rig, job, planned = self.rig, self.job, self.planned
+        whose = about(planned, job, self.epoch)
+        files.write_samples(folder / files.SAMPLES, self.table, whose)
+        drawn = picture(
+            self.table,
+            self.result,
+            name=f"{rig.rig.name} · {job.id}",
+            period_s=rig.rig.period_s,
+        )
+        files.write_bytes(folder / files.PLOTS[planned.plan.kind], drawn)
+        request = {"request": job.request, "values": planned.values, "plan": job.plan}
+        files.write_json(folder / files.REQUEST, request)
+        files.write_json(folder / files.RESULT, self.tree)
+        files.write_manifest(folder, whose)
+
+
+def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
+    """Whose a record is, and with which rig file and model it was made."""
+    model = planned.model
+    return {
+        "job": job.id,
+        "rig": model.rig.rig.name,
+        "rig_file_digest": model.rig_file_digest,
+        "model_version": str(model.version),
+        "model_digest": model.digest,
+        "epoch": str(epoch),
+        "period_s": repr(model.rig.rig.period_s),
+        "created_at": job.created_at,
+        "pincette": __version__,
+    }
 
 
 def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
@@ -88,32 +124,3 @@ def _plant(rig: RigFile, planned: Planned) -> DifferenceEquation:
     (settings,) = planned.program.laws
     model = rig.model
     return build(settings, model.arm(), rig.rig.period_s, model.force_filter_s).parameters.plant
-
-
-def write(folder: Path, record: Record) -> None:
-    """Write samples, plot, request, result and manifest; raises OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
-    rig, job = record.rig, record.job
-    about = {
-        "job": job.id,
-        "rig": rig.rig.name,
-        "rig_file_digest": rig.digest(),
-        "epoch": str(record.epoch),
-        "period_s": repr(rig.rig.period_s),
-        "created_at": job.created_at,
-        "pincette": __version__,
-    }
-    files.write_samples(folder / files.SAMPLES, record.table, about)
-    drawn = picture(
-        record.table,
-        record.result,
-        name=f"{rig.rig.name} · {job.id}",
-        period_s=rig.rig.period_s,
-    )
-    files.write_bytes(folder / files.PLOTS[record.planned.plan.kind], drawn)
-    files.write_json(
-        folder / files.REQUEST,
-        {"request": job.request, "values": record.planned.values, "plan": job.plan},
-    )
-    files.write_json(folder / files.RESULT, record.tree)
-    files.write_manifest(folder, about)

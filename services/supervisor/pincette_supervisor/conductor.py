@@ -3,24 +3,33 @@
 import secrets
 import threading
 from datetime import UTC, datetime
-from typing import Any, cast
+from typing import Literal, cast
 
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.messages import Act, Done, Trip
 from pincette.topics import ACT, TRIP
 from pincette_supervisor import problems
+from pincette_supervisor.calibration_support import UnsupportedError
+from pincette_supervisor.calibrations import Calibrations
 from pincette_supervisor.job import Changes, LiveJob
-from pincette_supervisor.models import Action, Job, JobKind
+from pincette_supervisor.job_view import job_view
+from pincette_supervisor.model_view import use_model
+from pincette_supervisor.models import Job
 from pincette_supervisor.path_requests import FaultyRequestError
-from pincette_supervisor.planning import Planned, plan_job
+from pincette_supervisor.planned import Planned
+from pincette_supervisor.planning import plan_job
 from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.proposal_models import ModelView, Proposal
 from pincette_supervisor.request_models import AnyJobRequest
 from pincette_supervisor.rig_models import Stopped
-from pincette_supervisor.run import Run, Site
+from pincette_supervisor.run import Run
+from pincette_supervisor.site import Site
 from pincette_supervisor.states import HOLDS, ActionType, TransitionError, allowed_actions
 from pincette_supervisor.store import JobRow, utc_now
 
 JOIN_S = 4.0
+FREED_S = 1.0
+"""In which a rig is free once its job has told its end."""
 
 
 class Conductor:
@@ -28,6 +37,7 @@ class Conductor:
 
     def __init__(self, site: Site) -> None:
         self.site = site
+        self.calibrations = Calibrations(site.store, site.model)
         self.changes = Changes()
         self._lock = threading.Lock()
         self._live: LiveJob | None = None
@@ -46,7 +56,7 @@ class Conductor:
         if request.rig is not None and request.rig != rig.rig.name:
             raise problems.not_found("rig", request.rig, [rig.rig.name])
         try:
-            return plan_job(request, rig)
+            return plan_job(request, self.site.model.in_use)
         except FaultyRequestError as error:
             fault = {"pointer": error.pointer, "message": str(error)}
             raise ProblemError(
@@ -56,6 +66,8 @@ class Conductor:
                 str(error),
                 errors=[fault],
             ) from error
+        except UnsupportedError as error:
+            raise problems.unsupported(error) from error
         except ValueError as error:
             raise ProblemError(
                 422, "invalid-request", "No plan can be made of this", str(error)
@@ -76,6 +88,13 @@ class Conductor:
         with self._lock:
             self._require_free()
             self._require_ready()
+            if planned.model is not self.site.model.in_use:
+                raise ProblemError(
+                    409,
+                    "model-changed",
+                    "Another model has come into use",
+                    "the job was planned with the model before; send it again",
+                )
             stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
             row = JobRow(
                 id=f"{stamp}-{secrets.token_hex(2)}",
@@ -97,6 +116,9 @@ class Conductor:
 
     def _require_free(self) -> None:
         active = self.active
+        if active is not None and active.terminal and not active.held:
+            active.done.wait(FREED_S)
+            active = self.active
         if active is None:
             return
         doing = f"is {active.state}"
@@ -126,7 +148,7 @@ class Conductor:
                 'with {"acknowledge": true}',
                 cause=cause,
             )
-        reasons = health.reasons()
+        reasons = self.site.reasons()
         if reasons:
             raise ProblemError(
                 503, "rig-not-ready", "The rig is not ready", "; ".join(reasons), reasons=reasons
@@ -147,15 +169,18 @@ class Conductor:
                 return self.job(name), True
             raise self._invalid(action, row.state, [])
         state = live.state
-        allowed = allowed_actions(state, held=live.held)
+        waiting = live.waiting
+        allowed = allowed_actions(state, held=live.held, waiting=waiting is not None)
         if state in HOLDS[action] and action not in allowed:
             return self.job(name), True
         if action not in allowed:
             raise self._invalid(action, state, allowed)
         live.asked(action, by)
         try:
-            if action == "release":
-                self.site.bus.ask(ACT, Act("release"))
+            if action in ("release", "continue"):
+                self.site.bus.ask(ACT, Act(action))
+                if action == "continue" and waiting is not None:
+                    live.proceed(waiting)
             elif not live.terminal and not live.move(action, only_from=state):
                 raise TransitionError(f"the job has just become {live.state}")
             if action == "abort" and state in ("running", "stopping", "stopped"):
@@ -181,6 +206,18 @@ class Conductor:
             state=state,
             allowed_actions=allowed,
         )
+
+    def decide(self, name: str, action: Literal["accept", "discard"]) -> Proposal:
+        """Accept or discard what a calibration proposes; raises ProblemError."""
+        with self._lock:
+            self._require_free()
+            return self.calibrations.act(name, action)
+
+    def use_model(self, version: int) -> ModelView:
+        """Go over to a version of the model; raises ProblemError."""
+        with self._lock:
+            self._require_free()
+            return use_model(self.site.model, version)
 
     def estop(self) -> Stopped:
         """Trip the actuator at once; takes no lock and touches no disk."""
@@ -232,31 +269,7 @@ class Conductor:
 
     def _view(self, row: JobRow) -> Job:
         live = self._live if self._live is not None and self._live.id == row.id else None
-        busy = live is not None and not live.done.is_set()
-        held = live is not None and busy and live.held
-        values: dict[str, Any] = row.plan.get("values", {})
-        folder = self.site.records / row.id
-        return Job(
-            id=row.id,
-            kind=cast(JobKind, row.kind),
-            rig=row.rig,
-            state=row.state,
-            cause=row.cause,
-            request=row.request,
-            values=values,
-            labels=row.request.get("labels", {}),
-            progress=live.progress if live is not None and busy else None,
-            result=row.result,
-            actions=[
-                Action(type=a.type, requested_at=a.requested_at, by=a.by, seq=a.seq)
-                for a in row.actions
-            ],
-            allowed_actions=allowed_actions(row.state, held=held) if busy else [],
-            created_at=row.created_at,
-            started_at=row.started_at,
-            ended_at=row.ended_at,
-            record=str(folder.absolute()) if row.result is not None else None,
-        )
+        return job_view(row, live, self.site.records)
 
     def close(self) -> None:
         """End: a job that runs becomes ``interrupted`` and the rig is asked to stop."""

@@ -16,6 +16,8 @@ class SupervisorConfig:
     """SQLite: jobs, actions, results."""
     records: Path
     """A folder for each job."""
+    models: Path
+    """A folder for each rig, with the versions of its model."""
 
 
 def configure(rig: RigFile, data: Path) -> SupervisorConfig:
@@ -25,4 +27,5 @@ def configure(rig: RigFile, data: Path) -> SupervisorConfig:
         port=rig.supervisor.port,
         store=data / "supervisor.sqlite",
         records=data / "jobs",
+        models=data / "models",
     )

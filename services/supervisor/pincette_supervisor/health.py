@@ -10,6 +10,7 @@ from pincette.config import RigFile
 from pincette.messages import Applied, Position, Reset, Status
 from pincette.runtime.arming import status
 from pincette.topics import APPLIED, LOOP, POSITION, RESET
+from pincette_supervisor.calibration_support import timing_trouble
 from pincette_supervisor.observer import Observer
 from pincette_supervisor.store import Store
 
@@ -44,6 +45,7 @@ class Health:
         self._pool = ThreadPoolExecutor(len(LOOP), thread_name_prefix="status")
         self.statuses: dict[str, Status | str] = {}
         """For each service its answer, or why there is none."""
+        self._armed: tuple[int, str] | None = None
         self._trusted: int | None = None
         self._met_before = False
 
@@ -64,6 +66,10 @@ class Health:
             return status(self._bus, service, ASK_S)
         except BusError as error:
             return str(error)
+
+    def note_armed(self, epoch: int, model_digest: str) -> None:
+        """Note with which model an epoch was armed; until the next one all must work with it."""
+        self._armed = (epoch, model_digest)
 
     def latch(self) -> tuple[str, str]:
         """State of the actuator and cause of its latch, as far as they are known."""
@@ -120,6 +126,13 @@ class Health:
                     f"runs with rig file {answer.digest}, the supervisor with {digest}: "
                     "start all programs with the same file"
                 )
+            elif self._armed and answer.epoch == self._armed[0]:
+                epoch_digest = self._armed[1]
+                if answer.calibration != epoch_digest:
+                    found[service] = (
+                        f"works with model {answer.calibration or 'of the rig file'}, armed with "
+                        f"{epoch_digest or 'that of the rig file'}"
+                    )
         if not self._rig.lockstep and "sensor" not in found:
             trouble = self._sensor_trouble()
             if trouble:
@@ -142,6 +155,8 @@ class Health:
     def reasons(self) -> list[str]:
         """Why no job can start, the actuator's latch apart."""
         found = [f"{service}: {trouble}" for service, trouble in self.troubles().items()]
+        if timing := timing_trouble(self._rig):
+            found.append(timing)
         state, cause = self.latch()
         if state in ("frozen", "ramping"):
             found.append(f"actuator: {state} ({cause}); wait until it is safe, then reset it")

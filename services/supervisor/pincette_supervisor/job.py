@@ -6,7 +6,7 @@ from collections.abc import Callable
 from time import monotonic
 
 from pincette_supervisor.models import Progress
-from pincette_supervisor.planning import Planned
+from pincette_supervisor.planned import Planned
 from pincette_supervisor.states import STATES, ActionType, Event, JobState, next_state
 from pincette_supervisor.store import ActionRow, JobRow, Store, utc_now
 
@@ -62,6 +62,9 @@ class LiveJob:
         self.held = False
         self.phase = ""
         self.progress: Progress | None = None
+        self.waiting: int | None = None
+        """Segment that waits for a person; told after the progress that says what for."""
+        self._passed = -1
         self.entered_at = monotonic()
         self.wake = threading.Event()
         self.done = threading.Event()
@@ -114,6 +117,16 @@ class LiveJob:
         """Add what befell a job after its end."""
         self.cause = f"{self.cause}; {cause}" if self.cause else cause
         self._store.change(self.id, cause=self.cause)
+
+    def wait_at(self, segment: int | None) -> None:
+        """Note the segment that waits for a person; one that was passed waits no more."""
+        self.waiting = None if segment is None or segment <= self._passed else segment
+
+    def proceed(self, segment: int) -> None:
+        """Note that a person has said to go on from a segment."""
+        self._passed = max(self._passed, segment)
+        if self.waiting == segment:
+            self.waiting = None
 
     def keep_result(self, result: dict[str, object]) -> None:
         """Keep what came of it, before the state says that it has ended."""

@@ -8,7 +8,7 @@ from pincette.config.gains import judged, tuned
 from pincette.control.laws.law import LawSettings, Scheme, default_settings
 from pincette.control.stability.assessment import Assessment
 from pincette_supervisor.path_requests import FaultyRequestError
-from pincette_supervisor.plan_models import GainsFrom, Law
+from pincette_supervisor.plan_models import GainsFrom, Law, Violation
 from pincette_supervisor.request_models import Gains, JobRequest
 
 
@@ -27,6 +27,25 @@ class ChosenLaw(NamedTuple):
             spectral_radius=self.assessment.radius,
             spectral_radius_limit=self.assessment.limit_radius,
         )
+
+    def violation(self) -> Violation:
+        """The loop's spectral radius as a limit that a plan breaks before it begins."""
+        judged = self.assessment
+        return Violation(
+            pointer="/gains",
+            quantity="spectral radius",
+            value=judged.radius,
+            limit=judged.limit_radius,
+            unit="",
+            at_s=0.0,
+            message=judged.reason,
+        )
+
+
+def rig_law(rig: RigFile) -> ChosenLaw:
+    """The rig file's law with its gains, judged."""
+    settings = rig.law.settings()
+    return ChosenLaw(settings, "rig", judged(rig, settings))
 
 
 def choose_law(request: JobRequest, rig: RigFile) -> ChosenLaw:

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict
 
 from pincette_supervisor.states import ActionType, JobState
 
-JobKind = Literal["grip", "track"]
+JobKind = Literal["grip", "track", "calibrate"]
 
 
 def example(**values: Any) -> ConfigDict:
@@ -56,6 +56,8 @@ class Progress(BaseModel):
         force_uncertainty_mN=0.41,
         voltage_V=2.49,
         held=True,
+        instruction="",
+        weight_mN=None,
     )
 
     phase: str
@@ -68,6 +70,10 @@ class Progress(BaseModel):
     force_uncertainty_mN: float | None
     voltage_V: float | None
     held: bool
+    instruction: str = ""
+    """What a person is to do before the action ``continue``; empty where nothing is waited for."""
+    weight_mN: float | None = None
+    """The weight to be hung by then."""
 
 
 class Job(BaseModel):
@@ -105,7 +111,7 @@ class Job(BaseModel):
     labels: dict[str, str]
     progress: Progress | None
     result: dict[str, Any] | None
-    """Of a job that has moved: see GripResult and TrackResult."""
+    """Of a job that has moved: see GripResult, TrackResult and CalibrationResult."""
     actions: list[Action]
     allowed_actions: list[ActionType]
     created_at: str

@@ -1,6 +1,6 @@
 """From a request to a plan: what is left out comes from the rig file."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from math import ceil
 from typing import Any
 
@@ -11,72 +11,73 @@ from pincette.control.planning.contact_plan import ContactPlan
 from pincette.control.planning.course import Course
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.control.planning.path_shapes import peaks
-from pincette.control.planning.paths import Path
-from pincette.control.planning.program import Program
 from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette_supervisor import plan_models
-from pincette_supervisor.laws import ChosenLaw, choose_law
+from pincette_supervisor.calibration_plans import plan_calibration
+from pincette_supervisor.calibration_requests import CalibrationRequest
+from pincette_supervisor.contact_values import CONTACT_WISHES, contact_wishes, part_values
+from pincette_supervisor.laws import choose_law
 from pincette_supervisor.path_requests import path_values, requested_path
 from pincette_supervisor.plan_models import Curves, Plan, PlannedPhase, Violation
-from pincette_supervisor.request_models import AnyJobRequest, GripJobRequest, TrackJobRequest
+from pincette_supervisor.planned import Planned
+from pincette_supervisor.request_models import (
+    AnyJobRequest,
+    GripJobRequest,
+    LawJobRequest,
+    TrackJobRequest,
+)
+from pincette_supervisor.rig_model import ModelInUse, rig_file_alone
 
 CURVE_POINTS = 400
-CONTACT_WISHES = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
 GRIP_WISHES = ("force_mN", "hold_s", *CONTACT_WISHES)
 
 
-@dataclass(frozen=True, slots=True)
-class Planned:
-    """A plan for people, the program for the controller, and the values both rest on."""
-
-    plan: Plan
-    program: Program
-    values: dict[str, Any]
-    """As they are stored and sent."""
-
-    @property
-    def planned_s(self) -> float | None:
-        """How long it takes; None where a hold has no end."""
-        endless = any(segment.duration_s is None for segment in self.program.segments)
-        return None if endless else self.plan.duration_s
-
-    @property
-    def path(self) -> Path | None:
-        """The path that is tracked, where one is."""
-        paths = (segment.path for segment in self.program.segments)
-        return next((path for path in paths if path is not None), None)
-
-
-def plan_job(request: AnyJobRequest, rig: RigFile) -> Planned:
+def plan_job(request: AnyJobRequest, rig: RigFile | ModelInUse) -> Planned:
     """Plan a job; limits it breaks are in ``plan.violations``.
+
+    Parameters
+    ----------
+    rig
+        The rig with the model in use, or the rig file alone.
 
     Raises
     ------
     FaultyRequestError
         Where members of the request do not go together.
+    UnsupportedError
+        Where the instruments are too slow for a calibration.
     ValueError
         Where the numbers make no plan.
     """
+    planned = _plan(request, rig if isinstance(rig, ModelInUse) else rig_file_alone(rig))
+    return replace(planned, values={**planned.values, "model": planned.model.stamp})
+
+
+def _plan(request: AnyJobRequest, model: ModelInUse) -> Planned:
+    if isinstance(request, CalibrationRequest):
+        return plan_calibration(request, model)
     if isinstance(request, TrackJobRequest):
-        return _plan_track(request, rig)
-    return _plan_grip(request, rig)
+        return _plan_track(request, model)
+    return _plan_grip(request, model)
 
 
-def _plan_grip(request: GripJobRequest, rig: RigFile) -> Planned:
-    values = _wishes(request, GRIP_WISHES, rig)
+def _plan_grip(request: GripJobRequest, model: ModelInUse) -> Planned:
+    rig = model.rig
+    values = contact_wishes(request, GRIP_WISHES, rig)
     if request.until_released:
         values["hold_s"] = None
-    contact_plan = plan_grip(GripRequest(**values, **_part(rig)), derived.planned_rig(rig))
-    return _planned(request, rig, contact_plan, (0.0, values["force_mN"]), values)
+    contact_plan = plan_grip(GripRequest(**values, **part_values(rig)), derived.planned_rig(rig))
+    return _planned(request, model, contact_plan, (0.0, values["force_mN"]), values)
 
 
-def _plan_track(request: TrackJobRequest, rig: RigFile) -> Planned:
-    contact = _wishes(request, CONTACT_WISHES, rig)
+def _plan_track(request: TrackJobRequest, model: ModelInUse) -> Planned:
+    rig = model.rig
+    contact = contact_wishes(request, CONTACT_WISHES, rig)
     values = path_values(request, rig)
     path, pointer = requested_path(request, values, rig.part.stiffness_mN_per_um)
     track = TrackRequest(
         **contact,
-        **_part(rig),
+        **part_values(rig),
         path=path,
         rate_um_per_s=values["rate_um_per_s"],
         acceleration_um_per_s2=values["acceleration_um_per_s2"],
@@ -85,40 +86,22 @@ def _plan_track(request: TrackJobRequest, rig: RigFile) -> Planned:
     contact_plan = plan_track(track, derived.planned_rig(rig))
     found = peaks(path)
     forces_mN = (found.lowest, found.highest)
-    return _planned(request, rig, contact_plan, forces_mN, {**values, **contact})
-
-
-def _wishes(request: AnyJobRequest, names: tuple[str, ...], rig: RigFile) -> dict[str, Any]:
-    return {
-        name: wish if (wish := getattr(request, name)) is not None else getattr(rig.grip, name)
-        for name in names
-    }
-
-
-def _part(rig: RigFile) -> dict[str, float]:
-    """What the rig file says of the contact."""
-    part = rig.part
-    return {
-        "zero_s": rig.grip.zero_s,
-        "contact_um": part.contact_um,
-        "contact_tolerance_um": part.contact_tolerance_um,
-        "stiffness_mN_per_um": part.stiffness_mN_per_um,
-        "stiffness_tolerance": part.stiffness_tolerance,
-    }
+    return _planned(request, model, contact_plan, forces_mN, {**values, **contact})
 
 
 def _planned(
-    request: AnyJobRequest,
-    rig: RigFile,
+    request: LawJobRequest,
+    model: ModelInUse,
     planned: ContactPlan,
     forces_mN: tuple[float, float],
     values: dict[str, Any],
 ) -> Planned:
     """Add the law to a plan; one whose loop is not stable enough is one more violation."""
+    rig = model.rig
     law = choose_law(request, rig)
     violations = [Violation(**asdict(violation)) for violation in planned.violations]
     if not law.assessment.stable:
-        violations.append(_unstable(law))
+        violations.append(law.violation())
     plan = Plan(
         kind=request.kind,
         rig=rig.rig.name,
@@ -131,21 +114,7 @@ def _planned(
         law=law.view(),
     )
     program = replace(planned.program, laws=(law.settings,))
-    return Planned(plan, program, {**values, "law": plan.law.model_dump()})
-
-
-def _unstable(law: ChosenLaw) -> Violation:
-    """The loop's spectral radius as a limit that the plan breaks before it begins."""
-    judged = law.assessment
-    return Violation(
-        pointer="/gains",
-        quantity="spectral radius",
-        value=judged.radius,
-        limit=judged.limit_radius,
-        unit="",
-        at_s=0.0,
-        message=judged.reason,
-    )
+    return Planned(plan, program, {**values, "law": plan.law.model_dump()}, model)
 
 
 def _steady_errors(

@@ -11,14 +11,15 @@ MEANINGS = {
     409: (
         "job-active",
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
-        "estop-engaged, rig-latched (with cause), reset-refused",
+        "estop-engaged, rig-latched (with cause), reset-refused, model-changed",
     ),
     422: (
         "limit-violation",
-        "invalid-request (with errors: pointer, message) or limit-violation (with violations: "
-        "pointer, quantity, value, limit, unit, at_s, message)",
+        "invalid-request (with errors: pointer, message), limit-violation (with violations: "
+        "pointer, quantity, value, limit, unit, at_s, message), calibration-unsupported (with "
+        "needed_hz, bandwidth_hz, parts) or impossible-model",
     ),
-    503: ("rig-not-ready", "rig-not-ready (with reasons) or estop-unconfirmed"),
+    503: ("rig-not-ready", "rig-not-ready (with reasons), estop-unconfirmed or model-not-kept"),
 }
 
 

@@ -1,6 +1,7 @@
 """Errors as problem details (RFC 9457): what, value, unit, limit, and what to do."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from http import HTTPStatus
 from typing import Any, cast, get_args
 
@@ -9,12 +10,23 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
+from pincette_supervisor.calibration_models import CalibrationName
+from pincette_supervisor.calibration_support import UnsupportedError
 from pincette_supervisor.models import JobKind
 
 MEDIA_TYPE = "application/problem+json"
 TYPE = "urn:pincette:problem:"
-UNITS = {"_mN_per_um": "mN/µm", "_um_per_s": "µm/s", "_mN": "mN", "_um": "µm", "_V": "V", "_s": "s"}
-KINDS = get_args(JobKind)
+UNITS = {
+    "_mN_per_um": "mN/µm",
+    "_um_per_s": "µm/s",
+    "_V_per_s": "V/s",
+    "_mN": "mN",
+    "_um": "µm",
+    "_V": "V",
+    "_s": "s",
+    "_hz": "Hz",
+}
+KINDS = (*get_args(JobKind), *get_args(CalibrationName))
 CODES = {404: "not-found", 405: "method-not-allowed", 422: "invalid-request"}
 
 
@@ -60,7 +72,7 @@ def _shown(value: Any) -> str:
 def fault(error: Mapping[str, Any]) -> dict[str, str]:
     """One entry of ``errors``: where in the request, and what is wrong with the value there."""
     place, *path = (str(part) for part in error["loc"])
-    if path and path[0] in KINDS:
+    while path and path[0] in KINDS:
         # Not a member: which kind of request the others were checked as.
         path = path[1:]
     name = path[-1] if path else place
@@ -136,3 +148,16 @@ def not_found(what: str, name: str, known: Sequence[str] = ()) -> ProblemError:
     """404 that says what there is."""
     there = f"; there are {', '.join(known)}" if known else ""
     return ProblemError(404, "not-found", "Not found", f"no {what} {name!r}{there}")
+
+
+def unsupported(error: UnsupportedError) -> ProblemError:
+    """422 with the bandwidth that there is, and each instrument's part in it."""
+    return ProblemError(
+        422,
+        "calibration-unsupported",
+        "The instruments are too slow for this calibration",
+        str(error),
+        needed_hz=error.needed_hz,
+        bandwidth_hz=error.bandwidth_hz,
+        parts=[asdict(part) for part in error.parts],
+    )

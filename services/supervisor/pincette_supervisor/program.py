@@ -13,7 +13,8 @@ from pincette_supervisor.conductor import Conductor
 from pincette_supervisor.config import SupervisorConfig, configure
 from pincette_supervisor.health import Health
 from pincette_supervisor.observer import Observer
-from pincette_supervisor.run import Site
+from pincette_supervisor.rig_model import RigModel
+from pincette_supervisor.site import Site
 from pincette_supervisor.store import Store, utc_now
 
 ESTOP_THREADS = 4
@@ -64,7 +65,8 @@ def _serve(
     try:
         observer = Observer(bus)
         health = Health(context.rig, bus, observer, store)
-        site = Site(context.rig, bus, observer, health, store, config.records, archivist)
+        model = RigModel(context.rig, config.models, store)
+        site = Site(model, bus, observer, health, store, config.records, archivist)
         conductor = Conductor(site)
         health.refresh()
         server = uvicorn.Server(

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,16 @@ from pincette_supervisor.columns import COLUMNS, Columns
 from pincette_supervisor.models import JobKind
 
 SAMPLES = "samples.parquet"
-PLOTS: Mapping[JobKind, str] = {"grip": "grip.png", "track": "track.png"}
+BURST = "burst.parquet"
+PLOTS: Mapping[JobKind, str] = {
+    "grip": "grip.png",
+    "track": "track.png",
+    "calibrate": "calibration.png",
+}
 REQUEST, RESULT, MANIFEST = "request.json", "result.json", "manifest.json"
 MEDIA_TYPES = {
     SAMPLES: "application/vnd.apache.parquet",
+    BURST: "application/vnd.apache.parquet",
     **dict.fromkeys(PLOTS.values(), "image/png"),
     REQUEST: "application/json",
     RESULT: "application/json",
@@ -54,6 +60,26 @@ def write_samples(path: Path, table: Columns, about: Mapping[str, str]) -> None:
     arrow_table = _arrow.Table.from_pydict(dict(table), schema=schema)
     with _Replacing(path) as draft:
         _parquet.write_table(arrow_table, str(draft), compression="zstd")
+
+
+def write_burst(
+    path: Path, x_um: Sequence[float], drive_V: Sequence[float], about: Mapping[str, str]
+) -> None:
+    """Write a buffered acquisition as Parquet; its rate is in ``about``."""
+    meanings = {
+        "x_um": ("µm", "position of the tip, x"),
+        "drive_V": ("V", "drive at the amplifier's input, as measured"),
+    }
+    schema = _arrow.schema(
+        [
+            _arrow.field(name, _arrow.float64(), metadata={"unit": unit, "meaning": meaning})
+            for name, (unit, meaning) in meanings.items()
+        ],
+        metadata=dict(about),
+    )
+    table = _arrow.Table.from_pydict({"x_um": x_um, "drive_V": drive_V}, schema=schema)
+    with _Replacing(path) as draft:
+        _parquet.write_table(table, str(draft), compression="zstd")
 
 
 def write_json(path: Path, tree: Mapping[str, Any]) -> None:

@@ -6,16 +6,12 @@ from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from pincette.control.laws.law import ForceAge, ParameterSet, Scheme
 from pincette.control.planning.paths import Shape
+from pincette_supervisor.calibration_requests import AnyCalibrationRequest, CalibrationBody
 from pincette_supervisor.models import example
+from pincette_supervisor.request_base import Duration, NotNegative, Positive, Speed, StartRequest
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 Gain = Annotated[float, Field(ge=0, le=1e9)]
 PositiveGain = Annotated[float, Field(gt=0, le=1e9)]
-Duration = Annotated[float, Field(gt=0, le=3600)]
-Speed = Annotated[float, Field(ge=0.1, le=1000)]
-Label = Annotated[str, Field(max_length=200)]
-LabelName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}$")]
 LEVELS_MAX, POINTS_MAX = 100, 200
 
 
@@ -44,15 +40,9 @@ def _apart(value: object) -> object:
     raise ValueError(f'gains = {value!r:.60}: input should be "tuned", or gains by their names')
 
 
-class JobRequest(BaseModel):
-    """What every job may say; what is left out comes from the rig file."""
+class JobRequest(StartRequest):
+    """What every job that meets a part may say; what is left out comes from the rig file."""
 
-    autostart: bool = False
-    """Begin as soon as the job is ready, without the action ``start``."""
-    dry_run: bool = False
-    """Plan and predict only; no job is made."""
-    rig: str | None = Field(default=None, max_length=40)
-    """Name of the rig; may be left out where there is one."""
     load_s: Duration | None = None
     approach_um_per_s: Speed | None = None
     seek_um_per_s: Speed | None = None
@@ -63,7 +53,6 @@ class JobRequest(BaseModel):
     """Whose m, b, k, d the law works with: the rig's (consistent) or the paper's (printed)."""
     gains: Annotated[Gains | Literal["tuned"] | None, BeforeValidator(_apart)] = None
     """What differs from the rig file's gains, or the balanced ones of a search on its model."""
-    labels: dict[LabelName, Label] = Field(default_factory=dict, max_length=16)
 
 
 class GripJobRequest(JobRequest):
@@ -136,6 +125,8 @@ class TrackJobRequest(JobRequest):
         return self
 
 
-AnyJobRequest = GripJobRequest | TrackJobRequest
-Body = Annotated[AnyJobRequest, Field(discriminator="kind")]
+LawJobRequest = GripJobRequest | TrackJobRequest
+"""Jobs whose law may be chosen."""
+AnyJobRequest = LawJobRequest | AnyCalibrationRequest
+Body = Annotated[GripJobRequest | TrackJobRequest | CalibrationBody, Field(discriminator="kind")]
 """A job request as it comes over REST; ``kind`` says which."""

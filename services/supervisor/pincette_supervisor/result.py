@@ -75,11 +75,9 @@ def common(
     """Figures that every job has, by the fields of ``JobResult``."""
     pressed = within(table, PRESSED)
     zeroed = ~np.isnan(series(table, "zero_age_s"))
-    answered = [value for value in table["answered"] if value is not None]
     line = contact_fit(table)
     return {
-        "outcome": _outcome(table),
-        "phases": phases(table["phase"], table["t_s"], period_s),
+        **course(table, period_s=period_s, dropped=dropped),
         "contact_x_um": figures.last(table["contact_x_um"]),
         "contact_x_error_um": None if line is None else line.x_e_error_um,
         "contact_stiffness_mN_per_um": figures.last(table["contact_stiffness_mN_per_um"]),
@@ -89,6 +87,15 @@ def common(
         "contact_rmse_position_um": figures.rms(position_error(table), pressed),
         "contact_rmse_force_mN": figures.rms(force_error(table), pressed),
         **law_figures(table, plant),
+    }
+
+
+def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
+    """How a job went, whatever it was for."""
+    answered = [value for value in table["answered"] if value is not None]
+    return {
+        "outcome": outcome_of(table),
+        "phases": phases(table["phase"], table["t_s"], period_s),
         "limits_acted": _limits(table),
         "actions": [
             ActionTaken(type=cast(ActionType, word), seq=seq)
@@ -136,7 +143,7 @@ def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -
     ]
 
 
-def _outcome(table: Columns) -> str:
+def outcome_of(table: Columns) -> str:
     """The controller's last word; the actuator's where it tripped."""
     if any(state in TRIPPED for state in table["actuator_state"]):
         return "tripped"

@@ -76,6 +76,16 @@ class LimitValue(BaseModel):
     unit: str
 
 
+class ModelInUse(BaseModel):
+    """The model that jobs work with."""
+
+    model_config = example(version=3, digest="9f31c2a4550b7e66")
+
+    version: int
+    """0: the rig file alone."""
+    digest: str
+
+
 class Newest(BaseModel):
     """Newest samples."""
 
@@ -106,6 +116,7 @@ class Rig(BaseModel):
         time="real",
         period_s=0.02,
         digest="3f2a9d1c0b7e6655",
+        model={"version": 0, "digest": ""},
         programs=[],
         interlocks=[],
         limits=[],
@@ -123,6 +134,7 @@ class Rig(BaseModel):
     period_s: float
     digest: str
     """Of the rig file; all programs must have the same."""
+    model: ModelInUse
     programs: list[Program]
     interlocks: list[Interlock]
     limits: list[LimitValue]

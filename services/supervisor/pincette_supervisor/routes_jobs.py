@@ -11,13 +11,26 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse
 
 from pincette_supervisor import problems, record
+from pincette_supervisor.calibration_models import CalibrationPlan
 from pincette_supervisor.conductor import Conductor
 from pincette_supervisor.models import ActionRequest, Artifact, ArtifactList, Job, JobList
 from pincette_supervisor.plan_models import Plan
 from pincette_supervisor.problem_models import responses
-from pincette_supervisor.request_models import Body
+from pincette_supervisor.request_models import AnyJobRequest, Body
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
+
+
+def take(
+    conductor: Conductor, body: AnyJobRequest, response: Response, *, dry_run: bool
+) -> Job | Plan | CalibrationPlan:
+    """Take a job, or plan it only."""
+    if dry_run or body.dry_run:
+        response.status_code = 200
+        return conductor.plan(body).plan
+    job = conductor.submit(body)
+    response.headers["Location"] = f"/api/v1/jobs/{job.id}"
+    return job
 
 
 def routes(conductor: Conductor) -> APIRouter:
@@ -27,9 +40,12 @@ def routes(conductor: Conductor) -> APIRouter:
     @router.post(
         "",
         status_code=201,
-        response_model=Job | Plan,
+        response_model=Job | Plan | CalibrationPlan,
         responses={
-            200: {"model": Plan, "description": "dry run: the plan, feasible or not"},
+            200: {
+                "model": Plan | CalibrationPlan,
+                "description": "dry run: the plan, feasible or not",
+            },
             201: {"model": Job, "description": "taken; Location names it"},
             **responses(404, 409, 422, 503),
         },
@@ -38,14 +54,9 @@ def routes(conductor: Conductor) -> APIRouter:
         body: Body,
         response: Response,
         dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
-    ) -> Job | Plan:
+    ) -> object:
         """Take a job, or with ``dry_run`` plan it only."""
-        if dry_run or body.dry_run:
-            response.status_code = 200
-            return conductor.plan(body).plan
-        job = conductor.submit(body)
-        response.headers["Location"] = f"/api/v1/jobs/{job.id}"
-        return job
+        return take(conductor, body, response, dry_run=dry_run)
 
     @router.get("", responses=responses(422))
     def jobs(  # pyright: ignore[reportUnusedFunction]
@@ -81,7 +92,7 @@ def routes(conductor: Conductor) -> APIRouter:
     def act(  # pyright: ignore[reportUnusedFunction]
         job: str, body: ActionRequest, request: Request, response: Response
     ) -> Job:
-        """Start, stop, abort, or release the part."""
+        """Start, stop, abort, release the part, or continue where the job waits for a person."""
         by = request.client.host if request.client is not None else "unknown"
         changed, holds = conductor.act(job, body.type, by)
         if holds:

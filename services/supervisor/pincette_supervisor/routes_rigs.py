@@ -7,7 +7,9 @@ from fastapi import APIRouter
 
 from pincette_supervisor import problems
 from pincette_supervisor.conductor import Conductor
+from pincette_supervisor.model_view import model_view
 from pincette_supervisor.problem_models import responses
+from pincette_supervisor.proposal_models import ModelAction, ModelView
 from pincette_supervisor.rig_models import ResetRequest, Rig, RigList, Stopped
 from pincette_supervisor.view import rig_view
 
@@ -43,5 +45,19 @@ def routes(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> APIRouter:
         """Clear the latch, once a person has seen the cause."""
         require(rig)
         return conductor.reset()
+
+    @router.get("/{rig}/model", responses=responses(404))
+    def model(rig: str) -> ModelView:  # pyright: ignore[reportUnusedFunction]
+        """The model in use: every quantity that can be calibrated, and the versions there are."""
+        require(rig)
+        return model_view(conductor.site.model)
+
+    @router.post("/{rig}/model/actions", responses=responses(404, 409, 422))
+    def use_model(  # pyright: ignore[reportUnusedFunction]
+        rig: str, body: ModelAction
+    ) -> ModelView:
+        """Go back to a version of the model, or with 0 to the rig file alone."""
+        require(rig)
+        return conductor.use_model(body.version)
 
     return router

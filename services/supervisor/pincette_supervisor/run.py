@@ -1,47 +1,23 @@
 """One job from its preparation to its end, in a thread of its own; never inside the loop."""
 
 import secrets
-from concurrent.futures import Executor
-from dataclasses import dataclass
-from pathlib import Path
 from time import monotonic
 
 from pincette.bus.protocol import BusError, RefusalError
-from pincette.config import RigFile
 from pincette.messages import Act, Trip
 from pincette.runtime.arming import arm
-from pincette.topics import ACT, APPLIED, LOOP, TRIP
-from pincette_supervisor import archive
+from pincette.topics import ACT, TRIP
+from pincette_supervisor import archive, calibration_record
 from pincette_supervisor.archive import Take
-from pincette_supervisor.health import Health
 from pincette_supervisor.job import LiveJob
-from pincette_supervisor.observer import Collection, Observer, WatchedBus
+from pincette_supervisor.observer import Collection
+from pincette_supervisor.silence import gone_words, silent_words
+from pincette_supervisor.site import Site
 from pincette_supervisor.states import GOOD_OUTCOMES, STATES, Event
-from pincette_supervisor.store import Store
 from pincette_supervisor.tracker import Tracker, outcome_words
 
-PROGRAMS = (*LOOP, "rig")
 LOOK_S = 0.02
 """How often the run looks at what has come."""
-STALE_S, STALE_PERIODS = 1.0, 10.0
-GONE_S = 1.0
-"""Lockstep: how long the loop may stand still once a program's token has vanished."""
-
-
-@dataclass(frozen=True)
-class Site:
-    """Where jobs run."""
-
-    rig: RigFile
-    bus: WatchedBus
-    observer: Observer
-    health: Health
-    store: Store
-    records: Path
-    archivist: Executor
-    """Where records are made; see ``archive.archivist``."""
-    guard_s: float = 5.0
-    """Lockstep: how long the loop may stand still, by the clock on the wall."""
 
 
 class Run:
@@ -50,10 +26,11 @@ class Run:
     def __init__(self, site: Site, job: LiveJob) -> None:
         self._site, self._job = site, job
         self._epoch = secrets.randbits(48) | 1
+        self._rig = job.planned.model.rig
         planned_s = job.planned.planned_s
         self._planned_s = planned_s
         self._tracker = Tracker(
-            self._epoch, site.rig.rig.period_s, planned_s, lockstep=site.rig.lockstep
+            self._epoch, self._rig.rig.period_s, planned_s, lockstep=self._rig.lockstep
         )
         self._heard_at = self._asked_at = monotonic()
         """When the rig was last heard of, and when it was last asked for something."""
@@ -84,7 +61,7 @@ class Run:
         job.move("prepare", only_from="queued")
         if job.state == "preparing":
             health.refresh(force=True)
-            reasons = health.reasons()
+            reasons = self._site.reasons()
             if not reasons:
                 health.clear_boot()
                 reasons = [f"actuator: latched ({cause})"] if (cause := health.latched()) else []
@@ -109,14 +86,21 @@ class Run:
         return False
 
     def _arm(self) -> bool:
-        site, job = self._site, self._job
+        site, job, model = self._site, self._job, self._job.planned.model
         self._asked_at = monotonic()
         try:
-            arm(site.bus, job.planned.program, epoch=self._epoch, digest=site.rig.digest())
+            arm(
+                site.bus,
+                job.planned.program,
+                epoch=self._epoch,
+                digest=model.rig_file_digest,
+                calibration=model.calibration.text(),
+            )
         except RefusalError as error:
             # An abort that came while the rig was being armed has latched the actuator.
             job.end("fail" if job.state == "running" else "confirm", str(error))
             return False
+        site.health.note_armed(self._epoch, model.digest)
         job.acted("start", 0)
         return True
 
@@ -140,7 +124,9 @@ class Run:
     def _share(self) -> None:
         """Let requests see how far the run is."""
         job, tracker = self._job, self._tracker
-        job.progress = tracker.progress()
+        wait = job.planned.waits.get(tracker.segment)
+        job.progress = tracker.progress(wait)
+        job.wait_at(None if wait is None else tracker.segment)
         job.held = tracker.held and not tracker.over and not tracker.trip_cause
         job.phase = tracker.phase
         for action, seq in tracker.acted:
@@ -202,7 +188,7 @@ class Run:
         return False
 
     def _overdue(self) -> bool:
-        job, safety = self._job, self._site.rig.safety
+        job, safety = self._job, self._rig.safety
         state = STATES[job.state]
         if state.deadline_s is None or (state.beyond == "program" and self._planned_s is None):
             return False
@@ -240,22 +226,28 @@ class Run:
                 gone = gone_words(self._site)
                 job.cause = f"{tracker.trip_words()}; {gone}" if gone else tracker.trip_words()
             job.blame(outcome_words(tracker.ending()))
-        self._record(collection)
+        fault = self._record(collection)
+        if fault and event == "done":
+            job.blame(fault)
+            event = "fail"
         job.end(event)
 
-    def _record(self, collection: Collection) -> None:
+    def _record(self, collection: Collection) -> str:
+        """Keep result and record; returns why the samples do not give what was asked for."""
         site, job = self._site, self._job
         row = site.store.get(job.id)
         if row is None:
-            return
+            return ""
         take = Take(self._epoch, self._tracker.messages, collection.dropped)
-        planned, folder = job.planned, site.records / job.id
-        record = site.archivist.submit(archive.gather, site.rig, row, planned, take).result()
+        calibrates = job.planned.plan.kind == "calibrate"
+        gather = calibration_record.gather if calibrates else archive.gather
+        record = site.archivist.submit(gather, self._rig, row, job.planned, take).result()
         job.keep_result(record.tree)
         try:
-            site.archivist.submit(archive.write, folder, record).result()
+            site.archivist.submit(record.write, site.records / job.id).result()
         except OSError as error:
             job.blame(f"the record is incomplete: {error}")
+        return record.fault
 
     def _interrupt(self, collection: Collection) -> None:
         """The supervisor ends: leave the rig stopped, holding what it holds."""
@@ -266,31 +258,3 @@ class Run:
         if not self._job.terminal:
             self._record(collection)
             self._job.end("interrupt", "the supervisor ended")
-
-
-def gone_words(site: Site) -> str:
-    """Programs whose token has vanished, in words."""
-    gone = site.observer.gone(PROGRAMS)
-    return f"killed or hung: {', '.join(gone)}" if gone else ""
-
-
-def silent_words(site: Site, tracker: Tracker, heard_at: float, asked_at: float) -> str:
-    """Who has gone silent, in words; empty where nobody has.
-
-    In lockstep the whole loop stands still when one program does; in real time the actuator
-    speaks for the loop, since it notices by itself when the others are silent.
-    """
-    killed = gone_words(site)
-    if site.rig.lockstep:
-        stood_s = monotonic() - max(heard_at, asked_at)
-        if killed and stood_s > min(GONE_S, site.guard_s):
-            return killed
-        if stood_s > site.guard_s:
-            return f"{tracker.silent()} is silent: no progress for {site.guard_s:g} s"
-        return ""
-    limit_s = max(STALE_S, STALE_PERIODS * site.rig.rig.period_s)
-    age_s = site.observer.age_s(APPLIED)
-    if (age_s is None or age_s > limit_s) and monotonic() - asked_at > limit_s:
-        silent = f"actuator: silent for more than {limit_s:g} s"
-        return f"{killed}; {silent}" if killed else silent
-    return ""

@@ -33,7 +33,8 @@ Event = Literal[
     "confirm",
     "interrupt",
 ]
-ActionType = Literal["start", "stop", "abort", "release"]
+ActionType = Literal["start", "stop", "abort", "release", "continue"]
+Need = Literal["held", "waiting"]
 Beyond = Literal["", "program", "freeze"]
 
 
@@ -52,7 +53,7 @@ class State:
     beyond: Beyond = ""
     """What the deadline is added to: the planned duration, or the actuator's freeze and ramp."""
     actions: tuple[ActionType, ...] = ()
-    """``release`` is offered only while a part is held."""
+    """Those that have a need are offered only while it is met; see ``NEEDS``."""
 
     @property
     def terminal(self) -> bool:
@@ -103,7 +104,7 @@ STATES: Mapping[JobState, State] = {
         },
         deadline_s=30.0,
         beyond="program",
-        actions=("stop", "abort", "release"),
+        actions=("stop", "abort", "release", "continue"),
     ),
     "stopping": State(
         "the controller was asked to stop; a held part stays held",
@@ -136,11 +137,16 @@ STATES: Mapping[JobState, State] = {
     "interrupted": State("the supervisor ended while the job ran"),
 }
 
+NEEDS: Mapping[ActionType, Need] = {"release": "held", "continue": "waiting"}
+"""What must be the case for an action to be offered: a part is held, the program waits for a
+person."""
+
 HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
     "start": ("running",),
     "stop": ("stopping", "stopped"),
     "abort": ("aborting", "aborted"),
     "release": (),
+    "continue": (),
 }
 """States in which what an action asks for holds already."""
 
@@ -148,6 +154,7 @@ OUTCOMES: Mapping[str, str] = {
     "gripped": "the part was gripped, held and let go as planned",
     "tracked": "the part was gripped, the path tracked and the part let go as planned",
     "released": "the part was gripped, held, and let go by the action release",
+    "moved": "the motion was played to its end",
     "stopped": "the program was stopped",
     "no_contact": "no part was met where the plan expects one",
     "wrong_stiffness": "what was met is harder or softer than the part of the plan",
@@ -156,7 +163,7 @@ OUTCOMES: Mapping[str, str] = {
     "zero_refused": "the force could not be zeroed before contact",
 }
 """How a program ends, in the controller's codes."""
-GOOD_OUTCOMES = ("gripped", "tracked", "released")
+GOOD_OUTCOMES = ("gripped", "tracked", "released", "moved")
 
 
 def next_state(state: JobState, event: Event) -> JobState:
@@ -167,8 +174,9 @@ def next_state(state: JobState, event: Event) -> JobState:
         raise TransitionError(f"a job that is {state} knows no {event}") from None
 
 
-def allowed_actions(state: JobState, *, held: bool) -> list[ActionType]:
-    """What may be asked for; a part must be held to be released, or for an ended job to matter."""
+def allowed_actions(state: JobState, *, held: bool, waiting: bool = False) -> list[ActionType]:
+    """What may be asked for; an ended job matters only while it holds a part."""
     if STATES[state].terminal and not held:
         return []
-    return [action for action in STATES[state].actions if held or action != "release"]
+    met: dict[Need | None, bool] = {None: True, "held": held, "waiting": waiting}
+    return [action for action in STATES[state].actions if met[NEEDS.get(action)]]

@@ -164,9 +164,15 @@ class Store:
         found = self._select("WHERE id = ?", (name,))
         return found[0] if found else None
 
-    def newest(self, limit: int) -> list[JobRow]:
-        """Jobs, the newest first."""
-        return self._select("ORDER BY created_at DESC, id DESC LIMIT ?", (limit,))
+    def newest(
+        self, limit: int, *, kind: str | None = None, state: JobState | None = None
+    ) -> list[JobRow]:
+        """Jobs, the newest first; only those of a kind and in a state, where they are named."""
+        return self._select(
+            "WHERE (?1 IS NULL OR kind = ?1) AND (?2 IS NULL OR state = ?2) "
+            "ORDER BY created_at DESC, id DESC LIMIT ?3",
+            (kind, state, limit),
+        )
 
     def _select(self, clause: str, values: tuple[object, ...]) -> list[JobRow]:
         with self._lock, closing(self._base.cursor()) as cursor:

@@ -6,6 +6,7 @@ from typing import cast
 from pincette.messages import Applied, Estimate, Message, Position, Sample, Telemetry, Truth
 from pincette.topics import LOOP, TOPIC_OF
 from pincette_supervisor.models import Progress
+from pincette_supervisor.planned import Wait
 from pincette_supervisor.result import TRIPPED
 from pincette_supervisor.states import OUTCOMES
 
@@ -29,6 +30,8 @@ class Tracker:
         self.released = False
         self.held = False
         self.phase = ""
+        self.segment = -1
+        """Number of the program's segment."""
         self.stop_acted = False
         self.acted: list[tuple[str, int]] = []
         """Actions that have taken effect since this list was last emptied, with their seq."""
@@ -68,7 +71,7 @@ class Tracker:
             self._view(sample)
 
     def _view(self, sample: Telemetry) -> None:
-        self.phase, self.held = sample.phase, sample.held
+        self.phase, self.held, self.segment = sample.phase, sample.held, sample.segment
         self.outcome = sample.outcome or self.outcome
         for word in sample.acted.split():
             self.acted.append((word, sample.seq))
@@ -90,8 +93,8 @@ class Tracker:
         """Why the actuator tripped."""
         return f"actuator tripped: {CAUSES.get(self.trip_cause, self.trip_cause)}"
 
-    def progress(self) -> Progress:
-        """Where the run is, by its newest samples."""
+    def progress(self, wait: Wait | None = None) -> Progress:
+        """Where the run is, by its newest samples, and what it waits for."""
         position, estimate, applied = self._position, self._estimate, self._applied
         seq = -1 if position is None else position.seq
         zeroed = estimate is not None and estimate.valid and estimate.zero_age_s is not None
@@ -107,6 +110,8 @@ class Tracker:
             ),
             voltage_V=None if applied is None else applied.voltage_V,
             held=self.held,
+            instruction="" if wait is None else wait.instruction,
+            weight_mN=None if wait is None else wait.weight_mN,
         )
 
 

@@ -9,12 +9,13 @@ from pincette_supervisor.rig_models import (
     Interlock,
     Latch,
     LimitValue,
+    ModelInUse,
     Newest,
     Program,
     Rig,
     RigAction,
 )
-from pincette_supervisor.run import Site
+from pincette_supervisor.site import Site
 
 TOPIC_OF_PROGRAM = {topic.producer: topic for topic in reversed(TOPICS) if topic.producer in LOOP}
 PLAYING_S = 1.0
@@ -27,7 +28,7 @@ def rig_view(site: Site, active: LiveJob | None) -> Rig:
         health.refresh()
     state, cause = health.latch()
     latched = health.latched()
-    reasons = health.reasons()
+    reasons = site.reasons()
     if latched:
         reasons.append(f"actuator: latched ({latched}); reset it once the cause is gone")
     if active is not None:
@@ -42,7 +43,8 @@ def rig_view(site: Site, active: LiveJob | None) -> Rig:
         name=rig.rig.name,
         time=rig.rig.time,
         period_s=rig.rig.period_s,
-        digest=rig.digest(),
+        digest=site.digest,
+        model=ModelInUse(**site.model.in_use.stamp),
         programs=[_program(site, name) for name in LOOP],
         interlocks=_interlocks(site, latched),
         limits=_limits(site),
@@ -83,7 +85,7 @@ def _program(site: Site, name: str) -> Program:
 
 def _interlocks(site: Site, latched: str) -> list[Interlock]:
     health = site.health
-    digest = site.rig.digest()
+    digest = site.digest
     found: list[Interlock] = []
     for name, answer in health.statuses.items():
         status = answer if isinstance(answer, Status) else None

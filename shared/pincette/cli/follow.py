@@ -1,5 +1,6 @@
 """A job followed to its end: a bar in a terminal, a line for each phase elsewhere."""
 
+import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from typing import Any
@@ -22,12 +23,21 @@ COLUMNS = (
 
 
 def follow(supervisor: Supervisor, name: str, console: Console) -> dict[str, Any]:
-    """Show a job's progress until it has ended, and return it as it is then."""
+    """Show a job's progress until it has ended, and return it as it is then.
+
+    Where it waits for a person, a terminal asks for the return key and then goes on.
+    """
     job: dict[str, Any] = {}
     show = _Bar(console) if console.is_terminal else _Lines(console)
+    asked = ""
     with show:
         for job, live in polls(supervisor, name):
             show.show(job, live)
+            if "continue" not in job.get("allowed_actions", ()) or live["phase"] == asked:
+                continue
+            asked = live["phase"]
+            if show.ask(name, live["instruction"]):
+                supervisor.post(f"/jobs/{name}/actions", {"type": "continue"})
     return job
 
 
@@ -69,6 +79,16 @@ class _Bar(AbstractContextManager[None]):
             left="" if job["state"] in TERMINAL else left(elapsed_s, planned_s),
         )
 
+    def ask(self, name: str, instruction: str) -> bool:
+        """Ask for the return key; false where nobody can press it."""
+        if not sys.stdin.isatty():
+            self._progress.console.print(_order(name, instruction), markup=False)
+            return False
+        self._progress.stop()
+        self._progress.console.input(f"{_what(instruction)}, then press return ")
+        self._progress.start()
+        return True
+
 
 class _Lines(AbstractContextManager[None]):
     """A line for each phase, for a file or a pipe."""
@@ -87,6 +107,20 @@ class _Lines(AbstractContextManager[None]):
         self._said = phase
         line = f"{live.get('elapsed_s', 0.0):6.2f} s  {phase:<9} {newest(live)}"
         self._console.print(line.rstrip(), soft_wrap=True, markup=False)
+
+    def ask(self, name: str, instruction: str) -> bool:
+        """Say what is waited for, and how to go on."""
+        self._console.print(_order(name, instruction), soft_wrap=True, markup=False)
+        return False
+
+
+def _what(instruction: str) -> str:
+    """What a person is to do, without how to say so over REST."""
+    return instruction.removesuffix(", then POST the action continue")
+
+
+def _order(name: str, instruction: str) -> str:
+    return f"{_what(instruction)}, then `pincette job continue {name}`"
 
 
 def phase_of(job: dict[str, Any], live: dict[str, Any]) -> str:

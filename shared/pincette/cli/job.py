@@ -7,6 +7,7 @@ from rich.console import Console
 from pincette.cli.follow import follow
 from pincette.cli.rest import CliError, Supervisor
 from pincette.cli.show import show_plan, show_result
+from pincette.cli.show_model import show_calibration_plan
 
 
 def start(url: str, kind: str, wishes: dict[str, Any], *, dry_run: bool) -> int:
@@ -16,7 +17,10 @@ def start(url: str, kind: str, wishes: dict[str, Any], *, dry_run: bool) -> int:
     request = {"kind": kind, "autostart": True, **wishes}
     if dry_run:
         plan = supervisor.post("/jobs", request, dry_run="true")
-        show_plan(plan, console)
+        if kind == "calibrate":
+            show_calibration_plan(plan, console)
+        else:
+            show_plan(plan, console)
         return 0 if plan["feasible"] else 1
     name: str = supervisor.post("/jobs", request)["id"]
     try:

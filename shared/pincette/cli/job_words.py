@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from typing import Any, get_args
 
+from pincette.cli import calibrate_words
 from pincette.control.laws.law import ParameterSet, Scheme
 from pincette.control.planning.paths import Shape
 
@@ -12,6 +13,7 @@ JOB_ACTIONS = {
     "stop": "stop a job; a held part stays held",
     "abort": "abort a job: the actuator goes to its safe state and latches",
     "release": "let the part of a job go",
+    "continue": "go on with a job that waits for you",
 }
 GRIP_TEXT = "grip the part of the rig file; what is not given is as the file says"
 TRACK_TEXT = (
@@ -38,7 +40,10 @@ TRACK = {
     "acceleration_um_per_s2": "highest acceleration along the path",
 }
 GAINS = ("K_P", "K_I", "K_S", "delta", "M", "B", "K", "K_f")
-WISHES = (*GRIP, *TRACK, "shape", "cycles", "levels_mN", "points", "scheme", "set", "gains")
+WISHES = (
+    *dict.fromkeys((*GRIP, *TRACK, *calibrate_words.WISHES)),
+    *("shape", "cycles", "levels_mN", "points", "scheme", "set", "gains"),
+)
 
 
 def number(unit: str) -> Callable[[str], float]:
@@ -102,6 +107,9 @@ def add(jobs: argparse.ArgumentParser, address: Callable[[argparse.ArgumentParse
     )
     _law(track)
     _dry_run(track)
+    text = calibrate_words.TEXT
+    calibrate = kinds.add_parser("calibrate", help=text, description=text)
+    calibrate_words.add(calibrate, address, number)
     for action, meaning in JOB_ACTIONS.items():
         word = kinds.add_parser(action, help=meaning, description=meaning)
         word.add_argument("name", metavar="JOB", help="its id")

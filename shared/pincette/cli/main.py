@@ -6,7 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pincette import __version__
-from pincette.cli import doctor, drivers, job, job_words, rig_file, stop, teach, topics, up
+from pincette.cli import (
+    doctor,
+    drivers,
+    job,
+    job_words,
+    rig_file,
+    rig_orders,
+    stop,
+    teach,
+    topics,
+    up,
+)
 from pincette.cli.job_words import JOB_ACTIONS, number
 from pincette.cli.rest import DEFAULT_URL, CliError
 from pincette.runtime.process import Options, programs, run_program
@@ -52,7 +63,10 @@ def parser() -> argparse.ArgumentParser:
 
     rigged("up", "start every program of a rig on this machine; Ctrl-C ends them", records=True)
     rigged("demo", "start a rig, grip its part, show the result, end", records=True)
-    rigged("doctor", "say what is missing for a rig, and how to get it", records=True)
+    ill = rigged("doctor", "say what is missing for a rig, and how to get it", records=True)
+    ill.add_argument(
+        "--move", action="store_true", help="ask, then move the arm a little: which way does it go"
+    )
     rigged("topics", "list the keys of a rig and what goes over them")
     listing = "list the drivers of position sensors and voltage outputs, and their options"
     words.add_parser("drivers", help=listing, description=listing)
@@ -71,6 +85,19 @@ def parser() -> argparse.ArgumentParser:
         choices=("identified", "recorded"),
         default="identified",
         help="a model of hysteresis and creep, or the branches as recorded; %(default)s",
+    )
+
+    bench = rigged("rig", "operate a simulated rig: its part, weights, faults; alone: list them")
+    bench.epilog, bench.formatter_class = (
+        rig_orders.listing(),
+        argparse.RawDescriptionHelpFormatter,
+    )
+    bench.add_argument("words", nargs="*", metavar="WORD", help="target, what, value")
+    bench.add_argument(
+        "--after-s", type=number("s"), default=0.0, metavar="s", help="from now on, in s"
+    )
+    bench.add_argument(
+        "--for-s", type=number("s"), metavar="s", help="how long a fault lasts, in s"
     )
 
     study = rigged("paper", "repeat the paper's experiments on a simulated rig; some minutes")
@@ -123,13 +150,15 @@ def _call(given: argparse.Namespace) -> int:
         case "demo":
             return up.demo(given.rig, given.data)
         case "doctor":
-            return doctor.doctor(given.rig, given.data)
+            return doctor.doctor(given.rig, given.data, move=given.move)
         case "topics":
             return topics.topics(given.rig)
         case "drivers":
             return drivers.drivers()
         case "teach":
             return teach.teach(given.rig, given.write, given.source)
+        case "rig":
+            return rig_orders.order(given.rig, given.words, given.after_s, given.for_s)
         case "paper":
             # It draws: nothing else waits for the drawing library.
             from pincette.cli import paper

@@ -7,7 +7,9 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-PLOTS = ("grip.png", "track.png")
+from pincette.cli.show_model import show_found
+
+PLOTS = ("grip.png", "track.png", "calibration.png")
 LABEL = 19
 """Width of the names of figures."""
 
@@ -35,7 +37,10 @@ def show_result(job: dict[str, Any], console: Console) -> None:
     console.print()
     console.print(phases)
     console.print()
-    for label, text in [*result_lines(result), *record_lines(job)]:
+    if "calibration" in result:
+        show_found(result, job["id"], console)
+    lines = [] if "calibration" in result else result_lines(result)
+    for label, text in [*lines, *record_lines(job)]:
         console.print(f"{label:<{LABEL}} {text}", markup=False, soft_wrap=True)
 
 

@@ -6,45 +6,66 @@ invalid command, ``!`` a command ignored because the host watchdog has tripped a
 at its safe value; ``$AA8N`` answers ``!AA±dd.ddd``, the voltage that is put out. A wrong address
 or a bad line is met with silence. An optional checksum, two hexadecimal digits, is the sum of the
 preceding bytes modulo 256.
+
+The host watchdog: ``~AA3EVV`` switches it on (E = 1) or off, VV in tenths of a second in
+hexadecimal; ``~**`` says that the host lives, and has no answer; ``~AA0`` answers ``!AASS``, the
+status; ``~AA1`` clears it; ``~AA5N`` makes the present output the safe value. Assumed: bit 2 of the
+status is the trip, and a heartbeat carries the checksum where lines do.
 """
 
 import logging
-import re
-from dataclasses import dataclass
+from collections.abc import Callable
 from math import isfinite
 from typing import Literal
 
 from pydantic import Field
 
 from pincette.config import Output, Table
-from pincette.instruments.link import open_link
+from pincette.instruments.dcon import DconModule
+from pincette.instruments.host_watchdog import HostWatchdog
+from pincette.instruments.link import exchange_s, open_link
 from pincette.instruments.options import read_options
-from pincette.instruments.protocols import InstrumentError, Link
+from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
 """Whether this driver has met its instrument."""
 LIMIT_V = 10.0
-VALUE = re.compile(rb"[+-]\d{2}\.\d{3}")
+RESPONSE_S = 0.010
+LONGEST_WATCHDOG_S = 25.5
 
 _log = logging.getLogger(__name__)
 
 
 class I7024Options(Table):
-    """Address of the module, its channel, whether lines carry a checksum, the line's speed."""
+    """Address of the module, its channel, checksum, speed of the line, the host watchdog's time."""
 
     address: int = Field(default=1, ge=0, le=255)
     channel: int = Field(default=0, ge=0, le=3)
     checksum: bool = False
     baud: Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200] = 115200
+    watchdog_s: float = Field(default=0.5, ge=0.0, le=LONGEST_WATCHDOG_S, multiple_of=0.1)
+    """0 leaves the watchdog alone."""
+
+    def module(self, link: Link) -> DconModule:
+        """The module that these options name, on a line."""
+        return DconModule(link, self.address, self.channel, checksum=self.checksum)
 
 
-@dataclass(frozen=True, slots=True)
 class I7024:
-    """One channel of the module."""
+    """One channel of the module; with a watchdog, each write says first that the host lives."""
 
-    link: Link
-    head: bytes
-    checksum: bool
+    def __init__(
+        self, options: I7024Options, connect: Callable[[Callable[[Link], None]], Link]
+    ) -> None:
+        self._link = connect(self._resume)
+        self._module = options.module(self._link)
+        self._watchdog = HostWatchdog(self._module, options.watchdog_s)
+        try:
+            self._module.identify()
+            self._watchdog.take_over()
+        except InstrumentError:
+            self._link.close()
+            raise
 
     def write_V(self, voltage_V: float) -> None:
         """Put out a voltage, rounded to 1 mV; returns when the module has accepted it.
@@ -56,11 +77,15 @@ class I7024:
             module refuses it, has tripped, or does not answer.
         """
         if not isfinite(voltage_V) or abs(voltage_V) > LIMIT_V:
-            raise InstrumentError(f"I-7024: {voltage_V} V refused, limit ±{LIMIT_V} V")
-        request = self.head + f"{voltage_V:+07.3f}".encode()
-        reply = self.ask(request)
-        if reply != b">":
-            raise InstrumentError(f"I-7024: {voltage_V:+.3f} V {_meaning(self.head, reply)}")
+            text = f"I-7024: {voltage_V} V refused, limit ±{LIMIT_V} V"
+            raise InstrumentError(text, "misused")
+        self._watchdog.feed()
+        try:
+            self._module.put_out(voltage_V)
+        except InstrumentError as error:
+            self._watchdog.learn(error.cause)
+            raise
+        self._watchdog.learn(None)
 
     def read_V(self) -> float:
         """Return the voltage that the channel puts out now.
@@ -70,46 +95,51 @@ class I7024:
         InstrumentError
             Where the module does not answer, or not with a voltage.
         """
-        address, channel = self.head[1:3], self.head[3:]
-        reply = self.ask(b"$" + address + b"8" + channel)
-        if reply[:3] != b"!" + address or VALUE.fullmatch(reply[3:]) is None:
-            raise InstrumentError(f"I-7024: {reply[:40]!r} carries no voltage")
-        return float(reply[3:])
+        return self._module.read_V()
+
+    def keep_alive(self) -> None:
+        """Say to the module that its host lives; raises InstrumentError."""
+        self._watchdog.feed()
+
+    def clear_trip(self) -> None:
+        """Let the module obey again after its watchdog has tripped; moves nothing.
+
+        For a person's reset alone: what was to be put out is stale, so begin from ``read_V``.
+        """
+        self._watchdog.clear()
 
     def close(self) -> None:
-        """Give the port back."""
-        self.link.close()
+        """Switch the watchdog off, and give the port back; the output stays as it is."""
+        self._watchdog.leave()
+        self._link.close()
 
-    def ask(self, body: bytes) -> bytes:
-        """Exchange one line, with its checksum where there is one; raises InstrumentError."""
-        if not self.checksum:
-            return self.link.exchange(body)
-        signed = self.link.exchange(body + _sum(body))
-        reply, given = signed[:-2], signed[-2:]
-        if given != _sum(reply):
-            raise InstrumentError(f"I-7024: wrong checksum in {signed[:40]!r}")
-        return reply
+    def _resume(self, _link: Link) -> None:
+        self._module.identify()
+        self._watchdog.resume()
 
 
-def _meaning(head: bytes, reply: bytes) -> str:
-    if reply == b"?":
-        return "refused as out of range"
-    if reply == b"?" + head[1:3]:
-        return "refused as an invalid command; check the module's type and data format"
-    if reply == b"!":
-        return "ignored: the host watchdog has tripped and the output is at its safe value"
-    return f"answered by {reply[:40]!r}, which means nothing here"
+def timing(settings: Output) -> Timing:
+    """Time of one write on the line, heartbeat and checksums included, and the output's response.
 
+    Bytes at ten bits each over the baud rate; the response is that of the manual, to 5 %.
 
-def _sum(body: bytes) -> bytes:
-    total = 0
-    for byte in body:
-        total += byte
-    return b"%02X" % (total % 256)
+    Raises
+    ------
+    ConfigError
+        Where an option is unknown or impossible.
+    """
+    options = read_options(I7024Options, "icpdas_i7024", settings.options)
+    count = DconModule.write_bytes(checksum=options.checksum)
+    if options.watchdog_s > 0.0:
+        count += HostWatchdog.heartbeat_bytes(checksum=options.checksum)
+    return Timing(exchange_s(count, options.baud), RESPONSE_S)
 
 
 def open_output(settings: Output, link: Link | None = None) -> I7024:
     """Open the port, or take ``link``, and make sure that the module answers; moves nothing.
+
+    With a watchdog, a trip of before is cleared, 0 V is made the safe value where the output is at
+    0 V, and the watchdog runs from the first sign of life: ``write_V`` or ``keep_alive``.
 
     Raises
     ------
@@ -119,21 +149,18 @@ def open_output(settings: Output, link: Link | None = None) -> I7024:
         Where the port cannot be opened or the module does not answer as it should.
     """
     options = read_options(I7024Options, "icpdas_i7024", settings.options)
-    if link is None:
+
+    def connect(on_open: Callable[[Link], None]) -> Link:
+        if link is not None:
+            return link
         if not MET:
             _log.warning("icpdas_i7024 has not met its instrument: it is written from the manual")
-        link = open_link(settings.url, baud=options.baud, timeout_s=settings.timeout_s)
-    output = I7024(link, b"#%02X%d" % (options.address, options.channel), options.checksum)
-    try:
-        _identify(output, options.address)
-    except InstrumentError:
-        link.close()
-        raise
-    return output
+        return open_link(
+            settings.url,
+            baud=options.baud,
+            timeout_s=settings.timeout_s,
+            on_open=on_open,
+            record=settings.record,
+        )
 
-
-def _identify(output: I7024, address: int) -> None:
-    """Ask for the module's name, so that a wrong address is found before anything moves."""
-    reply = output.ask(b"$%02XM" % address)
-    if not reply.startswith(b"!%02X" % address):
-        raise InstrumentError(f"I-7024: {reply[:40]!r} does not name a module")
+    return I7024(options, connect)

@@ -5,6 +5,9 @@ From the RS-232 command reference of its user's manual: 8N1, no flow control, li
 invalid reading, ``±FFFFFFF`` over range; ``ER,command,code`` an error; ``R0`` asks for measuring
 mode and answers ``ER,R0,01`` where it holds. The unit is not transmitted: it is the display's.
 Lines that begin with ``TG,`` come unasked and are skipped.
+
+Assumed: a change of mode takes one second, and the error codes of the LK-G5000, whose numbers alone
+are known, mean what those of the LK-G3000 mean, in the same order.
 """
 
 import logging
@@ -16,25 +19,31 @@ from typing import Literal
 from pydantic import Field
 
 from pincette.config import Sensor, Table
-from pincette.instruments.link import open_link
+from pincette.instruments.link import exchange_s, open_link
 from pincette.instruments.options import read_options
-from pincette.instruments.protocols import InstrumentError, Link
+from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
 """Whether this driver has met its instrument."""
 MODE_CHANGE_S = 1.0
 VALUE = re.compile(rb"[+-](?=.{7}$)\d+\.\d+")
 UM_PER_UNIT = {"um": 1.0, "mm": 1000.0}
+MEANINGS = (
+    "unknown command",
+    "not in this mode",
+    "wrong length",
+    "wrong number of parameters",
+    "parameter out of range",
+    "timeout inside the instrument",
+    "other error",
+)
 ERRORS = {
-    b"00": "unknown command",
-    b"01": "not in this mode",
-    b"20": "wrong length",
-    b"21": "wrong number of parameters",
-    b"22": "parameter out of range",
-    b"88": "timeout inside the instrument",
-    b"99": "other error",
+    **dict(zip((b"00", b"01", b"20", b"21", b"22", b"88", b"99"), MEANINGS, strict=True)),
+    **dict(zip((b"50", b"51", b"60", b"61", b"62", b"88", b"99"), MEANINGS, strict=True)),
 }
-"""The LK-G3000 table; the LK-G5000 has 50, 51, 60, 61, 62 as well, whose meaning is unverified."""
+"""Of the LK-G3000, and of the LK-G5000."""
+REQUEST = "MS,{output:02d}"
+LONGEST_REPLY = "MS,01,+0000.00"
 
 _log = logging.getLogger(__name__)
 
@@ -71,10 +80,12 @@ class KeyenceLKG:
             return float(value) * self.um_per_unit
         if value in (b"+FFFFFFF", b"-FFFFFFF"):
             side = "above" if value[:1] == b"+" else "below"
-            raise InstrumentError(f"Keyence: {side} the measuring range ({value.decode()})")
+            text = f"Keyence: {side} the measuring range ({value.decode()})"
+            raise InstrumentError(text, "out_of_range")
         if value == b"XXXXXXXX":
-            raise InstrumentError("Keyence: invalid reading (XXXXXXXX); is the target in view?")
-        raise InstrumentError(f"Keyence: {reply[:40]!r} carries no 8-character value")
+            text = "Keyence: invalid reading (XXXXXXXX); is the target in view?"
+            raise InstrumentError(text, "invalid")
+        raise InstrumentError(f"Keyence: {reply[:40]!r} carries no 8-character value", "garbled")
 
     def close(self) -> None:
         """Give the port back."""
@@ -85,16 +96,37 @@ def _refusal(request: bytes, reply: bytes) -> InstrumentError:
     head, _, code = reply.rpartition(b",")
     if head == b"ER," + request.split(b",")[0]:
         meaning = ERRORS.get(code, "no meaning known")
-        return InstrumentError(f"Keyence: {request!r} refused, error {code.decode()} ({meaning})")
-    return InstrumentError(f"Keyence: {reply[:40]!r} is no answer to {request!r}")
+        said = code[:8].decode("ascii", "backslashreplace")
+        text = f"Keyence: {request!r} refused, error {said} ({meaning})"
+        return InstrumentError(text, "refused")
+    text = f"Keyence: {reply[:40]!r} is no answer to {request!r}"
+    return InstrumentError(text, "garbled")
 
 
-def _solicited(line: bytes) -> bool:
+def solicited(line: bytes) -> bool:
+    """Whether a line can be an answer."""
     return not line.startswith(b"TG,")
+
+
+def timing(settings: Sensor) -> Timing:
+    """Time of one reading on the line: bytes at ten bits each over the baud rate.
+
+    Raises
+    ------
+    ConfigError
+        Where an option is unknown or impossible.
+    """
+    options = read_options(KeyenceOptions, "keyence_lkg", settings.options)
+    count = len(_request(options)) + len(LONGEST_REPLY) + 2
+    note = "no averaging is assumed; a moving average that is set at the instrument delays it more"
+    return Timing(exchange_s(count, options.baud), note=note)
 
 
 def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
     """Open the port, or take ``link``, and bring the instrument to measuring mode.
+
+    A port that is opened again later finds the instrument in measuring mode, or asks for it and
+    leaves the time that this takes to the exchanges after.
 
     Raises
     ------
@@ -108,19 +140,35 @@ def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
         if not MET:
             _log.warning("keyence_lkg has not met its instrument: it is written from the manual")
         link = open_link(
-            settings.url, baud=options.baud, timeout_s=settings.timeout_s, accept=_solicited
+            settings.url,
+            baud=options.baud,
+            timeout_s=settings.timeout_s,
+            accept=solicited,
+            on_open=_measure_again,
+            record=settings.record,
         )
     try:
-        _measure_from_here(link)
+        if _change_to_measuring(link):
+            time.sleep(MODE_CHANGE_S)
     except InstrumentError:
         link.close()
         raise
-    return KeyenceLKG(link, b"MS,%02d" % options.output, UM_PER_UNIT[options.unit])
+    return KeyenceLKG(link, _request(options), UM_PER_UNIT[options.unit])
 
 
-def _measure_from_here(link: Link) -> None:
+def _request(options: KeyenceOptions) -> bytes:
+    return REQUEST.format(output=options.output).encode()
+
+
+def _change_to_measuring(link: Link) -> bool:
+    """Ask for measuring mode; whether the instrument has to change to it."""
     reply = link.exchange(b"R0")
-    if reply == b"R0":
-        time.sleep(MODE_CHANGE_S)
-    elif reply != b"ER,R0,01":
+    if reply not in (b"R0", b"ER,R0,01"):
         raise _refusal(b"R0", reply)
+    return reply == b"R0"
+
+
+def _measure_again(link: Link) -> None:
+    if _change_to_measuring(link):
+        text = f"Keyence: changing to measuring mode, {MODE_CHANGE_S} s; was it set up by hand?"
+        raise InstrumentError(text, "refused")

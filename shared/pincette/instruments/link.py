@@ -1,4 +1,4 @@
-"""The one line to a real instrument: a serial port, or a socket that stands for one.
+"""The one line to a real instrument: a serial port, a socket that stands for one, a recording.
 
 The only file that imports serial. Where the port has a descriptor it never blocks
 (``timeout=0``) and the wait is a select, so that an answer is taken as it arrives, in as few calls
@@ -7,29 +7,38 @@ as it has pieces.
 
 import io
 import logging
-import os
 import select
-import socket
 import termios
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
 from typing import Protocol
 
 import serial
 
+from pincette.instruments.link_line import LONGEST_FRAME, RETRY_S, Line, Port
+from pincette.instruments.link_socket import READ_SIZE, SocketPort
 from pincette.instruments.protocols import InstrumentError, Link
+from pincette.instruments.recording import Recorder, RecordingLink
+from pincette.instruments.replay import REPLAY, ReplayLink
 
-LONGEST_FRAME = 256
-READ_SIZE = 4096
-GRACE = 0.2
-"""Share of the timeout that is waited once more where it has passed: the time may have passed while
-the machine stood still, with the answer on its way all along."""
+__all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
+
+BITS_PER_BYTE = 10
+QUIET_BYTES = 3
+LEAST_QUIET_S = 0.001
 
 _log = logging.getLogger(__name__)
 
 
 def _every(_line: bytes) -> bool:
     return True
+
+
+def _as_it_is(_link: Link) -> None:
+    pass
 
 
 def open_link(
@@ -39,32 +48,70 @@ def open_link(
     timeout_s: float,
     terminator: bytes = b"\r",
     accept: Callable[[bytes], bool] = _every,
+    on_open: Callable[[Link], None] = _as_it_is,
+    record: str | Path | None = None,
+    clock: Callable[[], float] = time.monotonic,
 ) -> Link:
-    """Open a line: ``/dev/…`` at 8N1 without flow control, or ``socket://host:port``.
+    """Open a line: ``/dev/…`` at 8N1 without flow control, ``socket://host:port``, ``replay:FILE``.
 
     Parameters
     ----------
     timeout_s
-        For a whole exchange.
+        For a whole exchange, opening a lost port again included.
     accept
         Whether a line can be an answer; others are skipped as unsolicited.
+    on_open
+        Brings the instrument to where it can work on, each time that a lost port has been opened
+        again; not the first time. Raises InstrumentError where it cannot.
+    record
+        File that each exchange is written to, for ``replay:``; see the module ``recording``.
+    clock
+        Monotonic, in seconds.
 
     Raises
     ------
     InstrumentError
         Where the port cannot be opened; the text names the url, the cause and what to do.
     """
+    if url.startswith(REPLAY):
+        return ReplayLink(url, on_open)
+    recorder = Recorder(Path(record), url, terminator, clock) if record else None
+    if recorder is not None:
+        on_open = recorder.opening(on_open)
     try:
+        link = Line(
+            url=url,
+            open_port=partial(_open_port, url, baud, timeout_s),
+            timeout_s=timeout_s,
+            quiet_s=max(LEAST_QUIET_S, exchange_s(QUIET_BYTES, baud)),
+            terminator=terminator,
+            accept=accept,
+            on_open=on_open,
+            clock=clock,
+        )
+    except InstrumentError:
+        if recorder is not None:
+            recorder.close()
+        raise
+    return link if recorder is None else RecordingLink(link, recorder)
+
+
+def exchange_s(count: int, baud: int) -> float:
+    """Seconds that ``count`` bytes take, ten bits each: start, eight of data, stop."""
+    return count * BITS_PER_BYTE / baud
+
+
+def _open_port(url: str, baud: int, timeout_s: float, within_s: float) -> Port:
+    """Open a port, a socket within ``within_s``; raises InstrumentError."""
+    try:
+        if url.startswith("socket://"):
+            return SocketPort(url, min(timeout_s, within_s), timeout_s)
         port = serial.serial_for_url(url, baudrate=baud, timeout=0, write_timeout=timeout_s)
-    except (OSError, ValueError, termios.error) as error:
-        raise InstrumentError(f"{url}: {_cause(error)}") from error
-    if url.startswith("socket://"):
-        # An option belongs to the connection, so a copy of the descriptor sets it for both.
-        with socket.socket(fileno=os.dup(port.fileno())) as line:
-            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    elif isinstance(port, serial.Serial):
-        _lower_latency(url, port)
-    return SerialLink(url, port, timeout_s, terminator, accept)
+        if isinstance(port, serial.Serial):
+            _lower_latency(url, port)
+        return _SerialPort(port, timeout_s)
+    except (OSError, ValueError, TypeError, termios.error) as error:
+        raise InstrumentError(f"{url}: {_why_closed(error)}", "cannot_open") from error
 
 
 def _lower_latency(url: str, port: serial.Serial) -> None:
@@ -75,7 +122,7 @@ def _lower_latency(url: str, port: serial.Serial) -> None:
         _log.info("%s: no low latency mode (%s)", url, error)
 
 
-def _cause(error: Exception) -> str:
+def _why_closed(error: Exception) -> str:
     """Say what kept a port from opening, and what to do about it."""
     text = str(error)
     if "refused" in text:
@@ -87,7 +134,7 @@ def _cause(error: Exception) -> str:
     return f"cannot be opened ({text}); check the url in the rig file"
 
 
-class _Port(Protocol):
+class _AnyPort(Protocol):
     """What is used of the several port classes of pyserial."""
 
     @property
@@ -102,95 +149,44 @@ class _Port(Protocol):
     def close(self) -> None: ...
 
 
-class SerialLink:
-    """An open line. After a failed exchange the next one begins with an empty buffer."""
+class _SerialPort:
+    """A port of pyserial, whose errors are of one kind."""
 
-    def __init__(
-        self,
-        url: str,
-        port: _Port,
-        timeout_s: float,
-        terminator: bytes,
-        accept: Callable[[bytes], bool],
-    ) -> None:
-        self._url = url
+    def __init__(self, port: _AnyPort, timeout_s: float) -> None:
         self._port = port
-        self._timeout_s = timeout_s
-        self._terminator = terminator
-        self._accept = accept
-        self._open = True
         try:
             self._descriptor = port.fileno()
         except io.UnsupportedOperation:
             self._descriptor = None
             port.timeout = timeout_s
 
-    def exchange(self, request: bytes) -> bytes:
-        """Send a request and return the answer, both without their terminator.
+    def write(self, data: bytes) -> None:
+        with _of_one_kind():
+            self._port.write(data)
 
-        Raises
-        ------
-        InstrumentError
-            Where the line is closed or hung up, or no acceptable answer came in time.
-        """
-        if not self._open:
-            raise InstrumentError(f"{self._url}: the port is closed; open it again")
-        try:
-            self._drain()
-            self._port.write(request + self._terminator)
-            return self._answer(request)
-        except serial.SerialTimeoutException as error:
-            raise InstrumentError(f"{self._url}: cannot send, the line does not drain") from error
-        except (OSError, termios.error) as error:
-            raise InstrumentError(
-                f"{self._url}: hung up ({error}); check cable and power, then open it again"
-            ) from error
+    def receive(self, wait_s: float) -> bytes:
+        with _of_one_kind():
+            if self._descriptor is None:
+                waiting = self._port.in_waiting
+                return self._port.read(waiting or 1) if waiting or wait_s > 0.0 else b""
+            ready, _, _ = select.select([self._descriptor], [], [], wait_s)
+            return self._port.read(READ_SIZE) if ready else b""
 
     def close(self) -> None:
-        """Give the port back; twice is once."""
-        self._open = False
-        # pyserial 3.5 leaves a socket open whose peer has reset the connection.
-        line: socket.socket | None = getattr(self._port, "_socket", None)
-        try:
+        with _of_one_kind():
             self._port.close()
-            if line is not None:
-                line.close()
-        except (OSError, termios.error) as error:
-            _log.info("%s: closing a port that was gone (%s)", self._url, error)
 
-    def _drain(self) -> None:
-        """Drop what came late or unasked since the last exchange."""
-        if self._descriptor is not None or self._port.in_waiting:
-            self._receive(0.0)
 
-    def _receive(self, wait_s: float) -> bytes:
-        """Return what has arrived, waiting for its first byte; empty where none came."""
-        if self._descriptor is None:
-            return self._port.read(max(1, self._port.in_waiting))
-        ready, _, _ = select.select([self._descriptor], [], [], wait_s)
-        return self._port.read(READ_SIZE) if ready else b""
+@contextmanager
+def _of_one_kind() -> Generator[None]:
+    """Raise OSError, or TimeoutError for a write, for all that pyserial 3.5 raises.
 
-    def _answer(self, request: bytes) -> bytes:
-        deadline_s = time.monotonic() + self._timeout_s
-        pending = b""
-        while True:
-            line, found, rest = pending.partition(self._terminator)
-            if found:
-                if self._accept(line):
-                    return line
-                pending = rest
-                continue
-            if len(pending) > LONGEST_FRAME:
-                raise InstrumentError(
-                    f"{self._url}: {len(pending)} bytes without an end, limit {LONGEST_FRAME}; "
-                    "check baud rate and instrument type"
-                )
-            left_s = deadline_s - time.monotonic()
-            arrived = self._receive(left_s) if left_s > 0.0 else b""
-            if not arrived:
-                got = f"only {pending[:40]!r}" if pending else "no answer"
-                raise InstrumentError(
-                    f"{self._url}: {got} within {self._timeout_s} s to {request[:40]!r}; "
-                    "check power, address and baud rate"
-                )
-            pending += arrived
+    A lost port may be a termios.error, which is no OSError; one that has been closed is a
+    TypeError, from its descriptor.
+    """
+    try:
+        yield
+    except serial.SerialTimeoutException as error:
+        raise TimeoutError(str(error)) from error
+    except (termios.error, TypeError) as error:
+        raise OSError(str(error)) from error

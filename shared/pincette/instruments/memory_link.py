@@ -5,12 +5,27 @@ from collections.abc import Callable
 from pincette.instruments.protocols import InstrumentError
 
 
-class MemoryLink:
-    """Hands each request to a function and returns what it says; None is silence."""
+def _every(_line: bytes) -> bool:
+    return True
 
-    def __init__(self, answer: Callable[[bytes], bytes | None]) -> None:
+
+class MemoryLink:
+    """Hands each request to a function and returns what it says; None is silence.
+
+    An answer of several lines holds ``terminator`` between them; the first that ``accept`` takes
+    is returned, as over a port.
+    """
+
+    def __init__(
+        self,
+        answer: Callable[[bytes], bytes | None],
+        terminator: bytes = b"\r",
+        accept: Callable[[bytes], bool] = _every,
+    ) -> None:
         self._answer = answer
-        self._open = True
+        self._terminator = terminator
+        self._accept = accept
+        self._closed = False
 
     def exchange(self, request: bytes) -> bytes:
         """Ask the instrument.
@@ -20,13 +35,22 @@ class MemoryLink:
         InstrumentError
             Where it is silent, or the link has been closed.
         """
-        if not self._open:
-            raise InstrumentError("memory: the port is closed; open it again")
-        reply = self._answer(request)
-        if reply is None:
-            raise InstrumentError(f"memory: no answer to {request[:40]!r}; check the address")
-        return reply
+        reply = self._said(request)
+        if reply is not None:
+            for line in reply.split(self._terminator):
+                if self._accept(line):
+                    return line
+        raise InstrumentError(f"memory: no answer to {request[:40]!r}; check the address", "silent")
+
+    def tell(self, line: bytes) -> None:
+        """Tell the instrument; raises InstrumentError where the link has been closed."""
+        self._said(line)
 
     def close(self) -> None:
         """End it; twice is once."""
-        self._open = False
+        self._closed = True
+
+    def _said(self, line: bytes) -> bytes | None:
+        if self._closed:
+            raise InstrumentError("memory: the port is closed; open it again", "misused")
+        return self._answer(line)

@@ -124,6 +124,10 @@ class WatchedOutput(VoltageOutput, Protocol):
         """Say that the host lives; raises InstrumentError."""
         ...
 
+    def clear_trip(self) -> None:
+        """Take the instrument out of its safe value's hold, where it is; raises InstrumentError."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Timing:

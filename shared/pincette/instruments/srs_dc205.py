@@ -17,19 +17,20 @@ No watchdog on the host is known of it: where the program or the host dies, the 
 
 import logging
 import re
-from dataclasses import dataclass
+from collections.abc import Callable
 from math import isfinite
 from typing import Literal
 
 from pincette.config import Output, Table
-from pincette.instruments.link import open_link
+from pincette.instruments.link import exchange_s, open_link
 from pincette.instruments.options import read_options
-from pincette.instruments.protocols import InstrumentError, Link
+from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
 """Whether this driver has met its instrument."""
 VALUE = re.compile(rb"[+-]?\d{1,3}(\.\d{1,9})?(E[+-]?\d{1,2})?")
 CODE = re.compile(rb"\d{1,3}")
+SETTING = b"VOLT %.6f"
 RANGES = {1: b"RANGE1", 10: b"RANGE10", 100: b"RANGE100"}
 SWITCH = (b"OFF", b"ON")
 LOAD = (b"OKAY", b"OVLD")
@@ -68,13 +69,20 @@ class DC205Options(Table):
     baud: Literal[9600, 115200] = 115200
 
 
-@dataclass(slots=True)
 class DC205:
-    """The source; ``on`` is whether its output has been found or switched on."""
+    """The source; its output is off until the first write, or is found on."""
 
-    link: Link
-    limit_V: float
-    on: bool
+    def __init__(
+        self, options: DC205Options, connect: Callable[[Callable[[Link], None]], Link]
+    ) -> None:
+        self._range_V = options.range_V
+        self._on = False
+        self._link = connect(self._prepare)
+        try:
+            self._prepare(self._link)
+        except InstrumentError:
+            self._link.close()
+            raise
 
     def write_V(self, voltage_V: float) -> None:
         """Put out a voltage, rounded to 1 µV; returns when the source has accepted it.
@@ -88,22 +96,23 @@ class DC205:
             source refuses it or does not answer; where somebody has switched the output off, which
             only opening it again undoes.
         """
-        if not isfinite(voltage_V) or abs(voltage_V) > self.limit_V:
-            raise InstrumentError(f"DC205: {voltage_V} V refused, limit ±{self.limit_V} V")
-        setting = b"VOLT %.6f" % voltage_V
+        if not isfinite(voltage_V) or abs(voltage_V) > self._range_V:
+            text = f"DC205: {voltage_V} V refused, limit ±{float(self._range_V)} V"
+            raise InstrumentError(text, "misused")
         what = f"{voltage_V:+.6f} V"
-        if not self.on:
-            self.set(setting, what)
-            self.set(b"SOUT 1", what)
-            self.on = True
+        if not self._on:
+            self._set(SETTING % voltage_V, what)
+            self._set(b"SOUT 1", what)
+            self._on = True
             return
-        switch, *errors = self.ask(setting + b";SOUT?;LEXE?;LCME?", 3)
+        switch, *errors = self._ask(SETTING % voltage_V + b";SOUT?;LEXE?;LCME?", 3)
         _check(what, errors)
         if not _token(switch, SWITCH):
-            raise InstrumentError(
+            text = (
                 f"DC205: {what} not put out: the output has been switched off at the instrument; "
-                "see why, then open it again"
+                "see why, then start the program anew"
             )
+            raise InstrumentError(text, "refused")
 
     def read_V(self) -> float:
         """Return the voltage that the source holds at its output; 0.0 while it is off.
@@ -113,31 +122,53 @@ class DC205:
         InstrumentError
             Where the source is overloaded, does not answer, or not with a voltage.
         """
-        voltage, switch, load = self.ask(b"VOLT?;SOUT?;OVLD?", 3)
+        voltage, switch, load = self._ask(b"VOLT?;SOUT?;OVLD?", 3)
         voltage_V = _voltage_V(voltage)
         if _token(load, LOAD):
-            raise InstrumentError(
-                f"DC205: overloaded, {voltage_V:+.6f} V is not held; check the load"
-            )
+            text = f"DC205: overloaded, {voltage_V:+.6f} V is not held; check the load"
+            raise InstrumentError(text, "invalid")
         return voltage_V if _token(switch, SWITCH) else 0.0
 
     def close(self) -> None:
         """Give the port back; the output stays as it is."""
-        self.link.close()
+        self._link.close()
 
-    def set(self, settings: bytes, what: str) -> None:
+    def _set(self, settings: bytes, what: str) -> None:
         """Send settings and ask whether they were accepted; raises InstrumentError."""
-        _check(what, self.ask(settings + b";LEXE?;LCME?", 2))
+        _check(what, self._ask(settings + b";LEXE?;LCME?", 2))
 
-    def ask(self, line: bytes, count: int) -> list[bytes]:
+    def _ask(self, line: bytes, count: int) -> list[bytes]:
         """Exchange one line, whose queries have ``count`` answers; raises InstrumentError."""
-        reply = self.link.exchange(line)
+        reply = self._link.exchange(line)
         words = [word.strip() for word in reply.split(b";")]
         if len(words) != count:
-            raise InstrumentError(
-                f"DC205: {reply[:40]!r} is {len(words)} answers to {line!r}, {count} wanted"
-            )
+            text = f"DC205: {reply[:40]!r} is {len(words)} answers to {line!r}, {count} wanted"
+            raise InstrumentError(text, "garbled")
         return words
+
+    def _prepare(self, _link: Link) -> None:
+        """Ask for name and state, clear what went wrong before, set the range; moves nothing.
+
+        An output that was on and is found off, as after a loss of its supply, is not switched on
+        again: each write says so.
+        """
+        (name,) = self._ask(b"TERM LF;*IDN?", 1)
+        if b",DC205," not in name:
+            raise InstrumentError(f"DC205: {name[:40]!r} names another instrument", "garbled")
+        # The first two answers are what went wrong before, and are cleared by this.
+        _, _, found, switch, voltage = self._ask(b"LEXE?;LCME?;RNGE?;SOUT?;VOLT?", 5)
+        found_V = tuple(RANGES)[_token(found, tuple(RANGES.values()))]
+        voltage_V, on = _voltage_V(voltage), _token(switch, SWITCH) == 1
+        if found_V != self._range_V and on:
+            text = (
+                f"DC205: its output is on, {voltage_V:+.6f} V in the range of ±{found_V} V; switch "
+                f"it off, so that the range of ±{self._range_V} V can be set"
+            )
+            raise InstrumentError(text, "refused")
+        if found_V != self._range_V:
+            range_ = RANGES[self._range_V]
+            self._set(b"VOLT 0;RNGE " + range_, f"range of ±{self._range_V} V")
+        self._on = self._on or on
 
 
 def _check(what: str, errors: list[bytes]) -> None:
@@ -146,10 +177,12 @@ def _check(what: str, errors: list[bytes]) -> None:
         ("execution", "command"), errors, (EXECUTION_ERRORS, COMMAND_ERRORS), strict=True
     ):
         if CODE.fullmatch(word) is None:
-            raise InstrumentError(f"DC205: {what} answered by {word[:40]!r}, no error code")
+            text = f"DC205: {what} answered by {word[:40]!r}, no error code"
+            raise InstrumentError(text, "garbled")
         if code := int(word):
             meaning = meanings.get(code, "no meaning known")
-            raise InstrumentError(f"DC205: {what} refused, {kind} error {code} ({meaning})")
+            text = f"DC205: {what} refused, {kind} error {code} ({meaning})"
+            raise InstrumentError(text, "refused")
 
 
 def _token(word: bytes, tokens: tuple[bytes, ...]) -> int:
@@ -157,13 +190,28 @@ def _token(word: bytes, tokens: tuple[bytes, ...]) -> int:
     for number, token in enumerate(tokens):
         if word in (token, b"%d" % number):
             return number
-    raise InstrumentError(f"DC205: {word[:40]!r} is none of {', '.join(map(repr, tokens))}")
+    text = f"DC205: {word[:40]!r} is none of {', '.join(map(repr, tokens))}"
+    raise InstrumentError(text, "garbled")
 
 
 def _voltage_V(word: bytes) -> float:
     if VALUE.fullmatch(word) is None:
-        raise InstrumentError(f"DC205: {word[:40]!r} carries no voltage")
+        raise InstrumentError(f"DC205: {word[:40]!r} carries no voltage", "garbled")
     return float(word)
+
+
+def timing(settings: Output) -> Timing:
+    """Time of one write on the line: the longest, with its answer, ten bits a byte over the rate.
+
+    Raises
+    ------
+    ConfigError
+        Where an option is unknown or impossible.
+    """
+    options = read_options(DC205Options, "srs_dc205", settings.options)
+    request = SETTING % -float(options.range_V) + b";SOUT?;LEXE?;LCME?"
+    note = "the source's response is not known; 0 ms is assumed"
+    return Timing(exchange_s(len(request) + len(b"ON;0;0") + 2, options.baud), note=note)
 
 
 def open_output(settings: Output, link: Link | None = None) -> DC205:
@@ -181,36 +229,19 @@ def open_output(settings: Output, link: Link | None = None) -> DC205:
         on in another range.
     """
     options = read_options(DC205Options, "srs_dc205", settings.options)
-    if link is None:
+
+    def connect(on_open: Callable[[Link], None]) -> Link:
+        if link is not None:
+            return link
         if not MET:
             _log.warning("srs_dc205 has not met its instrument: it is written from the manual")
-        link = open_link(
-            settings.url, baud=options.baud, timeout_s=settings.timeout_s, terminator=b"\n"
+        return open_link(
+            settings.url,
+            baud=options.baud,
+            timeout_s=settings.timeout_s,
+            terminator=b"\n",
+            on_open=on_open,
+            record=settings.record,
         )
-    try:
-        return _prepared(link, options.range_V)
-    except InstrumentError:
-        link.close()
-        raise
 
-
-def _prepared(link: Link, range_V: int) -> DC205:
-    """Ask for the name and the state, and set the range where that moves nothing."""
-    output = DC205(link, float(range_V), on=False)
-    (name,) = output.ask(b"TERM LF;*IDN?", 1)
-    if b",DC205," not in name:
-        raise InstrumentError(f"DC205: {name[:40]!r} names another instrument")
-    # The first two answers are what went wrong before, and are cleared by this.
-    _, _, found, switch, voltage = output.ask(b"LEXE?;LCME?;RNGE?;SOUT?;VOLT?", 5)
-    ranges = tuple(RANGES.values())
-    voltage_V, found_V = _voltage_V(voltage), tuple(RANGES)[_token(found, ranges)]
-    output.on = _token(switch, SWITCH) == 1
-    if found_V == range_V:
-        return output
-    if output.on:
-        raise InstrumentError(
-            f"DC205: its output is on, {voltage_V:+.6f} V in the range of ±{found_V} V; switch it "
-            f"off, so that the range of ±{range_V} V can be set"
-        )
-    output.set(b"VOLT 0;RNGE " + RANGES[range_V], f"range of ±{range_V} V")
-    return output
+    return DC205(options, connect)

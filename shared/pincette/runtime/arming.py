@@ -4,7 +4,7 @@ from typing import cast
 
 from pincette.bus.protocol import Bus
 from pincette.control.planning.program import Program
-from pincette.messages import Arm, Load, Status, StatusRequest
+from pincette.messages import Arm, Document, Load, Status, StatusRequest
 from pincette.topics import ARM, LOAD, STATUS
 
 ORDER = ("actuator", "estimator", "controller", "sensor")
@@ -39,4 +39,4 @@ def arm(
         owner = status(bus, "controller").instance
     bus.ask(LOAD, Load(program))
     for service in ORDER:
-        bus.ask(ARM[service], Arm(epoch, owner, digest, calibration, program.capture_hz))
+        bus.ask(ARM[service], Arm(epoch, owner, digest, Document(calibration), program.capture_hz))

@@ -3,6 +3,7 @@
 from typing import cast
 
 from pincette.instruments.protocols import (
+    Block,
     BufferedSensor,
     InstrumentError,
     PositionSensor,
@@ -14,6 +15,9 @@ from pincette.service import Acquired, Drive, ForInstrument, Reading, RefusedErr
 
 Device = PositionSensor | VoltageOutput | None
 
+MOST_SAMPLES = 3000
+"""Of an acquisition, in one tick; where the loop was late, the rest follows in the next ones."""
+
 
 class Instrument:
     """What a node does with its device; each fault comes back as words, never as an exception."""
@@ -23,6 +27,7 @@ class Instrument:
         self._period_s = period_s
         self._fed_at = 0.0
         self._capture_hz = 0.0
+        self._later = Block((), ())
 
     def read(self) -> Reading:
         """Read the sensor: once, or all that it has acquired since the last tick."""
@@ -34,7 +39,10 @@ class Instrument:
             return Reading(0.0, str(error))
         if not block.x_um:
             return Reading(0.0, "the buffered acquisition has brought no sample")
-        return Reading(block.x_um[-1], acquired=Acquired(self._capture_hz, *block))
+        x_um, drive_V = (*self._later.x_um, *block.x_um), (*self._later.drive_V, *block.drive_V)
+        self._later = Block(x_um[MOST_SAMPLES:], drive_V[MOST_SAMPLES:])
+        acquired = Acquired(self._capture_hz, x_um[:MOST_SAMPLES], drive_V[:MOST_SAMPLES])
+        return Reading(block.x_um[-1], acquired=acquired)
 
     def put_out(self, order: ForInstrument) -> str:
         """Give the output its order; returns its fault."""
@@ -62,6 +70,24 @@ class Instrument:
             return str(error)
         return ""
 
+    def recover(self) -> float | None:
+        """After a person's reset: clear a watched output's trip; the voltage it puts out then.
+
+        None where the output is not watched: it stands where it was told to.
+
+        Raises
+        ------
+        RefusedError
+            Where the output does not answer.
+        """
+        if not isinstance(self._device, WatchedOutput):
+            return None
+        try:
+            self._device.clear_trip()
+            return self._device.read_V()
+        except InstrumentError as error:
+            raise RefusedError(f"the voltage output cannot be reset: {error}") from error
+
     def capture(self, rate_hz: float) -> None:
         """Begin a buffered acquisition, or end the one there is (0 Hz); raises RefusedError."""
         if not rate_hz and not self._capture_hz:
@@ -70,7 +96,7 @@ class Instrument:
             raise RefusedError("the position sensor has no buffered acquisition")
         try:
             self._device.end_capture()
-            self._capture_hz = 0.0
+            self._capture_hz, self._later = 0.0, Block((), ())
             if rate_hz:
                 self._device.begin_capture(rate_hz)
                 self._capture_hz = rate_hz

@@ -11,7 +11,7 @@ from typing import Any, cast
 from pincette import __version__
 from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse_calibration
 from pincette.instruments.protocols import VoltageOutput
-from pincette.messages import Applied, Arm, Message, Sample, Status, StatusRequest
+from pincette.messages import Applied, Arm, Message, Reset, Sample, Status, StatusRequest
 from pincette.runtime.instrument import Device, Instrument
 from pincette.runtime.timing import budget
 from pincette.service import AnyService, ForInstrument, Input, RefusedError
@@ -178,6 +178,7 @@ class Node:
         try:
             if isinstance(request, Arm):
                 config = self._may_arm(request)
+            found_V = self._device.recover() if isinstance(request, Reset) else None
             self.state, reply, outputs = self.service.answer(config, self.state, request, now)
         except RefusedError as error:
             return str(error), ()
@@ -193,6 +194,8 @@ class Node:
             fault = self._device.put_out(outputs[0])
             if fault:
                 return fault, ()
+        elif found_V is not None and self.service.adopt is not None:
+            self.state = self.service.adopt(self.config, self.state, found_V)
         return reply, _published(outputs)
 
     def _may_arm(self, request: Arm) -> Any:

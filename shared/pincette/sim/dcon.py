@@ -1,6 +1,9 @@
 """The ICP DAS I-7024 as its RS-485 line shows it: DCON commands, safe value, host watchdog.
 
-Commands the analog output manual lists and this module does not know answer ``?AA``.
+Commands the analog output manual lists and this module does not know answer ``?AA``. Assumed: a
+watchdog of no time is an invalid command; bit 2 of the status is the trip; a trip switches the
+watchdog off; with its supply a module loses the trip and the watchdog, and keeps the safe and the
+power-on values.
 """
 
 import re
@@ -10,8 +13,10 @@ from dataclasses import dataclass, field
 CHANNELS = 4
 LIMIT_V = 10.0
 HEARTBEAT = b"~**"
-COMMAND = re.compile(rb"([#$~])([0-9A-F]{2})(.*)")
+COMMAND = re.compile(rb"([#$~])([0-9A-F]{2})(.*)", re.DOTALL)
 DATA = re.compile(rb"[+-]\d{2}\.\d{3}")
+WATCHDOG = re.compile(rb"~3([01])([0-9A-F]{2})")
+TICK_S = 0.1
 TRIPPED, FINE = b"04", b"00"
 
 
@@ -30,6 +35,7 @@ class _Channel:
     commanded_V: float = 0.0
     actual_V: float = 0.0
     safe_V: float = 0.0
+    power_on_V: float = 0.0
 
 
 @dataclass(slots=True)
@@ -49,6 +55,18 @@ class SimulatedI7024:
         default_factory=lambda: [_Channel() for _ in range(CHANNELS)], init=False
     )
     _watchdog: _Watchdog = field(default_factory=_Watchdog, init=False)
+
+    @property
+    def tripped(self) -> bool:
+        """Whether the host watchdog has tripped."""
+        return self._watchdog.tripped
+
+    def power_cycle(self) -> None:
+        """Lose the supply and get it back: each channel starts at its power-on value."""
+        self._watchdog = _Watchdog()
+        for number, channel in enumerate(self._channels):
+            channel.commanded_V = channel.power_on_V
+            self._drive(number, channel.power_on_V)
 
     def idle(self) -> None:
         """Let the host watchdog trip where its time is over."""
@@ -103,20 +121,28 @@ class SimulatedI7024:
         if command == b"~1":
             dog.tripped = False
             return prefix
-        if re.fullmatch(rb"~3[01][0-9A-F]{2}", command):
-            dog.enabled, dog.limit_s = command[2:3] == b"1", int(command[3:], 16) * 0.1
-            dog.fed_s = self.clock()
-            return prefix
+        if match := WATCHDOG.fullmatch(command):
+            return prefix if self._watch(match[1] == b"1", int(match[2], 16)) else None
         number = self._number(command[2:])
         if number is None or command[:2] not in (b"$6", b"$8", b"~5", b"$4"):
             return None
         channel = self._channels[number]
         if command[:2] == b"~5":
             channel.safe_V = channel.actual_V
-        if command[:2] in (b"~5", b"$4"):
+            return prefix
+        if command[:2] == b"$4":
+            channel.power_on_V = channel.actual_V
             return prefix
         shown_V = channel.commanded_V if command[:2] == b"$6" else channel.actual_V
         return prefix + f"{shown_V:+07.3f}".encode()
+
+    def _watch(self, enabled: bool, ticks: int) -> bool:
+        """Set the host watchdog; false where that is no setting."""
+        if enabled and not ticks:
+            return False
+        dog = self._watchdog
+        dog.enabled, dog.limit_s, dog.fed_s = enabled, ticks * TICK_S, self.clock()
+        return True
 
     def _drive(self, number: int, voltage_V: float) -> None:
         self._channels[number].actual_V = voltage_V

@@ -1,6 +1,6 @@
 """What a simulated instrument is to the wire: a table of commands, free of I/O."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 TERMINATOR = b"\r"
 
@@ -9,9 +9,18 @@ class Instrument(Protocol):
     """One instrument: a line in, a line or silence out, both without their terminator."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Answer one line; None is silence."""
+        """Answer one line; None is silence. Several lines have the terminator between them."""
         ...
 
     def idle(self) -> None:
         """Let the instrument look at its own clock; called while no line arrives."""
+        ...
+
+
+@runtime_checkable
+class Thinking(Instrument, Protocol):
+    """An instrument that takes its time before it answers."""
+
+    def processing_s(self, line: bytes) -> float:
+        """Time from the end of a line to the begin of its answer."""
         ...

@@ -1,15 +1,18 @@
-"""Gaussian noise that depends on (seed, index) alone, whatever was asked before."""
+"""Gaussian noise that depends on (seed, stream, index) alone, whatever was asked before."""
 
 from numpy.random import Generator, Philox
 
 BLOCK = 1024
+STREAM = 192
+"""Bit of the generator's counter from which on it counts streams."""
 
 
 class GaussianNoise:
     """Standard normal numbers by index, drawn a block at a time from a counter-based generator."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, stream: int = 0) -> None:
         self._seed = seed
+        self._stream = stream
         self._block = -1
         self._values: list[float] = []
 
@@ -18,6 +21,7 @@ class GaussianNoise:
         block, place = divmod(index, BLOCK)
         if block != self._block:
             key = (self._seed % 2**64) | (block % 2**64) << 64
-            self._values = Generator(Philox(key=key)).standard_normal(BLOCK).tolist()
+            generator = Generator(Philox(key=key, counter=self._stream << STREAM))
+            self._values = generator.standard_normal(BLOCK).tolist()
             self._block = block
         return self._values[place]

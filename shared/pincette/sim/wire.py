@@ -4,24 +4,41 @@ import os
 import select
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 
-from pincette.sim.instrument import TERMINATOR, Instrument
+from pincette.sim.instrument import TERMINATOR, Instrument, Thinking
 from pincette.sim.ports import Line, Port, open_port
 
 BITS_PER_BYTE = 10
 LONGEST_LINE = 256
 IDLE_S = 0.05
+PIECE_S = 0.0005
+"""An answer is delivered in pieces of so long a time on the line, of one byte at the least."""
+
+Garble = Callable[[bytes], bytes]
+"""Makes of an answer with its terminator what arrives of it."""
+
+
+def _untouched(data: bytes) -> bytes:
+    return data
 
 
 class Wire:
     """Serves one instrument until it is closed; a client that comes back is served again."""
 
     def __init__(
-        self, port: Port, instrument: Instrument, baud: int | None, terminator: bytes
+        self,
+        port: Port,
+        instrument: Instrument,
+        baud: int | None,
+        terminator: bytes,
+        garble: Garble,
     ) -> None:
         self._port = port
+        self._garble = garble
         self._instrument = instrument
+        self._thinking = instrument if isinstance(instrument, Thinking) else None
         self._terminator = terminator
         self._byte_s = BITS_PER_BYTE / baud if baud else 0.0
         self._wake, self._waker = os.pipe()
@@ -77,15 +94,31 @@ class Wire:
             *requests, pending = (pending + chunk).split(self._terminator)
             pending = pending if len(pending) <= LONGEST_LINE else b""
             for request in requests:
-                self._take_time(len(request) + len(self._terminator))
+                self._pass(self._byte_s * (len(request) + len(self._terminator)))
                 reply = self._instrument.answer(request)
+                if self._thinking is not None:
+                    self._pass(self._thinking.processing_s(request))
                 if reply is not None:
-                    self._take_time(len(reply) + len(self._terminator))
-                    line.sendall(reply + self._terminator)
+                    self._deliver(line, self._garble(reply + self._terminator))
 
-    def _take_time(self, count: int) -> None:
-        if self._byte_s:
-            time.sleep(count * self._byte_s)
+    def _deliver(self, line: Line, data: bytes) -> None:
+        """Send what the line has carried by now, piece by piece, to the end."""
+        if not self._byte_s:
+            line.sendall(data)
+            return
+        piece = max(1, int(PIECE_S / self._byte_s))
+        began_s, sent = time.monotonic(), 0
+        while sent < len(data):
+            self._pass(began_s + self._byte_s * min(sent + piece, len(data)) - time.monotonic())
+            # Half a byte's time for what the clock loses between two looks at it.
+            carried = int((time.monotonic() - began_s) / self._byte_s + 0.5)
+            line.sendall(data[sent:carried])
+            sent = max(sent, carried)
+
+    @staticmethod
+    def _pass(duration_s: float) -> None:
+        if duration_s > 0.0:
+            time.sleep(duration_s)
 
 
 def serve(
@@ -93,6 +126,7 @@ def serve(
     instrument: Instrument,
     baud: int | None = None,
     terminator: bytes = TERMINATOR,
+    garble: Garble = _untouched,
 ) -> Wire:
     """Offer an instrument at a driver's url.
 
@@ -102,10 +136,12 @@ def serve(
         Each byte takes ten bits at this rate, in both directions; None takes no time.
     terminator
         Ends each line, in both directions.
+    garble
+        What arrives of an answer: a part of a frame, or something else.
 
     Raises
     ------
     WireError
         Where the port is taken, or is none.
     """
-    return Wire(open_port(url), instrument, baud, terminator)
+    return Wire(open_port(url), instrument, baud, terminator, garble)

@@ -83,6 +83,58 @@ def test_the_host_watchdog_trips_to_the_safe_value_and_latches() -> None:
     assert stage.voltages_V == [0.5, 2.0, 0.5, 1.0]
 
 
+def test_a_power_cycle_starts_at_the_power_on_value_without_trip_or_watchdog() -> None:
+    stage = Stage()
+    ask = stage.module.answer
+    ask(b"#1A0+00.250")
+    assert ask(b"$1A40") == b"!1A"
+    ask(b"#1A0+03.000")
+    ask(b"~1A3101")
+    stage.now_s = 0.2
+    assert ask(b"#1A0+01.000") == b"!"
+    assert stage.module.tripped
+    stage.module.power_cycle()
+    assert not stage.module.tripped
+    assert stage.voltages_V == [0.25, 3.0, 0.0, 0.25]
+    assert ask(b"~1A0") == b"!1A00"
+    assert ask(b"$1A60") == b"!1A+00.250"
+    stage.now_s = 9.0
+    assert ask(b"#1A0+01.000") == b">"
+
+
+@pytest.mark.parametrize(
+    ("line", "reply"),
+    [(b"~1A3100", b"?1A"), (b"~1A3000", b"!1A"), (b"~1A32FF", b"?1A"), (b"~1A31FF", b"!1A")],
+)
+def test_a_watchdog_needs_a_time(line: bytes, reply: bytes) -> None:
+    assert Stage().module.answer(line) == reply
+
+
+def test_a_watchdog_that_is_switched_off_does_not_trip() -> None:
+    stage = Stage()
+    stage.module.answer(b"~1A3101")
+    stage.module.answer(b"~1A3001")
+    stage.now_s = 9.0
+    stage.module.idle()
+    assert stage.voltages_V == []
+    assert stage.module.answer(b"~1A0") == b"!1A00"
+
+
+def test_a_heartbeat_carries_the_checksum_too() -> None:
+    stage = Stage(checksum=True)
+    # The bytes of ~1A3102 add up to 0x7E + 0x31 + 0x41 + 0x33 + 0x31 + 0x30 + 0x32 = 0x1B6.
+    assert stage.module.answer(b"~1A3102B6") is not None
+    stage.now_s = 0.15
+    assert stage.module.answer(b"~**D2") is None
+    stage.now_s = 0.3
+    stage.module.idle()
+    assert not stage.module.tripped
+    assert stage.module.answer(b"~**") is None
+    stage.now_s = 0.36
+    stage.module.idle()
+    assert stage.module.tripped
+
+
 def test_a_checksum_is_asked_for_and_given() -> None:
     stage = Stage(checksum=True)
     # The bytes of $1AM add up to 0x24 + 0x31 + 0x41 + 0x4D = 0xE3.

@@ -48,6 +48,29 @@ def test_a_cycle_closes_on_itself() -> None:
     assert abs(ends[-1]) > 1.0
 
 
+@pytest.mark.parametrize("asymmetry", [-0.15, 0.3])
+@pytest.mark.parametrize("du_V", [-2.0, 2.0])
+def test_each_way_has_its_own_b(asymmetry: float, du_V: float) -> None:
+    shape = BoucWen(9.0, 1.04, 0.26, asymmetry)
+    b_per_V = 1.04 * (1.0 + asymmetry if du_V > 0.0 else 1.0 - asymmetry)
+    one_way = BoucWen(9.0, b_per_V, 0.26)
+    for h_um in (-6.0, 0.0, 3.0):
+        assert advance_hysteresis(shape, h_um, du_V) == advance_hysteresis(one_way, h_um, du_V)
+
+
+def test_an_asymmetric_cycle_closes_off_centre() -> None:
+    shape, ends = BoucWen(9.0, 1.04, 0.26, 0.2), list[float]()
+    h_um = 0.0
+    for _ in range(15):
+        top_um = advance_hysteresis(shape, h_um, 2.0)
+        h_um = advance_hysteresis(shape, top_um, -2.0)
+        ends.append(top_um + h_um)
+    assert ends[-1] == pytest.approx(ends[-2], abs=1e-9)
+    assert ends[-1] < -0.5
+    symmetric = advance_hysteresis(SHAPE, 0.0, 2.0)
+    assert symmetric == advance_hysteresis(BoucWen(9.0, 1.04, 0.26, 0.0), 0.0, 2.0)
+
+
 def test_without_shape_it_is_a_straight_line() -> None:
     assert advance_hysteresis(BoucWen(9.0, 0.0, 0.0), -1.0, 0.5) == pytest.approx(3.5)
 
@@ -55,3 +78,5 @@ def test_without_shape_it_is_a_straight_line() -> None:
 def test_an_unbounded_shape_is_refused() -> None:
     with pytest.raises(ValueError, match=r"b = 0\.1 per V is below \|g\| = 0\.2 per V"):
         BoucWen(1.0, 0.1, -0.2)
+    with pytest.raises(ValueError, match=r"b = 0\.2 per V is below \|g\| = 0\.26 per V"):
+        BoucWen(1.0, 1.0, 0.26, 0.8)

@@ -1,6 +1,7 @@
 import pytest
 
-from pincette.sim.keyence import SimulatedKeyence, Unit, value
+from pincette.sim.keyence import SimulatedKeyence
+from pincette.sim.keyence_commands import Fault, Unit, value
 
 
 @pytest.mark.parametrize(
@@ -29,23 +30,57 @@ def test_values_have_eight_characters(position_um: float | None, unit: Unit, tex
     [
         (b"MS,01", b"MS,01,+0001.50"),
         (b"ms,12", b"MS,12,+0001.50"),
-        (b"MS,13", b"ER,MS,22"),
-        (b"MS,1", b"ER,MS,22"),
-        (b"MS", b"ER,MS,21"),
+        (b"MS,13", b"ER,MS,62"),
+        (b"MS,00", b"ER,MS,62"),
+        (b"MS,1", b"ER,MS,62"),
+        (b"MS", b"ER,MS,61"),
         (b"MM,110000000000", b"MM,110000000000,+0001.50,+0001.50"),
-        (b"MM,000000000000", b"ER,MM,22"),
+        (b"MM,000000000000", b"ER,MM,62"),
+        (b"MM,1100000000000", b"ER,MM,62"),
+        (b"MM,11000000000x", b"ER,MM,62"),
         (b"MA", b"MA" + 12 * b",+0001.50"),
         (b"R0", b"ER,R0,01"),
         (b"Q0", b"Q0"),
         (b"VR,1", b"VR"),
+        (b"VR,13", b"ER,VR,62"),
         (b"KL,1", b"KL"),
-        (b"SW,CA,3", b"ER,SW,01"),
-        (b"ZZ", b"ER,ZZ,00"),
+        (b"KL,2", b"ER,KL,62"),
+        (b"SW,CA,3", b"ER,SW,51"),
+        (b"ZZ", b"ER,ZZ,50"),
+        (b"M1", b"ER,M1,50"),
+        (b"MS," + 40 * b"0", b"ER,MS,60"),
         (b"", None),
     ],
 )
 def test_in_measuring_mode(line: bytes, reply: bytes | None) -> None:
     assert SimulatedKeyence(lambda: 1.5).answer(line) == reply
+
+
+@pytest.mark.parametrize(
+    ("line", "reply"),
+    [
+        (b"M0", b"M0,+0001.50,+0001.50"),
+        (b"M1", b"M1,+0001.50"),
+        (b"m2", b"M2,+0001.50"),
+        (b"M1,1", b"ER,M1,21"),
+        (b"MS,01", b"ER,MS,00"),
+        (b"SW,CA,3", b"ER,SW,01"),
+        (b"KL,7", b"ER,KL,22"),
+        (b"M1" + 40 * b" ", b"ER,M1,20"),
+        (b"R0", b"ER,R0,01"),
+    ],
+)
+def test_the_older_controller_speaks_its_own_dialect(line: bytes, reply: bytes) -> None:
+    assert SimulatedKeyence(lambda: 1.5, dialect="LK-G3000").answer(line) == reply
+
+
+@pytest.mark.parametrize(("trouble", "code"), [("timeout", b"88"), ("other", b"99")])
+def test_trouble_of_its_own_shows(trouble: Fault, code: bytes) -> None:
+    instrument = SimulatedKeyence(lambda: 1.5)
+    instrument.trouble = trouble
+    assert instrument.answer(b"MS,01") == b"ER,MS," + code
+    instrument.trouble = None
+    assert instrument.answer(b"MS,01") == b"MS,01,+0001.50"
 
 
 def test_set_up_mode_stops_measuring_until_it_is_left() -> None:
@@ -54,9 +89,75 @@ def test_set_up_mode_stops_measuring_until_it_is_left() -> None:
     assert [instrument.answer(line) for line in lines] == [
         b"Q0",
         b"ER,Q0,01",
-        b"ER,MS,01",
+        b"ER,MS,51",
         b"SW,CA",
         b"SW,OC",
         b"R0",
         b"MS,01,+0001.50",
     ]
+
+
+def test_a_change_of_mode_takes_its_time() -> None:
+    now_s = 10.0
+    instrument = SimulatedKeyence(lambda: 1.5, clock=lambda: now_s, mode_change_s=1.0)
+    assert instrument.answer(b"MS,01") == b"MS,01,+0001.50"
+    assert instrument.answer(b"Q0") == b"Q0"
+    now_s = 10.9
+    assert instrument.answer(b"SW,CA,3") == b"ER,SW,51"
+    now_s = 11.0
+    assert instrument.answer(b"SW,CA,3") == b"SW,CA"
+    assert instrument.answer(b"R0") == b"R0"
+    assert instrument.answer(b"R0") == b"ER,R0,01"
+    assert instrument.answer(b"MS,01") == b"ER,MS,51"
+    now_s = 12.0
+    assert instrument.answer(b"MS,01") == b"MS,01,+0001.50"
+
+
+def test_sampling_and_averaging_reach_the_plant() -> None:
+    told_s = list[float]()
+    instrument = SimulatedKeyence(lambda: 1.5, set_averaging=told_s.append)
+    assert instrument.averaging_s == 20e-6
+    instrument.answer(b"Q0")
+    for line in (b"SW,OC,01,0,5", b"SW,OC,02,0,9", b"SW,CA,8", b"SW,CA,8", b"SW,OC,1,0,0"):
+        assert instrument.answer(line) == line[:5]
+    assert told_s == pytest.approx([1024 * 20e-6, 1024 * 1e-3, 1e-3])
+    assert instrument.averaging_s == 1e-3
+    for line, code in (
+        (b"SW,CA,9", b"62"),
+        (b"SW,OC,01,0,10", b"62"),
+        (b"SW,OC,13,0,1", b"62"),
+        (b"SW,OC,01,1,1", b"62"),
+        (b"SW,CA,3,3", b"61"),
+        (b"SW,OC,01,0", b"61"),
+        (b"SW,XX,0", b"62"),
+        (b"SW,CA", b"61"),
+    ):
+        assert instrument.answer(line) == b"ER,SW," + code
+    assert len(told_s) == 3
+
+
+def test_a_zero_holds_until_it_is_reset_and_a_locked_panel_sets_none() -> None:
+    x_um = 1.5
+    instrument = SimulatedKeyence(lambda: x_um)
+    instrument.answer(b"KL,1")
+    instrument.press_zero()
+    assert instrument.answer(b"MS,01") == b"MS,01,+0001.50"
+    instrument.answer(b"KL,0")
+    instrument.press_zero()
+    x_um = 2.0
+    assert instrument.answer(b"VR,2") == b"VR"
+    assert instrument.answer(b"MM,110000000000") == b"MM,110000000000,+0000.50,+0002.00"
+
+
+def test_unasked_lines_come_before_an_answer_and_not_in_set_up_mode() -> None:
+    instrument = SimulatedKeyence(lambda: 1.5, unsolicited_every=2)
+    replies = [instrument.answer(b"MS,01") for _ in range(4)]
+    alone, both = b"MS,01,+0001.50", b"TG,01,+0001.50\rMS,01,+0001.50"
+    assert replies == [alone, both, alone, both]
+    assert [instrument.answer(line) for line in (b"Q0", b"SW,CA,3")] == [b"Q0", b"SW,CA"]
+
+
+def test_each_command_has_a_time_of_its_own() -> None:
+    instrument = SimulatedKeyence(lambda: 1.5, processing_s={b"MS": 0.002})
+    assert instrument.processing_s(b"ms,01") == 0.002
+    assert instrument.processing_s(b"R0") == 0.0

@@ -24,3 +24,14 @@ def test_a_number_depends_on_seed_and_index_alone() -> None:
     assert again.at(3) == asked.at(3)
     assert GaussianNoise(8).at(3) != asked.at(3)
     assert asked.at(3) != asked.at(BLOCK + 3)
+
+
+def test_a_stream_is_noise_of_its_own() -> None:
+    count = 5000
+    first, other = GaussianNoise(1), GaussianNoise(1, stream=1)
+    pairs = [(first.at(index), other.at(index)) for index in range(count)]
+    alike = math.fsum(a * b for a, b in pairs) / count
+    shifted = math.fsum(a * b for (a, _), (_, b) in pairwise(pairs)) / count
+    assert alike == pytest.approx(0.0, abs=0.05)
+    assert shifted == pytest.approx(0.0, abs=0.05)
+    assert GaussianNoise(1, stream=0).at(7) == first.at(7)

@@ -11,7 +11,7 @@ import httpx
 from fastapi import FastAPI
 
 from pincette.bus.protocol import Answerer, BusError, RefusalError, Sink
-from pincette.config import RigFile
+from pincette.config import RigFile, parse_calibration
 from pincette.messages import (
     Act,
     Applied,
@@ -31,7 +31,8 @@ from pincette_supervisor.api import create_app
 from pincette_supervisor.conductor import Conductor
 from pincette_supervisor.health import Health
 from pincette_supervisor.observer import Observer
-from pincette_supervisor.run import Site
+from pincette_supervisor.rig_model import RigModel
+from pincette_supervisor.site import Site
 from pincette_supervisor.store import Store
 
 from . import samples
@@ -41,6 +42,7 @@ class CannedRig:
     """The bus of a rig whose services answer at once and play a canned grip within the arming.
 
     ``pause_at`` names the tick before which the playing waits: for an action, or for good.
+    ``pauses`` are the ticks before which it waits for the action continue.
     """
 
     def __init__(self, rig: RigFile) -> None:
@@ -54,6 +56,9 @@ class CannedRig:
         self.ticks: list[samples.Tick] = []
         self.edit: Callable[[list[samples.Tick]], list[samples.Tick]] = list
         self.pause_at: int | None = None
+        self.pauses: list[int] = []
+        self.calibration = ""
+        """Digest of the model that it was armed with."""
         self.place = 0
         self._sinks: dict[Topic, list[Sink]] = {}
         self._watchers: list[Callable[[str, bool], None]] = []
@@ -97,7 +102,9 @@ class CannedRig:
         match request:
             case StatusRequest():
                 digest, instance = self.digests[service], self.instances[service]
-                return Status(service, "0.1.0", instance, digest, self.epoch, 0, 0, 0, "")
+                return Status(
+                    service, "0.1.0", instance, digest, self.epoch, 0, 0, 0, "", self.calibration
+                )
             case Arm():
                 self._arm(service, request)
             case Reset():
@@ -121,8 +128,9 @@ class CannedRig:
         if service != "sensor":
             return
         self.epoch, self.place = request.epoch, 0
+        self.calibration = parse_calibration(request.calibration).digest
         self.ticks = self.edit(samples.grip(request.epoch))
-        self.play(self.pause_at)
+        self.play(self.pauses[0] if self.pauses else self.pause_at)
 
     def play(self, until: int | None = None) -> None:
         """Send canned ticks up to a place, or to the end."""
@@ -147,6 +155,9 @@ class CannedRig:
         if self.place >= len(self.ticks):
             raise RefusalError(f"nothing plays: {action} has nothing to act on")
         tick = self.ticks[self.place]
+        if action == "continue":
+            self._continue(tick)
+            return
         if action == "stop":
             outcome = "stopped"
         elif not tick.telemetry.held:
@@ -165,6 +176,13 @@ class CannedRig:
         else:
             self.play()
 
+    def _continue(self, tick: samples.Tick) -> None:
+        if self.place not in self.pauses:
+            raise RefusalError("the program waits for nobody: continue has nothing to go on with")
+        acted = replace(tick.telemetry, acted="continue")
+        self.ticks[self.place] = replace(tick, telemetry=acted)
+        self.play(next((place for place in self.pauses if place > self.place), None))
+
     def close(self) -> None:
         pass
 
@@ -179,7 +197,7 @@ class Desk:
         self.health = Health(rig, self.bus, self.observer, self.store)
         self.archivist = archive.archivist()
         site = Site(
-            rig=rig,
+            model=RigModel(rig, data / "models", self.store),
             bus=self.bus,
             observer=self.observer,
             health=self.health,
@@ -213,6 +231,13 @@ class Desk:
         response = self.post("/jobs", {"kind": "grip", "autostart": True, **wishes})
         assert response.status_code == 201, response.text
         return response.json()
+
+    def calibrated(self, calibration: str = "noise", **wishes: Any) -> dict[str, Any]:
+        """Run a calibration to its end."""
+        body = {"calibration": calibration, "autostart": True, **wishes}
+        response = self.post("/calibrations", body)
+        assert response.status_code == 201, response.text
+        return self.ended(response.json()["id"])
 
     def ended(self, job: str) -> dict[str, Any]:
         """The job once it has ended."""

@@ -1,8 +1,9 @@
 """A grip and a track as the bus would carry them: canned samples, the same on every run."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import sin
+from random import Random
 
 from pincette.control.arm.plant import consistent_arm, discretize
 from pincette.control.planning.path_shapes import sinusoid
@@ -27,6 +28,7 @@ FORCE_ERROR_MN = 0.25
 TRUE_ERROR_MN = -0.4
 """Of the true force along the path."""
 UNCERTAINTY_MN = 0.5
+HANG_TICKS = 5
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,44 @@ def track(epoch: int = 7) -> list[Tick]:
         ticks.append(_tick(epoch, len(ticks), "unload", 2, CONTACT_UM, 0.0))
     said = [replace(tick.telemetry, outcome="tracked") for tick in ticks[-10:]]
     ticks[-10:] = [replace(t, telemetry=s) for t, s in zip(ticks[-10:], said, strict=True)]
+    return _ended(ticks)
+
+
+def rest(epoch: int = 7, noise_um: float = 0.03, ticks: int = 200) -> list[Tick]:
+    """A calibration of the noise: an arm at rest, read with the same noise on every run."""
+    chance = Random(1)
+    made = [_still(epoch, seq, "noise", 0, noise_um * chance.gauss()) for seq in range(ticks)]
+    return _moved(made)
+
+
+def weighing(epoch: int, steps: Sequence[float], compliance_um_per_mN: float) -> list[Tick]:
+    """A calibration by weights: each step waits for HANG_TICKS, settles, and is measured."""
+    made: list[Tick] = []
+    chance = Random(2)
+    for step, weight_mN in enumerate(steps):
+        x_um = -compliance_um_per_mN * weight_mN
+        pieces = (("hang", HANG_TICKS), ("settle", 10), ("measure", 50))
+        for piece, (phase, ticks) in enumerate(pieces):
+            for _ in range(ticks):
+                number, name = 3 * step + piece, f"{phase} {step + 1}"
+                noise_um = 0.01 * chance.gauss()
+                made.append(_still(epoch, len(made), name, number, x_um + noise_um))
+    return _moved(made)
+
+
+def _still(epoch: int, seq: int, phase: str, segment: int, x_um: float) -> Tick:
+    """A sample at a voltage that rests."""
+    tick = _tick(epoch, seq, phase, segment, 0.0, 0.0)
+    return replace(
+        tick,
+        position=replace(tick.position, x_um=x_um),
+        applied=replace(tick.applied, voltage_V=0.0),
+    )
+
+
+def _moved(ticks: list[Tick]) -> list[Tick]:
+    last = ticks[-1]
+    ticks[-1] = replace(last, telemetry=replace(last.telemetry, outcome="moved"))
     return _ended(ticks)
 
 

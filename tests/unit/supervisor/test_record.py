@@ -34,7 +34,7 @@ def write(
     messages = [m for tick in ticks for m in tick.messages()]
     planned = plan_job(request, rig_file)
     made = archive.gather(rig_file, JOB, planned, archive.Take(7, messages))
-    archive.write(folder, made)
+    made.write(folder)
     return made
 
 

@@ -32,12 +32,14 @@ def swept_response(
     from_hz: float,
     to_hz: float,
     bands: int = 200,
+    least_drive: float = LEAST_DRIVE,
 ) -> FrequencyResponse:
     """Frequency response of a recorded sweep that begins and ends at rest.
 
     Over the spectra of the whole record, in bands of even width, G = Σ X·U*/Σ |U|², and from the
     coherence γ² of n lines u(log|G|) = √((1 - γ²)/(2·n·γ²)). The record is taken whole: a window
-    would smear the peak of a lightly damped mode. The means are taken off, no more.
+    would smear the peak of a lightly damped mode. The means are taken off, no more. Bands driven
+    with less than ``least_drive`` of the strongest, in power, are left out.
 
     Raises
     ------
@@ -71,7 +73,7 @@ def swept_response(
     product = banded(cross.real) + 1j * banded(cross.imag)
     kept = (
         (count >= LEAST_LINES)
-        & (drive > LEAST_DRIVE * float(np.max(drive)))
+        & (drive > least_drive * float(np.max(drive)))
         & (np.abs(product) > 0.0)
     )
     if int(np.sum(kept)) < LEAST_POINTS:

@@ -1,0 +1,102 @@
+"""A model as a file: values that calibrations have found, over one rig file, in versions.
+
+``NNNN-<digest>.json``, never changed once written; the next version names the one it follows.
+"""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from pincette.config import Calibration, ConfigError
+
+
+class StoredModel(BaseModel):
+    """One version."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    version: int = Field(ge=1)
+    digest: str
+    """Of the values."""
+    rig: str
+    rig_file_digest: str
+    """Of the rig file that the values were found over."""
+    made_at: str
+    values: dict[str, Any]
+    """By quantity; what is not here is as the rig file has it."""
+    sources: dict[str, str]
+    """By quantity, the calibration that each comes from."""
+    uncertainties: dict[str, float | None]
+    """By quantity, standard; null where there is none to state."""
+    previous: str
+    """Digest of the model that was in use; empty: that of the rig file."""
+
+    @property
+    def calibration(self) -> Calibration:
+        """As it travels; raises ConfigError where a quantity is unknown."""
+        try:
+            return Calibration(values=self.values, sources=self.sources)
+        except ValidationError as error:
+            raise ConfigError(error.errors()[0]["msg"]) from error
+
+
+@dataclass(frozen=True, slots=True)
+class ModelFiles:
+    """The versions of one rig, in a folder."""
+
+    folder: Path
+
+    def numbers(self) -> list[int]:
+        """Versions that there are, the oldest first."""
+        return sorted(self._paths())
+
+    def _paths(self) -> dict[int, Path]:
+        return {
+            int(path.stem.partition("-")[0]): path
+            for path in self.folder.glob("[0-9][0-9][0-9][0-9]-*.json")
+        }
+
+    def read(self, version: int) -> StoredModel:
+        """Read a version.
+
+        Raises
+        ------
+        ConfigError
+            Where there is none, or its file is not what was written.
+        """
+        path = self._paths().get(version)
+        if path is None:
+            raise ConfigError(f"no model {version}; there are {self.numbers() or 'none'}")
+        try:
+            model = StoredModel.model_validate_json(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise ConfigError(f"model file {path.name} cannot be used: {error}") from error
+        if model.version != version:
+            raise ConfigError(
+                f"model file {path.name} was changed: it names version {model.version}"
+            )
+        if model.digest != model.calibration.digest:
+            raise ConfigError(
+                f"model file {path.name} was changed: its values have the digest "
+                f"{model.calibration.digest}, it names {model.digest}"
+            )
+        return model
+
+    def write(self, model: StoredModel) -> None:
+        """Write a version, wholly or not at all; raises OSError."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path = self.folder / f"{model.version:04d}-{model.digest}.json"
+        draft = path.with_name(path.name + ".part")
+        text = json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False)
+        try:
+            with draft.open("w", encoding="utf-8") as stream:
+                stream.write(text + "\n")
+                stream.flush()
+                os.fsync(stream.fileno())
+            draft.replace(path)
+        finally:
+            draft.unlink(missing_ok=True)

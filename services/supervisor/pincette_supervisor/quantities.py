@@ -1,0 +1,38 @@
+"""Quantities that a calibration may replace: units, and their values in a rig file."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from pincette.config import RigFile
+from pincette.config.calibration import CALIBRATED
+
+ASSUMED = "assumed"
+"""Source of what no calibration has found."""
+UNITS: Mapping[str, str] = {
+    "model.natural_frequency_rad_per_s": "rad/s",
+    "model.damping_ratio": "1",
+    "model.piezo_um_per_V": "µm/V",
+    "model.compliance_um_per_mN": "µm/mN",
+    "model.hysteresis_fraction": "1",
+    "model.creep_mN_per_decade": "mN/decade",
+    "model.forgotten_mN": "mN",
+    "model.forgotten_scale_V": "V",
+    "model.free_response": "µm over V",
+    "part.contact_um": "µm",
+    "part.stiffness_mN_per_um": "mN/µm",
+    "sensor.noise_um": "µm",
+}
+
+
+def value_of(rig: RigFile, quantity: str) -> Any:
+    """Value of a quantity as JSON has it; None where the rig file has none."""
+    table, _, name = quantity.partition(".")
+    value = getattr(getattr(rig, table), name)
+    return value.model_dump(mode="json") if isinstance(value, BaseModel) else value
+
+
+def values_of(rig: RigFile) -> dict[str, Any]:
+    """Values of every quantity that a calibration may replace."""
+    return {quantity: value_of(rig, quantity) for quantity in CALIBRATED}

@@ -1,0 +1,152 @@
+"""What a rig file says that cannot work, or that nobody has verified; nothing is opened."""
+
+import sys
+from collections.abc import Iterable, Iterator
+from typing import cast
+
+from pincette import plugins
+from pincette.cli.doctor_finding import Finding, noted
+from pincette.config import ConfigError, Output, RigFile, Sensor, Table
+from pincette.config.calibration import CALIBRATED
+from pincette.instruments.options import read_options
+from pincette.runtime.process import loop_services
+from pincette.runtime.timing import budget
+
+
+def rig_findings(rig: RigFile) -> Iterator[Finding]:
+    """Drivers, timing, watchdog, limits, model."""
+    drivers = (
+        (plugins.POSITION_SENSORS, rig.sensor.driver),
+        (plugins.VOLTAGE_OUTPUTS, rig.output.driver),
+    )
+    for group, name in drivers:
+        yield driver(group, name)
+    try:
+        if rig.simulation is None:
+            yield from acquaintance(drivers)
+        yield timing(rig)
+        yield watchdog(rig)
+    except plugins.PluginError as error:
+        yield Finding(False, str(error), "install the driver, or name another in the rig file")
+    except ConfigError as error:
+        yield Finding(False, f"options: {error}", "mend the options in the rig file")
+    yield from limits(rig)
+    yield model(rig)
+
+
+def driver(group: str, name: str) -> Finding:
+    """Whether a driver is installed."""
+    there = plugins.names(group)
+    remedy = f"install it, or name another in the rig file; there are {', '.join(there)}"
+    return Finding(name in there, f"driver {name}", remedy)
+
+
+def acquaintance(drivers: Iterable[tuple[str, str]]) -> Iterator[Finding]:
+    """Say so where a driver has not met its instrument."""
+    for group, name in drivers:
+        if _module(group, name).get("MET") is False:
+            yield noted(
+                f"driver {name} has not met its instrument",
+                "watch its first steps; `record` in the rig file writes down every exchange",
+            )
+
+
+def timing(rig: RigFile) -> Finding:
+    """Whether a tick fits into the control period, by the sum of all it takes."""
+    needed = budget(rig)
+    notes = [note for note in (needed.sensor.note, needed.output.note) if note]
+    words = "; ".join([f"timing: {needed.words()}", *notes])
+    return Finding(
+        needed.fits,
+        words,
+        "raise baud at the instrument and in options.baud (115200), or period_s in the rig file",
+    )
+
+
+def watchdog(rig: RigFile) -> Finding:
+    """What the output does by itself where its host falls silent."""
+    options = options_of(plugins.VOLTAGE_OUTPUTS, rig.output)
+    limit_s = getattr(options, "watchdog_s", None)
+    if limit_s:
+        return Finding(
+            True, f"watchdog: {limit_s:g} s after its host has gone silent the output is safe"
+        )
+    said = rig.output.on_silence
+    without = "is off (watchdog_s = 0)" if limit_s == 0.0 else f"none in {rig.output.driver}"
+    if said == "unstated":
+        return Finding(
+            False,
+            f"watchdog: {without}, and the rig file does not say what the output does where its "
+            "host falls silent: output.on_silence = 'unstated'",
+            "find it out, and write on_silence = 'safe' or 'holds' into [output]",
+        )
+    means = "keeps its last voltage" if said == "holds" else "goes to a safe value by itself"
+    return noted(f"watchdog: {without}; as the rig file says, the output {means}")
+
+
+def options_of(group: str, settings: Sensor | Output) -> Table | None:
+    """A driver's own options, its defaults filled in; None where it has no table of them."""
+    for name, found in _module(group, settings.driver).items():
+        if isinstance(found, type) and issubclass(found, Table) and name.endswith("Options"):
+            return read_options(found, settings.driver, settings.options)
+    return None
+
+
+def _module(group: str, name: str) -> dict[str, object]:
+    return cast("dict[str, object]", vars(sys.modules[plugins.load(group, name).__module__]))
+
+
+def limits(rig: RigFile) -> Iterator[Finding]:
+    """Whether the limits allow what the rig is for; voltages at the amplifier's input."""
+    for name, service in loop_services().items():
+        try:
+            service.configure(rig)
+        except ConfigError as error:
+            yield Finding(False, f"{name}: {error}", "mend what is named in the rig file")
+    bears, part, arm = rig.limits, rig.part, rig.model
+    span_um = f"{bears.position_min_um:g}..{bears.position_max_um:g} µm"
+    reach_um = part.contact_um + bears.force_max_mN / part.stiffness_mN_per_um
+    low_um = part.contact_um - part.contact_tolerance_um
+    yield Finding(
+        bears.position_min_um <= low_um and reach_um <= bears.position_max_um,
+        f"limits: the part from {low_um:g} µm, pressed with {bears.force_max_mN:g} mN at "
+        f"{reach_um:.1f} µm, position limits {span_um}",
+        "mend [part] contact_um, or [limits] force_max_mN or position_max_um",
+    )
+    yield Finding(
+        rig.grip.force_mN < bears.force_max_mN,
+        f"limits: a grip presses with {rig.grip.force_mN:g} mN, limit {bears.force_max_mN:g} mN",
+        "lower [grip] force_mN, or raise [limits] force_max_mN",
+    )
+    needed_V = (
+        part.contact_um
+        + rig.grip.force_mN * (1.0 / part.stiffness_mN_per_um + arm.compliance_um_per_mN)
+    ) / arm.piezo_um_per_V
+    yield Finding(
+        needed_V <= bears.voltage_max_V,
+        f"limits: a grip needs about {needed_V:.2f} V, limit {bears.voltage_max_V:g} V",
+        "raise [limits] voltage_max_V, if amplifier and arm bear it",
+    )
+    swing_um = bears.sweep_V * arm.piezo_um_per_V / (2.0 * arm.damping_ratio)
+    yield Finding(
+        2.0 * swing_um <= bears.position_max_um - bears.position_min_um,
+        f"limits: a sweep of ±{bears.sweep_V:g} V moves the arm by ±{swing_um:.1f} µm at its "
+        f"resonance, position limits {span_um}",
+        "lower [limits] sweep_V",
+    )
+
+
+def model(rig: RigFile) -> Finding:
+    """Which quantities of the model nobody has measured on this rig, as far as its file says."""
+    left = [name for name in CALIBRATED if not _given(rig, name)]
+    if not left:
+        return noted("model: as the rig file has it; a calibration may replace each quantity")
+    return noted(
+        f"model: not in the rig file, and so assumed: {', '.join(left)}",
+        "`pincette job calibrate` measures them, once the rig is up",
+    )
+
+
+def _given(rig: RigFile, name: str) -> bool:
+    table, _, quantity = name.partition(".")
+    return quantity in getattr(rig, table).model_fields_set

@@ -1,0 +1,157 @@
+"""Orders to a simulated rig: what there is to be done, as a table, and those of the rig file.
+
+The table is what the rig, the command line and docs/how-to/scripted-faults.md go by.
+"""
+
+from dataclasses import dataclass
+
+from pydantic import model_validator
+
+from pincette.config.tables import NotNegative, Positive, Table
+from pincette.messages import Order
+
+LONGEST_DELAY_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Deed:
+    """One thing that can be done to a target."""
+
+    what: str
+    meaning: str
+    quantity: str = ""
+    """What its value is, with the unit; empty: it takes none."""
+    least: float = 0.0
+    most: float = 0.0
+    default: float | None = None
+    """None: a value must be given."""
+    lasts: bool = True
+    """Whether it is a fault, which lasts for a time and can be healed."""
+
+    @property
+    def valued(self) -> bool:
+        """Whether it takes a value."""
+        return bool(self.quantity)
+
+
+def _link_faults(quantity: str, limit: float) -> tuple[Deed, ...]:
+    """What befalls an instrument or its line; ``quantity`` is what the instrument deals in."""
+    late = ("s", 0.0, LONGEST_DELAY_S)
+    return (
+        Deed("off", "is silent, as unplugged", "1: its socket hangs up too", 0.0, 1.0, 0.0),
+        Deed("garbage", "answers random bytes"),
+        Deed("wrong", "is off by an offset", quantity, -limit, limit),
+        Deed("slow", "answers late", *late),
+        Deed("delayed", "shows, or puts out, what was asked so long ago", *late),
+        Deed("intermittent", "loses exchanges", "share of them", 0.0, 1.0),
+        Deed("heal", "ends every fault of this target", lasts=False),
+    )
+
+
+DEEDS: dict[str, tuple[Deed, ...]] = {
+    "part": (
+        Deed("remove", "is taken away", lasts=False),
+        Deed(
+            "place",
+            "is put between the arms",
+            "µm, arm at first touch; not given: where the last one was",
+            -1e4,
+            1e4,
+            lasts=False,
+        ),
+        Deed("lose", "falls out of the gripper", lasts=False),
+    ),
+    "weight": (
+        Deed(
+            "hang",
+            "hangs on the tip, pulls against closing",
+            "mN, 0 takes it off",
+            -1e3,
+            1e3,
+            lasts=False,
+        ),
+    ),
+    "arm": (
+        Deed("stiffen", "scales the stiffness of the contact", "factor", 0.01, 100.0, lasts=False),
+        Deed(
+            "hysteresis",
+            "scales the hysteretic part of the motion",
+            "factor",
+            0.01,
+            10.0,
+            lasts=False,
+        ),
+    ),
+    "sensor": (
+        *_link_faults("µm", 1e4),
+        Deed("stuck", "shows the same reading"),
+        Deed(
+            "over_range",
+            "shows that the position is beyond its range",
+            "1 above, -1 below",
+            -1.0,
+            1.0,
+            1.0,
+        ),
+    ),
+    "output": (*_link_faults("V", 20.0), Deed("stuck", "accepts, and does not move")),
+}
+"""For each target what can be done to it."""
+OPTIONAL = frozenset({("part", "place")})
+"""Deeds whose value may be left out, with a meaning of its own."""
+
+
+def deed_of(target: str, what: str) -> Deed | None:
+    """Row of the table; None where there is none."""
+    return next((deed for deed in DEEDS.get(target, ()) if deed.what == what), None)
+
+
+def objection(order: Order) -> str:
+    """Why an order cannot be carried out, with what could; empty where it can."""
+    if order.target not in DEEDS:
+        return f"no target {order.target!r}; there are {', '.join(DEEDS)}"
+    deed = deed_of(order.target, order.what)
+    if deed is None:
+        known = ", ".join(deed.what for deed in DEEDS[order.target])
+        return f"{order.target} knows no {order.what!r}; it knows {known}"
+    name = f"{order.target} {order.what}"
+    if not 0.0 <= order.after_s < float("inf"):
+        return f"{name}: after_s = {order.after_s} s is no time from now on"
+    if order.for_s is not None and not deed.lasts:
+        return f"{name} happens once: for_s = {order.for_s} s has no meaning"
+    if order.for_s is not None and not 0.0 < order.for_s < float("inf"):
+        return f"{name}: for_s = {order.for_s} s is no duration"
+    return _value_objection(name, deed, order)
+
+
+def _value_objection(name: str, deed: Deed, order: Order) -> str:
+    value = order.value
+    if not deed.valued:
+        return "" if value is None else f"{name} takes no value, {value} was given"
+    if value is None:
+        optional = deed.default is not None or (order.target, order.what) in OPTIONAL
+        return "" if optional else f"{name} needs a value: {deed.quantity}"
+    if deed.least <= value <= deed.most:
+        return ""
+    return f"{name} {value}: beyond {deed.least:g}..{deed.most:g} ({deed.quantity})"
+
+
+class ScriptedOrder(Table):
+    """One entry of [[simulation.script]]."""
+
+    at_s: NotNegative
+    """s, in the rig's time since the first voltage was written."""
+    target: str
+    what: str
+    value: float | None = None
+    for_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _known(self) -> "ScriptedOrder":
+        if words := objection(self.order()):
+            raise ValueError(words)
+        return self
+
+    def order(self) -> Order:
+        """As it is asked over the bus."""
+        return Order(self.target, self.what, self.value, self.at_s, self.for_s)

@@ -1,0 +1,149 @@
+"""Stiffness of a contact by four levels of voltage, as in Fig. 8, and where the part was met.
+
+In contact F = K_e·(x - x_e) whatever the voltage does, so peak-to-peak force is proportional to
+peak-to-peak position,
+
+    K_e = Σ F_pp·x_pp/Σ x_pp²
+
+Both come of a periodic fit, that of ``periodic``, in which noise neither widens the peaks nor links
+x to an F̂ that is worked out from the same x. A line with an offset, as the paper draws it, is
+given beside it: its offset is what the free response errs by at small swings, and taking it for one
+of the contact would turn the slope by as much. With F̂ = (x_1 - x)/s_p an error of s_p is one of
+K_e with the other sign, and an error e of x_1 one of F̂ of e/s_p, of which the residuals show a
+part at most: both are stated.
+Equation and figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.calibration.lines import Line, stiffness_line
+from pincette.control.calibration.periodic import Periodic, periodic
+from pincette.control.checks import require_not_negative, require_positive
+
+LEAST_LEVELS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """Whole cycles in contact at one level: N positions, and the unfiltered force (53) of each."""
+
+    level_V: float
+    """Peak to peak."""
+    x_um: Sequence[float] | NDArray[np.float64]
+    force_mN: Sequence[float] | NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """One point of the line."""
+
+    level_V: float
+    x_pp_um: float
+    x_pp_uncertainty_um: float
+    force_pp_mN: float
+    force_pp_uncertainty_mN: float
+    lowest_mN: float
+    """Force at the trough, by which the contact was kept."""
+    residual_mN: float
+    """F_pp less K_e·x_pp."""
+    x_cycle_um: NDArray[np.float64]
+    force_cycle_mN: NDArray[np.float64]
+    """One fitted cycle of each, for the plot."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContactStiffness:
+    """K_e, and the line of Fig. 8."""
+
+    stiffness_mN_per_um: float
+    uncertainty_mN_per_um: float
+    """Standard; root sum of squares of the scatter, of s_p, and of the free response."""
+    scatter_mN_per_um: float
+    """The part of it that the levels show."""
+    levels: tuple[Level, ...]
+    line: Line
+    """F_pp over x_pp with an offset, by which a plan finds the force that goes with a motion."""
+
+
+def contact_stiffness(
+    swings: Sequence[Swing],
+    samples_per_cycle: float,
+    *,
+    compliance_um_per_mN: float,
+    compliance_uncertainty_um_per_mN: float = 0.0,
+    free_error_um: float = 0.0,
+    least_force_mN: float = 0.0,
+) -> ContactStiffness:
+    """Line of Fig. 8 and its stiffness.
+
+    Parameters
+    ----------
+    compliance_um_per_mN
+        The s_p by which F̂ was worked out.
+    free_error_um
+        Standard error of x_1 between two voltages: √2 times what its model left.
+    least_force_mN
+        Force below which a trough counts as a contact that was lost.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer than ``LEAST_LEVELS``, the contact was lost at one, or a fit or the
+        line is impossible.
+    """
+    s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")
+    u_s_p = require_not_negative(
+        "uncertainty of the compliance", compliance_uncertainty_um_per_mN, "µm/mN"
+    )
+    require_not_negative("error of the free response", free_error_um, "µm")
+    if len(swings) < LEAST_LEVELS:
+        raise ValueError(f"{len(swings)} levels of voltage, must be at least {LEAST_LEVELS}")
+    motions = [_motion(swing, samples_per_cycle, least_force_mN) for swing in swings]
+    x_pp = np.array([x.peak_to_peak for x, _ in motions])
+    force_pp = np.array([force.peak_to_peak for _, force in motions])
+    line = stiffness_line(x_pp.tolist(), force_pp.tolist())
+    square = float(x_pp @ x_pp)
+    K_e = require_positive("contact stiffness", float(force_pp @ x_pp) / square, "mN/µm")
+    residuals = force_pp - K_e * x_pp
+    scatter = sqrt(float(residuals @ residuals) / (len(swings) - 1) / square)
+    by_free = free_error_um / s_p / sqrt(square)
+    by_compliance = K_e * u_s_p / s_p
+    levels = tuple(
+        Level(
+            level_V=swing.level_V,
+            x_pp_um=x.peak_to_peak,
+            x_pp_uncertainty_um=x.peak_to_peak_uncertainty,
+            force_pp_mN=force.peak_to_peak,
+            force_pp_uncertainty_mN=force.peak_to_peak_uncertainty,
+            lowest_mN=force.lowest,
+            residual_mN=residual,
+            x_cycle_um=x.mean + x.cycle,
+            force_cycle_mN=force.mean + force.cycle,
+        )
+        for swing, (x, force), residual in zip(swings, motions, residuals.tolist(), strict=True)
+    )
+    return ContactStiffness(
+        stiffness_mN_per_um=K_e,
+        uncertainty_mN_per_um=sqrt(scatter**2 + by_compliance**2 + by_free**2),
+        scatter_mN_per_um=scatter,
+        levels=levels,
+        line=line,
+    )
+
+
+def _motion(swing: Swing, samples_per_cycle: float, least_mN: float) -> tuple[Periodic, Periodic]:
+    if len(swing.x_um) != len(swing.force_mN):
+        raise ValueError(f"{len(swing.x_um)} positions for {len(swing.force_mN)} forces")
+    x = periodic(swing.x_um, samples_per_cycle)
+    force = periodic(swing.force_mN, samples_per_cycle)
+    if not force.lowest > least_mN:
+        raise ValueError(
+            f"force falls to {force.lowest:.3f} mN at {swing.level_V:g} V peak to peak, must stay "
+            f"above {least_mN:g} mN: the contact is lost; press further, or swing less"
+        )
+    return x, force

@@ -1,0 +1,130 @@
+"""Where an arm that closes meets a part: the kink of its position over its free response.
+
+With z = x_1 the free response, and D = z - x what the arm lacks to it,
+
+    D = D_0 + β·max(0, z - z_e),    β = s_p·K_e/(1 + s_p·K_e),    x_e = z_e - D_0
+
+by least squares in D_0, β, z_e. z is a model of the voltage and knows nothing of the sensor's
+noise, so no error stands on the right. D_0 is what the zero of the force has left.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.checks import require_not_negative, require_positive
+
+LEAST_SAMPLES = 30
+LEAST_SIDE = 10
+"""Samples before the kink, and as many after it."""
+PLACES = 200
+"""Of the kink that are tried before the best is refined."""
+ROUNDS = 30
+SURE = 5.0
+"""Standard uncertainties by which β must be above 0."""
+
+Column = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FirstTouch:
+    """x_e, the stiffness met there, and what a plot needs."""
+
+    contact_um: float
+    uncertainty_um: float
+    """Standard; root sum of squares of the scatter and of the error of the free response."""
+    stiffness_mN_per_um: float
+    """By the few µm after the touch; far less sure than that of Fig. 8."""
+    residual_um: float
+    """R.m.s. about the kinked line."""
+    free_um: NDArray[np.float64]
+    lack_um: NDArray[np.float64]
+    """D."""
+    fitted_um: NDArray[np.float64]
+
+
+def first_touch(
+    x_um: Sequence[float] | Column,
+    force_mN: Sequence[float] | Column,
+    compliance_um_per_mN: float,
+    free_error_um: float = 0.0,
+) -> FirstTouch:
+    """Find the first touch in N samples of a slow approach and the beginning of the press.
+
+    Parameters
+    ----------
+    x_um, force_mN
+        Positions, and the unfiltered force (53) worked out with ``compliance_um_per_mN``; the free
+        response follows from both, x_1 = x + s_p·F̂.
+    free_error_um
+        Standard error of x_1 between two voltages, of which a kink of its model is taken for one
+        of the arm.
+
+    Raises
+    ------
+    ValueError
+        Where lengths disagree, there are fewer than ``LEAST_SAMPLES``, one is not finite, or no
+        kink stands within them.
+    """
+    s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")
+    require_not_negative("error of the free response", free_error_um, "µm")
+    x, F = np.asarray(x_um, dtype=float), np.asarray(force_mN, dtype=float)
+    if len(x) != len(F):
+        raise ValueError(f"{len(x)} positions for {len(F)} forces, must be as many")
+    if len(x) < LEAST_SAMPLES:
+        raise ValueError(f"{len(x)} samples of an approach, must be at least {LEAST_SAMPLES}")
+    if not (np.isfinite(x).all() and np.isfinite(F).all()):
+        raise ValueError("a sample of the approach is not finite, all must be")
+    lack = np.asarray(s_p * F, dtype=np.float64)
+    z = np.asarray(x + lack, dtype=np.float64)
+    ordered = np.sort(z)
+    low, high = float(ordered[LEAST_SIDE - 1]), float(ordered[-LEAST_SIDE])
+    step = (high - low) / PLACES
+    places = low + step * np.arange(PLACES + 1)
+    best = int(np.argmin([_fit(z, lack, place)[1] for place in places.tolist()]))
+    kink = _refined(z, lack, max(low, places[best] - step), min(high, places[best] + step))
+    (offset, slope), square = _fit(z, lack, kink)
+    variance = square / (len(z) - 3)
+    columns = np.column_stack([np.ones(len(z)), np.maximum(0.0, z - kink), -slope * (z > kink)])
+    covariance = variance * np.linalg.pinv(columns.T @ columns)
+    if not (0.0 < slope < 1.0 and slope > SURE * sqrt(float(covariance[1, 1]))):
+        raise ValueError(
+            f"beyond x_1 = {kink:.3f} µm the arm lacks {slope:.3f} of its free travel, "
+            f"± {sqrt(float(covariance[1, 1])):.3f}: no touch stands within the approach"
+        )
+    # x_e = z_e - D_0.
+    across = np.array([-1.0, 0.0, 1.0])
+    return FirstTouch(
+        contact_um=kink - offset,
+        uncertainty_um=sqrt(float(across @ covariance @ across) + free_error_um**2),
+        stiffness_mN_per_um=slope / ((1.0 - slope) * s_p),
+        residual_um=sqrt(square / len(z)),
+        free_um=z,
+        lack_um=lack,
+        fitted_um=np.asarray(offset + slope * np.maximum(0.0, z - kink), dtype=np.float64),
+    )
+
+
+def _fit(z: Column, lack: Column, kink: float) -> tuple[tuple[float, float], float]:
+    """D_0 and β of a kink, and the sum of squares that they leave."""
+    beyond = np.maximum(0.0, z - kink)
+    about = beyond - np.mean(beyond)
+    spread = float(about @ about)
+    slope = float(about @ lack) / spread if spread > 0.0 else 0.0
+    offset = float(np.mean(lack)) - slope * float(np.mean(beyond))
+    left = lack - offset - slope * beyond
+    return (offset, slope), float(left @ left)
+
+
+def _refined(z: Column, lack: Column, low: float, high: float) -> float:
+    """Kink of the least sum of squares between two places, by thirds."""
+    for _ in range(ROUNDS):
+        third = (high - low) / 3.0
+        if _fit(z, lack, low + third)[1] < _fit(z, lack, high - third)[1]:
+            high -= third
+        else:
+            low += third
+    return 0.5 * (low + high)

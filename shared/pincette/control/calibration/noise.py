@@ -1,0 +1,129 @@
+"""Noise of a position sensor from readings of an arm that rests.
+
+With d_k = x_{k+1} - x_k less their mean, white noise has σ² = ½·mean(d²): differences know nothing
+of a drift that is slow against the period. The statement's own uncertainty comes from the spread
+of d², so that it holds for quantised readings as for Gaussian ones.
+Source of the estimator: J. von Neumann, Annals of Mathematical Statistics 12(4), 1941.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.calibration.lines import straight_line
+from pincette.control.checks import require_not_negative, require_positive
+
+LEAST_READINGS = 100
+COVERED = 6.6
+"""Standard deviations between which 99.9 % of Gaussian readings lie."""
+QUANTISED = 0.5
+"""Noise below this share of the step is not Gaussian in the readings: one or two codes show."""
+SAME = 1e-9
+"""Difference in µm within which two readings are the same; for rounding."""
+SETTLED_FILTERS = 5.0
+"""Time constants of the filter after which its start is forgotten."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Noise of the readings; all in µm but the drift."""
+
+    noise_um: float
+    """R.m.s. of the white part, the share of the quantisation included."""
+    noise_uncertainty_um: float
+    """Standard; of the scatter alone."""
+    spread_um: float
+    """R.m.s. about the drift; above the noise where something slow is in the readings."""
+    step_um: float
+    """Smallest difference seen between two readings."""
+    quantised: bool
+    """Whether the step hides the noise, so that what is stated is the step's as much."""
+    resolution_um: float
+    """Smallest motion that a reading shows: 6.6·σ, or where quantised the readings' whole width."""
+    filtered_noise_um: float
+    """R.m.s. after the law's filter."""
+    filtered_resolution_um: float
+    """6.6 times that; averaging resolves below the step only where noise moves the readings."""
+    drift_um_per_s: float
+    drift_uncertainty_um_per_s: float
+    """Standard; of scatter that is independent from reading to reading."""
+    t_s: NDArray[np.float64]
+    deviation_um: NDArray[np.float64]
+    """Readings less the drift."""
+
+
+def sensor_noise(
+    x_um: Sequence[float] | NDArray[np.float64], period_s: float, filter_s: float = 0.0
+) -> Noise:
+    """Noise of readings at a constant voltage, one each period.
+
+    Parameters
+    ----------
+    filter_s
+        Time constant of the law's first-order low-pass; 0 for none.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer than ``LEAST_READINGS``, one is not finite, or all are the same.
+    """
+    x = np.asarray(x_um, dtype=float)
+    require_positive("period", period_s, "s")
+    require_not_negative("filter", filter_s, "s")
+    if len(x) < LEAST_READINGS:
+        raise ValueError(f"{len(x)} readings of the noise, must be at least {LEAST_READINGS}")
+    if not np.isfinite(x).all():
+        raise ValueError("a reading is not finite, all must be")
+    gaps = np.diff(np.unique(x))
+    gaps = gaps[gaps > SAME]
+    if not len(gaps):
+        raise ValueError(
+            f"all {len(x)} readings are {x[0]:g} µm: noise below the sensor's step cannot be told, "
+            "nor from a sensor that is stuck; choose a finer display"
+        )
+    t = np.arange(len(x)) * period_s
+    line = straight_line(t.tolist(), x.tolist())
+    deviation = np.asarray(line.residuals, dtype=np.float64)
+    noise_um, uncertainty_um = _white(deviation)
+    step_um = float(np.min(gaps))
+    quantised = noise_um < QUANTISED * step_um
+    share = 1.0 - exp(-period_s / filter_s) if filter_s > 0.0 else 1.0
+    skipped = min(len(x) // 2, round(SETTLED_FILTERS * filter_s / period_s))
+    filtered_um = float(np.std(_filtered(deviation, share)[skipped:]))
+    width_um = float(np.ptp(x)) if quantised else COVERED * noise_um
+    return Noise(
+        noise_um=noise_um,
+        noise_uncertainty_um=uncertainty_um,
+        spread_um=sqrt(float(deviation @ deviation) / (len(x) - 2)),
+        step_um=step_um,
+        quantised=quantised,
+        resolution_um=max(step_um, width_um),
+        filtered_noise_um=filtered_um,
+        filtered_resolution_um=max(step_um if quantised else 0.0, COVERED * filtered_um),
+        drift_um_per_s=line.slope,
+        drift_uncertainty_um_per_s=line.slope_uncertainty,
+        t_s=np.asarray(t, dtype=np.float64),
+        deviation_um=deviation,
+    )
+
+
+def _white(deviation: NDArray[np.float64]) -> tuple[float, float]:
+    """σ by successive differences, and its standard uncertainty."""
+    differences = np.diff(deviation)
+    squares = (differences - np.mean(differences)) ** 2
+    sigma = sqrt(0.5 * float(np.mean(squares)))
+    # Neighbouring differences share a reading, so their squares are correlated.
+    about = squares - np.mean(squares)
+    spread = float(about @ about) + 2.0 * float(about[1:] @ about[:-1])
+    return sigma, 0.25 * sqrt(max(0.0, spread)) / (len(squares) * sigma)
+
+
+def _filtered(values: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    out, value = np.empty(len(values)), 0.0
+    for index, taken in enumerate(values.tolist()):
+        value += share * (taken - value)
+        out[index] = value
+    return out

@@ -1,0 +1,104 @@
+"""A periodic motion out of a noisy record: its cycle, and its peak-to-peak value.
+
+    value(t) = mean + drift·t + Σ a_k·cos kωt + b_k·sin kωt,  k = 1 … HARMONICS
+
+by least squares. Hysteresis makes a cycle that no single harmonic describes, and the largest less
+the smallest reading is a peak-to-peak value that grows with the noise and with the length of the
+record; the fitted cycle has neither fault. What noise still adds to the extremes of a fit,
+Var(slope)/|curvature| in all, is taken off.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+Column = NDArray[np.float64]
+
+HARMONICS = 9
+POINTS = 720
+"""Of the cycle that is worked out."""
+LEAST_SAMPLES_PER_CYCLE = 4 * HARMONICS
+LEAST_CYCLES = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Periodic:
+    """A periodic motion, in the unit of what was recorded."""
+
+    mean: float
+    peak_to_peak: float
+    peak_to_peak_uncertainty: float
+    """Standard; of the scatter alone, taken as independent from sample to sample."""
+    residual: float
+    """R.m.s. of what the fit leaves."""
+    cycle: Column
+    """``POINTS`` values of one cycle from the first sample on, about the mean."""
+
+    @property
+    def lowest(self) -> float:
+        """Smallest value of the fitted cycle, about its mean place in the record."""
+        return self.mean + float(self.cycle.min())
+
+    @property
+    def highest(self) -> float:
+        """Largest value of the fitted cycle."""
+        return self.mean + float(self.cycle.max())
+
+
+def periodic(values: Sequence[float] | Column, samples_per_cycle: float) -> Periodic:
+    """Fit a periodic motion to evenly spaced samples.
+
+    Raises
+    ------
+    ValueError
+        Where there are less than ``LEAST_CYCLES`` cycles or ``LEAST_SAMPLES_PER_CYCLE`` samples in
+        each, or a sample is not finite.
+    """
+    y = np.asarray(values, dtype=float)
+    if not samples_per_cycle >= LEAST_SAMPLES_PER_CYCLE:
+        raise ValueError(
+            f"{samples_per_cycle:g} samples a cycle, must be at least {LEAST_SAMPLES_PER_CYCLE}"
+        )
+    # Half a sample short is whole: cycles end between samples where they do not divide evenly.
+    if not len(y) >= LEAST_CYCLES * samples_per_cycle - 0.5:
+        raise ValueError(
+            f"{len(y) / samples_per_cycle:.2f} cycles, must be at least {LEAST_CYCLES:g}"
+        )
+    if not np.isfinite(y).all():
+        raise ValueError("a sample of the cycles is not finite, all must be")
+    phase = np.arange(len(y), dtype=np.float64) * (2.0 * pi / samples_per_cycle)
+    drift = np.linspace(-1.0, 1.0, len(y))
+    columns = np.column_stack([np.ones(len(y)), drift, _waves(phase)])
+    solution = np.linalg.lstsq(columns, y, rcond=None)[0]
+    residuals = y - columns @ solution
+    variance = float(residuals @ residuals) / (len(y) - columns.shape[1])
+    waves = _waves(np.arange(POINTS, dtype=np.float64) * (2.0 * pi / POINTS))
+    cycle = np.asarray(waves @ solution[2:], dtype=np.float64)
+    top, bottom = int(np.argmax(cycle)), int(np.argmin(cycle))
+    covariance = variance * np.linalg.inv(columns.T @ columns)[2:, 2:]
+    across = waves[top] - waves[bottom]
+    peak_to_peak = float(cycle[top] - cycle[bottom])
+    return Periodic(
+        mean=float(solution[0]),
+        peak_to_peak=peak_to_peak - _noise_bias(peak_to_peak, variance, len(y)),
+        peak_to_peak_uncertainty=sqrt(float(across @ covariance @ across)),
+        residual=sqrt(float(np.mean(residuals**2))),
+        cycle=cycle,
+    )
+
+
+def _waves(phase: Column) -> Column:
+    """Cosines and sines of all harmonics, N × 2·HARMONICS."""
+    angles = phase[:, np.newaxis] * np.arange(1, HARMONICS + 1)
+    return np.asarray(np.hstack([np.cos(angles), np.sin(angles)]), dtype=np.float64)
+
+
+def _noise_bias(peak_to_peak: float, variance: float, count: int) -> float:
+    """What noise adds to both extremes: Var(slope)/|curvature|, that of the first harmonic."""
+    if not peak_to_peak > 0.0:
+        return 0.0
+    squares = float(np.sum(np.arange(1, HARMONICS + 1) ** 2))
+    return min(peak_to_peak, 2.0 * variance / count * squares / (0.5 * peak_to_peak))

@@ -1,0 +1,148 @@
+"""The mode of the arm from a recorded sweep: ω_n, ζ and gain, and what a Bode plot shows (Fig. 5).
+
+The input is the drive as measured beside the position, so that a lag of the output does not
+enter. What delays the position (averaging of the sensor) and what turns the phase at every
+frequency alike (hysteresis, as a rate-independent loss) are fitted to the phase alone:
+
+    arg(X/U) = arg(model) - φ_h - ω·τ
+
+Figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.calibration.frequency_response import FrequencyResponse, swept_response
+from pincette.control.calibration.resonance import SecondOrder, fit_second_order
+from pincette.control.checks import require_positive
+
+LINES_PER_BAND = 20
+"""So wide that the coherence means something, and narrow beside the resonance."""
+FEWEST_BANDS = 100
+LEAST_DRIVE = 1e-5
+"""Of the strongest, in power. The drive is measured, and an output that lags weakens it where the
+mode stands; what a band is worth then its coherence says."""
+LARGEST_UNCERTAINTY = 0.1
+"""Of log|G| in a band; what is less sure, as where the sweep fades out, only blurs the plot."""
+BANDWIDTH_SHARE = 0.25
+"""Of the resonance's half width ζ·f_n, at most, that a band may have: beyond it the mean over the
+band cuts the peak by more than 0.6 %."""
+
+Column = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SweptMode:
+    """Model (54) of a sweep with its uncertainties, and the two curves of a Bode plot."""
+
+    model: SecondOrder
+    small_signal_gain_um_per_V: float
+    """At low frequency and the sweep's amplitude; below d_p at a larger drive, for hysteresis."""
+    delay_s: float
+    """τ, from the drive to the reading."""
+    hysteresis_phase_rad: float
+    """φ_h, by which the arm lags at every frequency."""
+    coherence: float
+    """Median over the bands of what the drive explains of the motion."""
+    residual_percent: float
+    """R.m.s. of the magnitude about the model, bands weighing as in the fit."""
+    frequency_hz: Column
+    magnitude_db: Column
+    """Of 1 µm/V."""
+    phase_deg: Column
+    """Unwrapped from the lowest frequency on."""
+    model_magnitude_db: Column
+    model_phase_deg: Column
+    """Delay and hysteresis included."""
+
+
+def swept_mode(
+    drive_V: Sequence[float] | Column,
+    x_um: Sequence[float] | Column,
+    rate_hz: float,
+    *,
+    from_hz: float,
+    to_hz: float,
+) -> SweptMode:
+    """Identify the mode from a sweep that begins and ends at rest.
+
+    Raises
+    ------
+    ValueError
+        As ``swept_response`` and ``fit_second_order``, and where the record is so short that its
+        bands are too wide for the resonance that is found.
+    """
+    require_positive("sampling rate", rate_hz, "Hz")
+    duration_s = len(x_um) / rate_hz
+    bands = max(FEWEST_BANDS, int((to_hz - from_hz) * duration_s / LINES_PER_BAND))
+    response = swept_response(
+        np.asarray(drive_V, dtype=float).tolist(),
+        np.asarray(x_um, dtype=float).tolist(),
+        rate_hz,
+        from_hz=from_hz,
+        to_hz=to_hz,
+        bands=bands,
+        least_drive=LEAST_DRIVE,
+    )
+    response = _sure(response)
+    model = fit_second_order(
+        response.frequency_hz,
+        response.gain_um_per_V,
+        to_hz=to_hz,
+        log_gain_uncertainty=response.log_gain_uncertainty,
+        higher_modes=True,
+    )
+    half_width_hz = model.damping_ratio * model.natural_frequency_rad_per_s / (2.0 * pi)
+    band_hz = (to_hz - from_hz) / bands
+    if band_hz > BANDWIDTH_SHARE * half_width_hz:
+        raise ValueError(
+            f"bands of {band_hz:.2f} Hz for a resonance of {half_width_hz:.2f} Hz half width, must "
+            f"be at most {BANDWIDTH_SHARE * half_width_hz:.2f} Hz: record a longer sweep"
+        )
+    return _drawn(response, model)
+
+
+def _sure(response: FrequencyResponse) -> FrequencyResponse:
+    """The bands that say something; all where hardly one does, for the fit to refuse."""
+    kept = response.log_gain_uncertainty <= LARGEST_UNCERTAINTY
+    if int(np.sum(kept)) < FEWEST_BANDS // 2:
+        return response
+    return FrequencyResponse(
+        response.frequency_hz[kept],
+        response.gain_um_per_V[kept],
+        response.log_gain_uncertainty[kept],
+    )
+
+
+def _drawn(response: FrequencyResponse, model: SecondOrder) -> SweptMode:
+    f = response.frequency_hz
+    fitted = model.gain_at(f)
+    # The least that the coherence says keeps one clean band from deciding alone.
+    weights = 1.0 / np.maximum(
+        response.log_gain_uncertainty, float(np.median(response.log_gain_uncertainty))
+    )
+    lag = np.unwrap(np.angle(fitted / response.gain_um_per_V))
+    columns = np.column_stack([np.ones(len(f)), 2.0 * pi * f])
+    solution = np.linalg.lstsq(columns * weights[:, np.newaxis], lag * weights, rcond=None)[0]
+    phase, delay_s = float(solution[0]), float(solution[1])
+    delayed = fitted * np.exp(-1j * (columns @ solution))
+    residuals = np.asarray(model.residuals)
+    # u² = (1 - γ²)/(2·n·γ²), of which n is about LINES_PER_BAND.
+    squares = 2.0 * LINES_PER_BAND * response.log_gain_uncertainty**2
+    return SweptMode(
+        model=model,
+        small_signal_gain_um_per_V=model.gain_um_per_V,
+        delay_s=delay_s,
+        hysteresis_phase_rad=phase,
+        coherence=float(np.median(1.0 / (1.0 + squares))),
+        residual_percent=100.0 * float(np.sqrt(np.average(residuals**2, weights=weights**2))),
+        frequency_hz=f,
+        magnitude_db=20.0 * np.log10(np.abs(response.gain_um_per_V)),
+        phase_deg=np.degrees(np.unwrap(np.angle(response.gain_um_per_V))),
+        model_magnitude_db=20.0 * np.log10(np.abs(fitted)),
+        model_phase_deg=np.degrees(np.unwrap(np.angle(delayed))),
+    )

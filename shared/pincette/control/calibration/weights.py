@@ -1,0 +1,109 @@
+"""Compliance by known weights, hung there and back, so that drift and creep fall out.
+
+    x = x_0 - s_p·F + drift·t                                               (55), with its drift
+
+A weight pulls as a contact presses: the arm gives way towards falling x. Weights that go up and
+come back by the same steps are uncorrelated with time, so that the drift takes nothing of s_p.
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.checks import require_not_negative, require_positive
+
+LEAST_STEPS = 4
+"""One more than there are coefficients."""
+
+
+@dataclass(frozen=True, slots=True)
+class WeighedCompliance:
+    """s_p with its drift, and the points of the line."""
+
+    compliance_um_per_mN: float
+    uncertainty_um_per_mN: float
+    """Standard; scatter about the line or the readings' noise, whichever is larger, and that of
+    the weights."""
+    rest_um: float
+    """x_0, without a weight, at the first step."""
+    drift_um_per_s: float
+    residuals_um: tuple[float, ...]
+    weight_mN: NDArray[np.float64]
+    sag_um: NDArray[np.float64]
+    """x_0 + drift·t - x, step by step: what lies on a line of slope s_p."""
+
+
+def there_and_back(weight_mN: Sequence[float]) -> tuple[float, ...]:
+    """Steps of a calibration by weights: 0, w_1, w_2, …, w_1, 0.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer than two, the first is not 0 mN, or they do not ascend.
+    """
+    weights = tuple(weight_mN)
+    if len(weights) < 2 or weights[0] != 0.0:
+        raise ValueError(f"weights {weights} mN, must be 0 mN and at least one more")
+    for index in range(1, len(weights)):
+        if not weights[index] > weights[index - 1]:
+            raise ValueError(f"weight {weights[index]} mN after {weights[index - 1]} mN, must rise")
+        require_positive("weight", weights[index], "mN")
+    return (*weights, *weights[-2::-1])
+
+
+def weighed_compliance(
+    weight_mN: Sequence[float],
+    x_um: Sequence[float],
+    t_s: Sequence[float],
+    *,
+    noise_um: float = 0.0,
+    weight_uncertainty: float = 0.0,
+) -> WeighedCompliance:
+    """Compliance from the mean positions under weights, and the times at which they were taken.
+
+    Parameters
+    ----------
+    noise_um
+        Standard uncertainty of one mean position; the least that the scatter is taken for.
+    weight_uncertainty
+        Of the weights, standard, as a share common to all of them.
+
+    Raises
+    ------
+    ValueError
+        Where lengths disagree, there are fewer than ``LEAST_STEPS``, a number is not finite,
+        weight and time cannot be told apart, or s_p is not positive.
+    """
+    F, x, t = (np.asarray(values, dtype=float) for values in (weight_mN, x_um, t_s))
+    if not len(F) == len(x) == len(t):
+        raise ValueError(f"{len(F)} weights, {len(x)} positions, {len(t)} times: must be as many")
+    if len(F) < LEAST_STEPS:
+        raise ValueError(f"{len(F)} steps with weights, must be at least {LEAST_STEPS}")
+    if not (np.isfinite(F).all() and np.isfinite(x).all() and np.isfinite(t).all()):
+        raise ValueError("a weight, position or time is not finite, all must be")
+    require_not_negative("noise", noise_um, "µm")
+    require_not_negative("uncertainty of the weights", weight_uncertainty, "")
+    elapsed = t - t[0]
+    scale_s = max(float(np.max(np.abs(elapsed))), 1e-9)
+    columns = np.column_stack([np.ones(len(F)), -F, elapsed / scale_s])
+    if np.linalg.matrix_rank(columns) < columns.shape[1]:
+        raise ValueError("weights follow the time or are all the same: hang them there and back")
+    solution = np.linalg.lstsq(columns, x, rcond=None)[0]
+    residuals = x - columns @ solution
+    s_p = require_positive("compliance", float(solution[1]), "µm/mN")
+    scatter = sqrt(float(residuals @ residuals) / (len(F) - columns.shape[1]))
+    lever = sqrt(float(np.linalg.inv(columns.T @ columns)[1, 1]))
+    by_scatter = max(scatter, noise_um) * lever
+    return WeighedCompliance(
+        compliance_um_per_mN=s_p,
+        uncertainty_um_per_mN=sqrt(by_scatter**2 + (s_p * weight_uncertainty) ** 2),
+        rest_um=float(solution[0]),
+        drift_um_per_s=float(solution[2]) / scale_s,
+        residuals_um=tuple(residuals.tolist()),
+        weight_mN=np.asarray(F, dtype=np.float64),
+        sag_um=np.asarray(solution[0] + columns[:, 2] * solution[2] - x, dtype=np.float64),
+    )

@@ -1,0 +1,175 @@
+"""Open-loop motions by which a rig is calibrated: noise, compliance, frequency response.
+
+Those of the free response and of the contact stand in ``free_response_program`` and
+``contact_stiffness_program``. A motion that a limit of the rig forbids is refused as it is made:
+nothing has moved then. What is foretold of the arm is foretold by nominal values.
+"""
+
+from collections.abc import Sequence
+
+from pincette.control.calibration.weights import there_and_back
+from pincette.control.checks import require_positive
+from pincette.control.planning.contact_plan import PlannedRig
+from pincette.control.planning.paths import Knot, Path
+from pincette.control.planning.profiles import minimum_duration
+from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.sweep import Sweep
+
+NOISE_S = 8.0
+SETTLE_S, MEASURE_S = 1.5, 1.0
+"""Of a weight: until its swing and the hand that hung it are gone, and then its reading."""
+SWEEP_FROM_HZ, SWEEP_TO_HZ, SWEEP_S = 5.0, 800.0, 25.0
+SWEEP_REST_S = 1.0
+"""Before and after a sweep, so that the record begins and ends at rest."""
+LEAST_CAPTURE_HZ = 10_000.0
+SHORTEST_MOVE_S = 0.3
+
+FREE = Guards(
+    contact_force_mN=1.0,
+    contact_samples=1,
+    force_max_mN=1.0,
+    lost_fraction=0.0,
+    lost_samples=1,
+    stiffness_min_mN_per_um=0.0,
+    stiffness_max_mN_per_um=1.0,
+    zero_wait_s=1.0,
+)
+"""Nothing is touched, and without a zero no guard of force acts."""
+
+
+def noise_program(duration_s: float = NOISE_S) -> Program:
+    """Hold the voltage and read; phase ``noise``."""
+    require_positive("duration of the noise", duration_s, "s")
+    return free_program(Segment("noise", "voltage", duration_s))
+
+
+def compliance_program(rig: PlannedRig, weight_mN: Sequence[float]) -> Program:
+    """Wait for each weight, let it settle, measure it: ``there_and_back``.
+
+    Step n, from 1, has phases ``hang n``, which waits for ``continue``, ``settle n``,
+    ``measure n``.
+
+    Raises
+    ------
+    ValueError
+        Where the weights do not ascend from 0 mN, or the heaviest would bend the arm out of its
+        limits of force or position.
+    """
+    steps = there_and_back(weight_mN)
+    heaviest_mN = max(steps)
+    limits = rig.limits
+    require_within("weight", heaviest_mN, "mN", 0.0, limits.force_max_mN)
+    sag_um = rig.compliance_um_per_mN * heaviest_mN
+    require_within(
+        f"position under {heaviest_mN:g} mN",
+        rig.x_start_um - sag_um,
+        "µm",
+        limits.position_min_um,
+        limits.position_max_um,
+    )
+    segments: list[Segment] = []
+    for number in range(1, len(steps) + 1):
+        segments.append(Segment(f"hang {number}", "voltage", None))
+        segments.append(Segment(f"settle {number}", "voltage", SETTLE_S))
+        segments.append(Segment(f"measure {number}", "voltage", MEASURE_S))
+    return free_program(*segments)
+
+
+def frequency_response_program(
+    rig: PlannedRig,
+    *,
+    amplitude_V: float,
+    damping_ratio: float,
+    rate_hz: float = LEAST_CAPTURE_HZ,
+    rest_V: float = 0.0,
+    from_hz: float = SWEEP_FROM_HZ,
+    to_hz: float = SWEEP_TO_HZ,
+    duration_s: float = SWEEP_S,
+) -> Program:
+    """Swept sine about the resting voltage, captured beside its drive; phase ``sweep``.
+
+    Raises
+    ------
+    ValueError
+        Where the sweep is impossible, captured too slowly, or would leave the limits of voltage,
+        or near the resonance, where the arm moves 1/(2ζ) times as far, those of position.
+    """
+    zeta = require_positive("damping ratio", damping_ratio, "")
+    if not rate_hz >= LEAST_CAPTURE_HZ:
+        raise ValueError(f"capture at {rate_hz:g} Hz, must be at least {LEAST_CAPTURE_HZ:g} Hz")
+    sweep = Sweep(from_hz, to_hz, duration_s, amplitude_V, rate_hz)
+    limits = rig.limits
+    swing_um = rig.piezo_um_per_V * amplitude_V / (2.0 * zeta)
+    for sign in (1.0, -1.0):
+        require_voltage(rig, "sweep", rest_V + sign * amplitude_V)
+        require_within(
+            f"resonance of a sweep of {amplitude_V:g} V",
+            rig.x_start_um + sign * swing_um,
+            "µm",
+            limits.position_min_um,
+            limits.position_max_um,
+        )
+    return free_program(
+        Segment("rest", "voltage", SWEEP_REST_S),
+        Segment("sweep", "sweep", duration_s, sweep=sweep),
+        Segment("rest", "voltage", SWEEP_REST_S),
+        capture_hz=rate_hz,
+    )
+
+
+def free_program(*segments: Segment, capture_hz: float = 0.0) -> Program:
+    """Program of an arm that touches nothing."""
+    return Program(segments, FREE, contact_stiffness_mN_per_um=1.0, capture_hz=capture_hz)
+
+
+def full_cycles(path: Path, period_s: float, last: int) -> slice:
+    """Samples of a segment over the last whole cycles of its path at full amplitude.
+
+    Raises
+    ------
+    ValueError
+        Where the path has fewer.
+    """
+    if not 1 <= last <= path.cycles:
+        raise ValueError(f"{last} cycles of {path.cycles} at full amplitude, must be 1 to all")
+    end = round(path.full_to_s / period_s)
+    return slice(end - round(last * path.cycle_s / period_s), end)
+
+
+def voltage_moves(stops: Sequence[tuple[float, float, float]], *, relative: bool = False) -> Path:
+    """Path of voltage through stops, each a voltage in V, a peak rate in V/s and a rest in s.
+
+    It begins at the first voltage, whose rate counts for nothing.
+    """
+    first_V, _, rest_s = stops[0]
+    knots = [Knot(0.0, first_V, 0.0)]
+
+    def rest(for_s: float) -> None:
+        if for_s > 0.0:
+            knots.append(Knot(knots[-1].t_s + for_s, knots[-1].value, 0.0))
+
+    rest(rest_s)
+    for voltage_V, rate_V_per_s, rest_s in stops[1:]:
+        way_V = voltage_V - knots[-1].value
+        move_s = max(SHORTEST_MOVE_S, minimum_duration(way_V, rate_V_per_s))
+        knots.append(Knot(knots[-1].t_s + move_s, voltage_V, 0.0))
+        rest(rest_s)
+    return Path("voltage", "step", knots=tuple(knots), relative=relative)
+
+
+def require_voltage(rig: PlannedRig, what: str, voltage_V: float) -> float:
+    """Return the voltage; raises ValueError beyond the rig's limits."""
+    limits = rig.limits
+    return require_within(
+        f"voltage of the {what}", voltage_V, "V", limits.voltage_min_V, limits.voltage_max_V
+    )
+
+
+def require_within(quantity: str, value: float, unit: str, low: float, high: float) -> float:
+    """Return ``value``; raises ValueError beyond the limits, not for rounding."""
+    slack = 1e-9 * (1.0 + abs(value))
+    if not low - slack <= value <= high + slack:
+        raise ValueError(
+            f"{quantity} = {value:.3f} {unit}, limits {low:g} {unit} to {high:g} {unit}"
+        )
+    return value

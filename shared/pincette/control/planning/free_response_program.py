@@ -1,0 +1,110 @@
+"""The free motion in voltage from which the free response, its gain, loop and creep are found.
+
+The course of ``teaching``, in voltage and without a law; then cycles of 2 V peak to peak and
+0.5 Hz, the paper's largest drive, until they are settled; then a step with a rest after it. The
+part is away: nothing is touched.
+"""
+
+from math import isfinite, pi
+
+from pincette.control.checks import require_positive
+from pincette.control.planning.calibration_programs import (
+    free_program,
+    require_voltage,
+    require_within,
+    voltage_moves,
+)
+from pincette.control.planning.contact_plan import PlannedRig
+from pincette.control.planning.paths import Path
+from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.teaching import COURSE
+
+GAIN_PP_V, GAIN_HZ = 2.0, 0.5
+"""Drive at which d_p is stated: section VI.B of the paper."""
+SETTLING_CYCLES, GAIN_CYCLES = 3, 5
+"""Before those that are measured, and those."""
+CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
+"""Rest before the step, so that older creep is slow beside that which is looked at, and after."""
+
+
+def free_response_program(
+    rig: PlannedRig, *, from_V: float, to_V: float, rate_V_per_s: float, rest_V: float = 0.0
+) -> Program:
+    """Phases ``teach``, ``cycles``, ``before step``, ``step``, ``creep`` and ``return``.
+
+    Parameters
+    ----------
+    from_V, to_V
+        Voltages that a grip needs.
+    rate_V_per_s
+        Peak rate of the fastest moves.
+    rest_V
+        Voltage at which it begins and ends.
+
+    Raises
+    ------
+    ValueError
+        Where the range, with ``rest_V``, or the rate lies beyond a limit of the rig, position by
+        nominal gain included, or the range of voltage is narrower than the 2 V of the cycles.
+    """
+    if not (isfinite(from_V) and isfinite(to_V)):
+        raise ValueError(f"voltages from {from_V} V to {to_V} V, must be finite")
+    require_positive("range of the free motion", to_V - from_V, "V")
+    require_positive("rate of the free motion", rate_V_per_s, "V/s")
+    mean_V = cycles_mean_V(rig, rest_V)
+    low_V = min(from_V, mean_V - 0.5 * GAIN_PP_V)
+    high_V = max(to_V, mean_V + 0.5 * GAIN_PP_V)
+    for voltage_V in (rest_V, low_V, high_V):
+        require_voltage(rig, "free motion", voltage_V)
+        require_within(
+            f"position at {voltage_V:g} V",
+            rig.x_start_um + rig.piezo_um_per_V * (voltage_V - rest_V),
+            "µm",
+            rig.limits.position_min_um,
+            rig.limits.position_max_um,
+        )
+    fastest = max(rate_V_per_s, pi * GAIN_PP_V * GAIN_HZ)
+    require_within("rate of the free motion", fastest, "V/s", 0.0, rig.limits.slew_V_per_s)
+    way_V = to_V - from_V
+    course = [(from_V + leg.to * way_V, leg.pace * rate_V_per_s, leg.rest_s) for leg in COURSE]
+    teach = voltage_moves([(rest_V, rate_V_per_s, 0.0), *course, (mean_V, rate_V_per_s, 0.0)])
+    cycles = Path(
+        "voltage",
+        "sinusoid",
+        mean=mean_V,
+        amplitude=0.5 * GAIN_PP_V,
+        cycle_s=1.0 / GAIN_HZ,
+        cycles=SETTLING_CYCLES + GAIN_CYCLES,
+    )
+    before = voltage_moves([(mean_V, rate_V_per_s, 0.0), (from_V, rate_V_per_s, CREEP_BEFORE_S)])
+    # As fast as may be: creep is looked at from the middle of the step on.
+    step = voltage_moves([(from_V, 0.0, 0.0), (to_V, rig.limits.slew_V_per_s, 0.0)])
+    back = voltage_moves([(to_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, 0.5)])
+    return free_program(
+        Segment("teach", "voltage", teach.duration_s, path=teach),
+        Segment("cycles", "voltage", cycles.duration_s, path=cycles),
+        Segment("before step", "voltage", before.duration_s, path=before),
+        Segment("step", "voltage", step.duration_s, path=step),
+        Segment("creep", "voltage", CREEP_S),
+        Segment("return", "voltage", back.duration_s, path=back),
+    )
+
+
+def cycles_mean_V(rig: PlannedRig, rest_V: float = 0.0) -> float:
+    """Mean of the cycles: the resting voltage where the limits leave room for 1 V about it.
+
+    Else the nearest that those of voltage, and of position by nominal gain, allow.
+
+    Raises
+    ------
+    ValueError
+        Where there is none.
+    """
+    limits, d_p = rig.limits, require_positive("gain", rig.piezo_um_per_V, "µm/V")
+    lowest_V = max(limits.voltage_min_V, rest_V + (limits.position_min_um - rig.x_start_um) / d_p)
+    highest_V = min(limits.voltage_max_V, rest_V + (limits.position_max_um - rig.x_start_um) / d_p)
+    if highest_V - lowest_V < GAIN_PP_V:
+        raise ValueError(
+            f"cycles of {GAIN_PP_V:g} V peak to peak, limits {lowest_V:.3f} V to {highest_V:.3f} V"
+        )
+    return min(max(rest_V, lowest_V + 0.5 * GAIN_PP_V), highest_V - 0.5 * GAIN_PP_V)

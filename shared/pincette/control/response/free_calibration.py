@@ -1,0 +1,138 @@
+"""Calibration of the free response: gain, loop and creep as measured, and the identified model.
+
+The model is identified from the course alone. The settled cycles, which it has not seen, give the
+gain d_p, and beside it what the model makes of them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.calibration.free_motion import (
+    Creep,
+    SecantGain,
+    creep_after_step,
+    secant_gain,
+)
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.hysteresis_motion import simulate
+from pincette.control.response.identification import (
+    Identification,
+    identify_free_response,
+)
+
+CREEP_FROM_S = 0.1
+"""Since the end of the step; before, the arm still swings."""
+BEFORE_S = 0.5
+"""End of the rest before the step, over which the arm's place there is taken."""
+
+Column = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FreeMotion:
+    """One record of a free arm, N samples of matched ages: ``voltage_V[k]`` led to ``x_um[k]``.
+
+    It begins with the course that the model is identified from. Slices of it are those of the
+    cycles at full amplitude, of the rest before the step, and of the rest after it.
+    """
+
+    voltage_V: Sequence[float] | Column
+    x_um: Sequence[float] | Column
+    period_s: float
+    course: slice
+    cycles: slice
+    before_step: slice
+    after_step: slice
+
+
+@dataclass(frozen=True, slots=True)
+class FreeCalibration:
+    """What the free motion gave."""
+
+    gain: SecantGain
+    """d_p."""
+    creep: Creep
+    model: HysteresisModel
+    model_residual_um: float
+    """R.m.s. of the part of the course that the model was not fitted to."""
+    model_gain: SecantGain
+    """What the model makes of the same cycles, which may reach beyond the course's voltages."""
+    cycles_residual_um: float
+    """R.m.s. of the cycles about the model, its mean taken off."""
+    unpoled: bool
+    """Whether the model was fitted to an actuator that began without a memory."""
+    t_s: Column
+    voltage_V: Column
+    x_um: Column
+    model_um: Column
+    """What the model makes of the whole record, on the mean of ``x_um`` over the course."""
+
+
+def calibrate_free_response(
+    motion: FreeMotion, samples_per_cycle: float, *, unpoled: bool | None = None
+) -> FreeCalibration:
+    """Gain, loop, creep and model of a free motion.
+
+    Parameters
+    ----------
+    unpoled
+        Whether the actuator began at 0 V with nothing remembered, as one that has not moved since
+        it was switched on. None: whichever leaves less of what the model was not fitted to.
+
+    Raises
+    ------
+    ValueError
+        As ``identify_free_response``, ``secant_gain`` and ``creep_after_step``.
+    """
+    u = np.asarray(motion.voltage_V, dtype=np.float64)
+    x = np.asarray(motion.x_um, dtype=np.float64)
+    if len(u) != len(x):
+        raise ValueError(f"{len(u)} voltages for {len(x)} positions, must be as many")
+    identified, begun_unpoled = _identified(u[motion.course], x[motion.course], motion, unpoled)
+    free = simulate(identified.model, u, motion.period_s)
+    level = float(np.mean((x - free)[motion.course]))
+    left = (x - free)[motion.cycles]
+    return FreeCalibration(
+        gain=secant_gain(u[motion.cycles], x[motion.cycles], samples_per_cycle),
+        creep=_creep(u, x, motion),
+        model=identified.model,
+        model_residual_um=identified.residual_um,
+        model_gain=secant_gain(u[motion.cycles], free[motion.cycles], samples_per_cycle),
+        cycles_residual_um=float(np.std(left)),
+        unpoled=begun_unpoled,
+        t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
+        voltage_V=u,
+        x_um=x,
+        model_um=free + level,
+    )
+
+
+def _identified(
+    u: Column, x: Column, motion: FreeMotion, unpoled: bool | None
+) -> tuple[Identification, bool]:
+    tried = (False, True) if unpoled is None else (unpoled,)
+    found: list[tuple[Identification, bool]] = []
+    for begins_unpoled in tried:
+        identification = identify_free_response(
+            u.tolist(), x.tolist(), motion.period_s, unpoled=begins_unpoled
+        )
+        found.append((identification, begins_unpoled))
+    return min(found, key=lambda each: each[0].residual_um)
+
+
+def _creep(u: Column, x: Column, motion: FreeMotion) -> Creep:
+    """Creep since the middle of the step: each part of it creeps from when it was made."""
+    step_from, step_to = motion.before_step.stop, motion.after_step.start
+    step = slice(step_from - 1, step_to + 1)
+    made = np.abs(np.diff(u[step]))
+    if not float(np.sum(made)) > 0.0:
+        raise ValueError(f"samples {step_from} to {step_to} of the voltage rest, must be a step")
+    middle = step_from + float(made @ np.arange(len(made))) / float(np.sum(made))
+    index = np.arange(motion.after_step.start, motion.after_step.stop, dtype=np.float64)
+    settled = index >= step_to + CREEP_FROM_S / motion.period_s
+    resting = x[motion.before_step][-max(1, round(BEFORE_S / motion.period_s)) :]
+    since_s = (index[settled] - middle) * motion.period_s
+    return creep_after_step(since_s, x[motion.after_step][settled], float(np.mean(resting)))

@@ -1,0 +1,61 @@
+"""What voltage an arm has been through, in few pieces, so that another model can be led through it.
+
+A hysteresis without rate depends on the turning points of the voltage alone, creep on how long it
+rested; between turning points nothing need be kept. A small to-and-fro is left out.
+"""
+
+from dataclasses import dataclass
+from math import ceil
+from typing import NamedTuple
+
+from pincette.control.response.free_response import FreeResponse
+
+SMALL_V = 0.01
+"""A change that begins no piece: some steps of the output, and what the sensor's noise makes."""
+STRIDE_V = 0.05
+"""Longest step in which a model is led."""
+MOST_PIECES = 512
+"""Beyond it the oldest are forgotten; later and wider swings have wiped most of them out."""
+
+
+class Piece(NamedTuple):
+    """A move to a voltage in some time, and a rest there."""
+
+    to_V: float
+    move_s: float
+    rest_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class VoltageMemory:
+    """Pieces since the arm was unpoled at 0 V, the oldest first."""
+
+    pieces: tuple[Piece, ...] = ()
+
+    def follow(self, voltage_V: float, dt_s: float) -> "VoltageMemory":
+        """Take in a voltage that has held for ``dt_s``."""
+        if not self.pieces:
+            return VoltageMemory((Piece(voltage_V, dt_s, 0.0),))
+        *before, last = self.pieces
+        change_V = voltage_V - last.to_V
+        if abs(change_V) < SMALL_V:
+            rested = last._replace(rest_s=last.rest_s + dt_s)
+            return VoltageMemory((*before, rested))
+        came_from_V = before[-1].to_V if before else 0.0
+        if last.rest_s == 0.0 and change_V * (last.to_V - came_from_V) > 0.0:
+            return VoltageMemory((*before, Piece(voltage_V, last.move_s + dt_s, 0.0)))
+        kept = self.pieces[1 - MOST_PIECES :]
+        return VoltageMemory((*kept, Piece(voltage_V, dt_s, 0.0)))
+
+    def replayed(self, response: FreeResponse) -> FreeResponse:
+        """Lead a model that is unpoled through all of it."""
+        at_V = 0.0
+        for to_V, move_s, rest_s in self.pieces:
+            strides = max(1, ceil(abs(to_V - at_V) / STRIDE_V))
+            for stride in range(1, strides + 1):
+                share = stride / strides
+                response = response.follow(at_V + share * (to_V - at_V), move_s / strides)
+            if rest_s > 0.0:
+                response = response.follow(to_V, rest_s)
+            at_V = to_V
+        return response

@@ -1,0 +1,216 @@
+"""A voltage at an analog output of NI-DAQmx: single values, and waves from the device's buffer.
+
+From the package nidaqmx 1.7.0 and its documentation. Assumed: the output holds its voltage while no
+task owns it.
+"""
+
+import logging
+from collections.abc import Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from nidaqmx.constants import AcquisitionType
+from nidaqmx.stream_readers import AnalogSingleChannelReader
+from nidaqmx.stream_writers import AnalogSingleChannelWriter
+
+from pincette.instruments.nidaqmx_tasks import Daq, TaskGoneError
+from pincette.instruments.protocols import InstrumentError
+
+MOST_SAMPLES = 200_000
+"""Per call: 1.6 MB of the 4 MB that a gRPC message may have by default."""
+LEAST_SAMPLES = 2
+"""Of a buffered output."""
+
+_log = logging.getLogger(__name__)
+
+
+class AnalogOutput:
+    """One channel. Its task for single values is started for good, but for waves."""
+
+    def __init__(self, daq: Daq, *, least_V: float, most_V: float, rate_hz: float) -> None:
+        self._daq = daq
+        self._least_V, self._most_V = least_V, most_V
+        self._rate_hz = rate_hz
+        self._single: Any = None
+        self._wave: Any = None
+        self._held_V: float | None = None
+        """What is put out; None while a wave plays."""
+        self._wave_ends_at_V = 0.0
+        self._closed = False
+
+    def prepare(self, read_channel: str, found_V: float) -> None:
+        """Take back what an earlier program left, and find the voltage that is put out."""
+        for purpose in ("single", "wave", "reading"):
+            self._daq.take_back(purpose)
+        self._begin_single()
+        if read_channel:
+            self._held_V = self._measured_V(read_channel)
+            return
+        _log.warning(
+            "%s: the output cannot be read back; %g V is assumed (option found_V, or read_channel)",
+            self._daq.channel,
+            found_V,
+        )
+        self._held_V = found_V
+
+    def write_V(self, voltage_V: float) -> None:
+        """Put out a voltage; it ends a wave that plays.
+
+        Raises
+        ------
+        InstrumentError
+            Where the voltage is not a number within the range, before anything is sent; where the
+            device refuses it or does not answer.
+        """
+        self._must_be_open()
+        self._must_be_within(voltage_V)
+        if self._end_wave():
+            self._resume()
+        if self._single is None:
+            self._begin_single()
+        single: Any = self._single
+        writer: Any = AnalogSingleChannelWriter(single.out_stream)
+        try:
+            self._daq.ask("writing", writer.write_one_sample, float(voltage_V), self._daq.wait_s)
+        except TaskGoneError:
+            self._drop()
+            raise
+        self._held_V = voltage_V
+
+    def read_V(self) -> float:
+        """Return the voltage that is put out, as it was last written or found.
+
+        Raises
+        ------
+        InstrumentError
+            While a wave plays.
+        """
+        self._must_be_open()
+        if self._held_V is None:
+            text = f"{self._daq.channel}: a wave plays; its voltage cannot be read back"
+            raise InstrumentError(text, "misused")
+        return self._held_V
+
+    def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
+        """Put out one voltage each 1/rate; the last one stays.
+
+        Raises
+        ------
+        InstrumentError
+            Where the rate or a voltage is beyond its limit, before anything is sent; where the
+            device refuses.
+        """
+        self._must_be_open()
+        if not 0.0 < rate_hz <= self._rate_hz:
+            text = f"wave at {rate_hz:g} Hz refused, limit {self._rate_hz:g} Hz"
+            raise InstrumentError(f"{self._daq.channel}: {text}", "misused")
+        if not voltages_V:
+            raise InstrumentError(f"{self._daq.channel}: a wave without samples", "misused")
+        samples_V = np.asarray(voltages_V, dtype=np.float64)
+        for end_V in (samples_V.min(), samples_V.max()):
+            self._must_be_within(float(end_V))
+        self._wave_ends_at_V = float(samples_V[-1])
+        if samples_V.size < LEAST_SAMPLES:
+            samples_V = np.repeat(samples_V, LEAST_SAMPLES)
+        if not self._end_wave() and self._single is not None:
+            self._daq.ask("ending single values", self._single.stop)
+
+        def arrange(task: Any) -> None:
+            self._add(task)
+            task.timing.cfg_samp_clk_timing(
+                rate_hz, sample_mode=AcquisitionType.FINITE, samps_per_chan=samples_V.size
+            )
+            task.out_stream.output_buf_size = samples_V.size
+            writer: Any = AnalogSingleChannelWriter(task.out_stream)
+            writer.verify_array_shape = False
+            for begin in range(0, samples_V.size, MOST_SAMPLES):
+                writer.write_many_sample(samples_V[begin : begin + MOST_SAMPLES], self._daq.wait_s)
+            task.start()
+
+        try:
+            self._wave = self._daq.task("wave", arrange)
+        except InstrumentError:
+            self._drop()
+            raise
+        self._held_V = None
+
+    def look(self) -> None:
+        """Raise InstrumentError where the wave has broken off, or none was begun."""
+        self._must_be_open()
+        if self._wave is None:
+            raise InstrumentError(f"{self._daq.channel}: no wave plays", "misused")
+        if self._daq.ask("the wave", self._wave.is_task_done):
+            self._held_V = self._wave_ends_at_V
+
+    def close(self) -> None:
+        """Give the tasks and the line back; the output stays as it is. Twice is once."""
+        if self._closed:
+            return
+        self._closed = True
+        for purpose, task in (("wave", self._wave), ("single", self._single)):
+            if task is not None:
+                self._daq.clear(purpose, task)
+        self._daq.close()
+
+    def _must_be_open(self) -> None:
+        if self._closed:
+            text = f"{self._daq.channel}: the port is closed; open it again"
+            raise InstrumentError(text, "misused")
+
+    def _must_be_within(self, voltage_V: float) -> None:
+        if not (isfinite(voltage_V) and self._least_V <= voltage_V <= self._most_V):
+            text = f"{voltage_V} V refused, limits {self._least_V} V and {self._most_V} V"
+            raise InstrumentError(f"{self._daq.channel}: {text}", "misused")
+
+    def _begin_single(self) -> None:
+        def arrange(task: Any) -> None:
+            self._add(task)
+            task.start()
+
+        self._single = self._daq.task("single", arrange)
+
+    def _end_wave(self) -> bool:
+        """Clear the wave's task, which ends it; returns whether there was one."""
+        task, self._wave = self._wave, None
+        if task is not None:
+            self._daq.clear("wave", task)
+        return task is not None
+
+    def _resume(self) -> None:
+        """Let the task of single values own the output again."""
+        if self._single is None:
+            return
+        try:
+            self._daq.ask("going back to single values", self._single.start)
+        except InstrumentError:
+            self._drop()
+            raise
+
+    def _drop(self) -> None:
+        """Let the next write begin with a new task."""
+        task, self._single = self._single, None
+        if task is not None:
+            self._daq.clear("single", task)
+
+    def _add(self, task: Any) -> None:
+        task.ao_channels.add_ao_voltage_chan(
+            self._daq.channel, min_val=self._least_V, max_val=self._most_V
+        )
+
+    def _measured_V(self, channel: str) -> float:
+        def arrange(task: Any) -> None:
+            task.ai_channels.add_ai_voltage_chan(
+                channel, min_val=self._least_V, max_val=self._most_V
+            )
+
+        task = self._daq.task("reading", arrange)
+        reader: Any = AnalogSingleChannelReader(task.in_stream)
+        try:
+            wait_s = self._daq.wait_s
+            voltage_V = float(self._daq.ask("reading back", reader.read_one_sample, wait_s))
+        finally:
+            self._daq.clear("reading", task)
+        if not isfinite(voltage_V):
+            raise InstrumentError(f"{channel}: {voltage_V} V is no reading", "invalid")
+        return voltage_V

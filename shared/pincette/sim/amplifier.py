@@ -1,0 +1,60 @@
+"""The amplifier between the voltage output and the arm, counted at its input; pure.
+
+limited   v = clip(gain·u, ±saturation)
+slewed    |ẇ| <= slew, w follows v
+out       τ·ȯ = w - o,   τ = 1/(2π·bandwidth)
+"""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class AmplifierParameters:
+    """What the amplifier does to a voltage at its input."""
+
+    gain_ratio: float = 1.0
+    saturation_V: float = math.inf
+    slew_V_per_s: float = math.inf
+    lag_s: float = 0.0
+
+    def limited_V(self, input_V: float) -> float:
+        """Voltage that it aims at."""
+        return max(-self.saturation_V, min(self.saturation_V, self.gain_ratio * input_V))
+
+
+IDEAL = AmplifierParameters()
+"""An amplifier whose output is its input."""
+
+
+def advance_amplifier(
+    amplifier: AmplifierParameters,
+    slewed_V: float,
+    output_V: float,
+    input_V: tuple[float, float],
+    dt_s: float,
+) -> tuple[float, float]:
+    """Slewed and output voltage after ``dt_s`` with an input that runs straight between two values.
+
+    Exact for a constant input. One that moves is followed along a straight line to where the slew
+    limit lets it come.
+    """
+    start_V, end_V = (amplifier.limited_V(value) for value in input_V)
+    reach_V = amplifier.slew_V_per_s * dt_s
+    goal_V = max(slewed_V - reach_V, min(slewed_V + reach_V, end_V))
+    lag_s = amplifier.lag_s
+    if lag_s <= 0.0:
+        return goal_V, goal_V
+    moved_V = goal_V - slewed_V
+    moving_s = dt_s if start_V != end_V else abs(moved_V) / amplifier.slew_V_per_s
+    if moving_s > 0.0:
+        behind_V = moved_V / moving_s * lag_s
+        output_V = (
+            goal_V
+            - behind_V
+            + (output_V - slewed_V + behind_V) * math.exp(-min(moving_s, dt_s) / lag_s)
+        )
+    rest_s = dt_s - moving_s
+    if rest_s > 0.0:
+        output_V = goal_V + (output_V - goal_V) * math.exp(-rest_s / lag_s)
+    return goal_V, output_V

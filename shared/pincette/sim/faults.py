@@ -1,0 +1,148 @@
+"""Faults of a simulated instrument and its line, in the rig's own time; pure but for the reading.
+
+Which faults hold is a function of the time and of the orders alone, and chance is a function of
+seed, target and number of the exchange: a run in lockstep can be repeated to the bit.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass
+from hashlib import blake2b
+from math import copysign, inf
+
+from pincette.messages import Order
+
+OVER_RANGE_UM = 1e12
+"""Beyond what any instrument can show."""
+LONGEST_GARBAGE = 24
+ENDS = b"\r\n"
+EDGE_S = 1e-9
+"""Times that differ by less are the same: those of ticks are products and sums of floats."""
+
+
+class HungUpError(ConnectionResetError):
+    """The simulated port has been pulled out: whoever serves it hangs up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """An order that lasts, from ``begin_s`` up to and without ``end_s``."""
+
+    target: str
+    what: str
+    value: float
+    begin_s: float
+    end_s: float = inf
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """Those that hold on one target at one time; the newest of a kind counts."""
+
+    held: tuple[Fault, ...] = ()
+
+    def value(self, what: str) -> float | None:
+        """Value of the newest fault of a kind; None where none holds."""
+        return next((fault.value for fault in reversed(self.held) if fault.what == what), None)
+
+    def __bool__(self) -> bool:
+        return bool(self.held)
+
+
+def fault_of(order: Order, now_s: float, default: float) -> Fault:
+    """An order as a fault on the rig's clock."""
+    begin_s = now_s + order.after_s
+    end_s = inf if order.for_s is None else begin_s + order.for_s
+    value = default if order.value is None else order.value
+    return Fault(order.target, order.what, value, begin_s, end_s)
+
+
+def holding(faults: Iterable[Fault], target: str, now_s: float) -> Faults:
+    """Faults of a target that hold now; a ``heal`` ends those that began before it.
+
+    Of those that begin at the same time, the order in which they were ordered decides.
+    """
+    held: list[Fault] = []
+    for fault in sorted(faults, key=lambda fault: fault.begin_s):
+        if fault.target != target or fault.begin_s > now_s + EDGE_S:
+            continue
+        if fault.what == "heal":
+            held.clear()
+        elif now_s + EDGE_S < fault.end_s:
+            held.append(fault)
+    return Faults(tuple(held))
+
+
+def left(faults: Iterable[Fault], now_s: float) -> list[Fault]:
+    """Those that hold now, and those to come."""
+    known = list(faults)
+    held = [
+        fault
+        for target in dict.fromkeys(fault.target for fault in known)
+        for fault in holding(known, target, now_s).held
+    ]
+    return held + [fault for fault in known if fault.begin_s > now_s + EDGE_S]
+
+
+def chance(key: str, number: int) -> bytes:
+    """Return 64 random bytes that depend on nothing but what is given."""
+    return blake2b(f"{key}/{number}".encode()).digest()
+
+
+def lost(share: float, drawn: bytes) -> bool:
+    """Whether an exchange is among the share that is lost."""
+    return int.from_bytes(drawn[:8]) < share * 2.0**64
+
+
+def garbage(drawn: bytes) -> bytes:
+    """Return some random bytes, none of which ends a line."""
+    length = 1 + drawn[0] % LONGEST_GARBAGE
+    return bytes(byte for byte in drawn[1 : 1 + length] if byte not in ENDS)
+
+
+class Past:
+    """Values with their times, as far back as one may ask, and one from ever."""
+
+    def __init__(self, kept_s: float, first: float = 0.0) -> None:
+        self._kept_s = kept_s
+        self._known: list[tuple[float, float]] = [(-inf, first)]
+
+    def note(self, now_s: float, value: float) -> None:
+        """Take the newest value."""
+        self._known.append((now_s, value))
+        old_s = now_s - self._kept_s
+        # The newest of those that are too old is what was true at the edge.
+        while self._known[1][0] <= old_s:
+            del self._known[0]
+
+    def at(self, time_s: float) -> float:
+        """Value that held at a time: the newest not after it."""
+        place = bisect_right(self._known, time_s + EDGE_S, key=lambda known: known[0])
+        return self._known[max(0, place - 1)][1]
+
+    @property
+    def newest(self) -> float:
+        """The value noted last."""
+        return self._known[-1][1]
+
+
+def misread_um(faults: Faults, past: Past, now_s: float) -> float:
+    """What the sensor takes for the position; ``past`` holds its right readings.
+
+    While it is stuck, nothing is added to them.
+    """
+    delay_s = faults.value("delayed")
+    x_um = past.newest if delay_s is None else past.at(now_s - delay_s)
+    x_um += faults.value("wrong") or 0.0
+    side = faults.value("over_range")
+    return x_um if side is None else copysign(OVER_RANGE_UM, side)
+
+
+def misput_V(faults: Faults, past: Past, now_s: float) -> float:
+    """What the output puts out; ``past`` holds the voltages asked for.
+
+    While it is stuck, nothing is added to them.
+    """
+    delay_s = faults.value("delayed")
+    asked_V = past.newest if delay_s is None else past.at(now_s - delay_s)
+    return asked_V + (faults.value("wrong") or 0.0)

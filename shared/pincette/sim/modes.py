@@ -1,0 +1,167 @@
+"""A damped linear system by its oscillating modes: exact over any time, scalars only; pure.
+
+With s = (q, q̇), q̈ = -P·(q - r·x_f - t·o) - D·q̇ for an input x_f and an offset o. The deviation
+from rest is 2·Re Σ R_i·w_i over the pairs of eigenvalues µ_i of the system, w_i = L_i·deviation,
+and each w_i lives alone:
+
+    ẇ_i = µ_i·w_i - L_i·(r; 0)·ẋ_f
+
+For an x_f that approaches its goal with the time constant τ, which is how a lagging output moves
+it, and by Δ over the step h (a = e^(-h/τ); τ = 0 is a jump at the beginning):
+
+    w_i(h) = e^(µ_i·h)·w_i - φ_i·L_i·(r; 0)·Δ,    φ_i = (e^(µ_i·h) - a)/((1 + µ_i·τ)·(1 - a))
+
+|φ_i| <= 1, so no motion within the step exceeds 2·Σ |R_i|·(|w_i| + |L_i·(r; 0)·Δ|).
+
+The eigenvalues come from LAPACK: the same bits on one machine, not on every one.
+"""
+
+import cmath
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = NDArray[np.float64]
+Eigen = NDArray[np.complex128]
+Weights = tuple[complex, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ModalSystem:
+    """Modes of a system, and what is read from them."""
+
+    rates_per_s: Weights
+    """µ_i, imaginary part above 0."""
+    into: tuple[Weights, ...]
+    """L_i, by mode."""
+    out: tuple[Weights, ...]
+    """R, by component of the state."""
+    rest_by_input: tuple[float, ...]
+    rest_by_offset: tuple[float, ...]
+    """(r; 0) and (t; 0)."""
+    pushed_by_input: Weights
+    pushed_by_offset: Weights
+    """L_i·(r; 0) and L_i·(t; 0)."""
+    tip: Weights
+    """Weights of x in the modes."""
+    watched: Weights
+    """Weights of what decides on touching or leaving."""
+    most_watched: tuple[float, ...]
+    most_by_input: float
+    """Of the bound 2·Σ |watched_i|·(|w_i| + |L_i·(r; 0)·Δ|): the factors of |w_i| and of |Δ|."""
+
+    def modes(self, state: tuple[float, ...], input_um: float, offset_um: float) -> list[complex]:
+        """w of a state."""
+        rests = zip(state, self.rest_by_input, self.rest_by_offset, strict=True)
+        deviation = [s - r * input_um - t * offset_um for s, r, t in rests]
+        result = list[complex]()
+        for row in self.into:
+            w = 0j
+            for weight, value in zip(row, deviation, strict=True):
+                w += weight * value
+            result.append(w)
+        return result
+
+    def state(self, w: list[complex], input_um: float, offset_um: float) -> tuple[float, ...]:
+        """The state that w stands for."""
+        rests = zip(self.out, self.rest_by_input, self.rest_by_offset, strict=True)
+        return tuple(
+            r * input_um + t * offset_um + deviation(weights, w) for weights, r, t in rests
+        )
+
+    def transition(self, dt_s: float, lag_s: float) -> tuple[Weights, Weights]:
+        """Factors e^(µ_i·h), and φ_i·L_i·(r; 0), over a step."""
+        if dt_s <= 0.0 < lag_s:
+            return (1.0 + 0j,) * len(self.rates_per_s), (0j,) * len(self.rates_per_s)
+        factors = tuple(cmath.exp(rate * dt_s) for rate in self.rates_per_s)
+        rest = math.exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0
+        share = -math.expm1(-dt_s / lag_s) if lag_s > 0.0 else 1.0
+        pushes = tuple(
+            push * (factor - rest) / ((1.0 + rate * lag_s) * share)
+            for push, factor, rate in zip(
+                self.pushed_by_input, factors, self.rates_per_s, strict=True
+            )
+        )
+        return factors, pushes
+
+
+def deviation(weights: Weights, w: list[complex]) -> float:
+    """2·Re Σ weights_i·w_i."""
+    total = 0.0
+    for weight, value in zip(weights, w, strict=True):
+        total += weight.real * value.real - weight.imag * value.imag
+    return 2.0 * total
+
+
+def modal_system(
+    by_position: Matrix,
+    by_speed: Matrix,
+    rest_by_input: Matrix,
+    rest_by_offset: Matrix,
+    tip: tuple[Matrix, Matrix],
+    watched: tuple[Matrix, Matrix],
+) -> ModalSystem:
+    """Modes of q̈ = -P·(q - rest) - D·q̇; ``tip`` and ``watched`` weigh (q - rest) and q̇.
+
+    Raises
+    ------
+    ValueError
+        Where a motion does not oscillate.
+    """
+    count = len(rest_by_input)
+    rates, vectors, inverse = _eigen(by_position, by_speed)
+
+    def weights(pair: tuple[Matrix, Matrix]) -> Weights:
+        return _complex(np.concatenate(pair) @ vectors)
+
+    def pushed(rest: Matrix) -> Weights:
+        return _complex(inverse[:, :count] @ rest)
+
+    still = (0.0,) * count
+    of_input, of_watched = pushed(rest_by_input), weights(watched)
+    most_watched = tuple(2.0 * abs(weight) for weight in of_watched)
+    shares = [most * abs(push) for most, push in zip(most_watched, of_input, strict=True)]
+    return ModalSystem(
+        _complex(rates),
+        tuple(_complex(row) for row in inverse),
+        tuple(_complex(row) for row in vectors),
+        (*rest_by_input.tolist(), *still),
+        (*rest_by_offset.tolist(), *still),
+        of_input,
+        pushed(rest_by_offset),
+        weights(tip),
+        of_watched,
+        most_watched,
+        math.fsum(shares),
+    )
+
+
+def _eigen(by_position: Matrix, by_speed: Matrix) -> tuple[Eigen, Eigen, Eigen]:
+    """Rates above the real axis, their vectors (columns) and the rows of the inverse.
+
+    Arms that are apart are solved one by one: two alike would make one repeated eigenvalue.
+    """
+    count = len(by_position)
+    if not np.any(by_position - np.diag(np.diag(by_position))):
+        sigma, squared = 0.5 * np.diag(by_speed), np.diag(by_position)
+        if np.any(sigma**2 >= squared):
+            raise ValueError(f"the arms are overdamped: {sigma.tolist()} per s")
+        rates = -sigma + 1j * np.sqrt(squared - sigma**2)
+        scale = 1.0 / (rates - rates.conj())
+        vectors: Eigen = np.vstack([np.eye(count, dtype=np.complex128), np.diag(rates)])
+        return rates, vectors, np.hstack([np.diag(-rates.conj() * scale), np.diag(scale)])
+    system = np.block([[np.zeros((count, count)), np.eye(count)], [-by_position, -by_speed]])
+    solved = np.linalg.eig(system)
+    every: Eigen = solved.eigenvalues.astype(np.complex128)
+    across: Eigen = solved.eigenvectors.astype(np.complex128)
+    inverse: Eigen = np.linalg.inv(across).astype(np.complex128)
+    chosen = np.argsort(every.imag, kind="stable")[count:]
+    if every[chosen[0]].imag <= 0.0:
+        raise ValueError(f"the arms are overdamped: rates {np.round(every, 1).tolist()} per s")
+    return every[chosen], across[:, chosen], inverse[chosen]
+
+
+def _complex(values: Eigen) -> Weights:
+    return tuple(complex(value) for value in values)

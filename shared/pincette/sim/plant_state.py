@@ -1,0 +1,115 @@
+"""Where the plant is, and what has befallen its part."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+CreepStates = tuple[float, float, float, float, float]
+
+
+class Event(NamedTuple):
+    """Something that happened to the rig."""
+
+    time_s: float
+    what: str
+    """lost, broken, placed, removed, hung, stiffness, hysteresis."""
+    text: str
+    """The same with its numbers, for a person."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlantState:
+    """Where the plant is. ``x_um`` is the driven tip, all its modes together."""
+
+    target_V: float
+    voltage_V: float
+    """At the amplifier's input."""
+    hysteresis_um: float
+    creep_um: CreepStates
+    x_um: float
+    speed_um_per_s: float
+    slewed_V: float = 0.0
+    drive_V: float = 0.0
+    """Behind the amplifier, over its nominal gain."""
+    second_um: float = 0.0
+    """Share of the second mode in ``x_um``."""
+    second_speed_um_per_s: float = 0.0
+    passive_um: float = 0.0
+    """Deflection of the passive arm's tip, away from the driven arm."""
+    passive_speed_um_per_s: float = 0.0
+    joined: bool = False
+    """Whether part and both arms touch; of elaborate arms only."""
+    dent_um: float = 0.0
+    """By how much the faces of the part are pressed in."""
+    part: Literal["there", "lost", "broken", "removed"] = "there"
+    held_s: float = 0.0
+    """For how long the force has carried the part."""
+    elapsed_s: float = 0.0
+    events: tuple[Event, ...] = ()
+    """What has befallen the part; kept until it is taken out."""
+
+    def driven(
+        self,
+        voltages_V: tuple[float, float, float, float],
+        hysteresis_um: float,
+        creep_um: CreepStates,
+        passed_s: float,
+    ) -> "PlantState":
+        """With other voltages (target, input, slewed, drive), hysteresis and creep, later.
+
+        Like ``moved`` written out, since ``replace`` takes as long as twenty substeps.
+        """
+        target_V, voltage_V, slewed_V, drive_V = voltages_V
+        return PlantState(
+            target_V,
+            voltage_V,
+            hysteresis_um,
+            creep_um,
+            self.x_um,
+            self.speed_um_per_s,
+            slewed_V,
+            drive_V,
+            self.second_um,
+            self.second_speed_um_per_s,
+            self.passive_um,
+            self.passive_speed_um_per_s,
+            self.joined,
+            self.dent_um,
+            self.part,
+            self.held_s,
+            self.elapsed_s + passed_s,
+            self.events,
+        )
+
+    def held(self, held_s: float, event: Event | None) -> "PlantState":
+        """With a part that was carried for so long, or went as the event says."""
+        if event is None:
+            return replace(self, held_s=held_s)
+        part = "broken" if event.what == "broken" else "lost"
+        return replace(self, held_s=held_s, part=part, events=(*self.events, event))
+
+    def moved(
+        self,
+        tip: tuple[float, float],
+        second: tuple[float, float],
+        passive: tuple[float, float],
+        joined: bool,
+        dent_um: float,
+    ) -> "PlantState":
+        """With the arms elsewhere: positions and speeds of tip, second mode and passive tip."""
+        return PlantState(
+            self.target_V,
+            self.voltage_V,
+            self.hysteresis_um,
+            self.creep_um,
+            *tip,
+            self.slewed_V,
+            self.drive_V,
+            *second,
+            *passive,
+            joined,
+            dent_um,
+            self.part,
+            self.held_s,
+            self.elapsed_s,
+            self.events,
+        )

@@ -1,0 +1,78 @@
+"""A buffered voltage output: one voltage each 1/rate, on a grid of nanoseconds; pure."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Instants begin + i/rate, each rounded to a nanosecond by itself: no error adds up.
+
+    Raises
+    ------
+    ValueError
+        Where the rate is not above 0 and up to 1 MHz.
+    """
+
+    begin_ns: int
+    rate_hz: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate_hz <= 1e6:
+            raise ValueError(f"rate_hz = {self.rate_hz} Hz: must be above 0 and up to 1e6 Hz")
+
+    def instant_ns(self, index: int) -> int:
+        """When sample ``index`` is due."""
+        return self.begin_ns + round(index * NANOSECONDS / self.rate_hz)
+
+    def index_at(self, time_ns: int) -> int:
+        """The last sample due at ``time_ns``; negative before the first."""
+        index = math.floor((time_ns - self.begin_ns) * self.rate_hz / NANOSECONDS)
+        while self.instant_ns(index + 1) <= time_ns:
+            index += 1
+        while self.instant_ns(index) > time_ns:
+            index -= 1
+        return index
+
+
+@dataclass(frozen=True, slots=True)
+class Wave:
+    """Voltages on a grid; the last one stays.
+
+    Raises
+    ------
+    ValueError
+        Where there is no voltage, or one is not finite.
+    """
+
+    grid: Grid
+    voltages_V: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not self.voltages_V:
+            raise ValueError("a wave has at least one voltage")
+        for index, voltage_V in enumerate(self.voltages_V):
+            if not math.isfinite(voltage_V):
+                raise ValueError(f"voltage {index} of the wave is {voltage_V} V: not finite")
+
+    def at_V(self, time_ns: int) -> float:
+        """Voltage put out from ``time_ns`` on."""
+        return self.voltages_V[max(0, min(self.grid.index_at(time_ns), len(self.voltages_V) - 1))]
+
+    def over(self, time_ns: int) -> bool:
+        """Whether each sample has had its 1/rate."""
+        return time_ns >= self.grid.instant_ns(len(self.voltages_V))
+
+    def instants_ns(self, after_ns: int, before_ns: int) -> list[int]:
+        """When samples begin, between two times."""
+        first = max(0, self.grid.index_at(after_ns) + 1)
+        last = min(self.grid.index_at(before_ns - 1), len(self.voltages_V) - 1)
+        return [self.grid.instant_ns(index) for index in range(first, last + 1)]
+
+
+def as_wave(voltages_V: Sequence[float], rate_hz: float, begin_ns: int) -> Wave:
+    """A wave that begins at ``begin_ns``."""
+    return Wave(Grid(begin_ns, rate_hz), tuple(float(value) for value in voltages_V))

@@ -1,0 +1,296 @@
+"""The I-7024's driver: its bytes, what it makes of refusals, and the module's host watchdog."""
+
+from functools import partial
+
+import pytest
+
+from pincette.config import ConfigError, Output
+from pincette.instruments import icpdas_i7024
+from pincette.instruments.link import open_link
+from pincette.instruments.link_line import RETRY_S
+from pincette.instruments.memory_link import MemoryLink
+from pincette.instruments.protocols import InstrumentError, WatchedOutput
+from pincette.sim.dcon import SimulatedI7024
+from pincette.sim.wire import serve
+
+UNWATCHED = {"watchdog_s": 0.0}
+
+
+def settings(url: str = "memory://", /, **options: str | float | bool) -> Output:
+    return Output(driver="icpdas_i7024", url=url, timeout_s=0.5, options=dict(options))
+
+
+class Lines:
+    """A link that answers the module's name, and one reply to all else."""
+
+    def __init__(self, reply: bytes, name: bytes = b"!017024") -> None:
+        self.reply, self.name = reply, name
+        self.asked: list[bytes] = []
+        self.closed = False
+
+    def exchange(self, request: bytes) -> bytes:
+        self.asked.append(request)
+        return self.name if request == b"$01M" else self.reply
+
+    def tell(self, line: bytes) -> None:
+        self.asked.append(line)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Bench:
+    """A module on a clock that is set by hand, its lines written down; it can be unplugged."""
+
+    def __init__(self, checksum: bool = False) -> None:
+        self.now_s = 0.0
+        self.plugged = True
+        self.voltages_V: list[float] = []
+        self.lines: list[bytes] = []
+        self.module = SimulatedI7024(self.voltages_V.append, lambda: self.now_s, checksum=checksum)
+        self.link = MemoryLink(self._answer)
+
+    def _answer(self, line: bytes) -> bytes | None:
+        self.lines.append(line)
+        return self.module.answer(line) if self.plugged else None
+
+    def open(self, **options: str | float | bool) -> icpdas_i7024.I7024:
+        return icpdas_i7024.open_output(settings(**options), self.link)
+
+    def wait(self, duration_s: float) -> None:
+        self.now_s += duration_s
+        self.module.idle()
+
+
+@pytest.mark.parametrize(
+    ("reply", "text", "cause"),
+    [
+        (b"?", "out of range", "refused"),
+        (b"?01", "invalid command", "refused"),
+        (b"!", "host watchdog has tripped", "tripped"),
+        (b"!01", "means nothing here", "garbled"),
+    ],
+)
+def test_a_refusal_names_value_and_cause(reply: bytes, text: str, cause: str) -> None:
+    output = icpdas_i7024.open_output(settings(**UNWATCHED), Lines(reply))
+    with pytest.raises(InstrumentError, match=rf"-1\.500 V .*{text}") as caught:
+        output.write_V(-1.5)
+    assert caught.value.cause == cause
+
+
+def test_the_bytes_are_those_of_the_manual() -> None:
+    link = Lines(b">")
+    icpdas_i7024.open_output(settings(channel=2, **UNWATCHED), link).write_V(5.0)
+    assert link.asked == [b"$01M", b"#012+05.000"]
+
+
+def test_something_else_at_the_address_is_not_opened() -> None:
+    link = Lines(b">", name=b"MS,01")
+    with pytest.raises(InstrumentError, match="name answered by b'MS,01'"):
+        icpdas_i7024.open_output(settings(), link)
+    assert link.closed
+
+
+def test_a_wrong_checksum_is_refused() -> None:
+    with pytest.raises(InstrumentError, match="wrong checksum") as caught:
+        icpdas_i7024.open_output(settings(checksum=True), Lines(b">00", name=b"!01702400"))
+    assert caught.value.cause == "garbled"
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("address", 256),
+        ("channel", 4),
+        ("checksum", "yes"),
+        ("baud", 300),
+        ("colour", "red"),
+        ("watchdog_s", 0.25),
+        ("watchdog_s", 25.6),
+        ("watchdog_s", -0.1),
+    ],
+)
+def test_impossible_options_are_refused(option: str, value: str | float) -> None:
+    with pytest.raises(ConfigError, match=f"icpdas_i7024 option {option} = {value!r}"):
+        icpdas_i7024.open_output(settings(**{option: value}))
+
+
+@pytest.mark.parametrize("ticks", [1, 3, 5, 7, 255])
+def test_the_watchdog_is_armed_at_the_first_sign_of_life(ticks: int) -> None:
+    bench = Bench()
+    output = bench.open(watchdog_s=round(0.1 * ticks, 1), channel=0)
+    assert bench.lines == [b"$01M", b"~010", b"$0180", b"~0150"]
+    output.write_V(1.0)
+    output.write_V(2.0)
+    armed = b"~0131%02X" % ticks
+    written = [armed, b"~**", b"#010+01.000", b"~**", b"#010+02.000"]
+    assert bench.lines[4:] == written
+    output.close()
+    assert bench.lines[9:] == [b"~0130%02X" % ticks]
+    output.close()
+    assert len(bench.lines) == 10
+
+
+def test_without_a_watchdog_nothing_of_it_is_sent() -> None:
+    bench = Bench()
+    output = bench.open(watchdog_s=0)
+    output.keep_alive()
+    output.write_V(1.0)
+    output.keep_alive()
+    output.clear_trip()
+    output.close()
+    assert bench.lines == [b"$01M", b"#010+01.000"]
+
+
+def test_heartbeats_keep_the_voltage_and_silence_loses_it() -> None:
+    bench = Bench()
+    output = bench.open()
+    assert isinstance(output, WatchedOutput)
+    bench.wait(60.0)
+    output.keep_alive()
+    output.write_V(1.0)
+    for _ in range(20):
+        bench.wait(0.4)
+        output.keep_alive()
+    assert bench.voltages_V == [1.0]
+    bench.wait(0.51)
+    assert bench.voltages_V == [1.0, 0.0]
+
+
+def test_a_trip_stays_until_it_is_cleared_and_then_the_watchdog_is_armed_anew() -> None:
+    bench = Bench()
+    output = bench.open()
+    output.write_V(1.0)
+    bench.wait(0.51)
+    for _ in range(3):
+        with pytest.raises(InstrumentError, match=r"\+1\.100 V ignored.*tripped") as caught:
+            output.write_V(1.1)
+        assert caught.value.cause == "tripped"
+        output.keep_alive()
+    assert output.read_V() == 0.0
+    output.clear_trip()
+    assert bench.voltages_V == [1.0, 0.0]
+    output.write_V(0.5)
+    bench.wait(0.51)
+    assert bench.voltages_V == [1.0, 0.0, 0.5, 0.0]
+
+
+def test_a_trip_that_somebody_else_has_cleared_leaves_no_write_unwatched_for_long() -> None:
+    bench = Bench()
+    output = bench.open()
+    output.write_V(1.0)
+    bench.wait(0.51)
+    with pytest.raises(InstrumentError, match="tripped"):
+        output.write_V(1.0)
+    bench.module.answer(b"~011")
+    output.write_V(0.75)
+    output.keep_alive()
+    bench.wait(0.51)
+    assert bench.voltages_V == [1.0, 0.0, 0.75, 0.0]
+
+
+def test_a_trip_of_before_is_cleared_at_opening_with_a_warning(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    bench = Bench()
+    bench.open().write_V(1.0)
+    bench.wait(0.51)
+    output = bench.open()
+    assert "host watchdog had tripped" in caplog.text
+    output.write_V(0.25)
+    assert bench.voltages_V == [1.0, 0.0, 0.25]
+
+
+def test_an_output_that_does_not_stand_at_zero_keeps_its_safe_value(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    bench = Bench()
+    bench.module.answer(b"#010+02.000")
+    output = bench.open()
+    assert b"~0150" not in bench.lines
+    assert "stands at +2.000 V" in caplog.text
+    output.write_V(3.0)
+    bench.wait(0.51)
+    assert bench.voltages_V == [2.0, 3.0, 0.0]
+
+
+def test_a_module_that_was_silent_is_armed_anew_since_it_may_have_lost_its_supply() -> None:
+    bench = Bench()
+    output = bench.open()
+    output.write_V(1.0)
+    bench.plugged = False
+    with pytest.raises(InstrumentError, match="no answer"):
+        output.write_V(1.1)
+    bench.plugged = True
+    bench.module.power_cycle()
+    bench.lines.clear()
+    output.keep_alive()
+    assert bench.lines == [b"~010", b"~013105", b"~**"]
+    output.write_V(0.5)
+    bench.wait(0.51)
+    assert bench.voltages_V == [1.0, 0.0, 0.5, 0.0]
+
+
+def test_with_a_checksum_every_line_carries_it() -> None:
+    bench = Bench(checksum=True)
+    output = bench.open(checksum=True)
+    output.write_V(1.0)
+    output.keep_alive()
+    # The bytes of ~** add up to 0x7E + 0x2A + 0x2A = 0xD2.
+    assert bench.lines[-1] == b"~**D2"
+    bench.wait(0.4)
+    output.keep_alive()
+    bench.wait(0.4)
+    assert bench.voltages_V == [1.0]
+
+
+def test_a_line_that_was_away_longer_than_the_watchdog_finds_the_trip_and_keeps_it(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench()
+    now_s = 0.0
+    monkeypatch.setattr(icpdas_i7024, "open_link", partial(open_link, clock=lambda: now_s))
+    wire = serve("socket://127.0.0.1:0", bench.module)
+    url = wire.url
+    output = icpdas_i7024.open_output(settings(url))
+    try:
+        output.write_V(1.0)
+        wire.close()
+        with pytest.raises(InstrumentError) as caught:
+            output.write_V(1.1)
+        assert caught.value.cause == "hung_up"
+        bench.wait(0.51)
+        wire = serve(url, bench.module)
+        now_s = RETRY_S
+        with pytest.raises(InstrumentError) as caught:
+            output.write_V(1.1)
+        assert caught.value.cause == "tripped"
+        assert "it waits for a reset" in caplog.text
+        assert "has not met its instrument" in caplog.text
+        output.clear_trip()
+        output.write_V(0.25)
+        assert bench.voltages_V == [1.0, 0.0, 0.25]
+    finally:
+        output.close()
+        wire.close()
+
+
+@pytest.mark.parametrize(
+    ("baud", "checksum", "watchdog_s", "exchange_ms"),
+    [
+        (9600, False, 0.0, 14.6),
+        (38400, False, 0.0, 3.6),
+        (115200, False, 0.0, 1.2),
+        (9600, False, 0.5, 18.8),
+        (115200, False, 0.5, 1.6),
+        (115200, True, 0.5, 2.1),
+    ],
+)
+def test_the_time_of_a_write_follows_from_the_line(
+    baud: int, checksum: bool, watchdog_s: float, exchange_ms: float
+) -> None:
+    chosen = settings(baud=baud, checksum=checksum, watchdog_s=watchdog_s)
+    timing = icpdas_i7024.timing(chosen)
+    assert round(1e3 * timing.exchange_s, 1) == exchange_ms
+    assert timing.response_s == 0.010
+    assert timing.buffered_hz is None

@@ -1,0 +1,167 @@
+"""The rig program as a device server: both drivers meet one device at one port."""
+
+import threading
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.config import ConfigError, RigFile
+from pincette.instruments.nidaqmx_input import open_sensor
+from pincette.instruments.nidaqmx_output import open_output
+from pincette.instruments.rpc_link import RpcMemoryLink
+from pincette.messages import Message, Order, Truth
+from pincette.runtime.context import Context
+from pincette.sim.bench import open_bench
+from pincette.sim.keyence import SimulatedKeyence
+from pincette.sim.script import Script
+from pincette_rig import PROGRAM
+from tests.support.rigs import Tree, at_own_ports, demo_rig, merged
+
+PAIR: Tree = {
+    "sensor": {
+        "driver": "nidaqmx",
+        "url": "grpc://127.0.0.1:7461/cDAQ1Mod1/ai0",
+        "timeout_s": 0.5,
+        "options": {"um_per_V": 10.0, "drive_channel": "cDAQ1Mod1/ai1"},
+    },
+    "output": {
+        "driver": "nidaqmx",
+        "url": "grpc://127.0.0.1:7461/cDAQ1Mod2/ao0",
+        "timeout_s": 0.5,
+        "options": {},
+    },
+    "simulation": {"output_step_V": 20.0 / 65536, "output_lag_s": 3e-6},
+}
+RATE_HZ = 1000.0
+
+
+class Bus:
+    """Keeps what is published."""
+
+    def __init__(self) -> None:
+        self.told: list[Message] = []
+
+    def publish(self, message: Message) -> None:
+        self.told.append(message)
+
+    def serve(self, *_question: object) -> None:
+        pass
+
+    def announce(self, _name: str) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+def fast_rig(pace: str, changes: Tree | None = None) -> RigFile:
+    """The demo rig with the fast pair, at ports of its own."""
+    demo = demo_rig(time=pace)
+    tree = demo.model_dump(mode="json", exclude_unset=True)
+    for table in ("sensor", "output"):
+        tree[table]["options"] = {}
+    own = merged(merged(tree, PAIR), changes or {})
+    return at_own_ports(RigFile.model_validate(own))
+
+
+@pytest.mark.parametrize("pace", ["lockstep", "real"])
+def test_each_write_over_the_line_is_one_of_the_rig(tmp_path: Path, pace: str) -> None:
+    rig, bus, ready = fast_rig(pace), Bus(), threading.Event()
+    context = Context(
+        rig, tmp_path, lambda: cast(ZenohBus, bus), lambda _line: ready.set(), threading.Event()
+    )
+    thread = threading.Thread(target=PROGRAM, args=(context,))
+    thread.start()
+    try:
+        assert ready.wait(timeout=5.0)
+        sensor, output = open_sensor(rig.sensor), open_output(rig.output)
+        for voltage_V in (1.0, 1.0, 0.5):
+            output.write_V(voltage_V)
+            sensor.read_um()
+        assert output.read_V() == 0.5
+        sensor.close()
+        output.close()
+    finally:
+        context.stop.set()
+        thread.join(timeout=5.0)
+    assert not thread.is_alive()
+    told = [message for message in bus.told if isinstance(message, Truth)]
+    assert [truth.seq for truth in told] == [0, 1, 2]
+    step_V = 20.0 / 65536
+    assert [truth.voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=step_V)
+
+
+def test_in_lockstep_a_capture_sees_the_wave_that_is_played() -> None:
+    rig = fast_rig("lockstep", {"simulation": {"sensor_noise_um": 0.0}})
+    bench = open_bench(rig, lambda: 0.0)
+    sensor = open_sensor(rig.sensor, RpcMemoryLink(bench.sensor.answer))
+    output = open_output(rig.output, RpcMemoryLink(bench.output.answer))
+    sensor.begin_capture(RATE_HZ)
+    assert len(sensor.read_block().x_um) == 1
+    output.begin_wave([0.5] * 25 + [0.25], RATE_HZ)
+    blocks = [sensor.read_block()]
+    for _ in range(2):
+        output.look()
+        blocks.append(sensor.read_block())
+    assert [len(block.x_um) for block in blocks] == [20, 20, 20]
+    assert blocks[0].drive_V[-1] == pytest.approx(0.5, abs=0.001)
+    assert blocks[2].drive_V[-1] == pytest.approx(0.25, abs=0.001)
+    assert output.read_V() == 0.25
+    assert bench.rig.now_s() == pytest.approx(0.06)
+
+
+def test_a_script_parts_what_is_for_the_sensor_from_what_is_for_the_output() -> None:
+    rig = fast_rig("lockstep")
+    script = Script(timeouts_s={"sensor": 0.1, "output": 0.1})
+    bench = open_bench(rig, lambda: 0.0, None, script)
+    front = bench.fitted["sensor"].server
+    assert front is not None
+    assert front is bench.fitted["output"].server
+    sensor = open_sensor(rig.sensor, RpcMemoryLink(front.answer))
+    output = open_output(rig.output, RpcMemoryLink(front.answer))
+    assert script.order(Order("sensor", "off")) == ""
+    with pytest.raises(Exception, match="no answer") as caught:
+        sensor.read_um()
+    assert getattr(caught.value, "cause", "") == "silent"
+    output.write_V(0.5)
+    assert script.order(Order("sensor", "heal")) == ""
+    assert sensor.read_um() > 1.0
+
+
+def test_each_pair_of_drivers_meets_its_instruments() -> None:
+    rig = fast_rig("real")
+    shared = open_bench(rig, lambda: 0.0)
+    assert shared.sensor is shared.output
+    apart = fast_rig("real", {"output": {"url": "grpc://elsewhere:7462/cDAQ1Mod2/ao0"}})
+    moved = apart.model_copy(
+        update={"output": apart.output.model_copy(update={"url": "grpc://b:1/cDAQ1Mod2/ao0"})}
+    )
+    two = open_bench(moved, lambda: 0.0)
+    assert two.sensor is not two.output
+    demo = demo_rig()
+    mixed = open_bench(demo.model_copy(update={"output": rig.output}), lambda: 0.0)
+    assert isinstance(mixed.sensor, SimulatedKeyence)
+    assert mixed.fitted["sensor"].server is None
+    assert mixed.fitted["output"].terminator is None
+
+
+def test_a_serial_line_is_as_fast_as_its_own_driver_says() -> None:
+    demo = demo_rig({"sensor": {"options": {"baud": 38400}}})
+    own = open_bench(demo, lambda: 0.0).fitted
+    assert (own["sensor"].baud, own["output"].baud) == (115200, 115200)
+    assert demo.simulation is not None
+    left = demo.simulation.model_dump(exclude={"baud"}, exclude_unset=True)
+    unsaid = RigFile.model_validate(demo.model_dump(exclude_unset=True) | {"simulation": left})
+    both = open_bench(unsaid, lambda: 0.0).fitted
+    assert (both["sensor"].baud, both["output"].baud) == (38400, 115200)
+    lockstep = open_bench(demo_rig(time="lockstep"), lambda: 0.0).fitted
+    assert lockstep["sensor"].baud is None
+
+
+def test_a_monitor_without_a_scale_is_refused() -> None:
+    rig = fast_rig("real")
+    bare = rig.sensor.model_copy(update={"options": {}})
+    with pytest.raises(ConfigError, match="um_per_V is missing"):
+        open_bench(rig.model_copy(update={"sensor": bare}), lambda: 0.0)

@@ -1,0 +1,231 @@
+"""A lost port is opened again, not too often, and the instrument prepared before it works on."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pincette.instruments.link import open_link
+from pincette.instruments.link_line import GRACE, RETRY_S, Line
+from pincette.instruments.protocols import InstrumentError, Link
+from pincette.sim.keyence import SimulatedKeyence
+from pincette.sim.wire import serve
+
+TIMEOUT_S = 0.1
+
+
+class Rig:
+    """An instrument at the end of a line that can be cut, in virtual time."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.there = True
+        self.silent = False
+        self.opened_at_s: list[float] = []
+        self.said: list[bytes] = []
+        self.arrived: list[bytes] = []
+        self.prepare: Callable[[Link], None] = lambda _link: None
+        self.line = Line(
+            url="port",
+            open_port=self._open,
+            timeout_s=TIMEOUT_S,
+            quiet_s=0.001,
+            terminator=b"\r",
+            accept=lambda line: not line.startswith(b"TG"),
+            on_open=lambda link: self.prepare(link),
+            clock=lambda: self.now_s,
+        )
+
+    def _open(self, within_s: float) -> "Rig":
+        assert 0.0 < within_s <= TIMEOUT_S + 1e-9
+        self.opened_at_s.append(self.now_s)
+        if not self.there:
+            raise InstrumentError("port: no such device", "cannot_open")
+        self.arrived.clear()
+        return self
+
+    def write(self, data: bytes) -> None:
+        if not self.there:
+            raise OSError("input/output error")
+        self.said.append(data)
+        if not self.silent:
+            self.arrived.append(b"re " + data)
+
+    def receive(self, wait_s: float) -> bytes:
+        if not self.there:
+            raise OSError("input/output error")
+        if self.arrived:
+            return self.arrived.pop(0)
+        self.now_s += wait_s
+        return b""
+
+    def close(self) -> None:
+        pass
+
+
+def failed(line: Link, request: bytes = b"A") -> InstrumentError:
+    with pytest.raises(InstrumentError) as caught:
+        line.exchange(request)
+    return caught.value
+
+
+def test_the_lost_exchange_fails_and_the_next_opens_prepares_and_goes_on() -> None:
+    rig = Rig()
+    rig.prepare = lambda link: rig.said.append(link.exchange(b"R0"))
+    assert rig.line.exchange(b"A") == b"re A"
+    rig.there = False
+    assert failed(rig.line).cause == "hung_up"
+    rig.there = True
+    assert rig.line.exchange(b"B") == b"re B"
+    assert rig.said == [b"A\r", b"R0\r", b"re R0", b"B\r"]
+    assert rig.line.exchange(b"C") == b"re C"
+    assert len(rig.opened_at_s) == 2
+
+
+def test_it_is_tried_once_each_half_second() -> None:
+    rig = Rig()
+    rig.there = False
+    for _ in range(201):
+        assert failed(rig.line).cause == "hung_up"
+        rig.now_s += 0.01
+    tries_s = rig.opened_at_s[1:]
+    assert tries_s == pytest.approx([0.01, 0.51, 1.01, 1.51], abs=0.011)
+    assert "tried again in 0.5 s" in str(failed(rig.line))
+
+
+def test_a_line_that_breaks_at_once_is_not_opened_more_often() -> None:
+    rig = Rig()
+    rig.there = False
+    failed(rig.line)
+    rig.there = True
+    assert rig.line.exchange(b"A") == b"re A"
+    for _ in range(10):
+        rig.there = False
+        failed(rig.line)
+        rig.there = True
+        rig.now_s += 0.01
+        assert failed(rig.line).cause == "hung_up"
+    assert len(rig.opened_at_s) == 2
+
+
+def test_what_keeps_the_instrument_from_working_on_is_said_with_its_cause() -> None:
+    rig = Rig()
+
+    def refuse(_link: Link) -> None:
+        raise InstrumentError("in set-up mode", "refused")
+
+    rig.there, rig.prepare = False, refuse
+    failed(rig.line)
+    rig.there = True
+    error = failed(rig.line)
+    assert error.cause == "refused"
+    assert "opened again, but the instrument cannot work on: in set-up mode" in str(error)
+    assert rig.said == []
+    rig.prepare = lambda _link: None
+    assert failed(rig.line).cause == "hung_up"
+    rig.now_s += RETRY_S
+    assert rig.line.exchange(b"A") == b"re A"
+
+
+def test_opening_again_takes_no_longer_than_an_exchange_may() -> None:
+    rig = Rig()
+    rig.prepare = lambda link: rig.said.append(link.exchange(b"R0"))
+    rig.there = False
+    failed(rig.line)
+    rig.there, rig.silent = True, True
+    began_s = rig.now_s
+    error = failed(rig.line)
+    assert error.cause == "silent"
+    assert rig.now_s - began_s <= TIMEOUT_S + 1e-9
+    assert rig.said == [b"R0\r"]
+
+
+def test_a_line_of_no_answer_opens_it_again_too() -> None:
+    rig = Rig()
+    rig.there = False
+    with pytest.raises(InstrumentError, match="hung up"):
+        rig.line.tell(b"~**")
+    rig.there = True
+    rig.line.tell(b"~**")
+    assert rig.said == [b"~**\r"]
+
+
+def test_a_closed_line_is_not_opened_again() -> None:
+    rig = Rig()
+    rig.line.close()
+    for _ in range(2):
+        assert failed(rig.line).cause == "misused"
+        rig.now_s += 1.0
+    assert len(rig.opened_at_s) == 1
+
+
+def test_an_answer_that_was_on_its_way_through_a_standstill_is_taken() -> None:
+    rig = Rig()
+    rig.silent = True
+    receive = rig.receive
+
+    def stand_still(wait_s: float) -> bytes:
+        if rig.said and rig.now_s == 0.0:
+            rig.now_s = 3.0
+            return b""
+        if rig.now_s == 3.0:
+            assert wait_s == pytest.approx(GRACE * TIMEOUT_S)
+            rig.arrived.append(b"late\r")
+        return receive(wait_s)
+
+    rig.receive = stand_still
+    assert rig.line.exchange(b"A") == b"late"
+
+
+def test_after_a_failure_it_waits_until_the_line_is_quiet() -> None:
+    rig = Rig()
+    rig.silent = True
+    assert failed(rig.line).cause == "silent"
+    rig.silent = False
+    rig.arrived = [b"left over", b" of before\r"]
+    assert rig.line.exchange(b"B") == b"re B"
+
+
+def test_a_line_that_is_never_quiet_is_an_error() -> None:
+    rig = Rig()
+
+    def chatter(wait_s: float) -> bytes:
+        rig.now_s += min(wait_s, 0.001) or 0.0001
+        return b"TG,01,+0001.00\r"
+
+    rig.receive = chatter
+    error = failed(rig.line)
+    assert error.cause == "garbled"
+    assert "never silent" in str(error)
+    assert rig.said == []
+
+
+@pytest.mark.parametrize("kind", ["tcp", "pty"])
+def test_an_instrument_that_comes_back_is_read_again(kind: str, tmp_path: Path) -> None:
+    now_s = 0.0
+    prepared = list[bytes]()
+    url = "socket://127.0.0.1:0" if kind == "tcp" else str(tmp_path / "port")
+    wire = serve(url, SimulatedKeyence(lambda: 1.0))
+    url = wire.url
+    link = open_link(
+        url,
+        baud=115200,
+        timeout_s=0.5,
+        on_open=lambda line: prepared.append(line.exchange(b"R0")),
+        clock=lambda: now_s,
+    )
+    try:
+        assert link.exchange(b"MS,01") == b"MS,01,+0001.00"
+        wire.close()
+        for _ in range(2):
+            with pytest.raises(InstrumentError, match="hung up"):
+                link.exchange(b"MS,01")
+        wire = serve(url, SimulatedKeyence(lambda: 2.0))
+        with pytest.raises(InstrumentError, match=r"tried again in 0\.5 s"):
+            link.exchange(b"MS,01")
+        now_s = RETRY_S
+        assert link.exchange(b"MS,01") == b"MS,01,+0002.00"
+        assert prepared == [b"ER,R0,01"]
+    finally:
+        link.close()
+        wire.close()

@@ -1,0 +1,253 @@
+"""Faults of instruments and of the bench in a grip, in virtual time, and what becomes of each.
+
+../shared/faults.md has the table. A sensor's fault is named by its samples, an output's by the
+actuator's cause. Each fault has a twin that must not trip.
+"""
+
+from math import isfinite
+
+import pytest
+
+from tests.support.rigs import Tree
+from tests.support.scripted import TRIPPED, Played, T, play
+
+CLEAN = play()
+APPROACH = CLEAN.begin_of("approach") + 15
+LOAD = CLEAN.begin_of("load") + 5
+HOLD = CLEAN.begin_of("hold") + 10
+FREE_OR_HELD = pytest.mark.parametrize(
+    ("seq", "state"),
+    [(APPROACH, "ramping"), (LOAD, "frozen"), (HOLD, "frozen")],
+    ids=["approach", "load", "hold"],
+)
+FORCE_MAX_MN = 40.0
+FREEZE_S = 0.4
+RAMP_TICKS = 2
+"""Of 35 ms."""
+
+
+def at(seq: int, target: str, what: str, **more: float) -> Tree:
+    """An entry of the rig file that acts from a sample on."""
+    return {"at_s": seq * T, "target": target, "what": what, **more}
+
+
+def check_safe(played: Played, state: str, seq: int) -> None:
+    """It tripped at ``seq`` into ``state``, did what that asks for, and took no command after."""
+    trip = played.trip
+    assert trip is not None
+    assert (trip.seq, trip.state) == (seq, state)
+    after = [echo for echo in played.applied if echo.seq >= trip.seq]
+    assert not any(echo.answered for echo in after)
+    assert (after[-1].state, after[-1].voltage_V, after[-1].final) == ("latched", 0.0, True)
+    kept_V = next(echo.voltage_V for echo in played.applied if echo.seq == trip.seq - 1)
+    frozen = [echo for echo in after if echo.state == "frozen"]
+    assert {echo.voltage_V for echo in frozen} <= {kept_V}
+    # The end of the freeze falls on a tick, or a rounding after it.
+    assert len(frozen) - (round(FREEZE_S / T) if state == "frozen" else 0) in (0, 1)
+    assert len(after) - len(frozen) <= RAMP_TICKS + 1
+
+
+def check_untripped(played: Played) -> None:
+    assert played.trip is None
+    assert {echo.state for echo in played.applied} <= {"armed", "idle"}
+
+
+def test_a_grip_without_a_fault_succeeds() -> None:
+    check_untripped(CLEAN)
+    assert CLEAN.outcome == "gripped"
+    assert all(position.valid for position in CLEAN.positions)
+    assert all(estimate.valid for estimate in CLEAN.estimates)
+
+
+def test_a_lost_bead_ends_the_grip_as_lost_without_a_trip() -> None:
+    played = play(at(HOLD, "part", "lose"))
+    assert played.outcome == "lost"
+    check_untripped(played)
+    assert [event.what for event in played.rig.events()] == ["lost"]
+    assert played.begin_of("retreat") <= HOLD + 7
+
+
+def test_a_bead_taken_away_before_contact_is_not_found() -> None:
+    played = play(at(APPROACH, "part", "remove"))
+    assert played.outcome == "no_contact"
+    check_untripped(played)
+
+
+def test_a_bead_put_elsewhere_is_found_there() -> None:
+    played = play(at(2, "part", "remove"), at(5, "part", "place", value=7.0))
+    assert played.outcome == "gripped"
+    check_untripped(played)
+
+
+def test_a_bead_that_breaks_in_the_hold_is_lost() -> None:
+    changes: Tree = {"simulation": {"part": {"break_force_mN": 16.0}}}
+    played = play(at(HOLD, "arm", "stiffen", value=3.0), changes=changes)
+    assert "broken" in [event.what for event in played.rig.events()]
+    assert played.outcome == "lost"
+    check_untripped(played)
+    assert play(changes=changes).outcome == "gripped"
+
+
+def test_a_force_above_the_limit_ends_the_grip_and_lets_go() -> None:
+    played = play(at(HOLD, "weight", "hang", value=FORCE_MAX_MN))
+    assert played.outcome == "overforce"
+    check_untripped(played)
+    assert abs(played.positions[-1].x_um) < 1.0
+    assert played.truths[-1].force_mN == 0.0
+    lighter = play(at(HOLD, "weight", "hang", value=2.0))
+    assert lighter.outcome == "gripped"
+    check_untripped(lighter)
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("over_range", "Keyence: above the measuring range"),
+        ("off", "no answer to b'MS,01'"),
+        ("garbage", "Keyence: "),
+    ],
+)
+@FREE_OR_HELD
+def test_the_third_sample_in_a_row_that_is_none_trips(
+    what: str, said: str, seq: int, state: str
+) -> None:
+    played = play(at(seq, "sensor", what))
+    check_safe(played, state, seq + 2)
+    bad = [position for position in played.positions if position.seq >= seq]
+    assert all(not position.valid and said in position.fault for position in bad)
+    assert "command_age" in played.applied[-1].cause
+    for count in (1, 2):
+        twin = play(at(seq, "sensor", what, for_s=count * T))
+        assert [position.seq for position in twin.positions if not position.valid] == [
+            seq + place for place in range(count)
+        ]
+        check_untripped(twin)
+        assert twin.outcome == "gripped"
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_either_side_of_the_range_is_named(side: float) -> None:
+    played = play(at(HOLD, "sensor", "over_range", value=side))
+    fault = played.positions[-1].fault
+    assert ("above" if side > 0.0 else "below") in fault
+
+
+@pytest.mark.parametrize(("seq", "state"), [(APPROACH, "ramping"), (LOAD, "frozen")])
+def test_a_stuck_sensor_is_found_within_ten_samples_while_the_voltage_moves(
+    seq: int, state: str
+) -> None:
+    played = play(at(seq, "sensor", "stuck"))
+    refused = [estimate.seq for estimate in played.estimates if not estimate.valid]
+    assert refused[0] - seq < 10
+    assert played.trip is not None
+    assert played.trip.seq - seq < 10
+    check_safe(played, state, played.trip.seq)
+    assert max(truth.force_mN for truth in played.truths) < FORCE_MAX_MN
+
+
+def test_a_stuck_sensor_of_a_quiet_arm_does_not_trip() -> None:
+    for seq, count in ((1, 12), (HOLD, 30)):
+        played = play(at(seq, "sensor", "stuck", for_s=count * T))
+        stuck = {position.x_um for position in played.positions[seq : seq + count]}
+        assert len(stuck) == 1
+        check_untripped(played)
+        assert played.outcome == "gripped"
+
+
+@pytest.mark.parametrize("what", ["off", "garbage"])
+@FREE_OR_HELD
+def test_an_output_that_does_not_confirm_trips_at_once_and_is_named(
+    what: str, seq: int, state: str
+) -> None:
+    played = play(at(seq, "output", what))
+    trip = played.trip
+    assert trip is not None
+    assert (trip.seq, trip.state) == (seq, state)
+    assert trip.cause.startswith("device: ")
+    assert played.applied[-1].state == "latched"
+    assert ("no answer to b'#010" if what == "off" else "I-7024") in trip.cause
+
+
+def test_a_tripped_watchdog_of_the_output_is_a_trip_that_is_named() -> None:
+    """The instrument has not heard its host for a second, and says so at the next write."""
+    played = play(host_stands_at_s=HOLD * T)
+    assert played.trip is not None
+    assert (played.trip.seq, played.trip.state) == (HOLD, "frozen")
+    assert "host watchdog has tripped" in played.trip.cause
+    assert played.applied[-1].state == "latched"
+    unwatched: Tree = {"output": {"options": {"watchdog_s": 0.0}}}
+    check_untripped(play(changes=unwatched, host_stands_at_s=HOLD * T))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0])
+def test_an_intermittent_sensor_carries_on_or_trips(share: float) -> None:
+    played = play(at(0, "sensor", "intermittent", value=share))
+    bad = [not position.valid for position in played.positions]
+    in_a_row = any(bad[place : place + 3] == [True] * 3 for place in range(len(bad)))
+    assert (played.trip is not None) == in_a_row
+    assert played.applied[-1].final
+    assert bad.count(True) == 0 or share > 0.0
+    if not in_a_row:
+        assert played.outcome == "gripped"
+    assert share < 0.2 or in_a_row
+
+
+def test_an_intermittent_output_trips_at_its_first_loss() -> None:
+    played = play(at(0, "output", "intermittent", value=0.05))
+    assert played.trip is not None
+    assert played.trip.cause.startswith("device: ")
+    assert played.applied[-1].state == "latched"
+
+
+@pytest.mark.parametrize("target", ["sensor", "output"])
+@FREE_OR_HELD
+def test_an_answer_that_comes_too_late_is_none(target: str, seq: int, state: str) -> None:
+    limit_s = 0.1
+    assert play(at(seq, target, "slow", value=limit_s)).trip is None
+    played = play(at(seq, target, "slow", value=1.01 * limit_s))
+    assert played.trip is not None
+    assert played.trip.state == state
+    assert played.trip.seq - seq == (2 if target == "sensor" else 0)
+
+
+@pytest.mark.parametrize("periods", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("target", ["sensor", "output"])
+@pytest.mark.parametrize("seq", [0, APPROACH, HOLD])
+def test_an_instrument_that_lives_in_the_past_never_presses_too_hard(
+    target: str, periods: int, seq: int
+) -> None:
+    """Nothing tells that a reading is old: no age limit sees it, but the guards bound it."""
+    played = play(at(seq, target, "delayed", value=periods * T))
+    assert max(truth.force_mN for truth in played.truths) < FORCE_MAX_MN
+    assert played.applied[-1].final
+    if periods <= 2:
+        check_untripped(played)
+        assert played.outcome == "gripped"
+
+
+@pytest.mark.parametrize("value", [5.0, -5.0])
+def test_a_sensor_that_jumps_stays_bounded(value: float) -> None:
+    played = play(at(HOLD, "sensor", "wrong", value=value))
+    assert max(truth.force_mN for truth in played.truths) < FORCE_MAX_MN
+    assert played.applied[-1].final
+
+
+def test_a_faulty_grip_can_be_repeated_to_the_bit() -> None:
+    orders = (
+        at(0, "sensor", "intermittent", value=0.05),
+        at(APPROACH, "arm", "hysteresis", value=1.1),
+        at(HOLD, "sensor", "garbage", for_s=2 * T),
+    )
+    first, second = play(*orders), play(*orders)
+    assert first.messages == second.messages
+    assert first.messages != CLEAN.messages
+
+
+def test_no_number_of_a_faulty_grip_is_infinite() -> None:
+    for what in ("garbage", "over_range", "stuck", "off"):
+        played = play(at(LOAD, "sensor", what))
+        assert all(
+            isfinite(estimate.force_mN) and isfinite(estimate.perturbation_mN)
+            for estimate in played.estimates
+        )
+        assert all(echo.state in ("armed", "idle", "latched", *TRIPPED) for echo in played.applied)

@@ -1,0 +1,60 @@
+"""What a person does to bring a rig up: calibrate over REST, with hands at the simulated bench."""
+
+from dataclasses import dataclass
+from time import monotonic, sleep
+
+from pincette.bus.links import client_ends
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.messages import Order
+from pincette.topics import ORDER
+from tests.support.running import Json, RunningRig
+
+LOOK_S = 0.02
+JOB_S = 300.0
+ENDS = ("succeeded", "stopped", "aborted", "failed", "interrupted")
+
+
+@dataclass
+class Technician:
+    """Calls the rig's REST interface, places and removes the part, hangs weights."""
+
+    rig: RunningRig
+    bus: ZenohBus
+
+    @classmethod
+    def at(cls, rig: RunningRig) -> "Technician":
+        """Stand at a rig that is up."""
+        file = rig.rig
+        return cls(rig, ZenohBus(client_ends(file.bus.host, file.bus.port), file.rig.name, "hand"))
+
+    def leave(self) -> None:
+        """Go."""
+        self.bus.close()
+
+    def do(self, target: str, what: str, value: float | None = None) -> None:
+        """Do something at the bench."""
+        self.bus.ask(ORDER, Order(target, what, value))
+
+    def calibrate(self, kind: str, **wishes: object) -> Json:
+        """Run one calibration to its end and accept what it proposes; returns the proposal."""
+        body: Json = {"kind": "calibrate", "calibration": kind, "autostart": True, **wishes}
+        name = str(self.rig.post("/jobs", body).raise_for_status().json()["id"])
+        job = self._attend(name)
+        assert job["state"] == "succeeded", f"{kind}: {job['state']}, {job['cause']}"
+        self.do("weight", "hang", 0.0)
+        answer = self.rig.post(f"/calibrations/{name}/actions", {"type": "accept"})
+        return dict(answer.raise_for_status().json())
+
+    def _attend(self, name: str) -> Json:
+        """Do what the job asks a person for, until it has ended."""
+        deadline = monotonic() + JOB_S
+        while monotonic() < deadline:
+            job = self.rig.job(name)
+            if job["state"] in ENDS:
+                return job
+            if "continue" in job["allowed_actions"]:
+                progress: Json = job["progress"]
+                self.do("weight", "hang", float(progress["weight_mN"]))
+                self.rig.post(f"/jobs/{name}/actions", {"type": "continue"}).raise_for_status()
+            sleep(LOOK_S)
+        raise TimeoutError(f"{name} did not end within {JOB_S:g} s: {self.rig.job(name)}")

@@ -1,0 +1,201 @@
+"""Instruments that fail on their real lines, by order to the simulated rig; T = 20 ms.
+
+What is done to a line here is seen by the driver alone: a socket that hangs up, answers that are
+late or lost, a module whose host has died.
+"""
+
+from collections.abc import Generator
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.messages import Applied, Order, Position, Truth
+from pincette.topics import ORDER
+from tests.support.grips import (
+    SHORT,
+    approach,
+    command,
+    hold,
+    kill,
+    make_ready,
+    refused,
+    reset,
+    restart,
+    whole_grip,
+)
+from tests.support.reactions import REACTION_S, await_reaction, within
+from tests.support.rigs import demo_rig, merged
+from tests.support.running import RunningRig, running_rig
+from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.witness import Witness
+
+WATCHDOG_S = 0.5
+IDLE_S = 0.05
+"""How often the simulated module looks at its watchdog while its line is quiet."""
+TICK_S = 0.1
+"""Of the module's watchdog, by its manual."""
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    own = merged(
+        SHORT,
+        {
+            "simulation": {"scripts": True},
+            "output": {"options": {"watchdog_s": WATCHDOG_S}},
+        },
+    )
+    with running_rig(demo_rig(own), tmp_path_factory.mktemp("rig")) as running:
+        yield running
+
+
+@pytest.fixture(autouse=True)
+def ready(rig: RunningRig, seen: Witness) -> None:
+    heal(seen)
+    make_ready(rig)
+
+
+def order(seen: Witness, target: str, what: str, value: float | None = None) -> float:
+    """Do something to the rig; the time at which that was done."""
+    now = monotonic()
+    seen.bus.ask(ORDER, Order(target, what, value))
+    return now
+
+
+def heal(seen: Witness) -> None:
+    """Plug everything in again, and see that the sensor measures."""
+    for target in ("sensor", "output"):
+        order(seen, target, "heal")
+    seen.until(Position, lambda position: position.valid, monotonic())
+
+
+def check_works_again(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> None:
+    """Nothing moves until a person has reset it; then the next job succeeds. No program died."""
+    assert refused(rig)["type"].endswith("rig-latched")
+    reset(rig)
+    make_ready(rig)
+    whole_grip(rig, seen, stalls)
+    assert rig.fleet.ended() == []
+
+
+@pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
+@again_after_a_stall(make_ready)
+def test_the_cable_of_the_sensor_is_pulled(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str], held: bool
+) -> None:
+    job = hold(rig, seen, stalls) if held else approach(rig, seen, stalls)
+    pulled_s = order(seen, "sensor", "off", 1.0)
+    reaction = await_reaction(rig.rig, seen, stalls, pulled_s, held=held)
+    figures.append(
+        f"sensor pulled, {'held' if held else 'free'}: safe state began "
+        f"{1e3 * reaction.reaction_s:.0f} ms after, limit {1e3 * REACTION_S:.0f} ms"
+    )
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    assert "command_age" in ended["cause"]
+    fault = seen.newest(Position).fault
+    assert rig.rig.sensor.url in fault
+    assert any("sensor: reads no position" in reason for reason in rig.view()["reasons"])
+    heal(seen)
+    check_works_again(rig, seen, stalls)
+    within(REACTION_S, reaction.reaction_s, reaction.reaction_stalls_s, "the reaction")
+
+
+@again_after_a_stall(make_ready)
+def test_the_cable_of_the_output_is_pulled(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
+) -> None:
+    """No ramp arrives any more: the module's own watchdog makes the arm safe."""
+    job = approach(rig, seen, stalls)
+    pulled_s = order(seen, "output", "off", 1.0)
+    safe_s = await_safe_output(seen, pulled_s)
+    figures.append(f"output pulled: the module is safe {1e3 * safe_s:.0f} ms after")
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    assert "device: " in ended["cause"]
+    assert rig.rig.output.url in ended["cause"]
+    heal(seen)
+    check_works_again(rig, seen, stalls)
+    within(WATCHDOG_S + TICK_S + IDLE_S, safe_s, stalls.between(pulled_s, monotonic()), "safety")
+
+
+@again_after_a_stall(make_ready)
+def test_the_module_makes_itself_safe_where_the_actuator_dies(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
+) -> None:
+    job = hold(rig, seen, stalls)
+    killed_s = kill(rig, "actuator")
+    safe_s = await_safe_output(seen, killed_s)
+    figures.append(f"actuator killed: the module is safe {1e3 * safe_s:.0f} ms after")
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    assert "actuator" in ended["cause"]
+    restart(rig, "actuator")
+    reset(rig)
+    make_ready(rig)
+    whole_grip(rig, seen, stalls)
+    # The last sign of life was up to a period before the kill.
+    assert safe_s > WATCHDOG_S - 2.0 * rig.rig.rig.period_s
+    within(WATCHDOG_S + TICK_S + IDLE_S, safe_s, stalls.between(killed_s, monotonic()), "safety")
+
+
+def await_safe_output(seen: Witness, since_s: float) -> float:
+    """Seconds until the instrument puts out its safe value, which nobody has told it to."""
+    at_s, truth = seen.until(Truth, lambda truth: truth.voltage_V == 0.0, since_s + 0.2)
+    assert truth.voltage_V == 0.0
+    return at_s - since_s
+
+
+@pytest.mark.parametrize(
+    ("target", "what", "value"),
+    [
+        ("sensor", "slow", 0.08),
+        ("sensor", "garbage", None),
+        ("output", "garbage", None),
+        ("output", "slow", 0.15),
+    ],
+)
+@again_after_a_stall(make_ready)
+def test_answers_that_are_late_or_none_make_the_rig_safe(
+    rig: RunningRig,
+    seen: Witness,
+    stalls: StallRecorder,
+    target: str,
+    what: str,
+    value: float | None,
+) -> None:
+    job = approach(rig, seen, stalls)
+    order(seen, target, what, value)
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    assert ("device: " if target == "output" else "command_age") in ended["cause"]
+    heal(seen)
+    check_works_again(rig, seen, stalls)
+
+
+@again_after_a_stall(make_ready)
+def test_lost_exchanges_end_in_a_grip_or_in_a_clean_trip(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = approach(rig, seen, stalls)
+    begun = order(seen, "sensor", "intermittent", 0.05)
+    ended = rig.ended(job)
+    assert ended["state"] in ("succeeded", "failed")
+    tripped = [echo for _, echo in seen.since(Applied, begun) if echo.state == "ramping"]
+    assert bool(tripped) == (ended["state"] == "failed")
+    heal(seen)
+    if tripped:
+        check_works_again(rig, seen, stalls)
+    assert rig.fleet.ended() == []
+
+
+def test_orders_come_from_the_command_line_too(rig: RunningRig, seen: Witness) -> None:
+    before_um = seen.newest(Position).x_um
+    done = command("rig", "sensor", "wrong", "5", "--for-s", "0.5", "--rig", str(rig.path))
+    assert done.returncode == 0, done.stderr
+    seen.until(Position, lambda position: position.x_um > before_um + 4.0, monotonic() - 1.0)
+    sleep(0.6)
+    assert abs(seen.newest(Position).x_um - before_um) < 1.0
+    wrong = command("rig", "sensor", "melt", "--rig", str(rig.path))
+    assert wrong.returncode == 1
+    assert "sensor knows no 'melt'" in wrong.stderr

@@ -1,0 +1,76 @@
+"""The same programs on every wire: TCP, pseudo-terminals with byte timing, a byte recording."""
+
+from pathlib import Path
+from typing import Any, cast
+
+import pyarrow.parquet as parquet
+import pytest
+
+from pincette.config import RigFile, parse_rig
+from tests.support.grips import whole_grip
+from tests.support.rigs import Tree, demo_rig, merged
+from tests.support.running import Json, running_rig
+from tests.support.stalls import StallRecorder
+from tests.support.witness import witness
+
+NUMBERS = ["x_um", "force_mN", "voltage_V"]
+DC205: Tree = {
+    "driver": "srs_dc205",
+    "options": {"range_V": 10, "address": None, "channel": None},
+}
+QUICK: Tree = {"grip": {"hold_s": 1.0, "load_s": 1.0}}
+
+
+def on_terminals(folder: Path, baud: int, output: Tree) -> RigFile:
+    """The demo rig with both instruments on pseudo-terminals."""
+    changes: Tree = {
+        **QUICK,
+        "sensor": {"url": str(folder / "sensor"), "options": {"baud": baud}},
+        "output": {"url": str(folder / "output"), **output},
+    }
+    return demo_rig(changes)
+
+
+@pytest.mark.parametrize(
+    ("baud", "output"), [(115200, {}), (38400, DC205)], ids=["I-7024", "DC205"]
+)
+def test_a_grip_over_pseudo_terminals_in_the_time_of_their_bytes(
+    tmp_path: Path, baud: int, output: Tree
+) -> None:
+    rig = on_terminals(tmp_path, baud, output)
+    with (
+        StallRecorder() as stalls,
+        running_rig(rig, tmp_path) as running,
+        witness(rig) as seen,
+    ):
+        job = whole_grip(running, seen, stalls)
+    assert job["result"]["outcome"] == "gripped"
+
+
+def recorded(folder: Path, job: Json) -> dict[str, list[Any]]:
+    """Position, force and voltage of a job."""
+    path = folder / "data" / "jobs" / str(job["id"]) / "samples.parquet"
+    table = cast(Any, parquet).read_table(path, columns=NUMBERS)
+    return cast("dict[str, list[Any]]", table.to_pydict())
+
+
+def test_a_recording_of_bytes_gives_the_same_job_without_instruments(tmp_path: Path) -> None:
+    """Replayed through the same drivers and programs, each request must be the recorded one."""
+    files = {table: tmp_path / f"{table}.dialogue" for table in ("sensor", "output")}
+    keeping: Tree = {table: {"record": str(path)} for table, path in files.items()}
+    rig = demo_rig(merged(QUICK, keeping), time="lockstep")
+    live, later = tmp_path / "live", tmp_path / "later"
+    live.mkdir()
+    later.mkdir()
+    with running_rig(rig, live) as running:
+        first = running.ended(running.start_grip())
+    tree = rig.model_dump(mode="json", exclude_unset=True)
+    del tree["simulation"]
+    for table, path in files.items():
+        del tree[table]["record"]
+        tree[table]["url"] = f"replay:{path}"
+    with running_rig(parse_rig(tree), later) as running:
+        again = running.ended(running.start_grip())
+    assert first["state"] == again["state"] == "succeeded"
+    assert len(recorded(live, first)["x_um"]) > 300
+    assert recorded(later, again) == recorded(live, first)

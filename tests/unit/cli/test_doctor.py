@@ -1,0 +1,278 @@
+"""What doctor finds in rig files, and in what instruments say; without ports, in no time."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pincette import plugins
+from pincette.cli import doctor_instruments
+from pincette.cli.doctor import findings
+from pincette.cli.doctor_finding import Finding
+from pincette.cli.doctor_instruments import direction, instruments, latency, moved, readings
+from pincette.cli.doctor_machine import shared_places
+from pincette.cli.doctor_rig import limits, model, rig_findings, timing, watchdog
+from pincette.config import Output, RigFile, Sensor, read_rig
+from pincette.instruments.memory_link import MemoryLink
+from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
+from pincette.runtime.instrument import Device
+from pincette.service import AnyService
+from pincette.sim.dcon import SimulatedI7024
+from pincette.sim.keyence import SimulatedKeyence
+from pincette.sim.rig import SimulatedRig
+
+DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
+RIG = read_rig(DEMO)
+
+
+def changed(**tables: dict[str, object]) -> RigFile:
+    """The demo rig with changes to its tables."""
+    update = {name: getattr(RIG, name).model_copy(update=own) for name, own in tables.items()}
+    return RIG.model_copy(update=update)
+
+
+def missing(found: Iterator[Finding]) -> list[str]:
+    return [finding.what for finding in found if finding.mark == "missing"]
+
+
+class Bench:
+    """The demo's instruments over memory, with the arm at rest; each look takes a millisecond."""
+
+    def __init__(self, unit: str = "um", flipped: bool = False) -> None:
+        assert RIG.simulation is not None
+        self.time_s = 0.0
+        self.written_V: list[float] = []
+        rig = SimulatedRig(RIG.simulation, 0.02, False, self.clock_s)
+        sign = -1.0 if flipped else 1.0
+        keyence = SimulatedKeyence(lambda: sign * rig.measure_um(), "um")
+
+        def put_out(voltage_V: float) -> None:
+            self.written_V.append(voltage_V)
+            rig.put_out(voltage_V)
+
+        module = SimulatedI7024(put_out, rig.now_s)
+        settings = RIG.sensor.model_copy(update={"options": {"unit": unit}})
+        self.sensor: PositionSensor = plugins.load(plugins.POSITION_SENSORS, "keyence_lkg")(
+            settings, MemoryLink(keyence.answer)
+        )
+        self.output: VoltageOutput = plugins.load(plugins.VOLTAGE_OUTPUTS, "icpdas_i7024")(
+            RIG.output, MemoryLink(module.answer)
+        )
+
+    def clock_s(self) -> float:
+        self.time_s += 0.001
+        return self.time_s
+
+    def sleep(self, duration_s: float) -> None:
+        self.time_s += duration_s
+
+    def open_device(self, service: AnyService, _rig: RigFile) -> Device:
+        return self.sensor if service.instrument == "position_sensor" else self.output
+
+
+class Constant:
+    """A sensor that shows given readings in turn."""
+
+    def __init__(self, *readings_um: float) -> None:
+        self._readings_um, self._count = readings_um, 0
+
+    def read_um(self) -> float:
+        self._count += 1
+        return self._readings_um[self._count % len(self._readings_um)]
+
+    def close(self) -> None:
+        pass
+
+
+def test_nothing_is_missing_of_the_demo(tmp_path: Path) -> None:
+    assert missing(rig_findings(RIG)) == []
+    assert missing(shared_places(RIG)) == []
+    said = [finding.what for finding in findings(DEMO, tmp_path)]
+    assert any("of real ones doctor asks" in what for what in said)
+
+
+def test_a_port_that_two_want_is_named_with_both() -> None:
+    url = f"socket://127.0.0.1:{RIG.bus.port + 1}"
+    (what,) = missing(shared_places(changed(sensor={"url": url})))
+    assert what == f"ports: {RIG.bus.port + 1} is given to sensor and the sensor"
+    same = changed(sensor={"url": "/dev/ttyUSB0"}, output={"url": "/dev/ttyUSB0"})
+    (what,) = missing(shared_places(same))
+    assert what == "ports: /dev/ttyUSB0 is given to the sensor and the output"
+    (what,) = missing(shared_places(changed(supervisor={"port": RIG.bus.port})))
+    assert "the router and the supervisor" in what
+
+
+def test_lines_that_are_too_slow_together_are_refused_with_their_sum() -> None:
+    slow = changed(sensor={"options": {"baud": 38400}}, output={"options": {"baud": 38400}})
+    finding = timing(slow)
+    assert not finding.well
+    assert "above the control period of 20 ms" in finding.what
+    assert "sensor exchange 5.5" in finding.what
+    assert "baud" in finding.remedy
+    assert timing(RIG).well
+
+
+def test_what_the_output_does_alone_must_be_known() -> None:
+    assert "0.5 s after its host" in watchdog(RIG).what
+    without: dict[str, object] = {"driver": "srs_dc205", "options": {}}
+    off: dict[str, object] = {"options": {"watchdog_s": 0.0}}
+    for options in (without, off):
+        finding = watchdog(changed(output=options))
+        assert finding.mark == "missing"
+        assert "output.on_silence = 'unstated'" in finding.what
+        assert "on_silence = 'safe' or 'holds'" in finding.remedy
+        stated = watchdog(changed(output={**options, "on_silence": "holds"}))
+        assert stated.mark == "note"
+        assert "keeps its last voltage" in stated.what
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ({"safety": {"safe_V": 5.0}}, "safe_V = 5.0 V is outside -1.0..4.0 V"),
+        ({"part": {"contact_um": 65.0}}, "pressed with 40 mN at 83.4 µm, position limits -20..70"),
+        ({"limits": {"force_max_mN": 10.0}}, "presses with 20 mN, limit 10 mN"),
+        ({"limits": {"voltage_max_V": 2.0}}, "needs about 2.55 V, limit 2 V"),
+        ({"limits": {"sweep_V": 0.2}}, "a sweep of ±0.2 V moves the arm by ±73.1 µm"),
+    ],
+)
+def test_limits_that_forbid_a_grip_are_named_with_their_numbers(
+    tables: dict[str, dict[str, object]], words: str
+) -> None:
+    assert any(words in what for what in missing(limits(changed(**tables))))
+
+
+def test_what_is_assumed_of_the_model_is_said_and_stops_nothing() -> None:
+    bare = read_rig(DEMO.with_name("bring-up.toml"))
+    finding = model(bare)
+    assert finding.mark == "note"
+    assert "model.compliance_um_per_mN" in finding.what
+    assert "sensor.noise_um" not in finding.what
+    assert "pincette job calibrate" in finding.remedy
+
+
+def test_a_driver_that_has_not_met_its_instrument_says_so_on_a_real_rig() -> None:
+    real = RIG.model_copy(update={"simulation": None})
+    notes = [finding.what for finding in rig_findings(real) if finding.mark == "note"]
+    assert sum("has not met its instrument" in note for note in notes) == 2
+
+
+def test_an_unknown_driver_and_a_wrong_option_are_missing() -> None:
+    (first, *_) = missing(rig_findings(changed(sensor={"driver": "other"})))
+    assert first == "driver other"
+    assert any(
+        "bauds" in what for what in missing(rig_findings(changed(output={"options": {"bauds": 1}})))
+    )
+
+
+def test_good_instruments_have_nothing_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor_instruments, "open_device", Bench().open_device)
+    found = list(instruments(RIG))
+    assert missing(iter(found)) == []
+    said = "\n".join(finding.what for finding in found)
+    assert "output: stands at +0.000 V" in said
+    assert "sensor: readings differ by 0.0" in said
+
+
+def test_an_instrument_that_cannot_be_opened_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(service: AnyService, _rig: RigFile) -> Device:
+        raise InstrumentError(f"{service.name} is not there", "cannot_open")
+
+    monkeypatch.setattr(doctor_instruments, "open_device", fail)
+    assert missing(instruments(RIG)) == [
+        "sensor: sensor is not there",
+        "actuator: actuator is not there",
+    ]
+
+
+def test_a_wrong_unit_a_coarse_display_and_noise_are_found() -> None:
+    settings: Sensor = RIG.sensor
+    found = missing(readings(settings, Bench(unit="mm").sensor))
+    assert any(re.search(r"differ by \d0 µm at least", what) for what in found), found
+    (what,) = missing(readings(settings, Constant(5.0, 5.1)))
+    assert what == "sensor: readings differ by 0.1 µm at least, limits 0.001 and 0.05 µm"
+    (what,) = missing(readings(settings, Constant(0.00123, 0.00124)))
+    assert "differ by 1e-05 µm" in what
+    (what,) = missing(readings(settings, Constant(5.0, 5.01, 6.0, 7.0)))
+    assert "noise 0.837 µm" in what
+    assert "the rig file has 0.03 µm" in what
+    (what,) = missing(readings(settings, Constant(20000.0, 20000.02)))
+    assert "range -9999..9999 µm" in what
+    (_, finding) = readings(settings, Constant(5.0))
+    assert finding.mark == "note"
+
+
+@pytest.mark.parametrize(("held_ms", "well"), [(1, True), (16, False)])
+def test_the_latency_of_a_usb_adapter_is_read(tmp_path: Path, held_ms: int, well: bool) -> None:
+    folder = tmp_path / "ttyUSB9"
+    folder.mkdir()
+    (folder / "latency_timer").write_text(f"{held_ms}\n", encoding="ascii")
+    (finding,) = latency("/dev/ttyUSB9", tmp_path)
+    assert finding.well == well
+    assert f"{held_ms} ms, limit 1 ms" in finding.what
+    assert "latency_timer" in finding.remedy
+    assert list(latency("/dev/ttyS0", tmp_path)) == []
+    assert list(latency("socket://127.0.0.1:1", tmp_path)) == []
+
+
+def test_the_direction_is_found_and_the_voltage_comes_back() -> None:
+    bench = Bench()
+    finding = direction(RIG, bench.sensor, bench.output, bench.sleep)
+    assert finding.well
+    assert "about +3.80 µm" in finding.what
+    assert bench.output.read_V() == 0.0
+
+
+def test_a_reading_that_falls_is_answered_by_the_other_direction() -> None:
+    bench = Bench(flipped=True)
+    finding = direction(RIG, bench.sensor, bench.output, bench.sleep)
+    assert finding.mark == "missing"
+    assert "write direction = -1 into [sensor]" in finding.remedy
+    turned = changed(sensor={"direction": -1})
+    assert direction(turned, bench.sensor, bench.output, bench.sleep).well
+
+
+def test_an_arm_that_does_not_move_is_found() -> None:
+    finding = direction(RIG, Constant(5.0, 5.02), Bench().output, Bench().sleep)
+    assert not finding.well
+    assert "amplifier is on" in finding.remedy
+
+
+def test_the_voltage_comes_back_where_the_sensor_fails_on_the_way() -> None:
+    class Failing(Constant):
+        def read_um(self) -> float:
+            if self._count >= 50:
+                raise InstrumentError("gone", "silent")
+            return super().read_um()
+
+    bench = Bench()
+    with pytest.raises(InstrumentError, match="gone"):
+        direction(RIG, Failing(5.0), bench.output, bench.sleep)
+    assert bench.output.read_V() == 0.0
+
+
+def test_no_room_below_the_limit_moves_nothing() -> None:
+    bench = Bench()
+    tight = changed(limits={"voltage_max_V": 0.1})
+    finding = direction(tight, bench.sensor, bench.output, bench.sleep)
+    assert not finding.well
+    assert bench.written_V == []
+
+
+def test_nothing_moves_without_consent(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench()
+    monkeypatch.setattr(doctor_instruments, "open_device", bench.open_device)
+    assert moved(RIG, lambda question: "0.2 V" not in question).mark == "note"
+    assert bench.written_V == []
+
+
+def test_a_simulated_rig_is_not_moved(tmp_path: Path) -> None:
+    found = list(findings(DEMO, tmp_path, lambda _question: True))
+    assert found[-1].mark == "missing"
+    assert "leave --move to a rig that is real" in found[-1].remedy
+
+
+def test_a_driver_of_another_package_without_options_has_no_watchdog() -> None:
+    output = Output(driver="srs_dc205", url="/dev/ttyUSB0", on_silence="safe")
+    assert "to a safe value by itself" in watchdog(RIG.model_copy(update={"output": output})).what

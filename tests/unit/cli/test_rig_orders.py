@@ -1,0 +1,114 @@
+"""The word `pincette rig`: what it reads, what it refuses, and that the page about it is right."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from pincette.bus.memory import MemoryBus
+from pincette.bus.protocol import RefusalError
+from pincette.cli.main import main
+from pincette.cli.rest import CliError
+from pincette.cli.rig_orders import listing, read, rows
+from pincette.config import parse_rig, read_rig
+from pincette.messages import Done, Message, Order
+from pincette.runtime.rig_orders import serve_orders
+from pincette.sim.bench import open_bench
+from pincette.sim.script import Script, script_of
+from pincette.topics import ORDER
+
+ROOT = Path(__file__).parents[3]
+PAGE = ROOT / "docs/how-to/scripted-faults.md"
+
+
+@pytest.mark.parametrize(
+    ("words", "order"),
+    [
+        ("part remove", Order("part", "remove")),
+        ("part place 31", Order("part", "place", 31.0)),
+        ("weight 5", Order("weight", "hang", 5.0)),
+        ("weight hang 0", Order("weight", "hang", 0.0)),
+        ("sensor wrong -3", Order("sensor", "wrong", -3.0)),
+        ("output heal", Order("output", "heal")),
+        ("arm hysteresis 2", Order("arm", "hysteresis", 2.0)),
+    ],
+)
+def test_words_are_read_as_an_order(words: str, order: Order) -> None:
+    assert read(words.split(), 0.0, None) == order
+
+
+def test_times_are_taken_over() -> None:
+    assert read(["sensor", "stuck"], 2.0, 1.0) == Order("sensor", "stuck", None, 2.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("bead remove", "there are part, weight, arm, sensor, output"),
+        ("sensor", "sensor knows no ''"),
+        ("weight", "weight knows no ''; it knows hang"),
+        ("weight five", "'five' is no value"),
+        ("sensor wrong nan", "'nan' is no value"),
+        ("sensor slow 9", "beyond 0..5 (s)"),
+        ("part place 1 2", "TARGET WHAT VALUE at most"),
+    ],
+)
+def test_other_words_are_refused_with_what_could_be(words: str, said: str) -> None:
+    with pytest.raises(CliError) as raised:
+        read(words.split(), 0.0, None)
+    assert said in str(raised.value)
+
+
+def test_alone_it_lists_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["rig", "--rig", str(ROOT / "deploy/rigs/demo.toml")]) == 0
+    assert capsys.readouterr().out.rstrip("\n") == listing()
+    for target, what, _, meaning in rows():
+        assert any(
+            line.split()[:2] == [target, what] and meaning in line
+            for line in listing().splitlines()
+        )
+
+
+def test_a_real_rig_takes_no_orders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (ROOT / "deploy/rigs/demo.toml").read_text(encoding="utf-8")
+    path = tmp_path / "rig.toml"
+    path.write_text(text[: text.index("[simulation]")], encoding="utf-8")
+    assert main(["rig", "part", "remove", "--rig", str(path)]) == 1
+    assert "is real" in capsys.readouterr().err
+
+
+def test_the_page_holds_the_whole_table() -> None:
+    page = PAGE.read_text(encoding="utf-8").splitlines()
+    table = [line for line in page if line.startswith("| `")]
+    assert table == [
+        f"| `{target}` | `{what}` | {meaning} | {value or '–'} |"
+        for target, what, value, meaning in rows()
+    ]
+
+
+def test_the_entries_on_the_page_are_possible() -> None:
+    blocks = PAGE.read_text(encoding="utf-8").split("```toml\n")[1:]
+    found = [tomllib.loads(block.split("```")[0]) for block in blocks]
+    tree = tomllib.loads((ROOT / "deploy/rigs/demo.toml").read_text(encoding="utf-8"))
+    for tables in found:
+        tree["simulation"] |= tables["simulation"]
+    simulation = parse_rig(tree).simulation
+    assert simulation is not None
+    assert simulation.scripts
+    assert [entry.what for entry in simulation.script] == ["garbage", "lose"]
+
+
+def test_the_rig_answers_on_the_bus() -> None:
+    def asked(script: Script) -> Message:
+        bus = MemoryBus()
+        serve_orders(bus, script)
+        return bus.ask(ORDER, Order("sensor", "stuck"))
+
+    with pytest.raises(RefusalError, match="scripts = true"):
+        asked(Script(allowed=False))
+    with pytest.raises(RefusalError, match="no rig"):
+        asked(Script())
+    rig = read_rig(ROOT / "deploy/rigs/bring-up.toml")
+    script = script_of(rig)
+    open_bench(rig, lambda: 0.0, script=script)
+    assert asked(script) == Done(0)

@@ -1,0 +1,159 @@
+"""The script of a simulated rig: when its orders act, and what they do to readings and voltages."""
+
+import pytest
+
+from pincette.config import ConfigError, RigFile, parse_rig
+from pincette.config.script import DEEDS
+from pincette.messages import Order
+from pincette.sim.keyence import SimulatedKeyence
+from pincette.sim.script import FORBIDDEN, script_of
+from tests.unit.sim.stand import Rig, Stand, T, entry, stand
+
+
+def test_without_an_order_nothing_changes() -> None:
+    bench = stand()
+    assert bench.run(5) == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert bench.rig.writes == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+
+
+def test_a_stuck_sensor_shows_its_last_reading_for_its_time() -> None:
+    bench = stand(entry(3 * T, "sensor", "stuck", for_s=3 * T))
+    assert bench.run(8) == [0.0, 1.0, 2.0, 2.0, 2.0, 2.0, 6.0, 7.0]
+
+
+def test_a_sensor_stays_stuck_for_longer_than_the_past_is_kept() -> None:
+    bench = stand(entry(3 * T, "sensor", "stuck"))
+    assert set(bench.run(1000)[3:]) == {2.0}
+
+
+def test_readings_are_off_old_or_out_of_range() -> None:
+    assert stand(entry(2 * T, "sensor", "wrong", value=-5.0)).run(4) == [0.0, 1.0, -3.0, -2.0]
+    delayed = stand(entry(4 * T, "sensor", "delayed", value=3 * T)).run(7)
+    assert delayed == [0.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0]
+    shown = stand(entry(T, "sensor", "over_range", value=-1.0))
+    keyence = SimulatedKeyence(shown.measure)
+    assert keyence.answer(b"MS,01") == b"MS,01,+0000.00"
+    shown.run(2)
+    assert keyence.answer(b"MS,01") == b"MS,01,-FFFFFFF"
+
+
+def test_an_output_does_not_move_is_off_or_late() -> None:
+    def put(what: str, **value: float) -> list[float]:
+        bench = stand(entry(2 * T, "output", what, **value))
+        bench.run(5)
+        return bench.rig.writes
+
+    assert put("stuck") == pytest.approx([0.0, 0.1, 0.1, 0.1, 0.1])
+    assert put("wrong", value=1.0) == pytest.approx([0.0, 0.1, 1.2, 1.3, 1.4])
+    assert put("delayed", value=2 * T) == pytest.approx([0.0, 0.1, 0.0, 0.1, 0.2])
+
+
+def test_orders_of_the_file_count_from_the_first_write_and_others_from_now() -> None:
+    bench = stand(entry(T, "part", "lose"))
+    for _ in range(5):
+        bench.measure()
+    assert bench.rig.done == []
+    bench.run(2)
+    assert bench.rig.done == [(T, "lose")]
+    bench.order("arm", "hysteresis", 3.0, after_s=2 * T)
+    bench.run(4)
+    assert bench.rig.done[1:] == [(4 * T, "hysteresis 3.0")]
+
+
+def test_each_deed_is_done_to_the_rig() -> None:
+    bench = stand()
+    bench.order("part", "remove")
+    bench.order("part", "place")
+    bench.order("part", "place", 31.0)
+    bench.order("part", "lose")
+    bench.order("weight", "hang", 5.0)
+    bench.order("weight", "hang", 0.0)
+    bench.order("arm", "stiffen", 2.0)
+    bench.order("arm", "hysteresis", 0.5)
+    assert [text for _, text in bench.rig.done] == [
+        "remove",
+        "place None",
+        "place 31.0",
+        "lose",
+        "hang 5.0",
+        "hang 0.0",
+        "stiffness 2.0",
+        "hysteresis 0.5",
+    ]
+
+
+def test_heal_ends_what_was_before_it_and_nothing_after() -> None:
+    bench = stand()
+    bench.order("sensor", "wrong", 5.0)
+    bench.order("output", "stuck")
+    assert bench.run(1) == [5.0]
+    bench.order("sensor", "heal")
+    bench.order("sensor", "wrong", 7.0)
+    bench.order("sensor", "heal", after_s=2 * T)
+    assert bench.run(4) == [8.0, 9.0, 3.0, 4.0]
+    assert set(bench.rig.writes) == {0.0}
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        (Order("bead", "remove"), "no target 'bead'; there are part, weight, arm, sensor, output"),
+        (Order("part", "melt"), "part knows no 'melt'; it knows remove, place, lose"),
+        (Order("output", "over_range"), "output knows no 'over_range'"),
+        (Order("weight", "hang"), "weight hang needs a value: mN"),
+        (Order("weight", "hang", 1e6), "weight hang 1000000.0: beyond -1000..1000"),
+        (Order("arm", "stiffen", float("nan")), "arm stiffen nan: beyond 0.01..100"),
+        (Order("sensor", "slow", 6.0), "sensor slow 6.0: beyond 0..5 (s)"),
+        (Order("sensor", "stuck", 1.0), "sensor stuck takes no value, 1.0 was given"),
+        (Order("part", "lose", for_s=1.0), "part lose happens once: for_s = 1.0 s"),
+        (Order("sensor", "off", after_s=-1.0), "after_s = -1.0 s is no time from now on"),
+        (Order("sensor", "off", for_s=0.0), "for_s = 0.0 s is no duration"),
+    ],
+)
+def test_a_wrong_order_is_refused_with_what_could_be(order: Order, words: str) -> None:
+    bench = stand()
+    assert words in bench.script.order(order)
+    assert bench.run(2) == [0.0, 1.0]
+    assert bench.rig.done == []
+
+
+def test_what_the_rig_cannot_bear_is_said() -> None:
+    bench = stand()
+    assert "there is no room" in bench.script.order(Order("part", "place", 13.0))
+
+
+def test_orders_need_leave(demo: RigFile) -> None:
+    script = script_of(demo)
+    script.operate(Rig())
+    assert script.order(Order("part", "remove")) == FORBIDDEN
+    assert "scripts = true" in FORBIDDEN
+
+
+def test_the_rig_file_holds_orders_and_refuses_wrong_ones(demo: RigFile) -> None:
+    tree = demo.model_dump(mode="json", exclude_unset=True)
+    tree["simulation"]["script"] = [{"at_s": 0.04, "target": "sensor", "what": "stuck"}]
+    rig = Rig()
+    bench = Stand(script_of(parse_rig(tree)), rig)
+    assert bench.run(4) == [0.0, 1.0, 1.0, 1.0]
+    tree["simulation"]["script"][0]["what"] = "stuk"
+    with pytest.raises(ConfigError, match=r"script\.0.*sensor knows no 'stuk'"):
+        parse_rig(tree)
+
+
+def test_a_run_can_be_repeated_to_the_bit() -> None:
+    def said() -> list[float]:
+        orders = (
+            entry(0.1, "sensor", "delayed", value=0.05, for_s=0.2),
+            entry(0.2, "output", "wrong", value=0.3),
+            entry(0.3, "sensor", "wrong", value=0.7),
+        )
+        bench = stand(*orders)
+        return [*bench.run(50), *bench.rig.writes]
+
+    assert said() == said()
+
+
+def test_the_table_names_each_deed_once() -> None:
+    for deeds in DEEDS.values():
+        names = [deed.what for deed in deeds]
+        assert len(names) == len(set(names))

@@ -1,0 +1,95 @@
+"""An instrument behind a line that fails by order."""
+
+import pytest
+
+from pincette.messages import Order
+from pincette.sim.faults import Fault, Faults, HungUpError
+from pincette.sim.instrument import Instrument
+from pincette.sim.script import Script
+from pincette.sim.scripted_line import ScriptedLine
+from tests.unit.sim.stand import Echo, Rig, Stand, stand
+
+
+def on_a_line(what: str, *value: float, lockstep: bool = True) -> tuple[Stand, Echo, Instrument]:
+    bench, echo = stand(lockstep=lockstep), Echo()
+    line = bench.script.link("sensor", echo)
+    assert line.answer(b"before") == b"before"
+    bench.order("sensor", what, *value)
+    return bench, echo, line
+
+
+def test_an_unplugged_instrument_hears_nothing_and_lives_on() -> None:
+    bench, echo, line = on_a_line("off")
+    assert line.answer(b"MS,01") is None
+    assert (echo.heard, echo.idled) == ([b"before"], 1)
+    bench.order("sensor", "heal")
+    assert line.answer(b"MS,01") == b"MS,01"
+
+
+def test_a_pulled_cable_hangs_up_where_there_is_one() -> None:
+    with pytest.raises(HungUpError):
+        on_a_line("off", 1.0, lockstep=False)[2].answer(b"MS,01")
+    assert on_a_line("off", 1.0, lockstep=True)[2].answer(b"MS,01") is None
+
+
+def test_garbage_is_keyed_by_seed_target_and_exchange() -> None:
+    def said(seed: int, name: str) -> list[bytes | None]:
+        script, rig = Script(seed=seed), Rig()
+        script.operate(rig)
+        line = script.link(name, Echo())
+        script.order(Order(name, "garbage"))
+        return [line.answer(b"MS,01") for _ in range(50)]
+
+    once = said(1, "sensor")
+    assert once == said(1, "sensor")
+    assert once != said(2, "sensor")
+    assert once != said(1, "output")
+    assert len(set(once)) > 45
+    assert not any(b"\r" in reply or b"\n" in reply for reply in once if reply is not None)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.5, 1.0])
+def test_intermittent_loses_its_share(share: float) -> None:
+    _, echo, line = on_a_line("intermittent", share)
+    lost = [line.answer(b"?") for _ in range(2000)].count(None)
+    # Four standard deviations of a binomial share.
+    assert abs(lost / 2000 - share) <= 4.0 * (share * (1.0 - share) / 2000) ** 0.5
+    assert len(echo.heard) == 2001 - lost
+
+
+def test_a_slow_answer_is_none_in_lockstep_once_nobody_waits_for_it() -> None:
+    script, rig, echo = Script(timeouts_s={"sensor": 0.1}), Rig(), Echo()
+    script.operate(rig)
+    line = script.link("sensor", echo)
+    script.order(Order("sensor", "slow", 0.1))
+    assert line.answer(b"a") == b"a"
+    script.order(Order("sensor", "slow", 0.11))
+    assert line.answer(b"b") is None
+    assert echo.heard == [b"a", b"b"]
+
+
+def test_a_slow_answer_sleeps_in_real_time() -> None:
+    slept: list[float] = []
+    slow = Faults((Fault("output", "slow", 0.3, 0.0),))
+    line = ScriptedLine(Echo(), lambda: slow, "", None, slept.append)
+    assert line.answer(b"x") == b"x"
+    assert slept == [0.3]
+
+
+class Slow(Echo):
+    def processing_s(self, line: bytes) -> float:
+        return 0.001 * len(line)
+
+
+def test_the_time_an_instrument_takes_is_its_own() -> None:
+    def line_of(instrument: Instrument) -> ScriptedLine:
+        return ScriptedLine(instrument, Faults, "", None)
+
+    assert line_of(Slow()).processing_s(b"four") == 0.004
+    assert line_of(Echo()).processing_s(b"four") == 0.0
+
+
+def test_an_instrument_is_let_idle_behind_its_line() -> None:
+    echo = Echo()
+    ScriptedLine(echo, Faults, "", None).idle()
+    assert echo.idled == 1

@@ -1,0 +1,101 @@
+"""What may be asked for as a calibration, what is refused, and what a dry run foretells."""
+
+from typing import Any
+
+import pytest
+
+from .rig import Desk
+
+
+def body(calibration: str, **wishes: Any) -> dict[str, Any]:
+    return {"kind": "calibrate", "calibration": calibration, **wishes}
+
+
+@pytest.mark.parametrize(
+    ("request_", "pointer", "words"),
+    [
+        ({"kind": "calibrate"}, "/calibration", "calibration is missing"),
+        (body("colour"), "/calibration", "calibration = 'colour'"),
+        (body("noise", weights_mN=[0.0]), "/weights_mN", "weights_mN is not a field that is known"),
+        (body("noise", duration_s=0.1), "/duration_s", "greater than or equal to 2 s"),
+        (body("compliance", weights_mN=[0.0, -5.0]), "/weights_mN/1", "greater than or equal to 0"),
+        (body("free_response", low_V=1.0, high_V=0.5), "", "low_V = 1.0 V is not below high_V"),
+        (body("frequency_response", from_hz=900.0), "", "from_hz = 900.0 Hz is not below to_hz"),
+        (body("contact_stiffness", levels_V=[0.3, 1.0]), "/levels_V", "at least 3"),
+    ],
+)
+def test_a_fault_is_named_with_its_place(
+    desk: Desk, request_: dict[str, Any], pointer: str, words: str
+) -> None:
+    problem = desk.post("/jobs", request_).json()
+    assert problem["type"] == "urn:pincette:problem:invalid-request"
+    (error,) = problem["errors"]
+    assert error["pointer"] == pointer
+    assert words in error["message"]
+
+
+def test_both_addresses_take_the_same_calibration(desk: Desk) -> None:
+    as_job = desk.post("/jobs", body("noise", duration_s=4.0), dry_run="true")
+    alone = desk.post("/calibrations", {"calibration": "noise", "duration_s": 4.0, "dry_run": True})
+    assert as_job.status_code == alone.status_code == 200
+    assert as_job.json() == alone.json()
+    assert as_job.json()["duration_s"] == 4.0
+    (error,) = desk.post("/calibrations", {"calibration": "noise", "hold_s": 1.0}).json()["errors"]
+    assert error["pointer"] == "/hold_s"
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        (body("compliance", weights_mN=[0.0, 90.0]), "weight = 90.000 mN, limits 0 mN to 40 mN"),
+        (body("compliance", weights_mN=[5.0, 10.0]), "must be 0 mN and at least one more"),
+        (body("free_response", high_V=4.5), "= 4.500 V, limits -1 V to 4 V"),
+        (body("contact_stiffness", levels_V=[0.3, 1.0, 2.5]), "above the limit"),
+    ],
+)
+def test_a_motion_beyond_a_limit_is_refused_before_it_begins(
+    desk: Desk, request_: dict[str, Any], words: str
+) -> None:
+    response = desk.post("/jobs", request_)
+    assert response.status_code == 422
+    assert words in response.json()["detail"]
+    assert desk.get("/jobs")["jobs"] == []
+
+
+def test_weights_are_asked_for_there_and_back(desk: Desk) -> None:
+    plan = desk.post("/jobs", body("compliance", weights_mN=[0.0, 5.0, 10.0]), dry_run="1").json()
+    assert plan["feasible"] is True
+    assert plan["waits"] == 5
+    waiting = [phase for phase in plan["phases"] if phase["duration_s"] is None]
+    assert [phase["instruction"].split(",")[0] for phase in waiting] == [
+        "take every weight off the tip",
+        "hang 5 mN on the tip",
+        "hang 10 mN on the tip",
+        "hang 5 mN on the tip",
+        "take every weight off the tip",
+    ]
+    assert plan["law"] is None
+
+
+def test_a_plan_foretells_its_voltages_within_the_limits(desk: Desk) -> None:
+    free = desk.post("/jobs", body("free_response", high_V=2.5), dry_run="true").json()
+    assert (free["voltage_min_V"], free["voltage_max_V"]) == pytest.approx((-1.0, 2.5), abs=1e-9)
+    press = desk.post("/jobs", body("contact_stiffness"), dry_run="true").json()
+    assert 2.0 < press["voltage_max_V"] < 4.0
+    assert press["law"]["gains_from"] == "rig"
+    assert [(item["quantity"], item["source"]) for item in press["rests_on"]] == [
+        ("model.compliance_um_per_mN", "assumed"),
+        ("model.free_response", "assumed"),
+    ]
+
+
+def test_slow_instruments_are_told_with_the_bandwidth_that_there_is(desk: Desk) -> None:
+    response = desk.post("/jobs", body("frequency_response", to_hz=700.0))
+    assert response.status_code == 422
+    problem = response.json()
+    assert problem["type"] == "urn:pincette:problem:calibration-unsupported"
+    assert problem["needed_hz"] == 700.0
+    assert 0.0 <= problem["bandwidth_hz"] < 700.0
+    assert [part["part"] for part in problem["parts"]] == ["sensor", "output"]
+    for words in ("no buffered acquisition", "damping_ratio = 0.026", "assumed"):
+        assert words in problem["detail"]
