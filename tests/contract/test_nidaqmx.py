@@ -242,11 +242,28 @@ class TestWave:
         assert rig.wave == ([5.0, 5.0], 10_000.0)
         output.close()
 
-    def test_a_long_wave_is_written_in_pieces(self, reach: Reach) -> None:
+    def test_a_long_wave_is_written_while_it_plays(self, reach: Reach) -> None:
         rig, output = self.opened(reach)
-        output.begin_wave([1.25] * 399_999 + [0.0], 20_000.0)
+        output.begin_wave([1.25] * 39_999 + [0.0], 20_000.0)
         assert rig.wave is not None
-        assert len(rig.wave[0]) == 400_000
+        assert len(rig.wave[0]) == 10_000
+        for _ in range(10):
+            output.look()
+        assert rig.wave[0] == [1.25] * 39_999 + [0.0]
+        rig.wave_over = True
+        output.look()
+        assert output.read_V() == 0.0
+        output.close()
+
+    def test_a_wave_that_runs_dry_is_an_error(self, reach: Reach) -> None:
+        rig, output = self.opened(reach)
+        output.begin_wave([1.25] * 39_999 + [0.0], 20_000.0)
+        rig.wave_over = True
+        for _ in range(2):
+            with pytest.raises(InstrumentError, match="-200290"):
+                output.look()
+        output.write_V(0.0)
+        assert rig.voltages_V == [0.0]
         output.close()
 
     def test_what_it_cannot_play_is_refused_before_anything_moves(self, reach: Reach) -> None:

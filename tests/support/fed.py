@@ -33,6 +33,11 @@ class HandRig:
         self.wave = list(voltages_V), rate_hz
         self.wave_over = False
 
+    def extend_wave(self, voltages_V: Sequence[float]) -> None:
+        if self.wave is None or self.wave_over:
+            raise ValueError("the wave is over")
+        self.wave[0].extend(voltages_V)
+
     def go_on(self) -> None:
         self.went_on += 1
 

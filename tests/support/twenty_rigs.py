@@ -75,7 +75,7 @@ def bring_up(pair: str, seed: int, folder: Path) -> Row:
         pair,
         _deviations(model, true_values(rig.simulation)),
         str(result.get("outcome", job["cause"])),
-        float(result.get("true_force_mean_mN") or 0.0),
+        float(result.get("true_force_held_mN") or 0.0),
     )
 
 

@@ -75,10 +75,7 @@ def _judge(
         taken = take(config, state, command, now)
         echo = _applied(taken, command.seq, now, command)
         return replace(taken, answered_seq=command.seq), (_order(taken, state), echo)
-    if command.valid:
-        state = refuse(state, reason)
-    else:
-        state = replace(state, blind=command.fault)
+    state = refuse(state, reason) if command.valid else replace(state, blind=command.fault)
     if config.lockstep or (command.seq > state.answered_seq and not command.valid):
         return _answer_tick(config, pass_time(config, state, now), now)
     return state, ()

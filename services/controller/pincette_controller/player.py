@@ -4,58 +4,17 @@ Times count in ticks of the controller that could act; a tick without a valid es
 move the program on.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-from pincette.control.planning.contact_line import ContactLine
-from pincette.control.planning.paths import Path
-from pincette.control.planning.profiles import move, quintic
 from pincette.control.planning.program import Program, Segment
 from pincette.messages import Estimate
+from pincette_controller.playing import Player
+from pincette_controller.references import refer
 
 STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
 WATCHED = ("hold", "settle", "track")
 """Phases in which a part can be lost."""
-
-
-@dataclass(frozen=True, slots=True)
-class Player:
-    """Where a program stands, and the references of the coming sample."""
-
-    index: int
-    segment: Segment
-    ticks: int
-    x_r_um: float
-    speed_um_per_s: float
-    force_r_mN: float
-    from_x_um: float
-    from_speed_um_per_s: float
-    from_force_mN: float
-    contact_x_um: float | None = None
-    K_e_mN_per_um: float | None = None
-    line: ContactLine = field(default_factory=ContactLine)
-    count: int = 0
-    """Consecutive samples that a guard has seen."""
-    zeroing: bool = False
-    """The estimator has been asked for a zero and has not answered."""
-    zero: bool = False
-    """The command of this tick carries the zero."""
-    held: bool = False
-    outcome: str = ""
-    ended: bool = False
-    bump: bool = False
-    """The law must be rebased before this tick: the force it is fed begins or ends."""
-    applied_V: float = 0.0
-    """As the newest estimate has it."""
-    from_V: float = 0.0
-    """The voltage at which the segment began."""
-    voltage_V: float = 0.0
-    """What an open-loop segment asks for."""
-
-    @property
-    def pressing(self) -> bool:
-        """Whether the law is fed the force."""
-        return self.segment.presses
 
 
 def begin(program: Program, x_um: float, applied_V: float = 0.0) -> Player:
@@ -74,7 +33,7 @@ def advance(program: Program, player: Player, estimate: Estimate, period_s: floa
         player = _next(program, player, estimate)
     if player.ended:
         return player
-    return _refer(replace(player, ticks=player.ticks + 1), period_s)
+    return refer(replace(player, ticks=player.ticks + 1), period_s)
 
 
 def stop(player: Player) -> Player:
@@ -203,9 +162,16 @@ def _follow(program: Program, player: Player, x_um: float) -> Player:
 
 
 def _let_go(player: Player, following: Segment, x_um: float) -> Player:
-    """Where the pressing ends, the law is fed no force any more and x_r starts from x."""
-    if player.segment.open_loop and not following.open_loop:
-        return replace(player, bump=True, x_r_um=x_um, force_r_mN=0.0)
+    """Where the pressing ends, the law is fed no force any more and x_r starts from x.
+
+    Without a law a part that is pressed stays held.
+    """
+    if following.open_loop:
+        return player
+    if player.segment.open_loop:
+        held = player.held and following.presses
+        force_mN = player.force_r_mN if held else 0.0
+        return replace(player, held=held, bump=True, x_r_um=x_um, force_r_mN=force_mN)
     if not player.pressing or following.presses:
         return player
     return replace(player, held=False, bump=True, x_r_um=x_um, force_r_mN=0.0)
@@ -245,55 +211,3 @@ def _enter(player: Player, index: int, segment: Segment) -> Player:
         from_V=player.applied_V,
         voltage_V=player.applied_V,
     )
-
-
-def _refer(player: Player, period_s: float) -> Player:
-    """References at ``ticks`` of the segment: for the sample that the coming voltage leads to."""
-    segment, t_s = player.segment, player.ticks * period_s
-    if segment.kind == "free" and segment.x_to_um is not None and segment.duration_s:
-        path = move(
-            player.from_x_um,
-            player.from_speed_um_per_s,
-            segment.x_to_um,
-            0.0,
-            segment.duration_s,
-        )
-        return replace(player, x_r_um=path.position(t_s), speed_um_per_s=path.speed(t_s))
-    if segment.kind == "seek" and segment.x_to_um is not None and segment.duration_s:
-        speed = (segment.x_to_um - player.from_x_um) / segment.duration_s
-        return replace(player, x_r_um=player.from_x_um + speed * t_s, speed_um_per_s=speed)
-    if segment.kind == "force" and segment.force_to_mN is not None:
-        return _press(player, segment.force_to_mN, t_s)
-    if segment.kind == "voltage" and segment.path is not None:
-        begin_V = player.from_V if segment.path.relative else 0.0
-        return replace(player, voltage_V=begin_V + segment.path.at(t_s))
-    if segment.kind == "path" and segment.path is not None:
-        return _track(player, segment.path, t_s)
-    return replace(player, speed_um_per_s=0.0)
-
-
-def _press(player: Player, force_to_mN: float, t_s: float) -> Player:
-    """Move F_r and x_r together along the contact line."""
-    duration_s = player.segment.move_s or player.segment.duration_s
-    share = quintic(t_s / duration_s) if duration_s else 1.0
-    x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
-    if x_e_um is None or not K_e:
-        return player
-    x_to_um = x_e_um + force_to_mN / K_e
-    return replace(
-        player,
-        x_r_um=player.from_x_um + share * (x_to_um - player.from_x_um),
-        force_r_mN=player.from_force_mN + share * (force_to_mN - player.from_force_mN),
-        speed_um_per_s=0.0,
-    )
-
-
-def _track(player: Player, path: Path, t_s: float) -> Player:
-    """Follow a path, in force along the contact line or in position."""
-    value, rate, _ = path.point(t_s)
-    if path.quantity == "position":
-        return replace(player, x_r_um=value, speed_um_per_s=rate)
-    x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
-    if x_e_um is None or not K_e:
-        return player
-    return replace(player, x_r_um=x_e_um + value / K_e, force_r_mN=value, speed_um_per_s=0.0)

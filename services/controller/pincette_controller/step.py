@@ -25,7 +25,8 @@ from pincette.messages import (
 from pincette.service import ForInstrument, Input, RefusedError, Service
 from pincette.topics import ACT, ARM, COMMAND, ESTIMATE, LOAD, STATUS, TELEMETRY
 from pincette_controller.config import ControllerConfig, configure
-from pincette_controller.player import Player, advance, begin, proceed, release, stop, waits
+from pincette_controller.player import advance, begin, proceed, release, stop, waits
+from pincette_controller.playing import Player
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
 """Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
@@ -96,7 +97,8 @@ def _play(
     force_mN = estimate.force_mN if player.pressing else 0.0
     force_r_mN = player.force_r_mN if player.pressing else 0.0
     if player.segment.open_loop:
-        player = replace(player, x_r_um=estimate.x_um, speed_um_per_s=0.0)
+        pressed_mN = estimate.force_mN if player.held else 0.0
+        player = replace(player, x_r_um=estimate.x_um, speed_um_per_s=0.0, force_r_mN=pressed_mN)
     anew = player.bump or player.segment.open_loop or player.pressing != before.pressing
     if anew or player.segment.law != before.segment.law:
         # Another law alone: the references go on, and the newest sample belongs to those before.

@@ -38,6 +38,7 @@ QUICK = frozenset(
         "IsTaskDone",
         "ReadAnalogF64",
         "ReadAnalogScalarF64",
+        "WriteAnalogF64",
         "WriteAnalogScalarF64",
     }
 )

@@ -12,6 +12,7 @@ from pincette.sim.instrument import TERMINATOR, Instrument
 from pincette.sim.keyence import SimulatedKeyence
 from pincette.sim.rig import SimulatedRig, TruthSink
 from pincette.sim.script import Script
+from pincette.sim.streamed_wave import StreamingRig
 from pincette.sim.traits import resolved
 from pincette.sim.wire import serve
 
@@ -40,7 +41,7 @@ class Fitted:
 class Bench:
     """A simulated rig and its two instruments."""
 
-    rig: SimulatedRig
+    rig: StreamingRig
     fitted: dict[str, Fitted]
     """By table of the rig file: ``sensor`` and ``output``."""
 
@@ -111,7 +112,7 @@ def open_bench(
             raise ConfigError(f"{table}.driver = {driver!r}: only {known} are simulated")
     plant = resolved(simulation, rig_file.output.driver)
     try:
-        rig = SimulatedRig(plant, rig_file.rig.period_s, rig_file.lockstep, clock, truth)
+        rig = StreamingRig(plant, rig_file.rig.period_s, rig_file.lockstep, clock, truth)
     except ValueError as error:
         raise ConfigError(f"[simulation] is no possible rig: {error}") from error
     if script is not None:
@@ -120,7 +121,7 @@ def open_bench(
 
 
 def _fitted(
-    rig_file: RigFile, simulation: Simulation, rig: SimulatedRig, script: Script | None
+    rig_file: RigFile, simulation: Simulation, rig: StreamingRig, script: Script | None
 ) -> dict[str, Fitted]:
     measure_um, put_out = rig.measure_um, rig.put_out
     if script is not None:
@@ -165,7 +166,7 @@ def _module(output: Output, rig: SimulatedRig, put_out: Callable[[float], None])
 
 def _called(
     rig_file: RigFile,
-    rig: SimulatedRig,
+    rig: StreamingRig,
     measure_um: Callable[[], float],
     put_out: Callable[[float], None],
     lined: Callable[[str, Instrument], Instrument],

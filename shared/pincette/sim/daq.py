@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from google.protobuf.message import DecodeError, Message
 from nidaqmx._stubs import nidaqmx_pb2 as messages
-from nidaqmx.constants import FillMode
+from nidaqmx.constants import FillMode, RegenerationMode
 from nidaqmx.error_codes import DAQmxErrors
 from session_pb2 import Session
 
@@ -26,7 +26,7 @@ from pincette.sim.daq_task import DaqError, Fed, Task, Terminals
 SERVICE = b"/nidaqmx_grpc.NiDAQmx/"
 VERSION = {0x1272: 26, 0x1923: 8, 0x2F22: 0}
 """Attributes of the driver's version: major, minor, update."""
-TASK_NAME, AVAILABLE = 0x1276, 0x1223
+TASK_NAME, AVAILABLE, REGENERATION = 0x1276, 0x1223, 0x1453
 BUFFER_SIZES = {0x186C: "ai", 0x186D: "ao"}
 INITIALIZE, ATTACH = 1, 2
 POLL_S = 0.0005
@@ -102,6 +102,7 @@ class SimulatedDaq:
 
     @cached_property
     def calls(self) -> dict[str, Callable[[Any], Message]]:
+        """What is known, by its name."""
         return {
             "GetSystemInfoAttributeUInt32": self._system_info,
             "GetErrorString": self._error_string,
@@ -111,6 +112,7 @@ class SimulatedDaq:
             "CreateAOVoltageChan": self._create_output,
             "CfgSampClkTiming": self._clock,
             "SetBufferAttributeUInt32": self._buffer,
+            "SetWriteAttributeInt32": self._regeneration,
             "StartTask": self._start,
             "StopTask": self._stop,
             "ClearTask": self._clear,
@@ -185,6 +187,13 @@ class SimulatedDaq:
         task.buffer_size = request.value
         return messages.SetBufferAttributeUInt32Response()
 
+    def _regeneration(self, request: Any) -> Message:
+        task = self._task(request)
+        if request.attribute_raw != REGENERATION or task.kind != "ao":
+            raise _no_attribute(request)
+        task.regenerates = request.value_raw == RegenerationMode.ALLOW_REGENERATION.value
+        return messages.SetWriteAttributeInt32Response()
+
     def _start(self, request: Any) -> Message:
         self._device.start(self._task(request))
         return messages.StartTaskResponse()
@@ -232,11 +241,13 @@ class SimulatedDaq:
         return messages.ReadAnalogF64Response(read_array=values, samps_per_chan_read=count)
 
     def _write_one(self, request: Any) -> Message:
-        self._device.write(self._task(request), (request.value,), request.auto_start)
+        wanted_V = np.asarray([request.value])
+        self._device.write(self._task(request), wanted_V, request.auto_start)
         return messages.WriteAnalogScalarF64Response()
 
     def _write(self, request: Any) -> Message:
-        self._device.write(self._task(request), request.write_array, request.auto_start)
+        wanted_V = np.asarray(request.write_array, dtype=np.float64)
+        self._device.write(self._task(request), wanted_V, request.auto_start)
         written = len(request.write_array)
         return messages.WriteAnalogF64Response(samps_per_chan_written=written)
 

@@ -1,6 +1,5 @@
 """A simulated NI-DAQmx device: its tasks, what they reserve, and the rig at its terminals."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -67,14 +66,22 @@ class Device:
             raise DaqError(DAQmxErrors.INVALID_ATTRIBUTE_VALUE, f"Not possible: {error}") from error
 
     def _play(self, task: Task) -> None:
-        if len(task.written_V) < task.count:
-            raise DaqError(
-                DAQmxErrors.OUTPUT_BUFFER_EMPTY,
-                "The generation cannot be started, because the buffer holds too few samples.\n\n"
-                f"Samples: {len(task.written_V)} of {task.count}",
-            )
-        self.fed.put_out_wave(task.written_V, task.rate_hz)
-        self.output_V = task.written_V[-1]
+        begun_V = task.begun_V()
+        self.fed.put_out_wave(begun_V, task.rate_hz)
+        self.output_V = begun_V[-1]
+
+    def _go_on(self, task: Task) -> None:
+        """Hand what was written to an output that plays; refuse where it has run dry."""
+        try:
+            if task.waiting_V:
+                self.output_V = task.waiting_V[-1]
+                self.fed.extend_wave(task.waiting_V)
+                task.waiting_V = []
+                return
+        except ValueError as error:
+            raise _dry(task) from error
+        if task.wanting and self.fed.wave_over:
+            raise _dry(task)
 
     def stop(self, task: Task) -> None:
         """End what a task is doing; a wave, other than a real one, plays on until the next write.
@@ -91,6 +98,7 @@ class Device:
             return True
         if not task.rate_hz or task.kind == "ai":
             return False
+        self._go_on(task)
         over = self.fed.wave_over
         self.fed.go_on()
         return over
@@ -117,10 +125,9 @@ class Device:
             raise NotYetError
         return task.take(there if count < 0 else count)
 
-    def write(self, task: Task, voltages_V: Iterable[float], auto_start: bool) -> None:
+    def write(self, task: Task, wanted_V: Samples, auto_start: bool) -> None:
         """Write to an output: its buffer, or at once."""
         task.must_have_channels()
-        wanted_V = np.asarray(list(voltages_V), dtype=np.float64)
         if task.kind != "ao" or not bool(np.all(np.abs(wanted_V) <= LIMIT_V)):
             raise DaqError(
                 DAQmxErrors.INVALID_AO_DATA_WRITE,
@@ -129,7 +136,9 @@ class Device:
         samples_V: list[float] = converted_V(wanted_V).tolist()
         if task.rate_hz:
             task.load(samples_V)
-            if auto_start:
+            if task.started:
+                self._go_on(task)
+            elif auto_start:
                 self.start(task)
             return
         if not task.started and not auto_start:
@@ -163,3 +172,11 @@ class Device:
             x_um = self.fed.measure_um()
             return (x_um - self.terminals.offset_um) / self.terminals.um_per_V
         return round(self.output_V / STEP_V) * STEP_V
+
+
+def _dry(task: Task) -> DaqError:
+    return DaqError(
+        DAQmxErrors.GEN_STOPPED_TO_PREVENT_REGEN_OF_OLD_SAMPLES,
+        "The generation has stopped to prevent the regeneration of old samples.\n\n"
+        f"Samples: {task.written} of {task.count}",
+    )

@@ -7,7 +7,7 @@ from pincette.config import ConfigError, RigFile
 from pincette.sim.daq import SimulatedDaq
 from pincette.sim.daq_task import Fed, Terminals
 from pincette.sim.instrument import Instrument
-from pincette.sim.rig import SimulatedRig
+from pincette.sim.streamed_wave import StreamingRig
 
 DRIVER = "nidaqmx"
 
@@ -17,7 +17,7 @@ class ScriptedTerminals:
 
     def __init__(
         self,
-        rig: SimulatedRig,
+        rig: StreamingRig,
         measure_um: Callable[[], float],
         put_out: Callable[[float], None],
     ) -> None:
@@ -25,6 +25,7 @@ class ScriptedTerminals:
         self.measure_um = measure_um
         self.put_out = put_out
         self.put_out_wave = rig.put_out_wave
+        self.extend_wave = rig.extend_wave
         self.go_on = rig.go_on
         self.begin_capture = rig.begin_capture
         self.drain = rig.drain

@@ -38,6 +38,10 @@ class Fed(Protocol):
         """Begin to put out one voltage each 1/rate."""
         ...
 
+    def extend_wave(self, voltages_V: Sequence[float]) -> None:
+        """Let the wave that plays go on; raises ValueError where it is over."""
+        ...
+
     def go_on(self) -> None:
         """End a tick in lockstep without a write."""
         ...
@@ -116,7 +120,12 @@ class Task:
     buffer_size: int = 0
     """As it was set; 0: by the first write, or by ``count``."""
     started: bool = False
-    written_V: list[float] = field(default_factory=list[float])
+    regenerates: bool = True
+    """Whether an output may put out a sample again; else samples may come while it plays."""
+    written: int = 0
+    """Samples of a wave so far."""
+    waiting_V: list[float] = field(default_factory=list[float])
+    """Those that the output has not begun to play."""
     pending_V: Samples = field(default_factory=lambda: np.zeros((0, 0)))
     overwritten: bool = False
 
@@ -179,17 +188,34 @@ class Task:
         taken, self.pending_V = self.pending_V[:, :count], self.pending_V[:, count:]
         return taken
 
-    def load(self, voltages_V: Sequence[float]) -> None:
+    def load(self, voltages_V: list[float]) -> None:
         """Write samples to the output's buffer."""
-        if self.written_V and not self.buffer_size:
+        if self.written and not self.buffer_size:
             raise DaqError(
                 DAQmxErrors.WRITE_FAILS_BUFFER_SIZE_AUTO_CONFIGURED,
                 "Write failed, because the buffer size was set by the first write.",
             )
-        if self.buffer_size and len(self.written_V) + len(voltages_V) > self.buffer_size:
+        if self.buffer_size and self.written + len(voltages_V) > self.buffer_size:
             raise DaqError(
                 DAQmxErrors.SAMPLES_CAN_NOT_YET_BE_WRITTEN,
                 "Some or all of the samples to write could not be written to the buffer yet."
                 f"\n\nBuffer size: {self.buffer_size} samples",
             )
-        self.written_V.extend(voltages_V)
+        self.written += len(voltages_V)
+        self.waiting_V += voltages_V
+
+    def begun_V(self) -> list[float]:
+        """Take the samples to begin with."""
+        if not self.written or (self.regenerates and self.written < self.count):
+            raise DaqError(
+                DAQmxErrors.OUTPUT_BUFFER_EMPTY,
+                "The generation cannot be started, because the buffer holds too few samples."
+                f"\n\nSamples: {self.written} of {self.count}",
+            )
+        begun_V, self.waiting_V = self.waiting_V, []
+        return begun_V
+
+    @property
+    def wanting(self) -> bool:
+        """Whether samples of the wave are still to come."""
+        return self.written < self.count

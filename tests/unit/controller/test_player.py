@@ -7,7 +7,8 @@ import pytest
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.messages import Estimate
-from pincette_controller.player import Player, advance, begin, release, stop
+from pincette_controller.player import advance, begin, release, stop
+from pincette_controller.playing import Player
 
 T = 0.02
 K_E = 2.0

@@ -144,6 +144,23 @@ def test_a_wave_needs_all_its_samples_and_is_played_once() -> None:
     assert call.rig.voltages_V == []
 
 
+def test_a_wave_may_be_written_while_it_plays_and_stops_where_it_runs_dry() -> None:
+    call = Caller()
+    task = call.clocked(OUTPUT, rate_hz=1000.0, mode=FINITE, count=6)
+    call("SetBufferAttributeUInt32", task=task, attribute_raw=BUFFER["ao"], value=6)
+    call("SetWriteAttributeInt32", task=task, attribute_raw=0x1453, value_raw=10158)
+    assert call.refused("StartTask", task=task) == -200462
+    write = {"task": task, "data_layout_raw": 0}
+    call("WriteAnalogF64", write_array=[0.0, 1.25], **write)
+    call("StartTask", task=task)
+    call("WriteAnalogF64", write_array=[2.5, 5.0], **write)
+    assert call.rig.wave == ([0.0, 1.25, 2.5, 5.0], 1000.0)
+    assert not call("IsTaskDone", task=task).is_task_done
+    call.rig.wave_over = True
+    assert call.refused("IsTaskDone", task=task) == -200290
+    assert call.refused("WriteAnalogF64", write_array=[0.0, 0.0], **write) == -200290
+
+
 def test_a_buffer_that_the_first_write_has_sized_takes_no_second() -> None:
     call = Caller()
     task = call.clocked(OUTPUT, rate_hz=1000.0, mode=FINITE, count=4)

@@ -129,3 +129,17 @@ def test_a_port_in_use_is_named_with_what_to_do() -> None:
     with pytest.raises(PortInUseError, match=rf"127\.0\.0\.1:{port} is in use.*\[supervisor\]"):
         bind("127.0.0.1", port)
     taken.close()
+
+
+def test_instruments_that_do_not_fit_into_the_period_are_a_reason_with_the_sum(
+    rig_file: RigFile, open_desk: Callable[..., Desk]
+) -> None:
+    fast = rig_file.rig.model_copy(update={"period_s": 0.01})
+    desk = open_desk(rig_file.model_copy(update={"rig": fast}))
+    assert desk.get("/rigs/demo")["can_start"] is False
+    response = desk.post("/jobs", {"kind": "calibrate", "calibration": "noise"})
+    assert response.status_code == 503
+    (reason,) = response.json()["reasons"]
+    assert reason.startswith("the instruments are too slow: ")
+    for words in ("output response 10.0", "computing 2.0", "above the control period of 10 ms"):
+        assert words in reason

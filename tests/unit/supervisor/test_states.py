@@ -88,3 +88,10 @@ def test_stop_and_abort_lead_to_states_in_which_they_hold() -> None:
 
 def test_outcomes_have_meanings() -> None:
     assert all(OUTCOMES.values())
+
+
+@pytest.mark.parametrize("state", list(STATES))
+def test_continue_is_offered_only_while_the_program_waits(state: JobState) -> None:
+    assert "continue" not in allowed_actions(state, held=True)
+    waiting = allowed_actions(state, held=False, waiting=True)
+    assert ("continue" in waiting) == (state == "running")

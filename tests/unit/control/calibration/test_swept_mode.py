@@ -61,7 +61,7 @@ def test_mode_of_twenty_rigs() -> None:
 
 @pytest.mark.slow
 def test_mode_of_simulated_rigs_as_they_are_captured() -> None:
-    """The whole plant: amplifier, drift, a curved and lopsided hysteresis, a wave that is played."""
+    """The whole plant: amplifier, drift, a lopsided hysteresis, a wave that is played."""
     rows: list[list[float]] = []
     for seed in range(5):
         fast = {"bead": False, "output_lag_s": 3e-6, "output_step_V": 20.0 / 65536}

@@ -1,0 +1,46 @@
+"""Where a program stands."""
+
+from dataclasses import dataclass, field
+
+from pincette.control.planning.contact_line import ContactLine
+from pincette.control.planning.program import Segment
+
+
+@dataclass(frozen=True, slots=True)
+class Player:
+    """Where a program stands, and the references of the coming sample."""
+
+    index: int
+    segment: Segment
+    ticks: int
+    x_r_um: float
+    speed_um_per_s: float
+    force_r_mN: float
+    from_x_um: float
+    from_speed_um_per_s: float
+    from_force_mN: float
+    contact_x_um: float | None = None
+    K_e_mN_per_um: float | None = None
+    line: ContactLine = field(default_factory=ContactLine)
+    count: int = 0
+    """Consecutive samples that a guard has seen."""
+    zeroing: bool = False
+    """The estimator has been asked for a zero and has not answered."""
+    zero: bool = False
+    """The command of this tick carries the zero."""
+    held: bool = False
+    outcome: str = ""
+    ended: bool = False
+    bump: bool = False
+    """The law must be rebased before this tick: the force it is fed begins or ends."""
+    applied_V: float = 0.0
+    """As the newest estimate has it."""
+    from_V: float = 0.0
+    """The voltage at which the segment began."""
+    voltage_V: float = 0.0
+    """What an open-loop segment asks for."""
+
+    @property
+    def pressing(self) -> bool:
+        """Whether the law is fed the force."""
+        return self.segment.presses

@@ -1,0 +1,59 @@
+"""The references of the coming sample: where a segment wants position, force or voltage."""
+
+from dataclasses import replace
+
+from pincette.control.planning.paths import Path
+from pincette.control.planning.profiles import move, quintic
+from pincette_controller.playing import Player
+
+
+def refer(player: Player, period_s: float) -> Player:
+    """References at ``ticks`` of the segment: for the sample that the coming voltage leads to."""
+    segment, t_s = player.segment, player.ticks * period_s
+    if segment.kind == "free" and segment.x_to_um is not None and segment.duration_s:
+        path = move(
+            player.from_x_um,
+            player.from_speed_um_per_s,
+            segment.x_to_um,
+            0.0,
+            segment.duration_s,
+        )
+        return replace(player, x_r_um=path.position(t_s), speed_um_per_s=path.speed(t_s))
+    if segment.kind == "seek" and segment.x_to_um is not None and segment.duration_s:
+        speed = (segment.x_to_um - player.from_x_um) / segment.duration_s
+        return replace(player, x_r_um=player.from_x_um + speed * t_s, speed_um_per_s=speed)
+    if segment.kind == "force" and segment.force_to_mN is not None:
+        return _press(player, segment.force_to_mN, t_s)
+    if segment.kind == "voltage" and segment.path is not None:
+        begin_V = player.from_V if segment.path.relative else 0.0
+        return replace(player, voltage_V=begin_V + segment.path.at(t_s))
+    if segment.kind == "path" and segment.path is not None:
+        return _track(player, segment.path, t_s)
+    return replace(player, speed_um_per_s=0.0)
+
+
+def _press(player: Player, force_to_mN: float, t_s: float) -> Player:
+    """Move F_r and x_r together along the contact line."""
+    duration_s = player.segment.move_s or player.segment.duration_s
+    share = quintic(t_s / duration_s) if duration_s else 1.0
+    x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
+    if x_e_um is None or not K_e:
+        return player
+    x_to_um = x_e_um + force_to_mN / K_e
+    return replace(
+        player,
+        x_r_um=player.from_x_um + share * (x_to_um - player.from_x_um),
+        force_r_mN=player.from_force_mN + share * (force_to_mN - player.from_force_mN),
+        speed_um_per_s=0.0,
+    )
+
+
+def _track(player: Player, path: Path, t_s: float) -> Player:
+    """Follow a path, in force along the contact line or in position."""
+    value, rate, _ = path.point(t_s)
+    if path.quantity == "position":
+        return replace(player, x_r_um=value, speed_um_per_s=rate)
+    x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
+    if x_e_um is None or not K_e:
+        return player
+    return replace(player, x_r_um=x_e_um + value / K_e, force_r_mN=value, speed_um_per_s=0.0)

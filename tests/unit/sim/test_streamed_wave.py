@@ -1,0 +1,67 @@
+import math
+
+import pytest
+
+from pincette.config import Simulation
+from pincette.sim.rig import SimulatedRig
+from pincette.sim.streamed_wave import StreamingRig
+
+PERIOD_S, RATE_HZ, PER_TICK = 0.02, 7000.0, 140
+WAVE_V = [0.3 * math.sin(0.02 * index) for index in range(6 * PER_TICK)]
+Played = tuple[list[float], list[float]]
+
+
+def clock() -> float:
+    return 0.0
+
+
+def played_whole(simulation: Simulation) -> Played:
+    rig = SimulatedRig(simulation, PERIOD_S, True, clock)
+    rig.begin_capture(RATE_HZ)
+    rig.put_out_wave(WAVE_V, RATE_HZ)
+    for _ in range(8):
+        rig.go_on()
+    return rig.drain()
+
+
+def played_in_pieces(simulation: Simulation, ahead: int) -> Played:
+    rig = StreamingRig(simulation, PERIOD_S, True, clock)
+    rig.begin_capture(RATE_HZ)
+    rig.put_out_wave(WAVE_V[:ahead], RATE_HZ)
+    for begin in range(ahead, len(WAVE_V), PER_TICK):
+        rig.extend_wave(WAVE_V[begin : begin + PER_TICK])
+        rig.go_on()
+    while rig.now_s() < 8.5 * PERIOD_S:
+        rig.go_on()
+    return rig.drain()
+
+
+@pytest.mark.parametrize("ahead", [PER_TICK, 3 * PER_TICK])
+def test_in_pieces_a_wave_is_the_same_to_the_bit(simulation: Simulation, ahead: int) -> None:
+    whole, pieces = played_whole(simulation), played_in_pieces(simulation, ahead)
+    assert len(whole[0]) == 9 * PER_TICK
+    assert pieces == whole
+    assert max(map(abs, whole[1])) > 0.2
+
+
+def test_a_wave_that_runs_dry_is_over_and_takes_no_more(simulation: Simulation) -> None:
+    rig = StreamingRig(simulation, PERIOD_S, True, clock)
+    rig.put_out_wave(WAVE_V[:PER_TICK], RATE_HZ)
+    assert not rig.wave_over
+    rig.go_on()
+    assert rig.wave_over
+    with pytest.raises(ValueError, match="the wave is over"):
+        rig.extend_wave([0.0])
+
+
+@pytest.mark.parametrize("voltages_V", [[], [0.0, math.nan]])
+def test_what_is_no_wave_is_refused_and_nothing_happens(
+    simulation: Simulation, voltages_V: list[float]
+) -> None:
+    rig = StreamingRig(simulation, PERIOD_S, True, clock)
+    with pytest.raises(ValueError, match="finite"):
+        rig.put_out_wave(voltages_V, RATE_HZ)
+    assert rig.now_s() == 0.0
+    rig.put_out_wave([0.0, 1.0, 1.0] * PER_TICK, RATE_HZ)
+    with pytest.raises(ValueError, match="finite"):
+        rig.extend_wave(voltages_V)
