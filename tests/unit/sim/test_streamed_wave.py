@@ -44,6 +44,24 @@ def test_in_pieces_a_wave_is_the_same_to_the_bit(simulation: Simulation, ahead: 
     assert max(map(abs, whole[1])) > 0.2
 
 
+def test_a_wave_begins_with_a_sample_of_the_capture(simulation: Simulation) -> None:
+    now_s = [100.0]
+    quick = {"output_lag_s": 0.0, "output_step_V": 1e-6}
+    rig = StreamingRig(simulation.model_copy(update=quick), PERIOD_S, False, lambda: now_s[0])
+    rig.begin_capture(1000.0)
+    now_s[0] += 0.0104
+    rig.put_out_wave([1.0, 0.5, 0.5], 1000.0)
+    now_s[0] += 0.0005
+    assert rig.snapshot().voltage_V == 0.0
+    now_s[0] += 0.0005
+    assert rig.snapshot().voltage_V == 1.0
+    now_s[0] += 0.002
+    assert rig.drain()[1][-2:] == [1.0, 0.5]
+    assert not rig.wave_over
+    now_s[0] += 0.001
+    assert rig.wave_over
+
+
 def test_a_wave_that_runs_dry_is_over_and_takes_no_more(simulation: Simulation) -> None:
     rig = StreamingRig(simulation, PERIOD_S, True, clock)
     rig.put_out_wave(WAVE_V[:PER_TICK], RATE_HZ)
