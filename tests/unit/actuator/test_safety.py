@@ -294,3 +294,15 @@ def test_reordered_and_repeated_commands_equal_their_increasing_part(seqs: list[
             increasing.append(seq)
     assert taken == increasing
     assert state.refused == len(numbers) - len(increasing)
+
+
+def test_a_trip_by_age_names_what_the_controller_could_not_see() -> None:
+    plain = command(1).command
+    assert plain is not None
+    blind = replace(plain, valid=False, fault="sensor: laser off")
+    wakes = ((WAKE, 0.005 * count) for count in range(5, 13))
+    state, _ = play(
+        holding(held=False), (position(1), 0.02), (Inputs(None, blind, None), 0.024), *wakes
+    )
+    assert state.mode == "ramping"
+    assert state.cause.endswith("limit 50 ms; sensor: laser off")

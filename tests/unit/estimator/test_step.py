@@ -6,7 +6,7 @@ from math import inf, isfinite, nan
 import pytest
 
 from pincette.control.planning.program import Guards, Program
-from pincette.messages import Load
+from pincette.messages import Estimate, Load
 from pincette.service import RefusedError
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.step import Inputs, answer, start, step
@@ -80,6 +80,38 @@ def test_the_memory_lives_across_arming_and_the_zero_does_not() -> None:
     # Falling from 2 V the play of 0.5 V rests until 1 V, then moves: 15 µm/V from there.
     fallen = bench.state.response.follow(0.9, 0.0).position_um()
     assert bench.state.response.position_um() - fallen == pytest.approx(0.1 * 15.0, rel=0.01)
+
+
+def test_another_model_is_led_through_what_the_arm_has_been_through() -> None:
+    bench, other = Bench(LINEAR), Bench(IDENTIFIED)
+    for one in (bench, other):
+        for voltage_V in (0.0, 1.0, 2.0, 1.0):
+            one.feed(0.0, voltage_V)
+    bench.config = IDENTIFIED
+    bench.arm(2)
+    other.arm(2)
+    bench.feed(12.0, 1.0)
+    other.feed(12.0, 1.0)
+    assert bench.state.model == IDENTIFIED.response
+    there, wanted = (one.state.response.follow(0.2, 0.0).position_um() for one in (bench, other))
+    assert there == pytest.approx(wanted, abs=1e-3)
+
+
+def test_another_compliance_alone_changes_the_force() -> None:
+    bench = Bench(LINEAR)
+    bench.config = configure(a_rig(None, compliance_um_per_mN=0.92))
+    bench.arm(2)
+    bench.feed(0.0, 0.0)
+    assert bench.feed(-0.92, 0.0).force_mN == pytest.approx(1.0)
+
+
+def test_an_invalid_estimate_says_why() -> None:
+    bench = Bench(LINEAR)
+    assert bench.feed(0.0, None).fault == "no voltage of the sample before"
+    broken = replace(POSITION, seq=1, valid=False, fault="laser off")
+    _, (estimate,) = step(LINEAR, bench.state, Inputs(broken, None), 0.0)
+    assert isinstance(estimate, Estimate)
+    assert estimate.fault == "sensor: laser off"
 
 
 def test_the_memory_advances_over_samples_without_a_position() -> None:

@@ -1,0 +1,70 @@
+"""A voltage's past in few pieces, and a model that is led through it."""
+
+from math import pi, sin
+
+import numpy as np
+import pytest
+
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.identified_response import identified_response
+from pincette.control.response.voltage_memory import MOST_PIECES, SMALL_V, Piece, VoltageMemory
+
+T = 0.02
+MODEL = identified_response(
+    HysteresisModel(
+        thresholds_V=(0.0, 0.3, 0.8),
+        weights_um_per_V=(12.0, 4.0, 3.0),
+        creep_times_s=(0.5, 5.0),
+        creep_fractions=(0.02, 0.03),
+    ),
+    19.0,
+    0.05,
+)
+
+
+def remembered(voltages_V: list[float]) -> VoltageMemory:
+    memory = VoltageMemory()
+    for voltage_V in voltages_V:
+        memory = memory.follow(voltage_V, T)
+    return memory
+
+
+def ramp(*to_V: float, rest: int = 0) -> list[float]:
+    """From 0 V to each in turn, 0.04 V a sample, with a rest at each."""
+    path: list[float] = [0.0]
+    for value in to_V:
+        count = max(1, round(abs(value - path[-1]) / 0.04))
+        path += [*np.linspace(path[-1], value, count + 1).tolist()[1:], *[value] * rest]
+    return path
+
+
+def test_a_ramp_and_a_rest_are_one_piece() -> None:
+    pieces = remembered([0.5, 1.0, 1.5, 1.5, 1.5]).pieces
+    assert pieces == (Piece(1.5, pytest.approx(3 * T), pytest.approx(2 * T)),)
+
+
+def test_turning_points_are_kept_and_small_ones_are_not() -> None:
+    wander = [2.0 + 0.4 * SMALL_V * (-1) ** count for count in range(200)]
+    pieces = remembered([*ramp(1.0, 0.5, 2.0), *wander, 1.0]).pieces
+    assert [piece.to_V for piece in pieces] == pytest.approx([0.0, 1.0, 0.5, 2.0, 1.0], abs=0.01)
+
+
+def test_another_model_led_through_it_stands_where_it_would_stand() -> None:
+    path = [*ramp(1.5, -0.5, 2.5, 0.4, 1.9, rest=25), *ramp(1.9)]
+    path += [1.9 + 0.3 * sin(2.0 * pi * 0.5 * T * count) for count in range(400)]
+    live = MODEL
+    for voltage_V in path:
+        live = live.follow(voltage_V, T)
+    led = remembered(path).replayed(MODEL).follow(path[-1], 0.0)
+    travelled_um = abs(live.position_um())
+    assert travelled_um > 20.0
+    assert led.position_um() == pytest.approx(live.position_um(), abs=0.1)
+    # What follows is what follows for the live one: the turning points are the same.
+    for voltage_V in ramp(0.7, 2.2):
+        live, led = live.follow(voltage_V, T), led.follow(voltage_V, T)
+        assert led.position_um() == pytest.approx(live.position_um(), abs=0.15)
+
+
+def test_what_is_long_past_is_forgotten() -> None:
+    memory = remembered([0.5 * (-1) ** count for count in range(3 * MOST_PIECES)])
+    assert len(memory.pieces) == MOST_PIECES
