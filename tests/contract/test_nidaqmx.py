@@ -67,11 +67,7 @@ def reach(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Reach]:
 
 
 def sensor_settings(url: str, **options: str | float) -> Sensor:
-    wanted: dict[str, str | int | float | bool] = {
-        "um_per_V": UM_PER_V,
-        "channel": POSITION,
-        "drive_channel": DRIVE,
-    }
+    wanted = {"um_per_V": UM_PER_V, "channel": POSITION, "drive_channel": DRIVE, **options}
     return Sensor(
         driver="nidaqmx",
         url=url,
@@ -79,13 +75,13 @@ def sensor_settings(url: str, **options: str | float) -> Sensor:
         maximum_um=9999.0,
         noise_um=0.03,
         timeout_s=0.5,
-        options=wanted | options,
+        options=dict(wanted),
     )
 
 
 def output_settings(url: str, **options: str | float) -> Output:
-    wanted: dict[str, str | int | float | bool] = {"channel": OUTPUT}
-    return Output(driver="nidaqmx", url=url, timeout_s=0.5, options=wanted | options)
+    wanted = {"channel": OUTPUT, **options}
+    return Output(driver="nidaqmx", url=url, timeout_s=0.5, options=dict(wanted))
 
 
 def device(rig: HandRig) -> SimulatedDaq:

@@ -13,6 +13,8 @@ from pincette_controller.references import refer
 
 STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
+RETREAT_S = 2.0
+"""How long the way back takes where a program has none."""
 WATCHED = ("hold", "settle", "track")
 """Phases in which a part can be lost."""
 
@@ -65,6 +67,8 @@ def waits(player: Player) -> bool:
 def _guard(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
     guards, segment = program.guards, player.segment
     F_mN = estimate.force_mN
+    if segment.open_loop and _beyond(program, estimate.x_um):
+        return _give_up(program, replace(player, outcome="overtravel"), estimate.x_um)
     if estimate.zero_age_s is not None and F_mN > guards.force_max_mN:
         if player.outcome != "overforce":
             player = replace(player, outcome="overforce")
@@ -79,6 +83,19 @@ def _guard(program: Program, player: Player, estimate: Estimate, period_s: float
     elif segment.presses and segment.phase in WATCHED:
         return _watch_part(program, player, estimate)
     return player
+
+
+def _beyond(program: Program, x_um: float) -> bool:
+    low_um, high_um = program.guards.position_min_um, program.guards.position_max_um
+    return (low_um is not None and x_um < low_um) or (high_um is not None and x_um > high_um)
+
+
+def _give_up(program: Program, player: Player, x_um: float) -> Player:
+    """Bring the arm back to its rest, by the program's own retreat where it has one."""
+    if any(segment.phase == "retreat" for segment in program.segments):
+        return _jump(program, player, "retreat", x_um)
+    back = Segment("retreat", "free", RETREAT_S, x_to_um=0.0)
+    return _enter(_let_go(player, back, x_um), len(program.segments), back)
 
 
 def _await_zero(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:

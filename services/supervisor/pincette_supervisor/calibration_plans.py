@@ -1,5 +1,6 @@
 """From a request for a calibration to its plan: program, waits, voltages, limits broken."""
 
+from dataclasses import replace
 from typing import Any
 
 from pincette.config import RigFile, derived
@@ -61,8 +62,9 @@ def plan_calibration(request: AnyCalibrationRequest, model: ModelInUse) -> Plann
     ValueError
         Where the numbers make no program, or one that a limit of the rig forbids.
     """
-    program, values, waits = _made(request, model)
+    made, values, waits = _made(request, model)
     rig = model.rig
+    program = _guarded(made, rig)
     phases, low_V, high_V = planned_phases(
         program, derived.planned_rig(rig), rig.part.contact_um, rig.safety.safe_V
     )
@@ -86,6 +88,17 @@ def plan_calibration(request: AnyCalibrationRequest, model: ModelInUse) -> Plann
         law=None if law is None else law.view(),
     )
     return Planned(plan, program, {"calibration": request.calibration, **values}, model, waits)
+
+
+def _guarded(program: Program, rig: RigFile) -> Program:
+    """Add the limits of position, which no law keeps while the voltage alone moves the arm."""
+    limits = rig.limits
+    guards = replace(
+        program.guards,
+        position_min_um=limits.position_min_um,
+        position_max_um=limits.position_max_um,
+    )
+    return replace(program, guards=guards)
 
 
 def rests_on(calibration: str, model: ModelInUse) -> list[RestsOn]:

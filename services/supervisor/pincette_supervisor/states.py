@@ -160,6 +160,7 @@ OUTCOMES: Mapping[str, str] = {
     "wrong_stiffness": "what was met is harder or softer than the part of the plan",
     "lost": "the part was lost while it was held",
     "overforce": "the force rose above its limit",
+    "overtravel": "the arm came to a position limit of the rig file; ask for less voltage",
     "zero_refused": "the force could not be zeroed before contact",
 }
 """How a program ends, in the controller's codes."""

@@ -11,6 +11,7 @@ from pincette.cli import (
     drivers,
     job,
     job_words,
+    model,
     rig_file,
     rig_orders,
     stop,
@@ -29,6 +30,7 @@ to begin with:
   pincette up                       start a rig; then, in another terminal:
   pincette job grip --force-mN 15   grip its part, and follow it
   pincette job track --cycles 3     let position and force follow a path
+  pincette job calibrate noise      find out what the rig is; `pincette model` shows the result
   pincette estop                    stop the rig at once; `pincette reset` clears the latch
   pincette doctor                   what is missing, and how to get it
 
@@ -72,6 +74,8 @@ def parser() -> argparse.ArgumentParser:
     words.add_parser("drivers", help=listing, description=listing)
     jobs = words.add_parser("job", help="start a job and follow it, or act on one")
     job_words.add(jobs, _addressed)
+
+    model.add(words.add_parser("model", help=model.ABOUT, description=model.ABOUT), _addressed)
 
     estop = rigged("estop", "stop the rig at once: REST first, then straight to the actuator")
     estop.add_argument("--url", help="of the supervisor; as the rig file says if not given")
@@ -164,6 +168,8 @@ def _call(given: argparse.Namespace) -> int:
             from pincette.cli import paper
 
             return paper.paper(given.rig, given.out, given.rigs)
+        case "model":
+            return model.model(given)
         case "estop":
             return stop.estop(given.rig, given.url)
         case "reset":

@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 
 
 class AnalogOutput:
-    """One channel. Its task for single values is started for good, but for waves."""
+    """One channel, with two tasks: for single values, started for good but for waves, and for waves."""
 
     def __init__(self, daq: Daq, *, least_V: float, most_V: float, rate_hz: float) -> None:
         self._daq = daq
@@ -41,6 +41,7 @@ class AnalogOutput:
         self._rate_hz = rate_hz
         self._single: Any = None
         self._wave: Any = None
+        self._playing = False
         self._held_V: float | None = None
         """What is put out; None while a wave plays."""
         self._rest_V = np.zeros(0)
@@ -54,6 +55,7 @@ class AnalogOutput:
         for purpose in ("single", "wave", "reading"):
             self._daq.take_back(purpose)
         self._begin_single()
+        self._wave = self._daq.task("wave", self._add)
         if read_channel:
             self._held_V = self._measured_V(read_channel)
             return
@@ -124,33 +126,24 @@ class AnalogOutput:
         self._wave_ends_at_V = float(samples_V[-1])
         if samples_V.size < LEAST_SAMPLES:
             samples_V = np.repeat(samples_V, LEAST_SAMPLES)
+        first = max(LEAST_SAMPLES, round(BEGIN_S * rate_hz))
         if not self._end_wave() and self._single is not None:
             self._daq.ask("ending single values", self._single.stop)
-
-        first = max(LEAST_SAMPLES, round(BEGIN_S * rate_hz))
-
-        def arrange(task: Any) -> None:
-            self._add(task)
-            task.timing.cfg_samp_clk_timing(
-                rate_hz, sample_mode=AcquisitionType.FINITE, samps_per_chan=samples_V.size
-            )
-            task.out_stream.output_buf_size = samples_V.size
-            task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
-            self._feed(task, samples_V[:first])
-            task.start()
-
         try:
-            self._wave = self._daq.task("wave", arrange)
+            if self._wave is None:
+                self._wave = self._daq.task("wave", self._add)
+            self._daq.ask("beginning a wave", self._play, samples_V, first, rate_hz)
         except InstrumentError:
             self._drop()
             raise
+        self._playing = True
         self._rest_V, self._look_samples = samples_V[first:], max(1, round(LOOK_S * rate_hz))
         self._held_V = None
 
     def look(self) -> None:
         """Write more of the wave; raise InstrumentError where it has broken off, or none plays."""
         self._must_be_open()
-        if self._wave is None:
+        if not self._playing:
             raise InstrumentError(f"{self._daq.channel}: no wave plays", "misused")
         if self._rest_V.size:
             next_V, self._rest_V = np.split(self._rest_V, [self._look_samples])
@@ -185,12 +178,28 @@ class AnalogOutput:
 
         self._single = self._daq.task("single", arrange)
 
+    def _play(self, samples_V: Samples, first: int, rate_hz: float) -> None:
+        task = self._wave
+        task.timing.cfg_samp_clk_timing(
+            rate_hz, sample_mode=AcquisitionType.FINITE, samps_per_chan=samples_V.size
+        )
+        task.out_stream.output_buf_size = samples_V.size
+        task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
+        self._feed(task, samples_V[:first])
+        task.start()
+
     def _end_wave(self) -> bool:
-        """Clear the wave's task, which ends it; returns whether there was one."""
-        task, self._wave = self._wave, None
-        if task is not None:
+        """End the wave; returns whether there was one."""
+        if not self._playing:
+            return False
+        self._playing = False
+        try:
+            self._daq.ask("ending the wave", self._wave.stop)
+        except InstrumentError as error:
+            _log.info("%s", error)
+            task, self._wave = self._wave, None
             self._daq.clear("wave", task)
-        return task is not None
+        return True
 
     def _resume(self) -> None:
         """Let the task of single values own the output again."""
@@ -203,10 +212,13 @@ class AnalogOutput:
             raise
 
     def _drop(self) -> None:
-        """Let the next write begin with a new task."""
-        task, self._single = self._single, None
-        if task is not None:
-            self._daq.clear("single", task)
+        """Let the next write or wave begin with new tasks."""
+        tasks = {"wave": self._wave, "single": self._single}
+        self._wave = self._single = None
+        self._playing = False
+        for purpose, task in tasks.items():
+            if task is not None:
+                self._daq.clear(purpose, task)
 
     def _feed(self, task: Any, samples_V: Samples) -> None:
         writer: Any = AnalogSingleChannelWriter(task.out_stream)

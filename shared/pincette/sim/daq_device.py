@@ -90,6 +90,8 @@ class Device:
         """
         if task.started and task.rate_hz and task.kind == "ai":
             self.fed.end_capture()
+        if task.started:
+            task.written, task.waiting_V = 0, []
         task.started = False
 
     def is_done(self, task: Task) -> bool:

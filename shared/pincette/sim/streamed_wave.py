@@ -34,7 +34,7 @@ def checked_V(voltages_V: Iterable[float]) -> list[float]:
 class StreamingRig(SimulatedRig):
     """A simulated rig whose voltage output takes the samples of a wave while it plays.
 
-    While a capture runs a wave begins with its next sample, as where both share one clock, so that
+    While a capture runs a wave counts from its next sample, as where both share one clock, so that
     the plant has one step between samples and not two; the simulation is nine times as fast by it.
     """
 

@@ -105,3 +105,16 @@ def test_a_stop_ends_what_plays(phase: str) -> None:
     assert bench.until().telemetry.outcome == "stopped"
     held = replace(stopping.command, seq=0)
     assert abs(bench.applied_V - held.voltage_V) < 0.02
+
+
+@pytest.mark.parametrize("own_retreat", [True, False])
+def test_beyond_a_limit_of_position_the_arm_goes_back(own_retreat: bool) -> None:
+    """Nothing else watches the position while no law holds."""
+    retreat = (Segment("retreat", "free", 0.6, x_to_um=0.0),) if own_retreat else ()
+    segments = (Segment("rise", "voltage", 0.4, path=ramp(0.5)), Segment("rest", "voltage", 5.0))
+    guards = replace(GUARDS, position_min_um=-5.0, position_max_um=8.0)
+    bench = Bench(Program((*segments, *retreat), guards, 2.0))
+    last = bench.until()
+    assert last.telemetry.outcome == "overtravel"
+    assert max(tick.estimate.x_um for tick in bench.ticks) < 10.0
+    assert bench.x_um == pytest.approx(0.0, abs=0.05)

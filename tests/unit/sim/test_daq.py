@@ -270,7 +270,7 @@ def test_no_call_is_too_strange() -> None:
     for task in (call.task(POSITION), call.task(OUTPUT), capture(call)):
         assert task.id
     names = [name.encode() for name in call.daq.calls if name != "ClearTask"]
-    kinds = dict.fromkeys((b"ok", b"ni-error", b"status"), 0)
+    kinds: dict[bytes, int] = {b"ok": 0, b"ni-error": 0, b"status": 0}
     for _ in range(CALLS):
         reply = call.daq.answer(SERVICE + chance.choice(names) + b"\0" + strange(chance))
         assert reply is not None, f"seed {SEED}"

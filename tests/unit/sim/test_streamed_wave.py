@@ -44,21 +44,20 @@ def test_in_pieces_a_wave_is_the_same_to_the_bit(simulation: Simulation, ahead: 
     assert max(map(abs, whole[1])) > 0.2
 
 
-def test_a_wave_begins_with_a_sample_of_the_capture(simulation: Simulation) -> None:
+def test_a_wave_keeps_to_the_clock_of_the_capture(simulation: Simulation) -> None:
     now_s = [100.0]
     quick = {"output_lag_s": 0.0, "output_step_V": 1e-6}
     rig = StreamingRig(simulation.model_copy(update=quick), PERIOD_S, False, lambda: now_s[0])
     rig.begin_capture(1000.0)
-    now_s[0] += 0.0104
-    rig.put_out_wave([1.0, 0.5, 0.5], 1000.0)
-    now_s[0] += 0.0005
-    assert rig.snapshot().voltage_V == 0.0
-    now_s[0] += 0.0005
-    assert rig.snapshot().voltage_V == 1.0
-    now_s[0] += 0.002
-    assert rig.drain()[1][-2:] == [1.0, 0.5]
+    now_s[0] = 100.0104
+    rig.put_out_wave([1.0, 0.5, 0.25], 1000.0)
+    at_V = list[float]()
+    for at_s in (100.0109, 100.0119, 100.0121, 100.0129, 100.0131):
+        now_s[0] = at_s
+        at_V.append(rig.snapshot().voltage_V)
+    assert at_V == [1.0, 1.0, 0.5, 0.5, 0.25]
     assert not rig.wave_over
-    now_s[0] += 0.001
+    now_s[0] = 100.0141
     assert rig.wave_over
 
 

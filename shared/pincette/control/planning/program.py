@@ -69,6 +69,9 @@ class Guards:
     stiffness_max_mN_per_um: float
     zero_wait_s: float
     """How long the controller waits for the estimator to confirm a zero."""
+    position_min_um: float | None = None
+    position_max_um: float | None = None
+    """Measured position beyond which motion without a law ends as ``overtravel``; None: none."""
 
 
 @dataclass(frozen=True, slots=True)
