@@ -23,8 +23,7 @@ from tests.contract.test_voltage_output import VoltageOutputContract
 from tests.support.fed import DRIVE, OUTPUT, POSITION, HandRig
 
 STEP_V = 20.0 / 65536
-STEP_UM = 1.0
-"""So that whole micrometres are whole steps of the converter."""
+STEP_UM = 1.0  # so that whole micrometres are whole steps of the converter
 UM_PER_V = STEP_UM / STEP_V
 
 Reach = Callable[..., tuple[str, Link | None]]
@@ -161,7 +160,6 @@ class TestCapture:
         sensor.end_capture()
         assert sensor.read_um() == 20.0
         sensor.end_capture()
-        sensor.begin_capture(1000.0)
         sensor.close()
 
     def test_a_block_of_twenty_seconds_comes_in_several_calls(self, reach: Reach) -> None:

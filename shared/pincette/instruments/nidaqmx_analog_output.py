@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 
 
 class AnalogOutput:
-    """One channel, with two tasks: for single values, started for good but for waves, and for waves."""
+    """One channel with two tasks: of single values, started while no wave plays, and of waves."""
 
     def __init__(self, daq: Daq, *, least_V: float, most_V: float, rate_hz: float) -> None:
         self._daq = daq
