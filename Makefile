@@ -68,7 +68,7 @@ pins: venv ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 
 docs: venv ## write what is generated: docs/reference and deploy/openapi.json
 	@$(BIN)/python docs/generate.py
-	@$(BIN)/python -m pincette_supervisor.openapi deploy/openapi.json
+	@$(BIN)/python -m pincette_supervisor.rest.openapi deploy/openapi.json
 
 clean: ## remove .venv, caches and measurements; records under data/ stay
 	rm -rf .venv .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json

@@ -4,7 +4,7 @@ The runner does the rest: bus, clock, instrument, joins, deadlines, statistics, 
 inputs are data, replay, documents and the links between programs need no second list.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
@@ -52,7 +52,7 @@ class Drive:
 class Wave:
     """An output for the instrument: begin to put out these voltages, one each 1/``rate_hz``."""
 
-    voltages_V: tuple[float, ...]
+    voltages_V: Sequence[float]
     rate_hz: float
 
 

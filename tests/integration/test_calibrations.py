@@ -13,12 +13,12 @@ from pincette.runtime import devices
 from pincette.runtime.composed import ComposedLoop
 from pincette.sim.bench import Bench
 from pincette.topics import ACT, TELEMETRY, Topic
-from pincette_supervisor.archive import Take
-from pincette_supervisor.calibration_record import CalibrationRecord, gather
-from pincette_supervisor.planned import Planned
-from pincette_supervisor.planning import plan_job
-from pincette_supervisor.request_models import AnyJobRequest, Body
-from pincette_supervisor.store import JobRow
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.records.archive import Take
+from pincette_supervisor.records.calibration_record import CalibrationRecord, gather
+from pincette_supervisor.schemas.request_models import AnyJobRequest, Body
 from tests.support.rigs import DEMO, Tree, at_own_ports, demo_rig
 
 REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)

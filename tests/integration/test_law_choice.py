@@ -14,11 +14,16 @@ from pincette.control.arm.plant import discretize, printed_arm
 from pincette.control.laws.law import ParameterSet, Scheme
 from pincette.messages import Message, Sample
 from pincette.runtime.composed import ComposedLoop
-from pincette_supervisor.archive import Record, Take, gather
-from pincette_supervisor.planning import plan_job
-from pincette_supervisor.request_models import AnyJobRequest, Body
-from pincette_supervisor.result_models import GripResult, JobResult, Percentiles, TrackResult
-from pincette_supervisor.store import JobRow
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.records.archive import Record, Take, gather
+from pincette_supervisor.schemas.request_models import AnyJobRequest, Body
+from pincette_supervisor.schemas.result_models import (
+    GripResult,
+    JobResult,
+    Percentiles,
+    TrackResult,
+)
 from tests.support.rigs import demo_rig
 
 SCHEMES: tuple[Scheme, ...] = ("pbsmic", "dsmifc")

@@ -8,11 +8,11 @@ from pincette.config import IdentifiedFreeResponse, RigFile
 from pincette.control.arm.plant import discretize
 from pincette.messages import Message, Sample
 from pincette.runtime.composed import ComposedLoop
-from pincette_supervisor.columns import columns
-from pincette_supervisor.planning import plan_job
-from pincette_supervisor.request_models import TrackJobRequest
-from pincette_supervisor.result_models import TrackResult
-from pincette_supervisor.track_result import track_result
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.records.columns import columns
+from pincette_supervisor.records.track_result import track_result
+from pincette_supervisor.schemas.request_models import TrackJobRequest
+from pincette_supervisor.schemas.result_models import TrackResult
 from tests.support.rigs import demo_rig
 
 STIFFNESS, CONTACT_UM, GAIN = 2.11, 31.2, 19.0

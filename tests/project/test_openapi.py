@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pincette_supervisor.openapi import REGENERATE, document
+from pincette_supervisor.rest.openapi import REGENERATE, document
 
 COMMITTED = Path(__file__).parents[2] / "deploy" / "openapi.json"
 

@@ -9,8 +9,8 @@ from pincette.messages import Arm, Load, Message, Position, Reset, Truth
 from pincette.runtime.composed import ComposedLoop
 from pincette.runtime.node import Node
 from pincette.topics import LOOP
-from pincette_supervisor.planning import plan_job
-from pincette_supervisor.request_models import GripJobRequest
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.schemas.request_models import GripJobRequest
 from tests.support.rigs import demo_rig
 
 RIG = demo_rig(time="lockstep")

@@ -6,6 +6,7 @@ from statistics import median
 
 from pincette.config import RigFile
 from pincette.messages import Applied, Truth
+from tests.support.rigs import output_step_V
 from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
 
@@ -88,8 +89,7 @@ def _check_instrument(
     rig: RigFile, seen: Witness, begun_at: float, ramped_at: float, kept_V: float
 ) -> None:
     """What the instrument put out: the last voltage until the ramp, the safe one in the end."""
-    assert rig.simulation is not None
-    step_V, exchange_s = rig.simulation.output_step_V, WAKE_PERIODS * rig.rig.period_s
+    step_V, exchange_s = output_step_V(rig), WAKE_PERIODS * rig.rig.period_s
     put_out = [(at, truth.voltage_V) for at, truth in seen.since(Truth, begun_at - 1.0)]
     # The last command may have been put out just before the ramp, or long before it.
     before = [put_V for at, put_V in put_out if at < ramped_at]

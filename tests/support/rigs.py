@@ -7,6 +7,7 @@ from typing import Any, cast
 from urllib.parse import urlsplit
 
 from pincette.config import RigFile, parse_rig, read_rig
+from pincette.sim.traits import resolved
 
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
 Tree = dict[str, Any]
@@ -45,13 +46,21 @@ def demo_rig(changes: Tree | None = None, *, time: str = "real") -> RigFile:
     return at_own_ports(read_rig(DEMO), merged({"rig": {"time": time}}, changes or {}))
 
 
+def output_step_V(rig: RigFile) -> float:
+    """The step in which the simulated output puts out voltages."""
+    assert rig.simulation is not None
+    step_V = resolved(rig.simulation, rig.output.driver).output_step_V
+    assert step_V is not None
+    return step_V
+
+
 def at_own_ports(rig: RigFile, changes: Tree | None = None) -> RigFile:
     """A rig on ports that nobody uses, with changes."""
     port = free_ports(8)
     own: Tree = {"bus": {"port": port}, "supervisor": {"port": port + 7}}
     tree = rig.model_dump(mode="json", exclude_unset=True)
     for table, offset in (("sensor", 5), ("output", 6)):
-        url = urlsplit(tree[table]["url"])
+        url = urlsplit(cast(str, tree[table]["url"]))
         if url.scheme == "grpc":  # both are channels of one device
             offset = 5
         own[table] = {"url": f"{url.scheme}://127.0.0.1:{port + offset}{url.path}"}

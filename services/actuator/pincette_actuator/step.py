@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from pincette.config import RigFile
-from pincette.control.planning.sweep import sweep_V
+from pincette.control.planning.sweep import SweptVoltages
 from pincette.messages import Applied, Arm, Command, Done, Message, Position, Reset, Trip
 from pincette.service import Drive, ForInstrument, Input, Look, RefusedError, Service, Wave
 from pincette.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TRIP
@@ -107,7 +107,7 @@ def _order(state: State, before: State) -> ForInstrument:
         return Drive(state.voltage_V)
     if state.sweep == before.sweep:
         return Look()
-    return Wave(sweep_V(state.sweep, state.voltage_V), state.sweep.rate_hz)
+    return Wave(SweptVoltages(state.sweep, state.voltage_V), state.sweep.rate_hz)
 
 
 def _applied(state: State, seq: int, now: float, command: Command | None) -> Applied:

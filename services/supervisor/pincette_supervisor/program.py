@@ -7,15 +7,15 @@ from concurrent.futures import ThreadPoolExecutor
 import uvicorn
 
 from pincette.runtime.context import Context
-from pincette_supervisor import archive
-from pincette_supervisor.api import create_app
-from pincette_supervisor.conductor import Conductor
 from pincette_supervisor.config import SupervisorConfig, configure
-from pincette_supervisor.health import Health
-from pincette_supervisor.observer import Observer
-from pincette_supervisor.rig_model import RigModel
-from pincette_supervisor.site import Site
-from pincette_supervisor.store import Store, utc_now
+from pincette_supervisor.journal.store import Store, utc_now
+from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.records import archive
+from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.health import Health
+from pincette_supervisor.running.observer import Observer
+from pincette_supervisor.running.site import Site
 
 ESTOP_THREADS = 4
 STOP_S = 5.0

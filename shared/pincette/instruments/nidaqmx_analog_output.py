@@ -44,10 +44,10 @@ class AnalogOutput:
         self._playing = False
         self._held_V: float | None = None
         """What is put out; None while a wave plays."""
-        self._rest_V = np.zeros(0)
-        """Of the wave, not yet written."""
+        self._wave_V: Sequence[float] = ()
+        self._written = 0
+        """Samples of the wave that the device has."""
         self._look_samples = LEAST_SAMPLES
-        self._wave_ends_at_V = 0.0
         self._closed = False
 
     def prepare(self, read_channel: str, found_V: float) -> None:
@@ -110,8 +110,8 @@ class AnalogOutput:
         Raises
         ------
         InstrumentError
-            Where the rate or a voltage is beyond its limit, before anything is sent; where the
-            device refuses.
+            Where the rate or a voltage of what is written first is beyond its limit, before
+            anything is sent; where the device refuses.
         """
         self._must_be_open()
         if not 0.0 < rate_hz <= self._rate_hz:
@@ -119,25 +119,21 @@ class AnalogOutput:
             raise InstrumentError(f"{self._daq.channel}: {text}", "misused")
         if not voltages_V:
             raise InstrumentError(f"{self._daq.channel}: a wave without samples", "misused")
-        # An array of the standard library takes a tuple four times as fast as numpy does.
-        samples_V = np.frombuffer(array("d", voltages_V))
-        for end_V in (samples_V.min(), samples_V.max()):
-            self._must_be_within(float(end_V))
-        self._wave_ends_at_V = float(samples_V[-1])
-        if samples_V.size < LEAST_SAMPLES:
-            samples_V = np.repeat(samples_V, LEAST_SAMPLES)
-        first = max(LEAST_SAMPLES, round(BEGIN_S * rate_hz))
+        if len(voltages_V) < LEAST_SAMPLES:
+            voltages_V = [voltages_V[0]] * LEAST_SAMPLES
+        first = self._checked(voltages_V[: max(LEAST_SAMPLES, round(BEGIN_S * rate_hz))])
         if not self._end_wave() and self._single is not None:
             self._daq.ask("ending single values", self._single.stop)
         try:
             if self._wave is None:
                 self._wave = self._daq.task("wave", self._add)
-            self._daq.ask("beginning a wave", self._play, samples_V, first, rate_hz)
+            self._daq.ask("beginning a wave", self._play, first, len(voltages_V), rate_hz)
         except InstrumentError:
             self._drop()
             raise
         self._playing = True
-        self._rest_V, self._look_samples = samples_V[first:], max(1, round(LOOK_S * rate_hz))
+        self._wave_V, self._written = voltages_V, first.size
+        self._look_samples = max(1, round(LOOK_S * rate_hz))
         self._held_V = None
 
     def look(self) -> None:
@@ -145,11 +141,13 @@ class AnalogOutput:
         self._must_be_open()
         if not self._playing:
             raise InstrumentError(f"{self._daq.channel}: no wave plays", "misused")
-        if self._rest_V.size:
-            next_V, self._rest_V = np.split(self._rest_V, [self._look_samples])
-            self._daq.ask("going on with the wave", self._feed, self._wave, next_V)
+        if self._written < len(self._wave_V):
+            end = self._written + self._look_samples
+            more = self._checked(self._wave_V[self._written : end])
+            self._daq.ask("going on with the wave", self._feed, self._wave, more)
+            self._written += more.size
         if self._daq.ask("the wave", self._wave.is_task_done):
-            self._held_V = self._wave_ends_at_V
+            self._held_V = self._wave_V[-1]
 
     def close(self) -> None:
         """Give the tasks and the line back; the output stays as it is. Twice is once."""
@@ -171,6 +169,13 @@ class AnalogOutput:
             text = f"{voltage_V} V refused, limits {self._least_V} V and {self._most_V} V"
             raise InstrumentError(f"{self._daq.channel}: {text}", "misused")
 
+    def _checked(self, voltages_V: Sequence[float]) -> Samples:
+        # An array of the standard library takes a tuple four times as fast as numpy does.
+        samples_V = np.frombuffer(array("d", voltages_V))
+        for end_V in (samples_V.min(), samples_V.max()):
+            self._must_be_within(float(end_V))
+        return samples_V
+
     def _begin_single(self) -> None:
         def arrange(task: Any) -> None:
             self._add(task)
@@ -178,14 +183,14 @@ class AnalogOutput:
 
         self._single = self._daq.task("single", arrange)
 
-    def _play(self, samples_V: Samples, first: int, rate_hz: float) -> None:
+    def _play(self, first: Samples, count: int, rate_hz: float) -> None:
         task = self._wave
         task.timing.cfg_samp_clk_timing(
-            rate_hz, sample_mode=AcquisitionType.FINITE, samps_per_chan=samples_V.size
+            rate_hz, sample_mode=AcquisitionType.FINITE, samps_per_chan=count
         )
-        task.out_stream.output_buf_size = samples_V.size
+        task.out_stream.output_buf_size = count
         task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
-        self._feed(task, samples_V[:first])
+        self._feed(task, first)
         task.start()
 
     def _end_wave(self) -> bool:

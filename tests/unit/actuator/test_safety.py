@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pincette.messages import Applied, Arm, Command, Done, Message, Position, Reset, Trip
-from pincette.service import Drive, RefusedError
+from pincette.service import Drive, ForInstrument, RefusedError
 from pincette_actuator.config import ActuatorConfig
 from pincette_actuator.safety import SLEW_UP, VOLTAGE_MAX, State, wind_down
 from pincette_actuator.step import Inputs, adopt, answer, start, step
@@ -51,9 +51,11 @@ def command(
 WAKE = Inputs(None, None, None)
 
 
-def play(state: State, *events: tuple[Inputs, float]) -> tuple[State, list[Message | Drive]]:
+def play(
+    state: State, *events: tuple[Inputs, float]
+) -> tuple[State, list[Message | ForInstrument]]:
     """Feed events and keep every output."""
-    outputs: list[Message | Drive] = []
+    outputs: list[Message | ForInstrument] = []
     for inputs, now in events:
         state, made = step(CONFIG, state, inputs, now)
         outputs += made
@@ -294,15 +296,3 @@ def test_reordered_and_repeated_commands_equal_their_increasing_part(seqs: list[
             increasing.append(seq)
     assert taken == increasing
     assert state.refused == len(numbers) - len(increasing)
-
-
-def test_a_trip_by_age_names_what_the_controller_could_not_see() -> None:
-    plain = command(1).command
-    assert plain is not None
-    blind = replace(plain, valid=False, fault="sensor: laser off")
-    wakes = ((WAKE, 0.005 * count) for count in range(5, 21))
-    state, _ = play(
-        holding(held=False), (position(1), 0.02), (Inputs(None, blind, None), 0.024), *wakes
-    )
-    assert state.mode in ("ramping", "latched")
-    assert state.cause.endswith("limit 50 ms; sensor: laser off")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from pincette.control.planning.sweep import Sweep, sweep_V
+from pincette.control.planning.sweep import Sweep, SweptVoltages
 from pincette.messages import Applied, Trip
 from pincette.service import Drive, Look, Wave
 from pincette_actuator.step import Inputs, answer
@@ -31,7 +31,7 @@ def test_a_sweep_begins_once_and_is_looked_after() -> None:
         (command(3), 0.064),
     )
     orders = [output for output in outputs if not isinstance(output, Applied)]
-    assert orders == [Wave(sweep_V(SWEEP, 1.0), 4_000.0), Look(), Drive(1.0)]
+    assert orders == [Wave(SweptVoltages(SWEEP, 1.0), 4_000.0), Look(), Drive(1.0)]
     assert state.sweep is None
 
 

@@ -15,8 +15,8 @@ from pincette.cli.main import parser
 from pincette.cli.rest import Supervisor
 from pincette.cli.show import show_result
 from pincette.cli.show_model import show_calibration_plan, show_model, show_proposal
-from pincette_supervisor.request_base import StartRequest
-from pincette_supervisor.request_models import AnyJobRequest, Body
+from pincette_supervisor.schemas.request_base import StartRequest
+from pincette_supervisor.schemas.request_models import AnyJobRequest, Body
 
 REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
 VALUE: dict[str, Any] = {

@@ -6,7 +6,7 @@ import pytest
 
 from pincette.cli import job_words
 from pincette.cli.main import parser
-from pincette_supervisor.request_models import Gains
+from pincette_supervisor.schemas.request_models import Gains
 
 
 def wishes(*words: str) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from pincette.messages import (
     Arm,
     Burst,
     Command,
+    Document,
     Done,
     Message,
     Position,
@@ -162,7 +163,7 @@ def test_an_arming_brings_the_model_that_the_service_works_with() -> None:
     node = Node(ESTIMATOR, RIG)
     found = Calibration(values={"model.compliance_um_per_mN": 0.5})
     before = node.config
-    reply, _ = node.ask(Arm(2, 1, RIG.digest(), found.text()), 0.0)
+    reply, _ = node.ask(Arm(2, 1, RIG.digest(), Document(found.text())), 0.0)
     assert reply == Done(0)
     assert node.config == ESTIMATOR.configure(calibrated(RIG, found)) != before
     status, _ = node.ask(StatusRequest(), 0.0)
@@ -175,7 +176,9 @@ def test_an_arming_brings_the_model_that_the_service_works_with() -> None:
 def test_a_model_that_cannot_be_refuses_the_arming_and_changes_nothing() -> None:
     node = Node(ESTIMATOR, RIG)
     before = node.config
-    reply, _ = node.ask(Arm(2, 1, RIG.digest(), '{"values": {"model.damping_ratio": -1}}'), 0.0)
+    reply, _ = node.ask(
+        Arm(2, 1, RIG.digest(), Document('{"values": {"model.damping_ratio": -1}}')), 0.0
+    )
     assert isinstance(reply, str)
     assert "estimator" in reply
     assert "model.damping_ratio = -1" in reply
@@ -220,7 +223,7 @@ def test_an_acquisition_lasts_as_long_as_the_arming_that_asked_for_it() -> None:
 
 
 def test_a_sensor_without_a_buffer_refuses_to_acquire() -> None:
-    reply, _ = Node(SENSOR, RIG, BrokenSensor()).ask(Arm(1, 1, RIG.digest(), "", 1e4), 0.0)
+    reply, _ = Node(SENSOR, RIG, BrokenSensor()).ask(Arm(1, 1, RIG.digest(), capture_hz=1e4), 0.0)
     assert reply == "the position sensor has no buffered acquisition"
 
 
@@ -248,7 +251,7 @@ def test_an_output_without_a_buffer_trips_on_a_wave() -> None:
     node.accept(position(0), 0.0)
     node.fire(0.0)
     sweep = Sweep(5.0, 400.0, 1.0, 0.05, 4_000.0)
-    node.accept(Command(1, 0, 1, 0.0, False, False, False, True, sweep), 0.0)
+    node.accept(Command(1, 0, 1, 0.0, False, False, False, True, sweep=sweep), 0.0)
     (applied,) = node.fire(0.001)
     assert isinstance(applied, Applied)
     assert (applied.state, applied.answered) == ("ramping", False)

@@ -26,14 +26,14 @@ from pincette.messages import (
     Trip,
 )
 from pincette.topics import LOOP, TOPIC_OF, Question, Topic
-from pincette_supervisor import archive
-from pincette_supervisor.api import create_app
-from pincette_supervisor.conductor import Conductor
-from pincette_supervisor.health import Health
-from pincette_supervisor.observer import Observer
-from pincette_supervisor.rig_model import RigModel
-from pincette_supervisor.site import Site
-from pincette_supervisor.store import Store
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.records import archive
+from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.health import Health
+from pincette_supervisor.running.observer import Observer
+from pincette_supervisor.running.site import Site
 
 from . import samples
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile
-from pincette_supervisor import record
+from pincette_supervisor.records import record
 
 from . import samples
 from .rig import Desk

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pincette.config import RigFile
-from pincette_supervisor import record
+from pincette_supervisor.records import record
 
 from . import samples
 from .rig import Desk

@@ -10,11 +10,15 @@ import pyarrow.parquet
 import pytest
 
 from pincette.config import RigFile
-from pincette_supervisor import archive, record
-from pincette_supervisor.drawing import HEIGHT_PX, WIDTH_PX
-from pincette_supervisor.planning import plan_job
-from pincette_supervisor.request_models import AnyJobRequest, GripJobRequest, TrackJobRequest
-from pincette_supervisor.store import JobRow
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.records import archive, record
+from pincette_supervisor.records.drawing import HEIGHT_PX, WIDTH_PX
+from pincette_supervisor.schemas.request_models import (
+    AnyJobRequest,
+    GripJobRequest,
+    TrackJobRequest,
+)
 
 from . import samples
 

@@ -7,9 +7,9 @@ from math import sqrt
 import pytest
 
 from pincette.messages import Applied, Message
-from pincette_supervisor.columns import COLUMNS, columns, missed
-from pincette_supervisor.result import grip_result
-from pincette_supervisor.result_models import GripResult
+from pincette_supervisor.records.columns import COLUMNS, columns, missed
+from pincette_supervisor.records.result import grip_result
+from pincette_supervisor.schemas.result_models import GripResult
 
 from . import samples
 from .samples import PERIOD_S, PLANT, Tick

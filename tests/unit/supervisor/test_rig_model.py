@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pincette.config import ConfigError, RigFile
-from pincette_supervisor.rig_model import RigModel
-from pincette_supervisor.store import Store
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.model.rig_model import RigModel
 
 NOISE, COMPLIANCE = "sensor.noise_um", "model.compliance_um_per_mN"
 

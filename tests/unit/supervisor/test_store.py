@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pincette_supervisor.store import SCHEMA_VERSION, ActionRow, JobRow, Store, StoreError
+from pincette_supervisor.journal.store import SCHEMA_VERSION, ActionRow, JobRow, Store, StoreError
 
 AT = "2026-03-01T12:00:00.000Z"
 

@@ -6,7 +6,7 @@ from math import cos, exp, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.control.planning.sweep import Sweep, sweep_V
+from pincette.control.planning.sweep import Sweep, SweptVoltages
 from pincette.sim.hysteresis import BoucWen, advance_hysteresis
 
 SECOND_MODE = 6.27
@@ -40,7 +40,7 @@ def recorded(seed: int, sweep: Sweep) -> Recorded:
     creep = float(chance.uniform(0.01, 0.02))
     poled_V = float(chance.uniform(-1.0, 1.0))
     rest = np.zeros(round(0.5 * sweep.rate_hz))
-    drive_V = np.concatenate([rest, sweep_V(sweep, 0.0), rest])
+    drive_V = np.concatenate([rest, SweptVoltages(sweep, 0.0)[:], rest])
     dt_s = 1.0 / sweep.rate_hz
     h = advance_hysteresis(shape, advance_hysteresis(shape, 0.0, poled_V), -poled_V)
     creeping = -creep * np.expm1(-dt_s / np.array(CREEP_TIMES_S))

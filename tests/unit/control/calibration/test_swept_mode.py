@@ -5,7 +5,7 @@ import pytest
 
 from pincette.control.calibration.resonance import fit_second_order
 from pincette.control.calibration.swept_mode import SweptMode, swept_mode
-from pincette.control.planning.sweep import Sweep, sweep_V
+from pincette.control.planning.sweep import Sweep, SweptVoltages
 
 from .bench import PERIOD_S, Bench, drawn, percent, table, truth
 from .sweeping import Recorded, recorded
@@ -69,7 +69,7 @@ def test_mode_of_simulated_rigs_as_they_are_captured() -> None:
         bench.rig.begin_capture(SWEEP.rate_hz)
         for _ in range(50):
             bench.tick(0.0)
-        bench.rig.put_out_wave(sweep_V(SWEEP, 0.0), SWEEP.rate_hz)
+        bench.rig.put_out_wave(SweptVoltages(SWEEP, 0.0)[:], SWEEP.rate_hz)
         for _ in range(round((SWEEP.duration_s + 1.0) / PERIOD_S)):
             bench.rig.go_on()
         x_um, drive_V = bench.rig.drain()

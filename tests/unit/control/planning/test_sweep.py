@@ -6,13 +6,13 @@ from math import log, pi
 import numpy as np
 import pytest
 
-from pincette.control.planning.sweep import Sweep, sweep_V
+from pincette.control.planning.sweep import Sweep, SweptVoltages
 
 SWEEP = Sweep(5.0, 800.0, 4.0, 0.05, 20_000.0)
 
 
 def test_begins_and_ends_at_rest_and_keeps_its_amplitude() -> None:
-    wave = np.array(sweep_V(SWEEP, 1.5))
+    wave = np.array(SweptVoltages(SWEEP, 1.5)[:])
     assert wave.size == 80_001
     assert wave[0] == wave[-1] == 1.5
     assert np.max(np.abs(wave - 1.5)) == pytest.approx(0.05, rel=1e-3)
@@ -21,7 +21,7 @@ def test_begins_and_ends_at_rest_and_keeps_its_amplitude() -> None:
 
 @pytest.mark.parametrize("t_s", [1.0, 2.0, 3.0])
 def test_the_frequency_rises_by_a_constant_factor(t_s: float) -> None:
-    wave = np.array(sweep_V(SWEEP, 0.0))
+    wave = np.array(SweptVoltages(SWEEP, 0.0)[:])
     crossings = np.flatnonzero((wave[:-1] < 0.0) & (wave[1:] >= 0.0)) / SWEEP.rate_hz
     after = int(np.searchsorted(crossings, t_s))
     wanted_hz = 5.0 * 160.0 ** (crossings[after] / 4.0)
@@ -30,13 +30,13 @@ def test_the_frequency_rises_by_a_constant_factor(t_s: float) -> None:
 
 
 def test_every_octave_gets_the_same_time() -> None:
-    wave = np.array(sweep_V(SWEEP, 0.0))
+    wave = np.array(SweptVoltages(SWEEP, 0.0)[:])
     turns = np.count_nonzero((wave[:-1] < 0.0) & (wave[1:] >= 0.0))
     assert turns == pytest.approx(795.0 * 4.0 / log(160.0), abs=2)
 
 
 def test_the_slew_is_that_of_the_highest_frequency() -> None:
-    steps = np.abs(np.diff(sweep_V(replace(SWEEP, taper_s=0.01), 0.0))) * SWEEP.rate_hz
+    steps = np.abs(np.diff(SweptVoltages(replace(SWEEP, taper_s=0.01), 0.0)[:])) * SWEEP.rate_hz
     assert SWEEP.slew_V_per_s == 2.0 * pi * 800.0 * 0.05
     assert np.max(steps) == pytest.approx(SWEEP.slew_V_per_s, rel=0.02)
 

@@ -39,8 +39,8 @@ def ramp(*to_V: float, rest: int = 0) -> list[float]:
 
 
 def test_a_ramp_and_a_rest_are_one_piece() -> None:
-    pieces = remembered([0.5, 1.0, 1.5, 1.5, 1.5]).pieces
-    assert pieces == (Piece(1.5, pytest.approx(3 * T), pytest.approx(2 * T)),)
+    (piece,) = remembered([0.5, 1.0, 1.5, 1.5, 1.5]).pieces
+    assert piece == pytest.approx(Piece(1.5, 3 * T, 2 * T))
 
 
 def test_turning_points_are_kept_and_small_ones_are_not() -> None:

@@ -1,0 +1,1 @@
+"""From the samples of a calibration to what they say."""

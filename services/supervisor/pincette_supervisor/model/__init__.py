@@ -1,0 +1,1 @@
+"""The model in use, its versions, and what calibrations propose."""

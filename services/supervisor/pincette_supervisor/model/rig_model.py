@@ -1,0 +1,155 @@
+"""The model in use: the rig file, and over it the version of a model that was accepted."""
+
+import json
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pincette.config import Calibration, ConfigError, RigFile, calibrated
+from pincette_supervisor.journal.store import Store, utc_now
+from pincette_supervisor.model.model_file import ModelFiles, StoredModel
+
+RIG_FILE_ALONE = 0
+"""Version that stands for no model."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelInUse:
+    """A rig with a model, and what the model is."""
+
+    rig: RigFile
+    """The rig file with the model's values in place of its own."""
+    rig_file_digest: str
+    version: int = RIG_FILE_ALONE
+    calibration: Calibration = field(default_factory=Calibration)
+    uncertainties: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
+
+    @property
+    def digest(self) -> str:
+        """Of the values; empty: the rig file alone."""
+        return self.calibration.digest
+
+    @property
+    def stamp(self) -> dict[str, Any]:
+        """As jobs and records name it."""
+        return {"version": self.version, "digest": self.digest}
+
+
+def rig_file_alone(rig: RigFile) -> ModelInUse:
+    """A rig of which nothing has been calibrated."""
+    return ModelInUse(rig, rig.digest())
+
+
+class RigModel:
+    """Which model a rig is used with; kept beyond a restart.
+
+    A model that was chosen over another rig file is not laid over this one without a person's
+    word: until then nothing is in use but the rig file, and ``trouble`` says why.
+    """
+
+    def __init__(self, rig_file: RigFile, folder: Path, store: Store) -> None:
+        self.file = rig_file
+        self.trouble = ""
+        self.files = ModelFiles(folder / rig_file.rig.name)
+        self._store = store
+        self._note = f"model in use: {rig_file.rig.name}"
+        self._lock = threading.Lock()
+        self.in_use = rig_file_alone(rig_file)
+        self._take_up()
+
+    @property
+    def rig(self) -> RigFile:
+        """The rig file with the model in use."""
+        return self.in_use.rig
+
+    @property
+    def digest(self) -> str:
+        """Of the rig file, which all programs must agree on."""
+        return self.in_use.rig_file_digest
+
+    def _take_up(self) -> None:
+        """Go on with the model that was in use before a restart."""
+        noted = self._store.noted(self._note)
+        if noted is None:
+            return
+        version, digest = json.loads(noted)
+        if version == RIG_FILE_ALONE:
+            return
+        try:
+            if digest != self.digest:
+                raise ConfigError(
+                    f"model {version} was in use with rig file {digest}, this one is {self.digest}"
+                )
+            self.in_use = self._laid(self.files.read(version))
+        except ConfigError as error:
+            name = self.file.rig.name
+            self.trouble = (
+                f"{error}; nothing but the rig file is in use: POST /api/v1/rigs/{name}/model/"
+                f"actions use version {version} where it still holds, or version 0"
+            )
+
+    def _laid(self, model: StoredModel) -> ModelInUse:
+        calibration = model.calibration
+        return ModelInUse(
+            calibrated(self.file, calibration),
+            self.digest,
+            model.version,
+            calibration,
+            model.uncertainties,
+        )
+
+    def use(self, version: int) -> None:
+        """Use a version, or with 0 the rig file alone.
+
+        Raises
+        ------
+        ConfigError
+            Where there is no such version, or it makes an impossible rig.
+        """
+        with self._lock:
+            chosen = (
+                rig_file_alone(self.file)
+                if version == RIG_FILE_ALONE
+                else self._laid(self.files.read(version))
+            )
+            self._choose(chosen)
+
+    def add(
+        self, values: Mapping[str, Any], uncertainties: Mapping[str, float | None], source: str
+    ) -> ModelInUse:
+        """Lay values over the model in use as a new version, and use it.
+
+        Raises
+        ------
+        ConfigError
+            Where they make an impossible rig.
+        OSError
+            Where the file cannot be written; nothing has changed then.
+        """
+        with self._lock:
+            before = self.in_use
+            calibration = Calibration(
+                values={**before.calibration.values, **values},
+                sources={**before.calibration.sources, **dict.fromkeys(values, source)},
+            )
+            model = StoredModel(
+                version=max(self.files.numbers(), default=0) + 1,
+                digest=calibration.digest,
+                rig=self.file.rig.name,
+                rig_file_digest=self.digest,
+                made_at=utc_now(),
+                values=calibration.values,
+                sources=calibration.sources,
+                uncertainties={**before.uncertainties, **uncertainties},
+                previous=before.digest,
+            )
+            laid = self._laid(model)
+            self.files.write(model)
+            self._choose(laid)
+            return laid
+
+    def _choose(self, chosen: ModelInUse) -> None:
+        self._store.note(self._note, json.dumps([chosen.version, self.digest]))
+        self.in_use, self.trouble = chosen, ""

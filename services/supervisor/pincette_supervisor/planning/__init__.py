@@ -1,0 +1,1 @@
+"""From a request to a program for the controller."""

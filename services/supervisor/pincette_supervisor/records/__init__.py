@@ -1,0 +1,1 @@
+"""A job's samples, its result, its pictures, its folder."""

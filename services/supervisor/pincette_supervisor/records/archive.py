@@ -1,0 +1,126 @@
+"""From the samples of a job to its folder and its result."""
+
+import os
+import sys
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pincette import __version__
+from pincette.config import RigFile
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.laws.law import build
+from pincette.messages import Message
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.records import record as files
+from pincette_supervisor.records.columns import Columns, columns
+from pincette_supervisor.records.grip_plot import picture
+from pincette_supervisor.records.result import grip_result
+from pincette_supervisor.records.track_result import track_result
+from pincette_supervisor.schemas.result_models import GripResult, TrackResult
+
+NICENESS = 10
+
+
+def archivist() -> ThreadPoolExecutor:
+    """One thread that makes records, and lets every other program of the machine go first.
+
+    The loop may still hold a part while a record is drawn, and must not wait for it.
+    """
+    return ThreadPoolExecutor(1, thread_name_prefix="archive", initializer=_step_back)
+
+
+def _step_back() -> None:
+    if sys.platform == "linux":  # where a thread has a priority of its own
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+
+
+@dataclass(frozen=True, slots=True)
+class Take:
+    """What a run has gathered: messages of one epoch, and how many found no room."""
+
+    epoch: int
+    messages: Sequence[Message]
+    dropped: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A job's samples in columns, and what came of them."""
+
+    job: JobRow
+    rig: RigFile
+    planned: Planned
+    table: Columns
+    result: GripResult | TrackResult
+    epoch: int
+    fault: str = ""
+    """Why the samples do not give what was asked for: never, of a job whose outcome says so."""
+
+    @property
+    def tree(self) -> dict[str, Any]:
+        """The result as it is stored and sent."""
+        return self.result.model_dump(mode="json")
+
+    def write(self, folder: Path) -> None:
+        """Write samples, plot, request, result and manifest; raises OSError."""
+        folder.mkdir(parents=True, exist_ok=True)
+        rig, job, planned = self.rig, self.job, self.planned
+        whose = about(planned, job, self.epoch)
+        files.write_samples(folder / files.SAMPLES, self.table, whose)
+        drawn = picture(
+            self.table,
+            self.result,
+            name=f"{rig.rig.name} · {job.id}",
+            period_s=rig.rig.period_s,
+        )
+        files.write_bytes(folder / files.PLOTS[planned.plan.kind], drawn)
+        request = {"request": job.request, "values": planned.values, "plan": job.plan}
+        files.write_json(folder / files.REQUEST, request)
+        files.write_json(folder / files.RESULT, self.tree)
+        files.write_manifest(folder, whose)
+
+
+def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
+    """Whose a record is, and with which rig file and model it was made."""
+    model = planned.model
+    return {
+        "job": job.id,
+        "rig": model.rig.rig.name,
+        "rig_file_digest": model.rig_file_digest,
+        "model_version": str(model.version),
+        "model_digest": model.digest,
+        "epoch": str(epoch),
+        "period_s": repr(model.rig.rig.period_s),
+        "created_at": job.created_at,
+        "pincette": __version__,
+    }
+
+
+def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
+    """Join the samples and work out the result."""
+    period_s = rig.rig.period_s
+    table = columns(take.messages, period_s)
+    path, plant, dropped = planned.path, _plant(rig, planned), take.dropped
+    if path is None:
+        result = grip_result(
+            table,
+            plant=plant,
+            period_s=period_s,
+            target_mN=planned.values["force_mN"],
+            dropped=dropped,
+        )
+    else:
+        result = track_result(table, plant=plant, path=path, period_s=period_s, dropped=dropped)
+    return Record(job, rig, planned, table, result, take.epoch)
+
+
+def _plant(rig: RigFile, planned: Planned) -> DifferenceEquation:
+    """The arm as the parameter set of the job's law has it."""
+    (settings,) = planned.program.laws
+    model = rig.model
+    return build(settings, model.arm(), rig.rig.period_s, model.force_filter_s).parameters.plant

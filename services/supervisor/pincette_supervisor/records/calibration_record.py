@@ -1,0 +1,102 @@
+"""From the samples of a calibration to its result and its folder."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pincette.config import RigFile
+from pincette.messages import Message
+from pincette_supervisor.analysis.analyse import analyse
+from pincette_supervisor.analysis.findings import Analysis
+from pincette_supervisor.analysis.samples import acquisition
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.model.quantities import ASSUMED
+from pincette_supervisor.planning.calibration_plans import rests_on
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.records import record as files
+from pincette_supervisor.records.archive import Take, about
+from pincette_supervisor.records.calibration_plots import picture
+from pincette_supervisor.records.columns import Columns, columns
+from pincette_supervisor.records.result import course, outcome_of
+from pincette_supervisor.schemas.calibration_models import CalibrationResult
+from pincette_supervisor.schemas.states import GOOD_OUTCOMES
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationRecord:
+    """A calibration's samples in columns, and what came of them."""
+
+    job: JobRow
+    planned: Planned
+    table: Columns
+    messages: Sequence[Message]
+    result: CalibrationResult
+    analysis: Analysis | None
+    epoch: int
+    fault: str
+    """Why a motion that was played to its end gives no values; empty where it does."""
+
+    @property
+    def tree(self) -> dict[str, Any]:
+        """The result as it is stored and sent."""
+        return self.result.model_dump(mode="json")
+
+    def write(self, folder: Path) -> None:
+        """Write samples, plot, request, result and manifest; raises OSError."""
+        folder.mkdir(parents=True, exist_ok=True)
+        whose = about(self.planned, self.job, self.epoch)
+        files.write_samples(folder / files.SAMPLES, self.table, whose)
+        try:
+            acquired = acquisition(self.messages)
+        except ValueError:
+            acquired = None  # the result's statement says what is missing
+        if acquired is not None:
+            rate = {**whose, "rate_hz": repr(acquired.rate_hz)}
+            files.write_burst(
+                folder / files.BURST, acquired.x_um.tolist(), acquired.drive_V.tolist(), rate
+            )
+        name = f"{self.planned.model.rig.rig.name} · {self.job.id}"
+        drawn = picture(self.table, self.result, self.analysis, name=name)
+        files.write_bytes(folder / files.PLOTS["calibrate"], drawn)
+        request = {
+            "request": self.job.request,
+            "values": self.planned.values,
+            "plan": self.job.plan,
+        }
+        files.write_json(folder / files.REQUEST, request)
+        files.write_json(folder / files.RESULT, self.tree)
+        files.write_manifest(folder, whose)
+
+
+def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> CalibrationRecord:
+    """Join the samples, and where the motion was played to its end, analyse them."""
+    table = columns(take.messages, rig.rig.period_s)
+    outcome, analysis, fault = outcome_of(table), None, ""
+    if outcome in GOOD_OUTCOMES:
+        try:
+            analysis = analyse(planned, table, take.messages)
+        except ValueError as error:
+            fault = f"no values: {error}"
+    name = planned.values["calibration"]
+    resting = rests_on(name, planned.model)
+    result = CalibrationResult(
+        **course(table, period_s=rig.rig.period_s, dropped=take.dropped),
+        calibration=name,
+        values=[] if analysis is None else list(analysis.values),
+        figures=[] if analysis is None else list(analysis.figures),
+        residuals=None if analysis is None else analysis.residuals,
+        statement=fault if analysis is None else analysis.statement,
+        warnings=[
+            *(() if analysis is None else analysis.warnings),
+            *(
+                f"rests on {item.quantity}, which is assumed: calibrate it first"
+                for item in resting
+                if item.source == ASSUMED
+            ),
+        ],
+        rests_on=resting,
+    )
+    return CalibrationRecord(
+        job, planned, table, take.messages, result, analysis, take.epoch, fault
+    )

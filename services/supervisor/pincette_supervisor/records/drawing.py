@@ -1,0 +1,185 @@
+"""What pictures of jobs have in common: size, colours, axes over time, phases, legends."""
+
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from pincette_supervisor.records.columns import Columns
+from pincette_supervisor.records.figures import Series, series
+from pincette_supervisor.schemas.result_models import JobResult
+
+# Matplotlib's keyword arguments carry no types.
+Axis = Any
+
+WIDTH_PX, HEIGHT_PX, DPI = 1400, 1180, 140
+INK, FAINT = "#22282f", "#8a939c"
+MEASURED, REFERENCE, TRUE = "#1f5f8b", "#d1792b", "#3f8f5f"
+SHADES: Mapping[str, str] = {
+    "zero": "#eef1f4",
+    "approach": "#e4ebf2",
+    "contact": "#f6ecd9",
+    "load": "#f3e0cf",
+    "hold": "#dfeee4",
+    "settle": "#eef1f4",
+    "track": "#dfeee4",
+    "unload": "#f3e0cf",
+    "retreat": "#e4ebf2",
+    "stopping": "#f2dada",
+}
+SHORT_SHARE = 0.045
+"""A phase narrower than this share of the time is named upright."""
+
+
+class Sheet:
+    """An empty picture, 1400 by 1180 pixels."""
+
+    def __init__(self) -> None:
+        size = (WIDTH_PX / DPI, HEIGHT_PX / DPI)
+        self.figure: Any = Figure(figsize=size, dpi=DPI, facecolor="white")
+        self._canvas: Any = FigureCanvasAgg(self.figure)
+
+    def head(self, left: float, title: str, subtitle: str, name: str) -> None:
+        """Write what came of it, and whose it is."""
+        self.figure.text(left, 0.962, title, fontsize=12.5, color=INK, weight="bold")
+        self.figure.text(left, 0.936, subtitle, fontsize=9, color=INK)
+        self.figure.text(0.985, 0.966, name, fontsize=8, color=FAINT, ha="right")
+
+    def png(self) -> bytes:
+        """The picture as a PNG."""
+        stream = BytesIO()
+        self._canvas.print_png(stream)
+        return stream.getvalue()
+
+
+def prepare(axis: Axis, y_label: str = "", x_label: str = "") -> None:
+    """Give axes their style and names."""
+    for side in ("top", "right"):
+        axis.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axis.spines[side].set_color(FAINT)
+    axis.tick_params(colors=INK, labelsize=8.5, length=3)
+    axis.grid(axis="y", color="white", linewidth=0.9)
+    axis.set_axisbelow(True)
+    axis.yaxis.label.set(size=9.5, color=INK)
+    axis.xaxis.label.set(size=9.5, color=INK)
+    axis.margins(y=0.1)
+    axis.set_ylabel(y_label)
+    axis.set_xlabel(x_label)
+
+
+def shade(axis: Axis, result: JobResult) -> None:
+    """Colour the phases."""
+    for phase in result.phases:
+        colour = SHADES.get(phase.phase, "#f0f0f0")
+        end_s = phase.start_s + phase.duration_s
+        axis.axvspan(phase.start_s, end_s, facecolor=colour, edgecolor="none", zorder=0)
+
+
+def name_phases(axis: Axis, result: JobResult, begin_s: float, end_s: float) -> None:
+    """Write the names of the phases that are seen above the axes."""
+    for phase in result.phases:
+        since = max(begin_s, phase.start_s)
+        until = min(end_s, phase.start_s + phase.duration_s)
+        if until <= since:
+            continue
+        narrow = until - since < SHORT_SHARE * (end_s - begin_s)
+        axis.annotate(
+            phase.phase,
+            (0.5 * (since + until), 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 4),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            rotation=90 if narrow else 0,
+            fontsize=8 if narrow else 9,
+            color=INK,
+        )
+
+
+def end_of(table: Columns, period_s: float) -> float:
+    """End of the last sample."""
+    return float(table["t_s"][-1]) + period_s if table["t_s"] else 1.0
+
+
+def line(
+    axis: Axis,
+    t_s: Series,
+    values: Series,
+    color: str,
+    label: str,
+    *,
+    width: float = 1.3,
+    dashed: bool = False,
+) -> None:
+    """Draw a line, with gaps where samples never came."""
+    style = (0, (4, 2)) if dashed else "solid"
+    axis.plot(t_s, values, color=color, linewidth=width, linestyle=style, label=label)
+
+
+def position(axis: Axis, t_s: Series, table: Columns, *, columns: int = 1) -> None:
+    """Draw x and x_r."""
+    line(axis, t_s, series(table, "x_um"), MEASURED, "$x$ measured")
+    line(axis, t_s, series(table, "x_r_um"), REFERENCE, "$x_r$ reference", dashed=True)
+    legend(axis, columns=columns)
+
+
+def force(axis: Axis, t_s: Series, table: Columns, *, columns: int = 1) -> None:
+    """Draw F̂ with its uncertainty, F_r, and the true force where it is known."""
+    estimated, spread = series(table, "force_mN"), series(table, "force_uncertainty_mN")
+    # Before the first zero an estimate has no reference, and its uncertainty no bound.
+    zeroed = ~np.isnan(series(table, "zero_age_s"))
+    estimated, spread = np.where(zeroed, estimated, np.nan), np.where(zeroed, spread, np.nan)
+    axis.fill_between(
+        t_s,
+        estimated - spread,
+        estimated + spread,
+        color=MEASURED,
+        alpha=0.2,
+        linewidth=0,
+        label="uncertainty",
+    )
+    line(axis, t_s, estimated, MEASURED, "$F$ estimated")
+    line(axis, t_s, series(table, "force_r_mN"), REFERENCE, "$F_r$ reference", dashed=True)
+    if knows_truth(table):
+        true = series(table, "true_force_mN")
+        line(axis, t_s, true, TRUE, "$F$ true (simulation)", width=1.0)
+    legend(axis, columns=columns)
+
+
+def knows_truth(table: Columns) -> bool:
+    """Whether a simulated rig has told the true force."""
+    return any(value is not None for value in table["true_force_mN"])
+
+
+def legend(axis: Axis, *, columns: int = 1) -> None:
+    """Name the lines."""
+    axis.legend(
+        loc="upper left",
+        fontsize=8.5,
+        frameon=False,
+        labelcolor=INK,
+        handlelength=1.8,
+        columnspacing=1.2,
+        ncols=columns,
+    )
+
+
+def make_room(axis: Axis, share: float = 0.16) -> None:
+    """Leave room above the lines for the legend."""
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, high + share * (high - low))
+
+
+def contact_words(result: JobResult) -> Sequence[str]:
+    """Where the contact is and how stiff, as far as it is known."""
+    if result.contact_stiffness_mN_per_um is None or result.contact_x_um is None:
+        return ()
+    return (
+        f"contact at {result.contact_x_um:.2f} µm, "
+        f"stiffness {result.contact_stiffness_mN_per_um:.2f} mN/µm",
+    )

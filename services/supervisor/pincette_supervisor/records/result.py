@@ -1,0 +1,173 @@
+"""What a job came to, from its columns; pure."""
+
+from collections.abc import Sequence
+from typing import Any, cast
+
+import numpy as np
+
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.planning.contact_line import ContactFit, ContactLine
+from pincette.messages import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
+from pincette_supervisor.records import figures
+from pincette_supervisor.records.columns import Columns, missed
+from pincette_supervisor.records.figures import Mask, series, within
+from pincette_supervisor.records.law_result import law_figures
+from pincette_supervisor.schemas.result_models import (
+    ActionTaken,
+    GripResult,
+    LimitActed,
+    Phase,
+)
+from pincette_supervisor.schemas.states import ActionType
+
+SETTLE_S = 0.5
+"""Left out at the begin of the hold, or a quarter of it where it is shorter than 2 s."""
+PRESSED = ("load", "hold", "settle", "track", "unload")
+LIMITS = {
+    VOLTAGE_MAX: "voltage_max",
+    VOLTAGE_MIN: "voltage_min",
+    SLEW_UP: "slew_up",
+    SLEW_DOWN: "slew_down",
+}
+"""The actuator's bits of ``limits_active``."""
+TRIPPED = ("frozen", "ramping", "latched")
+
+
+def grip_result(
+    table: Columns,
+    *,
+    plant: DifferenceEquation,
+    period_s: float,
+    target_mN: float,
+    dropped: int,
+) -> GripResult:
+    """Figures of a grip.
+
+    Parameters
+    ----------
+    table
+        Columns of the epoch, a row for each sample; see ``columns``.
+    plant
+        The arm as the law's parameter set has it.
+    target_mN
+        The force that was asked for.
+    dropped
+        Messages that found no room on their way here.
+    """
+    hold = _settled_hold(table["phase"], period_s)
+    force, error_mN = series(table, "force_mN"), force_error(table)
+    return GripResult(
+        **common(table, plant=plant, period_s=period_s, dropped=dropped),
+        force_target_mN=target_mN,
+        force_held_mN=figures.mean(force, hold),
+        force_error_mN=figures.mean(error_mN, hold),
+        force_uncertainty_mN=figures.mean(series(table, "force_uncertainty_mN"), hold),
+        zero_age_s=figures.last_of(table, "zero_age_s", hold),
+        rmse_position_um=figures.rms(position_error(table), hold),
+        rmse_force_mN=figures.rms(error_mN, hold),
+        true_force_held_mN=figures.mean(series(table, "true_force_mN"), hold),
+    )
+
+
+def common(
+    table: Columns, *, plant: DifferenceEquation, period_s: float, dropped: int
+) -> dict[str, Any]:
+    """Figures that every job has, by the fields of ``JobResult``."""
+    pressed = within(table, PRESSED)
+    zeroed = ~np.isnan(series(table, "zero_age_s"))
+    line = contact_fit(table)
+    return {
+        **course(table, period_s=period_s, dropped=dropped),
+        "contact_x_um": figures.last(table["contact_x_um"]),
+        "contact_x_error_um": None if line is None else line.x_e_error_um,
+        "contact_stiffness_mN_per_um": figures.last(table["contact_stiffness_mN_per_um"]),
+        "contact_stiffness_error_mN_per_um": None if line is None else line.K_e_error_mN_per_um,
+        "peak_force_mN": figures.largest(series(table, "force_mN"), zeroed),
+        "final_force_mN": figures.last(table["force_mN"]),
+        "contact_rmse_position_um": figures.rms(position_error(table), pressed),
+        "contact_rmse_force_mN": figures.rms(force_error(table), pressed),
+        **law_figures(table, plant),
+    }
+
+
+def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
+    """How a job went, whatever it was for."""
+    answered = [value for value in table["answered"] if value is not None]
+    return {
+        "outcome": outcome_of(table),
+        "phases": phases(table["phase"], table["t_s"], period_s),
+        "limits_acted": _limits(table),
+        "actions": [
+            ActionTaken(type=cast(ActionType, word), seq=seq)
+            for seq, words in zip(table["seq"], table["acted"], strict=True)
+            for word in (words or "").split()
+        ],
+        "samples": len(table["seq"]),
+        "missed_ticks": missed(table),
+        "unanswered_ticks": answered.count(False),
+        "dropped_messages": dropped,
+    }
+
+
+def position_error(table: Columns) -> figures.Series:
+    """Return x - x_r."""
+    return series(table, "x_um") - series(table, "x_r_um")
+
+
+def force_error(table: Columns) -> figures.Series:
+    """Return F̂ - F_r."""
+    return series(table, "force_mN") - series(table, "force_r_mN")
+
+
+def contact_fit(table: Columns) -> ContactFit | None:
+    """The contact line over the load, as the controller fits it; for its standard errors."""
+    line = ContactLine()
+    rows = zip(table["phase"], table["x_um"], table["force_mN"], table["force_r_mN"], strict=True)
+    for phase, *row in rows:
+        if phase == "load" and None not in row:
+            line = line.add(*cast("list[float]", row))
+    return line.fit()
+
+
+def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -> list[Phase]:
+    """Runs of one phase, in order; a sample without a name belongs to the phase before it."""
+    found: list[tuple[str, float, float]] = []
+    for name, start_s in zip(names, t_s, strict=True):
+        if name is not None and (not found or found[-1][0] != name):
+            found.append((name, start_s, start_s))
+        if found:
+            found[-1] = (*found[-1][:2], start_s + period_s)
+    return [
+        Phase(phase=name, start_s=start_s, duration_s=end_s - start_s)
+        for name, start_s, end_s in found
+    ]
+
+
+def outcome_of(table: Columns) -> str:
+    """The controller's last word; the actuator's where it tripped."""
+    if any(state in TRIPPED for state in table["actuator_state"]):
+        return "tripped"
+    said = [outcome for outcome in table["outcome"] if outcome]
+    if said:
+        return str(said[-1])
+    released = any("release" in (words or "") for words in table["acted"])
+    return "released" if released else "unfinished"
+
+
+def _settled_hold(phase: Sequence[str | None], period_s: float) -> Mask:
+    hold = np.array([name == "hold" for name in phase], dtype=np.bool_)
+    places = np.flatnonzero(hold)
+    skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
+    hold[places[:skipped]] = False
+    return hold
+
+
+def _limits(table: Columns) -> list[LimitActed]:
+    acted: dict[str, list[int]] = {}
+    for seq, bits in zip(table["seq"], table["limits_active"], strict=True):
+        for bit, name in LIMITS.items():
+            if cast("int | None", bits) and bits & bit:
+                acted.setdefault(name, []).append(seq)
+    return [
+        LimitActed(limit=name, first_seq=seqs[0], samples=len(seqs)) for name, seqs in acted.items()
+    ]

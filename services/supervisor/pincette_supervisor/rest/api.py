@@ -1,0 +1,89 @@
+"""The REST application of one rig."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.responses import JSONResponse
+
+from pincette import __version__
+from pincette_supervisor.rest import routes_calibrations, routes_jobs, routes_rigs
+from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.schemas import problems
+from pincette_supervisor.schemas.calibration_models import CalibrationResult
+from pincette_supervisor.schemas.problem_models import Problem
+from pincette_supervisor.schemas.result_models import GripResult, TrackResult
+
+BASE = "/api/v1"
+MODELS = (Problem, GripResult, TrackResult, CalibrationResult)
+"""Models the OpenAPI document shows although no route names them."""
+
+
+def create_app(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> FastAPI:
+    """Build the application; pages that load scripts from elsewhere are left out."""
+    app = FastAPI(
+        title="pincette supervisor",
+        version=__version__,
+        description="Plans, runs and records jobs of a piezoelectric microgripper. "
+        "Units are in the names: µm, mN, V, s. Errors are problem documents (RFC 9457).",
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/openapi.json",
+    )
+    problems.install(app)
+    app.include_router(routes_rigs.routes(conductor, estop_pool), prefix=BASE)
+    app.include_router(routes_jobs.routes(conductor), prefix=BASE)
+    app.include_router(routes_calibrations.routes(conductor), prefix=BASE)
+    _probes(app, conductor)
+    plain: Callable[[], dict[str, Any]] = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            _complete(plain())
+        return plain()
+
+    app.openapi = openapi
+    return app
+
+
+def _complete(document: dict[str, Any]) -> None:
+    """Add models that no route names, and leave out FastAPI's own form of an error."""
+    schemas = document["components"]["schemas"]
+    for model in MODELS:
+        tree = model.model_json_schema(ref_template="#/components/schemas/{model}")
+        schemas.update(tree.pop("$defs", {}))
+        schemas[model.__name__] = tree
+    for unused in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(unused, None)
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            if "HTTPValidationError" in str(operation["responses"].get("422")):
+                del operation["responses"]["422"]
+
+
+def _probes(app: FastAPI, conductor: Conductor) -> None:
+    """Three probes that ask three questions: alive, able to serve, and which version."""
+
+    @app.get("/livez", tags=["probes"])
+    async def livez() -> dict[str, str]:  # pyright: ignore[reportUnusedFunction]
+        """Whether the event loop turns."""
+        return {"status": "alive"}
+
+    @app.get("/readyz", tags=["probes"], responses={503: {"description": "with the reasons"}})
+    def readyz() -> JSONResponse:  # pyright: ignore[reportUnusedFunction]
+        """Whether every program of the rig answers and agrees on the rig file."""
+        health = conductor.site.health
+        health.refresh()
+        reasons = [f"{program}: {trouble}" for program, trouble in health.troubles().items()]
+        status = "not ready" if reasons else "ready"
+        return JSONResponse(
+            {"status": status, "reasons": reasons}, status_code=503 if reasons else 200
+        )
+
+    @app.get("/version", tags=["probes"])
+    async def version() -> dict[str, str]:  # pyright: ignore[reportUnusedFunction]
+        """The program's version and the rig it serves."""
+        site = conductor.site
+        name = site.rig.rig.name
+        return {"version": __version__, "rig": name, "rig_file_digest": site.digest}

@@ -1,0 +1,57 @@
+"""Calibrations and the model in use over REST."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+
+from pincette_supervisor.rest.routes_jobs import take
+from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.schemas.calibration_models import CalibrationPlan
+from pincette_supervisor.schemas.calibration_requests import CalibrationBody
+from pincette_supervisor.schemas.job_models import Job
+from pincette_supervisor.schemas.problem_models import responses
+from pincette_supervisor.schemas.proposal_models import Proposal, ProposalAction, ProposalList
+
+
+def routes(conductor: Conductor) -> APIRouter:
+    """Everything under ``/calibrations``."""
+    router = APIRouter(prefix="/calibrations", tags=["calibrations"])
+
+    @router.post(
+        "",
+        status_code=201,
+        response_model=Job | CalibrationPlan,
+        responses={
+            200: {"model": CalibrationPlan, "description": "dry run: the plan"},
+            201: {"model": Job, "description": "taken; Location names its job"},
+            **responses(404, 409, 422, 503),
+        },
+    )
+    def create(  # pyright: ignore[reportUnusedFunction]
+        body: CalibrationBody,
+        response: Response,
+        dry_run: Annotated[bool, Query(description="plan only")] = False,
+    ) -> object:
+        """Take a calibration: the same as a job of the kind ``calibrate``."""
+        return take(conductor, body, response, dry_run=dry_run)
+
+    @router.get("", responses=responses(422))
+    def proposals(  # pyright: ignore[reportUnusedFunction]
+        limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    ) -> ProposalList:
+        """What calibrations that succeeded propose, the newest first."""
+        return ProposalList(calibrations=conductor.calibrations.newest(limit))
+
+    @router.get("/{calibration}", responses=responses(404))
+    def proposal(calibration: str) -> Proposal:  # pyright: ignore[reportUnusedFunction]
+        """One proposal beside what is in use; its name is that of its job."""
+        return conductor.calibrations.one(calibration)
+
+    @router.post("/{calibration}/actions", responses=responses(404, 409, 422, 503))
+    def act(  # pyright: ignore[reportUnusedFunction]
+        calibration: str, body: ProposalAction
+    ) -> Proposal:
+        """Accept a proposal, which makes a version of the model and uses it, or discard it."""
+        return conductor.decide(calibration, body.type)
+
+    return router

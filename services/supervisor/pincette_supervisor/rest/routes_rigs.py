@@ -1,0 +1,63 @@
+"""Rigs over REST, and the emergency stop."""
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+
+from fastapi import APIRouter
+
+from pincette_supervisor.model.model_view import model_view
+from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.view import rig_view
+from pincette_supervisor.schemas import problems
+from pincette_supervisor.schemas.problem_models import responses
+from pincette_supervisor.schemas.proposal_models import ModelAction, ModelView
+from pincette_supervisor.schemas.rig_models import ResetRequest, Rig, RigList, Stopped
+
+
+def routes(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> APIRouter:
+    """Everything under ``/rigs``; the emergency stop has threads of its own."""
+    router = APIRouter(prefix="/rigs", tags=["rigs"])
+
+    def require(rig: str) -> None:
+        name = conductor.site.rig.rig.name
+        if rig != name:
+            raise problems.not_found("rig", rig, [name])
+
+    @router.get("")
+    def rigs() -> RigList:  # pyright: ignore[reportUnusedFunction]
+        """The rigs this supervisor serves."""
+        return RigList(rigs=[rig_view(conductor.site, conductor.active)])
+
+    @router.get("/{rig}", responses=responses(404))
+    def rig_state(rig: str) -> Rig:  # pyright: ignore[reportUnusedFunction]
+        """One rig: programs, interlocks, limits, latch, and whether a job can start."""
+        require(rig)
+        return rig_view(conductor.site, conductor.active)
+
+    @router.post("/{rig}/estop", responses=responses(404, 503))
+    async def estop(rig: str) -> Stopped:  # pyright: ignore[reportUnusedFunction]
+        """Stop at once: freeze a held part, ramp a free arm, latch. Always accepted; no body."""
+        require(rig)
+        return await asyncio.get_running_loop().run_in_executor(estop_pool, conductor.estop)
+
+    @router.post("/{rig}/reset", responses=responses(404, 409, 422, 503))
+    def reset(rig: str, _body: ResetRequest) -> Stopped:  # pyright: ignore[reportUnusedFunction]
+        """Clear the latch, once a person has seen the cause."""
+        require(rig)
+        return conductor.reset()
+
+    @router.get("/{rig}/model", responses=responses(404))
+    def model(rig: str) -> ModelView:  # pyright: ignore[reportUnusedFunction]
+        """The model in use: every quantity that can be calibrated, and the versions there are."""
+        require(rig)
+        return model_view(conductor.site.model)
+
+    @router.post("/{rig}/model/actions", responses=responses(404, 409, 422))
+    def use_model(  # pyright: ignore[reportUnusedFunction]
+        rig: str, body: ModelAction
+    ) -> ModelView:
+        """Go back to a version of the model, or with 0 to the rig file alone."""
+        require(rig)
+        return conductor.use_model(body.version)
+
+    return router

@@ -1,0 +1,1 @@
+"""Jobs at work: taken, watched, ended."""

@@ -1,0 +1,153 @@
+"""What a job looks like over REST; units are in the names, unknown fields are refused."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from pincette_supervisor.schemas.states import ActionType, JobState
+
+JobKind = Literal["grip", "track", "calibrate"]
+
+
+def example(**values: Any) -> ConfigDict:
+    """Settings of every REST model, with its example for the OpenAPI document."""
+    return ConfigDict(
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        frozen=True,
+        json_schema_extra={"examples": [values]},
+    )
+
+
+class ActionRequest(BaseModel):
+    """What a job shall do."""
+
+    model_config = example(type="stop")
+
+    type: ActionType
+
+
+class Action(BaseModel):
+    """An action that was asked for, kept with its job."""
+
+    model_config = example(
+        type="release", requested_at="2026-03-01T12:00:09.250Z", by="127.0.0.1", seq=462
+    )
+
+    type: ActionType
+    requested_at: str
+    by: str
+    """Address it came from."""
+    seq: int | None = None
+    """Sample at which it took effect, once it has."""
+
+
+class Progress(BaseModel):
+    """Where a running job is, by its newest samples."""
+
+    model_config = example(
+        phase="hold",
+        seq=445,
+        elapsed_s=8.9,
+        planned_s=16.4,
+        x_um=39.9,
+        force_mN=19.98,
+        force_uncertainty_mN=0.41,
+        voltage_V=2.49,
+        held=True,
+        instruction="",
+        weight_mN=None,
+    )
+
+    phase: str
+    seq: int
+    elapsed_s: float
+    planned_s: float | None
+    """None where the hold has no end."""
+    x_um: float | None
+    force_mN: float | None
+    force_uncertainty_mN: float | None
+    voltage_V: float | None
+    held: bool
+    instruction: str = ""
+    """What a person is to do before the action ``continue``; empty where nothing is waited for."""
+    weight_mN: float | None = None
+    """The weight to be hung by then."""
+
+
+class Job(BaseModel):
+    """A job: what was asked, how far it is, what came of it."""
+
+    model_config = example(
+        id="20260301-120000-1f0c",
+        kind="grip",
+        rig="demo",
+        state="running",
+        cause="",
+        request={"kind": "grip", "autostart": True},
+        values={"force_mN": 20.0, "hold_s": 4.0},
+        labels={},
+        progress=None,
+        result=None,
+        actions=[],
+        allowed_actions=["stop", "abort", "release"],
+        created_at="2026-03-01T12:00:00.000Z",
+        started_at="2026-03-01T12:00:00.210Z",
+        ended_at=None,
+        record=None,
+    )
+
+    id: str
+    kind: JobKind
+    rig: str
+    state: JobState
+    cause: str
+    """Why a job did not succeed, in words."""
+    request: dict[str, Any]
+    """As it was sent."""
+    values: dict[str, Any]
+    """What the job works with: the request completed by the rig file; hold_s null has no end."""
+    labels: dict[str, str]
+    progress: Progress | None
+    result: dict[str, Any] | None
+    """Of a job that has moved: see GripResult, TrackResult and CalibrationResult."""
+    actions: list[Action]
+    allowed_actions: list[ActionType]
+    created_at: str
+    started_at: str | None
+    ended_at: str | None
+    record: str | None
+    """Folder of the record on the supervisor's machine."""
+
+
+class JobList(BaseModel):
+    """Jobs, the newest first."""
+
+    model_config = example(jobs=[])
+
+    jobs: list[Job]
+
+
+class Artifact(BaseModel):
+    """A file of a record."""
+
+    model_config = example(
+        name="samples.parquet",
+        media_type="application/vnd.apache.parquet",
+        bytes=70211,
+        sha256="9f…",
+    )
+
+    name: str
+    media_type: str
+    bytes: int
+    sha256: str
+
+
+class ArtifactList(BaseModel):
+    """Files of a record."""
+
+    model_config = example(artifacts=[])
+
+    artifacts: list[Artifact]

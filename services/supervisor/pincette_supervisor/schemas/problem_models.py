@@ -1,0 +1,79 @@
+"""Problem documents as the OpenAPI document shows them."""
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from pincette_supervisor.schemas.problems import MEDIA_TYPE, TYPE
+
+MEANINGS = {
+    404: ("not-found", "no such rig, job or artifact"),
+    409: (
+        "job-active",
+        "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
+        "estop-engaged, rig-latched (with cause), reset-refused, model-changed",
+    ),
+    422: (
+        "limit-violation",
+        "invalid-request (with errors: pointer, message), limit-violation (with violations: "
+        "pointer, quantity, value, limit, unit, at_s, message), calibration-unsupported (with "
+        "needed_hz, bandwidth_hz, parts) or impossible-model",
+    ),
+    503: ("rig-not-ready", "rig-not-ready (with reasons), estop-unconfirmed or model-not-kept"),
+}
+
+
+class Problem(BaseModel):
+    """An error (RFC 9457): what, value, unit, limit, and what to do."""
+
+    model_config = ConfigDict(
+        extra="allow",
+        json_schema_extra={
+            "examples": [
+                {
+                    "type": TYPE + "limit-violation",
+                    "title": "The plan breaks a limit of the rig",
+                    "status": 422,
+                    "detail": "force 55.000 mN above the limit 40 mN, from 6.10 s (load)",
+                    "violations": [
+                        {
+                            "pointer": "/force_mN",
+                            "quantity": "force",
+                            "value": 55.0,
+                            "limit": 40.0,
+                            "unit": "mN",
+                            "at_s": 6.1,
+                            "message": "force 55.000 mN above the limit 40 mN, from 6.10 s (load)",
+                        }
+                    ],
+                }
+            ]
+        },
+    )
+
+    type: str
+    title: str
+    status: int
+    detail: str
+
+
+def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Problem documents a route may answer with."""
+    reference = {"$ref": "#/components/schemas/Problem"}
+    return {
+        status: {
+            "description": MEANINGS[status][1],
+            "content": {
+                MEDIA_TYPE: {
+                    "schema": reference,
+                    "example": {
+                        "type": TYPE + MEANINGS[status][0],
+                        "title": "…",
+                        "status": status,
+                        "detail": "…",
+                    },
+                }
+            },
+        }
+        for status in statuses
+    }

@@ -1,0 +1,194 @@
+"""What comes of a job, as it is stored and sent."""
+
+from typing import Any
+
+from pydantic import BaseModel
+
+from pincette.control.planning.paths import Shape
+from pincette_supervisor.schemas.job_models import example
+from pincette_supervisor.schemas.states import ActionType
+
+
+class Phase(BaseModel):
+    """A phase as it went."""
+
+    model_config = example(phase="hold", start_s=8.9, duration_s=4.0)
+
+    phase: str
+    start_s: float
+    duration_s: float
+
+
+class Percentiles(BaseModel):
+    """Percentiles of a magnitude, in the unit of its name."""
+
+    model_config = example(p50=0.021, p95=0.064, p99=0.091)
+
+    p50: float
+    p95: float
+    p99: float
+
+
+class LimitActed(BaseModel):
+    """A limit of the actuator that acted."""
+
+    model_config = example(limit="slew_up", first_seq=344, samples=3)
+
+    limit: str
+    first_seq: int
+    samples: int
+
+
+class ActionTaken(BaseModel):
+    """An action and the sample at which it took effect."""
+
+    model_config = example(type="release", seq=611)
+
+    type: ActionType
+    seq: int
+
+
+class Tracking(BaseModel):
+    """Errors along a path: actual less reference, in the unit of the name above."""
+
+    model_config = example(rmse=0.087, rmse_percent=0.95, maximum=0.29)
+
+    rmse: float
+    rmse_percent: float | None
+    """Of the reference, peak to peak; null where the reference rests."""
+    maximum: float
+    """Of the magnitude."""
+
+
+class JobResult(BaseModel):
+    """Figures that every job has; a figure is null where the job did not come that far."""
+
+    outcome: str
+    """gripped, tracked, released, stopped, no_contact, wrong_stiffness, lost, overforce,
+    zero_refused, tripped, or unfinished."""
+    phases: list[Phase]
+    contact_x_um: float | None
+    contact_x_error_um: float | None
+    """Its standard error, by the noise over the load alone."""
+    contact_stiffness_mN_per_um: float | None
+    contact_stiffness_error_mN_per_um: float | None
+    """Its standard error, likewise."""
+    force_uncertainty_mN: float | None
+    """Mean over the hold or the path."""
+    zero_age_s: float | None
+    """At the end of the hold or the path."""
+    peak_force_mN: float | None
+    final_force_mN: float | None
+    contact_rmse_position_um: float | None
+    """From the load to the unload."""
+    contact_rmse_force_mN: float | None
+    """From the load to the unload."""
+    sliding_um: Percentiles | None
+    """Of |s|, over all samples as the figures down to ``true_perturbation_error_mN`` are. Where
+    K_S = 0 nothing brings s back: it goes with the perturbation, and moves no voltage."""
+    sliding_in_band: float | None
+    """Share of the samples with |s| within its band, outside which |s| cannot have grown."""
+    residual_um: Percentiles | None
+    """Of the magnitude of x less its prediction (17), by the law's own force."""
+    law_perturbation_mN: Percentiles | None
+    """Of |p̂| (6), by the law's own force and its parameter set."""
+    perturbation_error_mN: Percentiles | None
+    """Of |p̃| (8), likewise: what K_S would have to exceed. Where the force is estimated from the
+    same position and voltage, model is held against model."""
+    true_perturbation_error_mN: Percentiles | None
+    """Of |p̃| (8) from position as measured, voltage as applied and the true force, by the law's
+    parameter set; known to a simulated rig alone, null on a real one."""
+    limits_acted: list[LimitActed]
+    actions: list[ActionTaken]
+    samples: int
+    missed_ticks: int
+    """Samples that were never taken or never came here."""
+    unanswered_ticks: int
+    """Ticks for which the actuator took no command."""
+    dropped_messages: int
+
+
+COMMON: dict[str, Any] = {
+    "contact_x_um": 31.1,
+    "contact_x_error_um": 0.01,
+    "contact_stiffness_mN_per_um": 2.1,
+    "contact_stiffness_error_mN_per_um": 0.004,
+    "force_uncertainty_mN": 0.42,
+    "zero_age_s": 9.1,
+    "peak_force_mN": 20.3,
+    "final_force_mN": 0.1,
+    "contact_rmse_position_um": 0.042,
+    "contact_rmse_force_mN": 0.14,
+    "sliding_um": {"p50": 0.09, "p95": 0.32, "p99": 0.41},
+    "sliding_in_band": 0.41,
+    "residual_um": {"p50": 0.021, "p95": 0.064, "p99": 0.091},
+    "law_perturbation_mN": {"p50": 1.2, "p95": 6.1, "p99": 6.4},
+    "perturbation_error_mN": {"p50": 0.1, "p95": 0.3, "p99": 0.4},
+    "true_perturbation_error_mN": {"p50": 0.1, "p95": 0.3, "p99": 0.4},
+    "limits_acted": [],
+    "actions": [],
+    "samples": 820,
+    "missed_ticks": 0,
+    "unanswered_ticks": 0,
+    "dropped_messages": 0,
+}
+"""Part of the examples."""
+
+
+class GripResult(JobResult):
+    """Figures of a grip; a figure is null where the grip did not come that far."""
+
+    model_config = example(
+        outcome="gripped",
+        phases=[{"phase": "hold", "start_s": 8.9, "duration_s": 4.0}],
+        **COMMON,
+        force_target_mN=20.0,
+        force_held_mN=19.99,
+        force_error_mN=-0.01,
+        rmse_position_um=0.031,
+        rmse_force_mN=0.11,
+        true_force_held_mN=19.8,
+    )
+
+    force_target_mN: float
+    force_held_mN: float | None
+    """Mean of the estimate over the hold, its first half second left out."""
+    force_error_mN: float | None
+    """Mean of the estimate less F_r over the same time."""
+    rmse_position_um: float | None
+    """Over the hold."""
+    rmse_force_mN: float | None
+    """Over the hold."""
+    true_force_held_mN: float | None
+    """Known to a simulated rig alone; null on a real one."""
+
+
+class TrackResult(JobResult):
+    """Figures of a tracked path, over its part at full amplitude: whole cycles where it swings."""
+
+    model_config = example(
+        outcome="tracked",
+        phases=[{"phase": "track", "start_s": 12.1, "duration_s": 14.0}],
+        **COMMON,
+        shape="sinusoid",
+        x_pp_um=9.5,
+        force_pp_mN=20.0,
+        tracked_samples=500,
+        position_um={"rmse": 0.087, "rmse_percent": 0.92, "maximum": 0.29},
+        force_mN={"rmse": 0.19, "rmse_percent": 0.95, "maximum": 0.61},
+        true_force_mN={"rmse": 0.3, "rmse_percent": 1.5, "maximum": 0.8},
+    )
+
+    shape: Shape
+    x_pp_um: float | None
+    """Of x_r, peak to peak."""
+    force_pp_mN: float | None
+    """Of F_r, peak to peak."""
+    tracked_samples: int
+    """At full amplitude."""
+    position_um: Tracking | None
+    """x less x_r."""
+    force_mN: Tracking | None
+    """The estimate less F_r."""
+    true_force_mN: Tracking | None
+    """The true force less F_r; known to a simulated rig alone, null on a real one."""

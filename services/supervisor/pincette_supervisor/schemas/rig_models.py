@@ -1,0 +1,176 @@
+"""What a rig looks like over REST."""
+
+from typing import Literal
+
+from pydantic import BaseModel
+
+from pincette_supervisor.schemas.job_models import example
+
+RigAction = Literal["start_job", "estop", "reset"]
+
+
+class Program(BaseModel):
+    """A program of the rig, as far as it is known."""
+
+    model_config = example(
+        name="estimator",
+        alive=True,
+        version="0.1.0",
+        age_s=0.011,
+        epoch=81985529216486895,
+        missed=0,
+        refused=0,
+        detail="",
+        trouble="",
+    )
+
+    name: str
+    alive: bool
+    """Whether its liveliness token is seen."""
+    version: str | None
+    age_s: float | None
+    """Since its newest sample."""
+    epoch: int | None
+    missed: int | None
+    """Samples it had to skip since its start."""
+    refused: int | None
+    """Messages it refused since its start."""
+    detail: str
+    trouble: str
+    """Why it cannot be relied on; empty where it can."""
+
+
+class Interlock(BaseModel):
+    """Something that must hold before a job may begin."""
+
+    model_config = example(
+        name="estimator_age_s", satisfied=True, value=0.011, limit=0.05, unit="s"
+    )
+
+    name: str
+    satisfied: bool
+    value: float | str | None
+    limit: float | str | None
+    unit: str
+
+
+class Latch(BaseModel):
+    """The actuator's latch."""
+
+    model_config = example(state="latched", cause="estop", clear="POST /api/v1/rigs/demo/reset")
+
+    state: str
+    """latched, idle, armed, frozen, ramping, or unknown."""
+    cause: str
+    clear: str
+    """What clears it; empty where there is nothing to clear."""
+
+
+class LimitValue(BaseModel):
+    """A limit of the rig."""
+
+    model_config = example(quantity="force_max", value=40.0, unit="mN")
+
+    quantity: str
+    value: float
+    unit: str
+
+
+class ModelInUse(BaseModel):
+    """The model that jobs work with."""
+
+    model_config = example(version=3, digest="9f31c2a4550b7e66")
+
+    version: int
+    """0: the rig file alone."""
+    digest: str
+
+
+class Newest(BaseModel):
+    """Newest samples."""
+
+    model_config = example(
+        seq=445,
+        phase="hold",
+        x_um=39.9,
+        force_mN=19.98,
+        force_uncertainty_mN=0.41,
+        zero_age_s=4.1,
+        voltage_V=2.49,
+    )
+
+    seq: int | None
+    phase: str
+    x_um: float | None
+    force_mN: float | None
+    force_uncertainty_mN: float | None
+    zero_age_s: float | None
+    voltage_V: float | None
+
+
+class Rig(BaseModel):
+    """A rig: its programs, whether it can start, and if not, why."""
+
+    model_config = example(
+        name="demo",
+        time="real",
+        period_s=0.02,
+        digest="3f2a9d1c0b7e6655",
+        model={"version": 0, "digest": ""},
+        programs=[],
+        interlocks=[],
+        limits=[],
+        latch={"state": "idle", "cause": "", "clear": ""},
+        newest=None,
+        part="none",
+        active_job=None,
+        can_start=True,
+        reasons=[],
+        allowed_actions=["start_job", "estop"],
+    )
+
+    name: str
+    time: Literal["real", "lockstep"]
+    period_s: float
+    digest: str
+    """Of the rig file; all programs must have the same."""
+    model: ModelInUse
+    programs: list[Program]
+    interlocks: list[Interlock]
+    limits: list[LimitValue]
+    latch: Latch
+    newest: Newest | None
+    part: Literal["none", "held", "unknown"]
+    active_job: str | None
+    can_start: bool
+    reasons: list[str]
+    """Why a job cannot start, in words."""
+    allowed_actions: list[RigAction]
+
+
+class RigList(BaseModel):
+    """The rigs this supervisor serves."""
+
+    model_config = example(rigs=[])
+
+    rigs: list[Rig]
+
+
+class ResetRequest(BaseModel):
+    """Clear the actuator's latch; says that a person has seen the cause."""
+
+    model_config = example(acknowledge=True)
+
+    acknowledge: Literal[True]
+
+
+class Stopped(BaseModel):
+    """How an emergency stop or a reset was taken."""
+
+    model_config = example(rig="demo", cause="estop", acknowledged=True, detail="")
+
+    rig: str
+    cause: str
+    acknowledged: bool
+    """Whether the actuator has confirmed."""
+    detail: str
