@@ -30,7 +30,7 @@ from pincette.messages import Reset
 from pincette.runtime.arming import arm, status
 from pincette.runtime.fleet import Fleet
 from pincette.sim.bench import open_bench
-from pincette.sim.wire import serve
+from pincette.sim.wires.wire import serve
 from pincette.topics import LOOP, RESET
 from tests.bench.shape import SIZES, start_key
 from tests.support.rigs import demo_rig, free_ports, rig_toml

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 from pincette.config.simulated_parts import Amplifier, Bead, SecondMode
-from pincette.sim import plant
-from pincette.sim.plant import PlantParameters, PlantState
-from pincette.sim.traits import resolved
+from pincette.sim.instruments.traits import resolved
+from pincette.sim.plant import plant
+from pincette.sim.plant.plant import PlantParameters, PlantState
 from tests.support.rigs import demo_rig
 
 PERIOD_S = 0.02

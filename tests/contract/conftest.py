@@ -8,12 +8,12 @@ from typing import Literal, Protocol
 
 import pytest
 
-from pincette.instruments.memory_link import MemoryLink
+from pincette.instruments.line.memory_link import MemoryLink
+from pincette.instruments.line.recording import Recorder, RecordingLink
+from pincette.instruments.line.replay import ReplayLink
 from pincette.instruments.protocols import Link
-from pincette.instruments.recording import Recorder, RecordingLink
-from pincette.instruments.replay import ReplayLink
-from pincette.sim.instrument import TERMINATOR, Instrument
-from pincette.sim.wire import serve
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument
+from pincette.sim.wires.wire import serve
 
 
 class Reach(Protocol):

@@ -10,13 +10,13 @@ import pytest
 
 from pincette.config import ConfigError, Output
 from pincette.instruments import srs_dc205
+from pincette.instruments.line.memory_link import MemoryLink
+from pincette.instruments.line.serial_link import RETRY_S
 from pincette.instruments.link import open_link
-from pincette.instruments.link_line import RETRY_S
-from pincette.instruments.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, WatchedOutput
-from pincette.sim import dc205
-from pincette.sim.dc205 import SimulatedDC205
-from pincette.sim.wire import serve
+from pincette.sim.instruments import dc205
+from pincette.sim.instruments.dc205 import SimulatedDC205
+from pincette.sim.wires.wire import serve
 
 ANY = "socket://127.0.0.1:0"
 SEED = 205

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pincette.instruments.recording import read_recording
+from pincette.instruments.line.recording import read_recording
 from tests.support.dialogues import DIALOGUES, FOLDER, Said, record, replay
 
 # fmt: off

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from pincette.config import ConfigError, Sensor
-from pincette.instruments.memory_link import MemoryLink
+from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, Link, PositionSensor
-from pincette.sim.instrument import Instrument
+from pincette.sim.instruments.protocol import Instrument
 from tests.contract.test_position_sensor import PositionSensorContract
 from tests.support.example_lds import SimulatedLDS
 

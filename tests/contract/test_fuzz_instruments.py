@@ -11,15 +11,15 @@ import pytest
 
 from pincette.config import Output, Sensor
 from pincette.instruments import icpdas_i7024, keyence_lkg, srs_dc205
+from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.link import open_link
-from pincette.instruments.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, Link
-from pincette.sim import dc205
-from pincette.sim.dc205 import SimulatedDC205
-from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.instrument import TERMINATOR, Instrument
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.wire import serve
+from pincette.sim.instruments import dc205
+from pincette.sim.instruments.dc205 import SimulatedDC205
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument
+from pincette.sim.wires.wire import serve
 
 SEED = 7024
 FRAMES = 100_000

@@ -6,12 +6,12 @@ import pytest
 
 from pincette.config import ConfigError, Output
 from pincette.instruments import icpdas_i7024
+from pincette.instruments.line.memory_link import MemoryLink
+from pincette.instruments.line.serial_link import RETRY_S
 from pincette.instruments.link import open_link
-from pincette.instruments.link_line import RETRY_S
-from pincette.instruments.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, WatchedOutput
-from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.wire import serve
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.wires.wire import serve
 
 UNWATCHED = {"watchdog_s": 0.0}
 

@@ -14,8 +14,8 @@ import serial
 
 from pincette.instruments.link import LONGEST_FRAME, open_link
 from pincette.instruments.protocols import Cause, InstrumentError, Link
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.wire import serve
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.wires.wire import serve
 
 Script = Callable[[list[bytes | None]], str]
 

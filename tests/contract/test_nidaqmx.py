@@ -9,14 +9,14 @@ import pytest
 
 from pincette.config import ConfigError, Output, Sensor
 from pincette.instruments import nidaqmx_input, nidaqmx_output
+from pincette.instruments.line.recording import Recorder, RecordingLink
+from pincette.instruments.line.replay import ReplayLink
+from pincette.instruments.line.rpc_link import RpcMemoryLink
 from pincette.instruments.protocols import BufferedSensor, InstrumentError, Link, WaveOutput
-from pincette.instruments.recording import Recorder, RecordingLink
-from pincette.instruments.replay import ReplayLink
-from pincette.instruments.rpc_link import RpcMemoryLink
-from pincette.sim.daq import SimulatedDaq
-from pincette.sim.daq_server import DaqServer
-from pincette.sim.daq_task import Terminals
-from pincette.sim.instrument import TERMINATOR, Instrument
+from pincette.sim.instruments.daq import SimulatedDaq
+from pincette.sim.instruments.daq_task import Terminals
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument
+from pincette.sim.wires.daq_server import DaqServer
 from tests.contract.conftest import offer_replayed
 from tests.contract.test_position_sensor import PositionSensorContract
 from tests.contract.test_voltage_output import VoltageOutputContract

@@ -8,14 +8,14 @@ import pytest
 
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile
+from pincette.instruments.line.rpc_link import RpcMemoryLink
 from pincette.instruments.nidaqmx_input import open_sensor
 from pincette.instruments.nidaqmx_output import open_output
-from pincette.instruments.rpc_link import RpcMemoryLink
 from pincette.messages import Message, Order, Truth
 from pincette.runtime.context import Context
 from pincette.sim.bench import open_bench
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.script import Script
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.script.script import Script
 from pincette_rig import PROGRAM
 from tests.support.rigs import Tree, at_own_ports, demo_rig, merged
 

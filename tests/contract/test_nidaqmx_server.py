@@ -11,12 +11,12 @@ import pytest
 
 from pincette.config import Output, Sensor
 from pincette.instruments import nidaqmx_input, nidaqmx_output
+from pincette.instruments.line.rpc_link import LinkChannel, RpcMemoryLink
 from pincette.instruments.protocols import BufferedSensor, InstrumentError, Link, WaveOutput
-from pincette.instruments.rpc_link import LinkChannel, RpcMemoryLink
-from pincette.sim.daq import SimulatedDaq
-from pincette.sim.daq_server import DaqServer
-from pincette.sim.daq_task import Terminals
-from pincette.sim.ports import WireError
+from pincette.sim.instruments.daq import SimulatedDaq
+from pincette.sim.instruments.daq_task import Terminals
+from pincette.sim.wires.daq_server import DaqServer
+from pincette.sim.wires.ports import WireError
 from tests.support.fed import DRIVE, OUTPUT, POSITION, WIRED, HandRig
 from tests.support.rigs import free_ports
 
@@ -157,7 +157,7 @@ def test_without_the_driver_of_this_machine_it_says_what_to_install() -> None:
 
 
 def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pincette.instruments.nidaqmx_tasks", None)
+    monkeypatch.setitem(sys.modules, "pincette.instruments.daq.tasks", None)
     for open_it in (sensor_at, output_at):
         with pytest.raises(InstrumentError, match=r"pip install 'pincette\[nidaqmx\]'") as caught:
             open_it("grpc://127.0.0.1:9")
@@ -178,7 +178,7 @@ def test_a_port_that_is_taken_says_so() -> None:
 def test_calls_are_recorded_logged_and_played_back(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    caplog.set_level(logging.DEBUG, "pincette.instruments.rpc_link")
+    caplog.set_level(logging.DEBUG, "pincette.instruments.line.rpc_link")
     path = tmp_path / "dialogue.txt"
     with DaqServer("grpc://127.0.0.1:0", device(HandRig(lambda: 5.0))) as front:
         sensor = sensor_at(front.url, record=str(path))

@@ -8,8 +8,8 @@ import pytest
 from pincette.config import ConfigError, Sensor
 from pincette.instruments import keyence_lkg
 from pincette.instruments.protocols import InstrumentError, Link, PositionSensor
-from pincette.sim.instrument import Instrument
-from pincette.sim.keyence import SimulatedKeyence
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.instruments.protocol import Instrument
 
 Reach = Callable[[Instrument], tuple[str, Link | None]]
 TIMEOUT_S = 0.1

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from pincette.instruments.line.serial_link import GRACE, RETRY_S, Line
 from pincette.instruments.link import open_link
-from pincette.instruments.link_line import GRACE, RETRY_S, Line
 from pincette.instruments.protocols import InstrumentError, Link
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.wire import serve
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.wires.wire import serve
 
 TIMEOUT_S = 0.1
 

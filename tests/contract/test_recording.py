@@ -7,15 +7,15 @@ import pytest
 
 from pincette.config import Output, Sensor
 from pincette.instruments import icpdas_i7024, keyence_lkg
+from pincette.instruments.line.memory_link import MemoryLink
+from pincette.instruments.line.recording import HEAD, Recorder, RecordingLink
+from pincette.instruments.line.replay import ReplayLink
+from pincette.instruments.line.serial_link import RETRY_S
 from pincette.instruments.link import open_link
-from pincette.instruments.link_line import RETRY_S
-from pincette.instruments.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, Link
-from pincette.instruments.recording import HEAD, Recorder, RecordingLink
-from pincette.instruments.replay import ReplayLink
-from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.wire import serve
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.wires.wire import serve
 
 ANY = "socket://127.0.0.1:0"
 

@@ -10,10 +10,10 @@ import pytest
 from pincette.config import Output
 from pincette.instruments import icpdas_i7024, srs_dc205
 from pincette.instruments.protocols import InstrumentError, Link, VoltageOutput
-from pincette.sim import dc205
-from pincette.sim.dc205 import SimulatedDC205
-from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.instrument import TERMINATOR, Instrument
+from pincette.sim.instruments import dc205
+from pincette.sim.instruments.dc205 import SimulatedDC205
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument
 
 TIMEOUT_S = 0.1
 GARBAGE = (b"", b"\xff\x00;", b">>", b"> ", b"MS,01,+0001.50")

@@ -9,10 +9,10 @@ import pytest
 
 from pincette.instruments.link import open_link
 from pincette.instruments.protocols import InstrumentError
-from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.ports import WireError
-from pincette.sim.wire import serve
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.wires.ports import WireError
+from pincette.sim.wires.wire import serve
 
 ANY = "socket://127.0.0.1:0"
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from pincette.config import RigFile
-from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.wire import serve
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.wires.wire import serve
 from tests.support.example_lds import SimulatedLDS
 from tests.support.rigs import demo_rig, rig_toml
 

@@ -11,14 +11,14 @@ from pathlib import Path
 
 from pincette.config import Output, Sensor
 from pincette.instruments import icpdas_i7024, keyence_lkg, srs_dc205
-from pincette.instruments.memory_link import MemoryLink
+from pincette.instruments.line.memory_link import MemoryLink
+from pincette.instruments.line.recording import Recorder, RecordingLink
 from pincette.instruments.protocols import InstrumentError, Link
-from pincette.instruments.recording import Recorder, RecordingLink
-from pincette.sim import dc205
-from pincette.sim.dc205 import SimulatedDC205
-from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.instrument import TERMINATOR, Instrument
-from pincette.sim.keyence import SimulatedKeyence
+from pincette.sim.instruments import dc205
+from pincette.sim.instruments.dc205 import SimulatedDC205
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument
 
 FOLDER = Path(__file__).parents[1] / "data" / "dialogues"
 TICK_S = 0.001

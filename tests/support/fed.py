@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from pincette.sim.daq_task import Terminals
+from pincette.sim.instruments.daq_task import Terminals
 
 POSITION, DRIVE, OUTPUT = "cDAQ1Mod1/ai0", "cDAQ1Mod1/ai1", "cDAQ1Mod2/ao0"
 WIRED = Terminals(um_per_V=10.0, position=POSITION, drives=(DRIVE,), output=OUTPUT)

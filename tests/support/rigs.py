@@ -7,7 +7,7 @@ from typing import Any, cast
 from urllib.parse import urlsplit
 
 from pincette.config import RigFile, parse_rig, read_rig
-from pincette.sim.traits import resolved
+from pincette.sim.instruments.traits import resolved
 
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
 Tree = dict[str, Any]

@@ -12,7 +12,7 @@ from pincette.runtime import composed
 from pincette.runtime.composed import ComposedLoop
 from pincette.runtime.devices import devices_on, simulated_bench
 from pincette.runtime.instrument import Device
-from pincette.sim.rig import SimulatedRig
+from pincette.sim.rig.rig import SimulatedRig
 from tests.support.rigs import Tree, demo_rig, merged
 
 T = 0.02

@@ -6,19 +6,20 @@
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
 from pincette.config import RigFile, read_rig
-from pincette.sim.random_rigs import random_simulation
-from pincette.sim.traits import resolved
-from pincette.sim.true_values import TrueValues, true_values
+from pincette.sim.drawn.random_rigs import random_simulation
+from pincette.sim.drawn.true_values import TrueValues, true_values
+from pincette.sim.instruments.traits import resolved
 from tests.support.rigs import DEMO, Tree, at_own_ports
 from tests.support.running import Json, RunningRig, running_rig
 from tests.support.technician import Technician
 
-COUNT = 20
+COUNT, SIDE_BY_SIDE = 20, 2
 PAIRS = ("fast", "slow")
 BASES = {"fast": DEMO.parent / "fast.toml", "slow": DEMO.parent / "bring-up.toml"}
 """Rig files without a model: analog input and output, and two serial lines."""
@@ -112,10 +113,14 @@ def _deviations(model: Json, true: TrueValues) -> dict[str, float]:
 
 
 def runs(pair: str, seeds: Sequence[int]) -> Iterator[Row]:
-    """Bring rigs up one after another."""
-    for seed in seeds:
+    """Bring rigs up, two at a time: in lockstep none of them minds the other."""
+
+    def one(seed: int) -> Row:
         with tempfile.TemporaryDirectory() as folder:
-            yield bring_up(pair, seed, Path(folder))
+            return bring_up(pair, seed, Path(folder))
+
+    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+        yield from pool.map(one, seeds)
 
 
 NAMES = {

@@ -7,7 +7,7 @@ from pincette.runtime.context import Context
 from pincette.runtime.priority import come_first
 from pincette.runtime.rig_orders import serve_orders
 from pincette.sim.bench import open_bench
-from pincette.sim.script import script_of
+from pincette.sim.script.script import script_of
 from pincette_rig.config import configure
 
 

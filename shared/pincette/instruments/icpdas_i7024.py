@@ -21,8 +21,8 @@ from typing import Literal
 from pydantic import Field
 
 from pincette.config import Output, Table
-from pincette.instruments.dcon import DconModule
-from pincette.instruments.host_watchdog import HostWatchdog
+from pincette.instruments.icpdas.dcon import DconModule
+from pincette.instruments.icpdas.host_watchdog import HostWatchdog
 from pincette.instruments.link import exchange_s, open_link
 from pincette.instruments.options import read_options
 from pincette.instruments.protocols import InstrumentError, Link, Timing

@@ -18,11 +18,11 @@ from typing import Protocol
 
 import serial
 
-from pincette.instruments.link_line import LONGEST_FRAME, RETRY_S, Line, Port
-from pincette.instruments.link_socket import READ_SIZE, SocketPort
+from pincette.instruments.line.recording import Recorder, RecordingLink
+from pincette.instruments.line.replay import REPLAY, ReplayLink
+from pincette.instruments.line.serial_link import LONGEST_FRAME, RETRY_S, Line, Port
+from pincette.instruments.line.socket_port import READ_SIZE, SocketPort
 from pincette.instruments.protocols import InstrumentError, Link
-from pincette.instruments.recording import Recorder, RecordingLink
-from pincette.instruments.replay import REPLAY, ReplayLink
 
 __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
 

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field
 
 from pincette.config import Sensor, Table
 from pincette.config.tables import Positive
-from pincette.instruments.nidaqmx_place import EXCHANGE_S, channel_of, needing_the_package
+from pincette.instruments.daq.place import EXCHANGE_S, channel_of, needing_the_package
 from pincette.instruments.options import read_options
 from pincette.instruments.protocols import BufferedSensor, InstrumentError, Link, Timing
 
@@ -67,8 +67,8 @@ def open_sensor(settings: Sensor, link: Link | None = None) -> BufferedSensor:
     options = read_options(NidaqmxInputOptions, "nidaqmx", settings.options)
     channel = channel_of(settings.url, options.channel)
     with needing_the_package(settings.url):
-        from pincette.instruments.nidaqmx_analog_input import AnalogInput, Scale
-        from pincette.instruments.nidaqmx_tasks import open_daq
+        from pincette.instruments.daq.analog_input import AnalogInput, Scale
+        from pincette.instruments.daq.tasks import open_daq
     daq = open_daq(settings, channel, link, MET)
     sensor = AnalogInput(
         daq,

@@ -15,7 +15,7 @@ from pydantic import model_validator
 
 from pincette.config import Output, Table
 from pincette.config.tables import Positive
-from pincette.instruments.nidaqmx_place import EXCHANGE_S, channel_of, needing_the_package
+from pincette.instruments.daq.place import EXCHANGE_S, channel_of, needing_the_package
 from pincette.instruments.options import read_options
 from pincette.instruments.protocols import InstrumentError, Link, Timing, WaveOutput
 
@@ -68,8 +68,8 @@ def open_output(settings: Output, link: Link | None = None) -> WaveOutput:
     options = read_options(NidaqmxOutputOptions, "nidaqmx", settings.options)
     channel = channel_of(settings.url, options.channel)
     with needing_the_package(settings.url):
-        from pincette.instruments.nidaqmx_analog_output import AnalogOutput
-        from pincette.instruments.nidaqmx_tasks import open_daq
+        from pincette.instruments.daq.analog_output import AnalogOutput
+        from pincette.instruments.daq.tasks import open_daq
     daq = open_daq(settings, channel, link, MET)
     output = AnalogOutput(
         daq, least_V=options.least_V, most_V=options.most_V, rate_hz=options.rate_hz

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.config import Simulation
-from pincette.sim.rig import SimulatedRig
+from pincette.sim.rig.rig import SimulatedRig
 
 Series = NDArray[np.float64]
 

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 from pincette import plugins
 from pincette.config import RigFile
-from pincette.instruments.memory_link import MemoryLink
+from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.protocols import Link
 from pincette.messages import Truth
 from pincette.runtime.instrument import Device
 from pincette.service import AnyService
 from pincette.sim.bench import Bench, Fitted, open_bench
-from pincette.sim.script import Script, script_of
+from pincette.sim.script.script import Script, script_of
 
 
 def open_device(service: AnyService, rig: RigFile) -> Device:
@@ -61,6 +61,6 @@ def _link(fitted: Fitted) -> Link:
     """A line to an instrument in this process."""
     if fitted.terminator is not None:
         return MemoryLink(fitted.instrument.answer, fitted.terminator)
-    from pincette.instruments.rpc_link import RpcMemoryLink
+    from pincette.instruments.line.rpc_link import RpcMemoryLink
 
     return RpcMemoryLink(fitted.instrument.answer)

@@ -23,7 +23,7 @@ from pincette.runtime.loop import ServiceLoop
 from pincette.runtime.node import Node
 from pincette.runtime.priority import come_first
 from pincette.service import AnyService
-from pincette.sim.ports import WireError
+from pincette.sim.wires.ports import WireError
 from pincette.topics import LOOP
 
 log = logging.getLogger("pincette")

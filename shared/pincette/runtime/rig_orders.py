@@ -5,7 +5,7 @@ from typing import cast
 
 from pincette.bus.protocol import Bus
 from pincette.messages import Done, Message, Order
-from pincette.sim.script import Script
+from pincette.sim.script.script import Script
 from pincette.topics import ORDER, Question
 
 

@@ -5,16 +5,16 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from pincette.config import ConfigError, Output, RigFile, Sensor, Simulation
-from pincette.sim import dc205
-from pincette.sim.dc205 import SimulatedDC205
-from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.instrument import TERMINATOR, Instrument
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.rig import SimulatedRig, TruthSink
-from pincette.sim.script import Script
-from pincette.sim.streamed_wave import StreamingRig
-from pincette.sim.traits import resolved
-from pincette.sim.wire import serve
+from pincette.sim.instruments import dc205
+from pincette.sim.instruments.dc205 import SimulatedDC205
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument
+from pincette.sim.instruments.traits import resolved
+from pincette.sim.rig.rig import SimulatedRig, TruthSink
+from pincette.sim.rig.streamed_wave import StreamingRig
+from pincette.sim.script.script import Script
+from pincette.sim.wires.wire import serve
 
 KEYENCE, ICPDAS, SRS, NIDAQMX = "keyence_lkg", "icpdas_i7024", "srs_dc205", "nidaqmx"
 SIMULATED = {"sensor": (KEYENCE, NIDAQMX), "output": (ICPDAS, SRS, NIDAQMX)}
@@ -75,7 +75,7 @@ class Bench:
                     at[table] = ports.enter_context(wire).url
                     continue
                 if id(fitted.server) not in servers:
-                    from pincette.sim.daq_server import DaqServer
+                    from pincette.sim.wires.daq_server import DaqServer
 
                     front = ports.enter_context(DaqServer(fitted.url, fitted.server))
                     servers[id(fitted.server)] = front.url
@@ -173,7 +173,7 @@ def _called(
 ) -> dict[str, Fitted]:
     """The instruments that are called by gRPC, for which the package nidaqmx is needed."""
     try:
-        from pincette.sim.daq_fitted import ScriptedTerminals, Sides, devices
+        from pincette.sim.instruments.daq_fitted import ScriptedTerminals, Sides, devices
     except ImportError as error:
         raise ConfigError(
             f"driver = {NIDAQMX!r}: simulating it needs the package nidaqmx ({error}); install "

@@ -14,13 +14,13 @@ from pincette.cli.doctor_instruments import direction, instruments, latency, mov
 from pincette.cli.doctor_machine import shared_places
 from pincette.cli.doctor_rig import limits, model, rig_findings, timing, watchdog
 from pincette.config import Output, RigFile, Sensor, read_rig
-from pincette.instruments.memory_link import MemoryLink
+from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
 from pincette.runtime.instrument import Device
 from pincette.service import AnyService
-from pincette.sim.dcon import SimulatedI7024
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.rig import SimulatedRig
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.rig.rig import SimulatedRig
 
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
 RIG = read_rig(DEMO)

@@ -14,7 +14,7 @@ from pincette.config import parse_rig, read_rig
 from pincette.messages import Done, Message, Order
 from pincette.runtime.rig_orders import serve_orders
 from pincette.sim.bench import open_bench
-from pincette.sim.script import Script, script_of
+from pincette.sim.script.script import Script, script_of
 from pincette.topics import ORDER
 
 ROOT = Path(__file__).parents[3]

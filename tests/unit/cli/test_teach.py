@@ -16,7 +16,7 @@ from pincette.control.response.hysteresis_motion import simulate
 from pincette.control.response.identification import Identification
 from pincette.control.response.recorded_response import RecordedResponse
 from pincette.runtime.teaching import record, teach
-from pincette.sim.rig import SimulatedRig
+from pincette.sim.rig.rig import SimulatedRig
 
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
 TOLERANCE_UM = 0.02

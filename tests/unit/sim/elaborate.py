@@ -5,9 +5,9 @@ from dataclasses import replace
 from typing import Any
 
 from pincette.config import Simulation
-from pincette.sim import plant
-from pincette.sim.hysteresis import BoucWen
-from pincette.sim.plant import PlantParameters, PlantState
+from pincette.sim.plant import plant
+from pincette.sim.plant.hysteresis import BoucWen
+from pincette.sim.plant.plant import PlantParameters, PlantState
 
 PASSIVE_RAD_PER_S = 2437.8
 SHARE = 0.0255

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from pincette.config.script import ScriptedOrder
 from pincette.messages import Order
-from pincette.sim.script import Script
+from pincette.sim.script.script import Script
 
 T = 0.02
 

@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import pytest
 
-from pincette.sim.amplifier import IDEAL, AmplifierParameters, advance_amplifier
+from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters, advance_amplifier
 
 
 def _followed(

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pincette.config import Simulation
-from pincette.sim import plant
-from pincette.sim.arms import arms_of
-from pincette.sim.plant import PlantParameters, PlantState
+from pincette.sim.plant import plant
+from pincette.sim.plant.arms import arms_of
+from pincette.sim.plant.plant import PlantParameters, PlantState
 from tests.unit.sim.elaborate import PASSIVE_RAD_PER_S, SHARE, at_rest, bare_arms, moving
 
 FINE_S = 5e-5

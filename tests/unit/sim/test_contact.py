@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pincette.sim.contact import (
+from pincette.sim.plant.contact import (
     ball_weight_mN,
     hertz_um_per_mN23,
     holding_force_mN,

@@ -4,8 +4,8 @@ import pytest
 
 from pincette.config import ConfigError
 from pincette.sim.bench import open_bench
-from pincette.sim.dc205 import IDENTITY, LONGEST_LINE, TERMINATOR, SimulatedDC205
-from pincette.sim.dcon import SimulatedI7024
+from pincette.sim.instruments.dc205 import IDENTITY, LONGEST_LINE, TERMINATOR, SimulatedDC205
+from pincette.sim.instruments.dcon import SimulatedI7024
 from tests.support.rigs import demo_rig
 
 SEED = 1000

@@ -1,6 +1,6 @@
 import pytest
 
-from pincette.sim.dcon import SimulatedI7024
+from pincette.sim.instruments.dcon import SimulatedI7024
 
 
 class Stage:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from pincette.config import Simulation
-from pincette.sim import plant
-from pincette.sim.plant import PlantParameters, PlantState
-from pincette.sim.plant_parameters import PartParameters
+from pincette.sim.plant import plant
+from pincette.sim.plant.parameters import PartParameters
+from pincette.sim.plant.plant import PlantParameters, PlantState
 from tests.unit.sim.elaborate import SHARE, at_rest, bare_arms
 
 FALLS = PartParameters(hold_mN=0.06, lift_after_s=0.5)

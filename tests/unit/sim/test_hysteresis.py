@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pincette.sim.hysteresis import BoucWen, advance_hysteresis
+from pincette.sim.plant.hysteresis import BoucWen, advance_hysteresis
 
 SHAPE = BoucWen(A_um_per_V=9.0, b_per_V=1.04, g_per_V=0.26)
 LEVELS = st.floats(-7.0, 7.0)

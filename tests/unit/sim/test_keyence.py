@@ -1,7 +1,7 @@
 import pytest
 
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.keyence_commands import Fault, Unit, value
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.instruments.keyence_commands import Fault, Unit, value
 
 
 @pytest.mark.parametrize(

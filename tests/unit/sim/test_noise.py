@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import pytest
 
-from pincette.sim.noise import BLOCK, GaussianNoise
+from pincette.sim.plant.noise import BLOCK, GaussianNoise
 
 
 def test_mean_variance_and_whiteness() -> None:

@@ -5,9 +5,9 @@ from itertools import pairwise
 import pytest
 
 from pincette.config import Simulation
-from pincette.sim import plant
-from pincette.sim.hysteresis import BoucWen
-from pincette.sim.plant import PlantParameters, PlantState
+from pincette.sim.plant import plant
+from pincette.sim.plant.hysteresis import BoucWen
+from pincette.sim.plant.plant import PlantParameters, PlantState
 
 NO_HYSTERESIS = BoucWen(0.0, 0.0, 0.0)
 

@@ -6,10 +6,10 @@ import pytest
 
 from pincette.config import Simulation
 from pincette.config.simulated_parts import Bead
-from pincette.sim import plant
-from pincette.sim.free_loop import free_loop
-from pincette.sim.random_rigs import random_simulation, with_loop
-from pincette.sim.true_values import true_values
+from pincette.sim.drawn.free_loop import free_loop
+from pincette.sim.drawn.random_rigs import random_simulation, with_loop
+from pincette.sim.drawn.true_values import true_values
+from pincette.sim.plant import plant
 
 SEEDS = (0, 1, 2, 3)
 

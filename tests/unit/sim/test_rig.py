@@ -4,7 +4,7 @@ import pytest
 
 from pincette.config import ConfigError, RigFile, Simulation
 from pincette.sim.bench import open_bench
-from pincette.sim.rig import SimulatedRig, TruthSink
+from pincette.sim.rig.rig import SimulatedRig, TruthSink
 
 PERIOD_S = 0.02
 

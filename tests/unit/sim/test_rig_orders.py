@@ -6,7 +6,7 @@ import pytest
 
 from pincette.config import Simulation
 from pincette.config.simulated_parts import Bead
-from pincette.sim.rig import SimulatedRig
+from pincette.sim.rig.rig import SimulatedRig
 
 PERIOD_S = 0.02
 

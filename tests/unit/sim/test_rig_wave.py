@@ -7,9 +7,9 @@ import pytest
 
 from pincette.config import Simulation
 from pincette.config.simulated_parts import Drift, SecondMode
-from pincette.sim import plant
-from pincette.sim.capture import CaptureOverflowError
-from pincette.sim.rig import SimulatedRig
+from pincette.sim.plant import plant
+from pincette.sim.rig.capture import CaptureOverflowError
+from pincette.sim.rig.rig import SimulatedRig
 
 PERIOD_S = 0.02
 RATE_HZ = 10_000.0

@@ -5,8 +5,8 @@ import pytest
 from pincette.config import ConfigError, RigFile, parse_rig
 from pincette.config.script import DEEDS
 from pincette.messages import Order
-from pincette.sim.keyence import SimulatedKeyence
-from pincette.sim.script import FORBIDDEN, script_of
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.script.script import FORBIDDEN, script_of
 from tests.unit.sim.stand import Rig, Stand, T, entry, stand
 
 

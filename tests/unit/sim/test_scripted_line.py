@@ -3,10 +3,10 @@
 import pytest
 
 from pincette.messages import Order
-from pincette.sim.faults import Fault, Faults, HungUpError
-from pincette.sim.instrument import Instrument
-from pincette.sim.script import Script
-from pincette.sim.scripted_line import ScriptedLine
+from pincette.sim.instruments.protocol import Instrument
+from pincette.sim.script.faults import Fault, Faults, HungUpError
+from pincette.sim.script.script import Script
+from pincette.sim.script.scripted_line import ScriptedLine
 from tests.unit.sim.stand import Echo, Rig, Stand, stand
 
 

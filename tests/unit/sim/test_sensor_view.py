@@ -4,7 +4,7 @@ import pytest
 
 from pincette.config import Simulation
 from pincette.config.simulated_parts import Drift
-from pincette.sim.sensor_view import KEPT, Average, drift_um, reading_um
+from pincette.sim.rig.sensor_view import KEPT, Average, drift_um, reading_um
 
 
 def test_the_mean_of_a_ramp_is_half_a_window_old() -> None:

@@ -3,8 +3,8 @@ import math
 import pytest
 
 from pincette.config import Simulation
-from pincette.sim.rig import SimulatedRig
-from pincette.sim.streamed_wave import StreamingRig
+from pincette.sim.rig.rig import SimulatedRig
+from pincette.sim.rig.streamed_wave import StreamingRig
 
 PERIOD_S, RATE_HZ, PER_TICK = 0.02, 7000.0, 140
 WAVE_V = [0.3 * math.sin(0.02 * index) for index in range(6 * PER_TICK)]

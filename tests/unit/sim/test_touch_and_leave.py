@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pincette.config import Simulation, read_rig
-from pincette.sim import plant
-from pincette.sim.arms import arms_of
-from pincette.sim.plant import PlantParameters, PlantState
-from pincette.sim.plant_parameters import PartParameters
+from pincette.sim.plant import plant
+from pincette.sim.plant.arms import arms_of
+from pincette.sim.plant.parameters import PartParameters
+from pincette.sim.plant.plant import PlantParameters, PlantState
 from tests.unit.sim.conftest import DEMO
 from tests.unit.sim.elaborate import SHARE, at_rest, bare_arms, energy_nJ, moving
 

@@ -1,8 +1,8 @@
 import pytest
 
 from pincette.config import ConfigError, Simulation
-from pincette.sim.plant import plant_parameters
-from pincette.sim.traits import resolved
+from pincette.sim.instruments.traits import resolved
+from pincette.sim.plant.plant import plant_parameters
 
 OPEN = {"output_step_V": None, "output_lag_s": None}
 

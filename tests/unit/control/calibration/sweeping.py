@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.control.planning.sweep import Sweep, SweptVoltages
-from pincette.sim.hysteresis import BoucWen, advance_hysteresis
+from pincette.sim.plant.hysteresis import BoucWen, advance_hysteresis
 
 SECOND_MODE = 6.27
 CREEP_TIMES_S = (0.1, 1.0, 10.0, 100.0, 1000.0)

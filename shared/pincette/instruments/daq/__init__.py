@@ -1,0 +1,1 @@
+"""Channels and tasks of NI-DAQmx."""

@@ -1,0 +1,1 @@
+"""The DCON protocol, and a module's host watchdog."""

@@ -1,0 +1,91 @@
+"""An instrument that is a recording: the same requests get the same answers."""
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+from pincette.instruments.line.recording import Entry, read_recording
+from pincette.instruments.protocols import InstrumentError, Link
+
+REPLAY = "replay:"
+
+_log = logging.getLogger(__name__)
+
+
+class ReplayLink:
+    """Plays the recording of the url ``replay:FILE``; it takes no time.
+
+    Raises
+    ------
+    InstrumentError
+        Where there is no recording.
+    """
+
+    def __init__(self, url: str, on_open: Callable[[Link], None]) -> None:
+        self._path = Path(url.removeprefix(REPLAY))
+        self._on_open = on_open
+        self._entries = read_recording(self._path)
+        self._next = 0
+        self._closed = False
+
+    @property
+    def ended(self) -> bool:
+        """Whether all that was recorded has been played."""
+        return self._next >= len(self._entries)
+
+    def exchange(self, request: bytes) -> bytes:
+        """Return the recorded answer.
+
+        Raises
+        ------
+        InstrumentError
+            As recorded; ``misused`` where another request comes next in the recording, ``silent``
+            where it has ended.
+        """
+        outcome = self._taken(request).outcome
+        if outcome is None:
+            raise self._unlike(request, "wants an answer, recorded without one")
+        if isinstance(outcome, InstrumentError):
+            raise InstrumentError(str(outcome), outcome.cause)
+        return outcome
+
+    def tell(self, line: bytes) -> None:
+        """Find the line in the recording; raises InstrumentError as ``exchange`` does."""
+        outcome = self._taken(line).outcome
+        if isinstance(outcome, InstrumentError):
+            raise InstrumentError(str(outcome), outcome.cause)
+        if outcome is not None:
+            raise self._unlike(line, f"wants no answer, recorded with {outcome[:40]!r}")
+
+    def close(self) -> None:
+        """End it; twice is once."""
+        self._closed = True
+
+    def _taken(self, request: bytes) -> Entry:
+        """Return the next entry, which is of this request."""
+        if self._closed:
+            raise InstrumentError(f"{self._path}: the port is closed; open it again", "misused")
+        if not self.ended and self._entries[self._next].request is None:
+            self._next += 1
+            self._prepare()
+        if self.ended:
+            text = f"{self._path}: no answer to {request[:40]!r}, the recording has ended"
+            raise InstrumentError(text, "silent")
+        entry = self._entries[self._next]
+        self._next += 1
+        if entry.request != request:
+            raise self._unlike(request, f"asked, recorded {entry.request!r}")
+        return entry
+
+    def _prepare(self) -> None:
+        """Prepare the instrument where its driver did; a failure is recorded with its request."""
+        try:
+            self._on_open(self)
+        except InstrumentError as error:
+            _log.debug("%s: %s", self._path, error)
+
+    def _unlike(self, request: bytes, how: str) -> InstrumentError:
+        """Say where the dialogue leaves the recording, and stay there."""
+        self._next -= 1
+        number = self._entries[self._next].number
+        return InstrumentError(f"{self._path}, line {number}: {request!r} {how}", "misused")

@@ -1,0 +1,1 @@
+"""Rigs drawn at random, and what is true of them."""

@@ -1,0 +1,88 @@
+"""Arms with modes of their own, and a part between them that they touch and leave; pure.
+
+Apart and joined the arms move by their own exact modes. The part is rigid and lies against the
+passive arm; its first touch is at x - y = x_b. What decides on touching (x - y reaches the part)
+and leaving (F falls below minus the pull-off force) is bounded within each substep by the modes'
+amplitudes; where the bound does not exclude it, the substep is cut into pieces and the moment is
+found by the secant.
+
+    touch   both tips get one speed by an impulse, which keeps the momentum and takes energy
+    leave   nothing jumps
+    Hertz   the faces are pressed in by δ(F) of the force at rest, followed within ``PRESS_S``;
+            fed from the input alone, it cannot feed an oscillation
+
+A part is lost where it was lifted and the force falls below what carries it, broken above its
+limit; from then on there is nothing to touch.
+"""
+
+from collections.abc import Sequence
+
+from pincette.sim.plant.arms import arms_of
+from pincette.sim.plant.contact import static_force_mN
+from pincette.sim.plant.fate import befall
+from pincette.sim.plant.motion import Motion
+from pincette.sim.plant.parameters import PlantParameters
+from pincette.sim.plant.state import PlantState
+
+
+def move_arms(
+    p: PlantParameters,
+    state: PlantState,
+    dt_s: float,
+    start_um: float,
+    rests_um: Sequence[float],
+) -> tuple[PlantState, list[float]]:
+    """Substeps of equal length, x_f from ``start_um`` to each value; also returns each position.
+
+    ``state.elapsed_s`` is that of the end.
+    """
+    motion = Motion(p, state, start_um)
+    begin_s = state.elapsed_s - len(rests_um) * dt_s
+    positions_um = list[float]()
+    held_s, event = state.held_s, None
+    may_go = p.part.may_go and state.part == "there"
+    for number, rest_um in enumerate(rests_um, start=1):
+        motion.pass_substep(dt_s, rest_um)
+        positions_um.append(motion.tip_um())
+        if may_go and event is None:
+            now_s = begin_s + number * dt_s
+            held_s, event = befall(p.part, held_s, motion.force_mN(), dt_s, now_s)
+            if event is not None:
+                motion.lose_part()
+    after = motion.put_into(state)
+    return (after.held(held_s, event) if may_go else after), positions_um
+
+
+def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float) -> PlantState:
+    """The arms at their equilibrium after ``dt_s`` in which nothing but creep went on."""
+    arms = arms_of(p)
+    there = state.part == "there" and arms.passive_stiffness_mN_per_um > 0.0
+    overlap_um = rest_um - p.contact_um
+    force_mN = static_force_mN(
+        max(0.0, overlap_um), arms.compliance_um_per_mN, p.part.hertz_um_per_mN23
+    )
+    dent_um = max(0.0, overlap_um - arms.compliance_um_per_mN * force_mN)
+    pulled_mN = overlap_um / arms.compliance_um_per_mN
+    joined = there and (overlap_um > 0.0 or (state.joined and pulled_mN >= -p.part.pull_off_mN))
+    if not joined:
+        force_mN, dent_um = 0.0, 0.0
+    elif overlap_um < 0.0:
+        force_mN = pulled_mN
+    x_um = rest_um - p.compliance_um_per_mN * force_mN
+    after = state.moved(
+        (x_um, 0.0),
+        (p.second_share * x_um, 0.0),
+        (x_um - p.contact_um - dent_um if joined else 0.0, 0.0),
+        joined,
+        dent_um,
+    )
+    if after.part != "there" or not p.part.may_go:
+        return after
+    held_s, event = befall(p.part, after.held_s, force_mN, dt_s, after.elapsed_s)
+    after = after.held(held_s, event)
+    return after if event is None else rest_arms(p, after, dt_s, rest_um)
+
+
+def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> float:
+    """Contact force with x_f at ``rest_um``; negative where the part sticks and is pulled."""
+    return Motion(p, state, rest_um).force_mN()

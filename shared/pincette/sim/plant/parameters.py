@@ -1,0 +1,158 @@
+"""What the plant is: its parameters, from the simulation's table of a rig file; pure."""
+
+import math
+from dataclasses import dataclass
+
+from pincette.config import Simulation
+from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters
+from pincette.sim.plant.contact import (
+    ball_weight_mN,
+    hertz_um_per_mN23,
+    holding_force_mN,
+    pull_off_mN,
+)
+from pincette.sim.plant.hysteresis import BoucWen
+
+FACES = 2
+"""Of a part between two arms; both are pressed in alike."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartParameters:
+    """What the part between the arms does beyond being rigid."""
+
+    hertz_um_per_mN23: float = 0.0
+    """B of δ = B·F^(2/3), all faces together."""
+    pull_off_mN: float = 0.0
+    hold_mN: float = 0.0
+    """Least force that carries it."""
+    lift_after_s: float = math.inf
+    break_mN: float = math.inf
+
+    @property
+    def may_go(self) -> bool:
+        """Whether it can fall or break."""
+        return self.lift_after_s < math.inf or self.break_mN < math.inf
+
+
+RIGID = PartParameters()
+"""A part that does nothing but resist."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlantParameters:
+    """What the plant is; equal only to itself, so that what is derived from it is found at once.
+
+    Raises
+    ------
+    ValueError
+        Where a mode is not underdamped (ζ >= 1).
+    """
+
+    natural_frequency_rad_per_s: float
+    damping_ratio: float
+    compliance_um_per_mN: float
+    piezo_um_per_V: float
+    hysteresis: BoucWen
+    creep_per_decade: float
+    output_step_V: float
+    output_lag_s: float
+    contact_um: float
+    environment_stiffness_mN_per_um: float
+    """K_e; 0 without a part."""
+    substep_s: float
+    curvature_per_V: float = 0.0
+    hysteresis_scale: float = 1.0
+    hung_mN: float = 0.0
+    """Force on the driven tip, positive towards -x."""
+    amplifier: AmplifierParameters = IDEAL
+    second_share: float = 0.0
+    second_frequency_ratio: float = 6.27
+    second_damping_ratio: float = 0.026
+    passive_natural_frequency_rad_per_s: float | None = None
+    """None: the passive arm has no mass."""
+    passive_damping_ratio: float = 0.026
+    part: PartParameters = RIGID
+
+    def __post_init__(self) -> None:
+        for name in ("damping_ratio", "second_damping_ratio", "passive_damping_ratio"):
+            if not 0 < getattr(self, name) < 1:
+                raise ValueError(f"{name} = {getattr(self, name)}: must be between 0 and 1")
+
+    @property
+    def elaborate(self) -> bool:
+        """Whether the arms are more than one mode against a spring without mass."""
+        return (
+            self.second_share > 0.0
+            or self.passive_natural_frequency_rad_per_s is not None
+            or self.part != RIGID
+        )
+
+
+def plant_parameters(simulation: Simulation) -> PlantParameters:
+    """Plant of a rig file.
+
+    Raises
+    ------
+    ValueError
+        Where the values are no plant, or step or lag of the output are still left to the driver.
+    """
+    if simulation.output_step_V is None or simulation.output_lag_s is None:
+        raise ValueError("output_step_V, output_lag_s: left to the driver and not resolved")
+    shape, second = simulation.hysteresis, simulation.second_mode
+    return PlantParameters(
+        natural_frequency_rad_per_s=simulation.natural_frequency_rad_per_s,
+        damping_ratio=simulation.damping_ratio,
+        compliance_um_per_mN=simulation.compliance_um_per_mN,
+        piezo_um_per_V=simulation.piezo_um_per_V,
+        hysteresis=BoucWen(
+            A_um_per_V=shape.A_over_d * simulation.piezo_um_per_V,
+            b_per_V=shape.b_times_U / shape.full_drive_V,
+            g_per_V=shape.g_times_U / shape.full_drive_V,
+            asymmetry=shape.asymmetry,
+        ),
+        creep_per_decade=simulation.creep_per_decade,
+        output_step_V=simulation.output_step_V,
+        output_lag_s=simulation.output_lag_s,
+        contact_um=simulation.bead_contact_um,
+        environment_stiffness_mN_per_um=(
+            simulation.environment_stiffness_mN_per_um if simulation.bead else 0.0
+        ),
+        substep_s=simulation.substep_s,
+        curvature_per_V=shape.curvature_per_V,
+        amplifier=_amplifier(simulation),
+        second_share=second.share,
+        second_frequency_ratio=second.frequency_ratio,
+        second_damping_ratio=second.damping_ratio,
+        passive_natural_frequency_rad_per_s=simulation.passive_natural_frequency_rad_per_s,
+        passive_damping_ratio=simulation.passive_damping_ratio,
+        part=_part(simulation),
+    )
+
+
+def _amplifier(simulation: Simulation) -> AmplifierParameters:
+    wanted = simulation.amplifier
+    return AmplifierParameters(
+        wanted.gain_ratio,
+        math.inf if wanted.saturation_V is None else wanted.saturation_V,
+        math.inf if wanted.slew_V_per_s is None else wanted.slew_V_per_s,
+        0.0 if wanted.bandwidth_hz is None else 1.0 / (2.0 * math.pi * wanted.bandwidth_hz),
+    )
+
+
+def _part(simulation: Simulation) -> PartParameters:
+    part = simulation.part
+    hertz, hold_mN = 0.0, 0.0
+    if part.modulus_GPa is not None:
+        hertz = FACES * hertz_um_per_mN23(part.radius_um, part.modulus_GPa)
+    falls = part.friction is not None and part.lift_after_s is not None
+    if part.friction is not None:
+        weight_mN = ball_weight_mN(part.radius_um, part.density_kg_per_m3)
+        hold_mN = holding_force_mN(weight_mN, part.friction) if falls else 0.0
+    return PartParameters(
+        hertz,
+        pull_off_mN(part.radius_um, part.adhesion_J_per_m2, part.roughness),
+        hold_mN,
+        part.lift_after_s if falls and part.lift_after_s is not None else math.inf,
+        math.inf if part.break_force_mN is None else part.break_force_mN,
+    )

@@ -1,0 +1,157 @@
+"""The simulated gripper: voltage output, amplifier, piezo, arms and contact; pure.
+
+From the voltage to the tip, in µm, mN, V and s:
+
+    voltage     ``drive``: output, amplifier, hysteresis and creep, up to where the arm would rest
+    arms        ``plain_arm``: one mode against a spring, or
+                ``joined_arms``: two modes, a passive arm that moves, and a part that is pressed in,
+                sticks, falls and breaks; wherever one of these is asked for
+
+Every part is advanced by its exact solution for an input that is constant over a substep.
+Not modelled: modes above the second, the part's own mass (1 % of an arm's), attraction before
+the touch.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+from pincette.sim.plant.arms import arms_of
+from pincette.sim.plant.drive import creep_alone, drive, quantised_V, rest_um, settling_s
+from pincette.sim.plant.joined_arms import arms_force_mN, move_arms, rest_arms
+from pincette.sim.plant.parameters import PlantParameters, plant_parameters
+from pincette.sim.plant.plain_arm import move_plain_arm, plain_force_mN, rest_plain_arm
+from pincette.sim.plant.state import PlantState
+
+__all__ = [
+    "PlantParameters",
+    "PlantState",
+    "advance",
+    "contact_force_mN",
+    "place_part",
+    "plant_parameters",
+    "play",
+    "set_voltage",
+    "start",
+    "take_part",
+]
+
+SETTLED_DECAYS = 30.0
+"""After this many time constants at constant voltage only creep is left (e⁻³⁰ = 1e-13)."""
+
+
+def start() -> PlantState:
+    """The arm at rest, unpoled: zero voltage, zero displacement."""
+    return PlantState(0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
+
+
+def set_voltage(parameters: PlantParameters, state: PlantState, voltage_V: float) -> PlantState:
+    """Give the output stage a target, rounded to its step."""
+    target_V = quantised_V(parameters, voltage_V)
+    voltages_V = target_V, state.voltage_V, state.slewed_V, state.drive_V
+    return state.driven(voltages_V, state.hysteresis_um, state.creep_um, 0.0)
+
+
+def contact_force_mN(parameters: PlantParameters, state: PlantState) -> float:
+    """Contact force, compressive and positive; negative where a part sticks and is pulled."""
+    if not parameters.elaborate:
+        return plain_force_mN(parameters, state)
+    if not state.joined:
+        return 0.0
+    return arms_force_mN(parameters, state, rest_um(parameters, state))
+
+
+def place_part(parameters: PlantParameters, state: PlantState) -> PlantState:
+    """A part lies at ``contact_um``; where the driven tip stands beyond, the passive arm yields."""
+    over_um = state.x_um - parameters.contact_um
+    placed = replace(state, part="there", held_s=0.0, dent_um=0.0, joined=False)
+    if not parameters.elaborate or over_um <= 0.0:
+        return placed
+    return replace(
+        placed, joined=True, passive_um=over_um, passive_speed_um_per_s=state.speed_um_per_s
+    )
+
+
+def take_part(
+    parameters: PlantParameters, state: PlantState, how: Literal["removed", "lost"]
+) -> PlantState:
+    """The part is gone; the arms go on from where they are."""
+    gone = replace(state, part=how, held_s=0.0, dent_um=0.0)
+    if parameters.elaborate and state.joined:
+        # The tips of joined arms are kept, as are their speeds.
+        return replace(gone, joined=False)
+    return gone
+
+
+def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
+    """Let ``dt_s`` pass: whole substeps, then the rest; same bits for the same arguments.
+
+    Beyond the time in which the output and the modes come to rest, one step is taken: what is
+    left is creep, which is linear with a constant input, and the arm follows its equilibrium.
+
+    Raises
+    ------
+    ValueError
+        Where ``dt_s`` is negative or not finite.
+    """
+    if not 0.0 <= dt_s < math.inf:
+        raise ValueError(f"dt_s = {dt_s} s: time runs forward and is finite")
+    settled_s = _settled_s(parameters, state) if dt_s > parameters.substep_s else math.inf
+    if dt_s - settled_s > parameters.substep_s:
+        settled = advance(parameters, state, settled_s)
+        return _creep_only(parameters, settled, dt_s - settled_s)
+    whole = int(dt_s / parameters.substep_s + 1e-9)
+    if whole:
+        state, _, _ = _substeps(parameters, state, parameters.substep_s, whole)
+    rest_s = dt_s - whole * parameters.substep_s
+    return _substeps(parameters, state, rest_s, 1)[0] if rest_s > 1e-9 else state
+
+
+def play(
+    parameters: PlantParameters, state: PlantState, dt_s: float, voltages_V: Sequence[float]
+) -> tuple[PlantState, list[float], list[float]]:
+    """Put out one voltage after the other, each for ``dt_s``, at most a substep.
+
+    Also returns position in µm and voltage at the amplifier's input in V at the end of each.
+
+    Raises
+    ------
+    ValueError
+        Where ``dt_s`` is not above 0, or above the substep.
+    """
+    if not 0.0 < dt_s <= parameters.substep_s:
+        raise ValueError(f"dt_s = {dt_s} s: above 0, up to a substep of {parameters.substep_s} s")
+    targets = [quantised_V(parameters, voltage_V) for voltage_V in voltages_V]
+    return _substeps(parameters, state, dt_s, len(targets), targets)
+
+
+def _substeps(
+    p: PlantParameters,
+    state: PlantState,
+    dt_s: float,
+    count: int,
+    targets_V: Sequence[float] | None = None,
+) -> tuple[PlantState, list[float], list[float]]:
+    """Substeps of equal length; the only code that runs at the substep's rate."""
+    driven, rests_um, voltages_V = drive(p, state, dt_s, count, targets_V)
+    if p.elaborate:
+        after, positions_um = move_arms(p, driven, dt_s, rest_um(p, state), rests_um)
+    else:
+        after, positions_um = move_plain_arm(p, driven, dt_s, rests_um)
+    return after, positions_um, voltages_V
+
+
+def _settled_s(p: PlantParameters, state: PlantState) -> float:
+    """Time after which nothing but creep is left."""
+    decay_per_s = p.damping_ratio * p.natural_frequency_rad_per_s
+    if p.elaborate:
+        decay_per_s = min(decay_per_s, arms_of(p).slowest_decay_per_s)
+    return SETTLED_DECAYS * (1.0 / decay_per_s + settling_s(p, state))
+
+
+def _creep_only(p: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
+    """One step of any length with the voltage settled; the arm ends at its equilibrium."""
+    crept = creep_alone(p, state, dt_s)
+    rest = rest_um(p, crept)
+    return rest_arms(p, crept, dt_s, rest) if p.elaborate else rest_plain_arm(p, crept, rest)

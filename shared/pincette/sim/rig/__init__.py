@@ -1,0 +1,1 @@
+"""The plant in time: what is measured, put out, played, acquired, and done to it."""

@@ -1,0 +1,203 @@
+"""The simulated rig: one plant, measured by a sensor and driven by an output, in either time."""
+
+import threading
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from pincette.config import Simulation
+from pincette.sim.plant import plant
+from pincette.sim.plant.noise import GaussianNoise
+from pincette.sim.plant.state import Event
+from pincette.sim.rig.capture import Capture
+from pincette.sim.rig.orders import Orders
+from pincette.sim.rig.timeline import Timeline
+from pincette.sim.rig.wave import NANOSECONDS, as_wave
+
+TruthSink = Callable[[int, float, float, float], None]
+"""Takes the number of the tick from 0, and what was true at the sample before it: position in
+µm, contact force in mN; last the voltage in V that the output aims at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What is true at a time."""
+
+    time_s: float
+    x_um: float
+    force_mN: float
+    voltage_V: float
+    """At the amplifier's input."""
+    part_present: bool
+    events: tuple[Event, ...]
+
+
+class SimulatedRig(Orders):
+    """A plant in simulated time.
+
+    Real time: each call first brings the plant to ``clock()``. Lockstep: time moves by
+    ``put_out``, ``put_out_wave`` and ``go_on`` alone, one period at a time; the old voltage holds
+    for ``actuation_delay_s`` and the new one for the rest. While nothing is written the plant
+    stands still, and looking at it changes nothing: the noise of a sample is keyed by the number
+    of ticks, not of looks.
+
+    Raises
+    ------
+    ValueError
+        Where the plant is impossible, or in lockstep where ``actuation_delay_s`` exceeds the
+        period.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        period_s: float,
+        lockstep: bool,
+        clock: Callable[[], float],
+        truth: TruthSink | None = None,
+    ) -> None:
+        if lockstep and simulation.actuation_delay_s > period_s:
+            raise ValueError(
+                f"actuation_delay_s = {simulation.actuation_delay_s} s is above the period, "
+                f"{period_s} s"
+            )
+        self._simulation = simulation
+        self._period_s = period_s
+        self._lockstep = lockstep
+        self._clock = clock
+        self._truth = truth
+        self._timeline = Timeline(simulation)
+        self._noise = GaussianNoise(simulation.seed)
+        self._began_s = self._reached_s = 0.0 if lockstep else clock()
+        self._looks = 0
+        self._ticks = 0
+        self._sample: tuple[float, float] | None = None
+        self._lock = threading.Lock()
+
+    def now_s(self) -> float:
+        """Time as the rig counts it: simulated in lockstep, the clock's in real time."""
+        return self._ticks * self._period_s if self._lockstep else self._clock()
+
+    def measure_um(self) -> float:
+        """Position with the sensor's noise, rounded to its step."""
+        with self._present() as timeline:
+            self._sample = self._look()
+            index = self._ticks if self._lockstep else self._looks
+            self._looks += 1
+            return timeline.reading_um(self._noise.at, index)
+
+    def put_out(self, voltage_V: float) -> None:
+        """Put out a voltage, and end a wave; in lockstep, end the tick."""
+        with self._tick() as timeline:
+            timeline.set_voltage(voltage_V)
+
+    def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
+        """Begin to put out one voltage each 1/rate, the last for good; in lockstep, end the tick.
+
+        Raises
+        ------
+        ValueError
+            Where there is no voltage, one is not finite, or the rate is no rate; nothing has
+            happened then.
+        """
+        as_wave(voltages_V, rate_hz, 0)
+        with self._tick() as timeline:
+            timeline.wave = as_wave(voltages_V, rate_hz, timeline.time_ns)
+
+    def go_on(self) -> None:
+        """In lockstep, end the tick without a write; in real time, nothing."""
+        if self._lockstep:
+            with self._tick():
+                pass
+
+    @property
+    def wave_over(self) -> bool:
+        """Whether no wave plays any more: each of its voltages has had its 1/rate."""
+        with self._present() as timeline:
+            return timeline.wave is None
+
+    def begin_capture(self, rate_hz: float) -> None:
+        """Keep position and drive each 1/rate from here on; raises ValueError if that is so."""
+        with self._present() as timeline:
+            if timeline.capture is not None:
+                raise ValueError("a capture is running: end it before another one begins")
+            timeline.capture = Capture(timeline.time_ns, rate_hz)
+
+    def drain(self) -> tuple[list[float], list[float]]:
+        """Readings in µm and voltages at the amplifier's input in V since the last drain.
+
+        Raises
+        ------
+        ValueError
+            Where no capture runs, or its buffer has overflown.
+        """
+        with self._present() as timeline:
+            if timeline.capture is None:
+                raise ValueError("no capture is running: nothing can be drained")
+            return timeline.capture.drain()
+
+    def end_capture(self) -> None:
+        """End the capture, if there is one; what was not drained is dropped."""
+        with self._present() as timeline:
+            timeline.capture = None
+
+    def set_averaging(self, averaging_s: float) -> None:
+        """Let the sensor's reading be the mean over a time; 0: the position itself."""
+        with self._present() as timeline:
+            timeline.set_averaging(averaging_s)
+
+    def events(self) -> list[Event]:
+        """What has befallen the rig so far, in its own time."""
+        with self._present():
+            return self._told()
+
+    def snapshot(self) -> Snapshot:
+        """What is true now."""
+        with self._present() as timeline:
+            present = timeline.state.part == "there"
+            voltage_V, events = timeline.state.voltage_V, tuple(self._told())
+            time_s = self._began_s + timeline.time_ns * 1e-9
+            return Snapshot(time_s, *self._look(), voltage_V, present, events)
+
+    @contextmanager
+    def _present(self) -> Generator[Timeline]:
+        """The plant as it is now, locked."""
+        with self._lock:
+            self._catch_up()
+            yield self._timeline
+
+    @contextmanager
+    def _tick(self) -> Generator[Timeline]:
+        """The plant at the moment of a write, which in lockstep ends the tick."""
+        with self._lock:
+            self._catch_up()
+            sample = self._sample or self._look()
+            timeline, delay_s = self._timeline, self._simulation.actuation_delay_s
+            begin_ns = round(self._ticks * self._period_s * NANOSECONDS)
+            if self._lockstep:
+                timeline.pass_to(begin_ns + round(delay_s * NANOSECONDS), delay_s)
+            yield timeline
+            if self._lockstep:
+                end_ns = round((self._ticks + 1) * self._period_s * NANOSECONDS)
+                timeline.pass_to(end_ns, self._period_s - delay_s)
+            seq, self._ticks, self._sample = self._ticks, self._ticks + 1, None
+            if self._truth is not None:
+                self._truth(seq, *sample, timeline.state.target_V)
+
+    def _look(self) -> tuple[float, float]:
+        """True position and contact force."""
+        timeline = self._timeline
+        force_mN = plant.contact_force_mN(timeline.parameters, timeline.state)
+        return timeline.state.x_um, force_mN
+
+    def _catch_up(self) -> None:
+        if not self._lockstep:
+            now_s = self._clock()
+            if now_s > self._reached_s:
+                end_ns = round((now_s - self._began_s) * NANOSECONDS)
+                self._timeline.pass_to(end_ns, now_s - self._reached_s)
+                self._reached_s = now_s
+
+    def _told(self) -> list[Event]:
+        began_s = self._began_s
+        return [event._replace(time_s=began_s + event.time_s) for event in self._timeline.events]

@@ -1,0 +1,1 @@
+"""Faults and hands at the bench, by order."""

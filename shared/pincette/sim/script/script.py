@@ -1,0 +1,167 @@
+"""A script for a simulated rig: orders that are carried out at their time, on the rig's own clock.
+
+It stands between the rig and its instruments, and between them and their lines. In lockstep the
+rig's time moves by the voltages that reach it, so while an output is unplugged no time passes.
+Faults of readings and voltages are those of single ones: a buffered acquisition and a wave are
+right, unless their line is not.
+"""
+
+import logging
+import threading
+from collections.abc import Callable, Mapping, Sequence
+
+from pincette.config import RigFile
+from pincette.config.script import LONGEST_DELAY_S, ScriptedOrder, deed_of, objection
+from pincette.messages import Order
+from pincette.sim.instruments.protocol import Instrument
+from pincette.sim.script.faults import (
+    EDGE_S,
+    Fault,
+    Faults,
+    Past,
+    fault_of,
+    holding,
+    left,
+    misput_V,
+    misread_um,
+)
+from pincette.sim.script.operated import Operated, carry_out
+from pincette.sim.script.scripted_line import ScriptedLine
+
+FORBIDDEN = (
+    "this rig takes no orders: write `scripts = true` into [simulation] of its rig file and start "
+    "it again"
+)
+
+log = logging.getLogger(__name__)
+
+
+class Script:
+    """Orders of the rig file, at their time since the first write, and orders as they come.
+
+    Safe in threads: each wire and the bus call from their own.
+    """
+
+    def __init__(
+        self,
+        orders: Sequence[ScriptedOrder] = (),
+        *,
+        allowed: bool = True,
+        seed: int = 1,
+        lockstep: bool = True,
+        timeouts_s: Mapping[str, float] | None = None,
+    ) -> None:
+        self._lockstep = lockstep
+        self._seed = seed
+        self._allowed = allowed
+        self._timeouts_s = dict(timeouts_s or {})
+        self._rig: Operated | None = None
+        self._waiting = [entry.order() for entry in orders]
+        self._faults: list[Fault] = []
+        self._deeds: list[tuple[float, Order]] = []
+        self._readings, self._voltages = Past(LONGEST_DELAY_S), Past(LONGEST_DELAY_S)
+        self._lock = threading.Lock()
+
+    def operate(self, rig: Operated) -> None:
+        """Work on this rig from here on."""
+        self._rig = rig
+
+    def order(self, order: Order) -> str:
+        """Take an order; returns why it is refused, empty where it is not."""
+        if not self._allowed:
+            return FORBIDDEN
+        if self._rig is None:
+            return "there is no rig to operate"
+        if words := objection(order):
+            return words
+        with self._lock:
+            self._take(self._rig.now_s(), order)
+        return self._act(self._rig)
+
+    def _take(self, now_s: float, order: Order) -> None:
+        deed = deed_of(order.target, order.what)
+        if deed is not None and (deed.lasts or deed.what == "heal"):
+            self._faults = left(self._faults, now_s)
+            self._faults.append(fault_of(order, now_s, deed.default or 0.0))
+        else:
+            self._deeds.append((now_s + order.after_s, order))
+
+    def _act(self, rig: Operated) -> str:
+        """Do what is due; returns what could not be done."""
+        if not self._deeds:
+            return ""
+        now_s = rig.now_s() + EDGE_S
+        with self._lock:
+            due = sorted(
+                (deed for deed in self._deeds if deed[0] <= now_s), key=lambda deed: deed[0]
+            )
+            self._deeds = [deed for deed in self._deeds if deed[0] > now_s]
+        trouble = ""
+        for _, order in due:
+            try:
+                carry_out(rig, order)
+            except ValueError as error:
+                trouble = f"{order.target} {order.what}: {error}"
+                log.warning("%s", trouble)
+        return trouble
+
+    def _look(self, target: str) -> tuple[float, Faults]:
+        """Do what is due; returns the time and what holds on a target."""
+        rig = self._rig
+        if rig is None:
+            return 0.0, Faults()
+        self._act(rig)
+        now_s = rig.now_s()
+        with self._lock:
+            return now_s, holding(self._faults, target, now_s) if self._faults else Faults()
+
+    def measure(self, measure_um: Callable[[], float]) -> Callable[[], float]:
+        """Stand between the position and the sensor."""
+
+        def measured_um() -> float:
+            now_s, faults = self._look("sensor")
+            x_um = measure_um()
+            if faults.value("stuck") is None:
+                self._readings.note(now_s, x_um)
+            return misread_um(faults, self._readings, now_s) if faults else x_um
+
+        return measured_um
+
+    def put_out(self, put_out_V: Callable[[float], None]) -> Callable[[float], None]:
+        """Stand between the output and the amplifier."""
+
+        def put_V(voltage_V: float) -> None:
+            self._begin()
+            now_s, faults = self._look("output")
+            if faults.value("stuck") is None:
+                self._voltages.note(now_s, voltage_V)
+            put_out_V(misput_V(faults, self._voltages, now_s) if faults else voltage_V)
+
+        return put_V
+
+    def _begin(self) -> None:
+        """Count the times of the rig file's orders from the first write."""
+        if self._waiting and self._rig is not None:
+            with self._lock:
+                waiting, self._waiting = self._waiting, []
+                for order in waiting:
+                    self._take(self._rig.now_s(), order)
+
+    def link(self, name: str, instrument: Instrument) -> Instrument:
+        """Stand between an instrument and its line; ``name`` is ``sensor`` or ``output``."""
+        patience_s = self._timeouts_s.get(name, LONGEST_DELAY_S) if self._lockstep else None
+        return ScriptedLine(
+            instrument, lambda: self._look(name)[1], f"{self._seed}/{name}", patience_s
+        )
+
+
+def script_of(rig_file: RigFile) -> Script:
+    """Script of a rig file: its entries, and whether orders may come."""
+    simulation = rig_file.simulation
+    return Script(
+        () if simulation is None else simulation.script,
+        allowed=simulation is not None and simulation.scripts,
+        seed=1 if simulation is None else simulation.seed,
+        lockstep=rig_file.lockstep,
+        timeouts_s={"sensor": rig_file.sensor.timeout_s, "output": rig_file.output.timeout_s},
+    )

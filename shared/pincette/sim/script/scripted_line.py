@@ -1,0 +1,71 @@
+"""A simulated instrument behind a line that may fail."""
+
+import time
+from collections.abc import Callable
+
+from pincette.config.script import LONGEST_DELAY_S
+from pincette.sim.instruments.protocol import Instrument, Thinking
+from pincette.sim.script.faults import Faults, HungUpError, chance, garbage, lost
+
+
+class ScriptedLine:
+    """Stands for an instrument, and does to its answers what its faults ask for.
+
+    Parameters
+    ----------
+    faults
+        Those that hold on it now.
+    key
+        Of its chance, which goes by the number of the exchange.
+    patience_s
+        In lockstep: how long the driver waits, so that a later answer is none. In real time None:
+        a late answer then comes late.
+    """
+
+    def __init__(
+        self,
+        instrument: Instrument,
+        faults: Callable[[], Faults],
+        key: str,
+        patience_s: float | None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._instrument, self._faults = instrument, faults
+        self._key, self._patience_s, self._sleep = key, patience_s, sleep
+        self._count = 0
+
+    def idle(self) -> None:
+        """Let time pass, for the script too; an instrument without a line lives on."""
+        self._faults()
+        self._instrument.idle()
+
+    def processing_s(self, line: bytes) -> float:
+        """Time that the instrument itself takes before it answers."""
+        instrument = self._instrument
+        return instrument.processing_s(line) if isinstance(instrument, Thinking) else 0.0
+
+    def answer(self, line: bytes) -> bytes | None:
+        """Answer one line, if it arrives; raises HungUpError where the socket is pulled out."""
+        number, self._count = self._count, self._count + 1
+        faults = self._faults()
+        if not faults:
+            return self._instrument.answer(line)
+        drawn = chance(self._key, number)
+        off = faults.value("off")
+        if off is not None or lost(faults.value("intermittent") or 0.0, drawn):
+            self._instrument.idle()
+            if off and self._patience_s is None:
+                raise HungUpError("pulled out by order")
+            return None
+        reply = self._instrument.answer(line)
+        if reply is not None and faults.value("garbage") is not None:
+            reply = garbage(drawn)
+        return reply if self._in_time(faults.value("slow") or 0.0) else None
+
+    def _in_time(self, delay_s: float) -> bool:
+        """Wait for as long as the answer is late; false where nobody waits for it any more."""
+        if self._patience_s is not None:
+            return delay_s <= self._patience_s
+        if delay_s:
+            self._sleep(min(delay_s, LONGEST_DELAY_S))
+        return True

@@ -1,0 +1,1 @@
+"""Where a simulated instrument can be reached."""

@@ -1,0 +1,147 @@
+"""A simulated instrument on a port: one thread that splits bytes into lines and answers them."""
+
+import os
+import select
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument, Thinking
+from pincette.sim.wires.ports import Line, Port, open_port
+
+BITS_PER_BYTE = 10
+LONGEST_LINE = 256
+IDLE_S = 0.05
+PIECE_S = 0.0005
+"""An answer is delivered in pieces of so long a time on the line, of one byte at the least."""
+
+Garble = Callable[[bytes], bytes]
+"""Makes of an answer with its terminator what arrives of it."""
+
+
+def _untouched(data: bytes) -> bytes:
+    return data
+
+
+class Wire:
+    """Serves one instrument until it is closed; a client that comes back is served again."""
+
+    def __init__(
+        self,
+        port: Port,
+        instrument: Instrument,
+        baud: int | None,
+        terminator: bytes,
+        garble: Garble,
+    ) -> None:
+        self._port = port
+        self._garble = garble
+        self._instrument = instrument
+        self._thinking = instrument if isinstance(instrument, Thinking) else None
+        self._terminator = terminator
+        self._byte_s = BITS_PER_BYTE / baud if baud else 0.0
+        self._wake, self._waker = os.pipe()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=port.url, daemon=True)
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        """What a driver opens to get here."""
+        return self._port.url
+
+    def close(self) -> None:
+        """Hang up, free the port, and wait for the thread; twice is once."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        os.write(self._waker, b".")
+        self._thread.join()
+        self._port.close()
+        os.close(self._wake)
+        os.close(self._waker)
+
+    def __enter__(self) -> "Wire":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        while (line := self._port.next_line(self._wait)) is not None:
+            # A client may be gone, or deaf, in the middle of an answer; the next begins afresh.
+            with suppress(OSError):
+                self._converse(line)
+            line.close()
+
+    def _wait(self, descriptor: int) -> bool:
+        while True:
+            ready, _, _ = select.select([descriptor, self._wake], [], [], IDLE_S)
+            if self._wake in ready:
+                return False
+            if ready:
+                return True
+            self._instrument.idle()
+
+    def _converse(self, line: Line) -> None:
+        """Answer one client until it hangs up; a line that never ends is dropped."""
+        pending = b""
+        while self._wait(line.fileno()):
+            chunk = line.recv(4096)
+            if not chunk:
+                return
+            *requests, pending = (pending + chunk).split(self._terminator)
+            pending = pending if len(pending) <= LONGEST_LINE else b""
+            for request in requests:
+                self._pass(self._byte_s * (len(request) + len(self._terminator)))
+                reply = self._instrument.answer(request)
+                if self._thinking is not None:
+                    self._pass(self._thinking.processing_s(request))
+                if reply is not None:
+                    self._deliver(line, self._garble(reply + self._terminator))
+
+    def _deliver(self, line: Line, data: bytes) -> None:
+        """Send what the line has carried by now, piece by piece, to the end."""
+        if not self._byte_s:
+            line.sendall(data)
+            return
+        piece = max(1, int(PIECE_S / self._byte_s))
+        began_s, sent = time.monotonic(), 0
+        while sent < len(data):
+            self._pass(began_s + self._byte_s * min(sent + piece, len(data)) - time.monotonic())
+            # Half a byte's time for what the clock loses between two looks at it.
+            carried = int((time.monotonic() - began_s) / self._byte_s + 0.5)
+            line.sendall(data[sent:carried])
+            sent = max(sent, carried)
+
+    @staticmethod
+    def _pass(duration_s: float) -> None:
+        if duration_s > 0.0:
+            time.sleep(duration_s)
+
+
+def serve(
+    url: str,
+    instrument: Instrument,
+    baud: int | None = None,
+    terminator: bytes = TERMINATOR,
+    garble: Garble = _untouched,
+) -> Wire:
+    """Offer an instrument at a driver's url.
+
+    Parameters
+    ----------
+    baud
+        Each byte takes ten bits at this rate, in both directions; None takes no time.
+    terminator
+        Ends each line, in both directions.
+    garble
+        What arrives of an answer: a part of a frame, or something else.
+
+    Raises
+    ------
+    WireError
+        Where the port is taken, or is none.
+    """
+    return Wire(open_port(url), instrument, baud, terminator, garble)
