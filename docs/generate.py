@@ -10,11 +10,18 @@ from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pincette import topics
+from pincette.messages import Document
 
 REFERENCE = Path(__file__).resolve().parent / "reference"
 
 UNITS = {"_mN_per_um": "mN/µm", "_um": "µm", "_mN": "mN", "_V": "V", "_s": "s"}
-PLAIN = {float: "number", int: "whole number", bool: "true or false", str: "text"}
+PLAIN = {
+    float: "number",
+    int: "whole number",
+    bool: "true or false",
+    str: "text",
+    Document: "text",
+}
 
 HEAD = """\
 # Keys
@@ -48,7 +55,7 @@ def _topics() -> str:
             f"`{topics.key('{rig}', topic)}`",
             _link(topic.message),
             topic.producer,
-            "every tick" if topic.per_tick else "on change",
+            "every tick" if topic.per_tick else "where asked for",
             topic.summary,
         )
         for topic in topics.TOPICS

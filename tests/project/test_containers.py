@@ -54,9 +54,13 @@ def test_one_service_builds_the_image(compose: str) -> None:
     assert compose.count("image: pincette\n") == 2
 
 
+def _ran(command: list[str], folder: Path) -> bool:
+    return subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode == 0
+
+
 def test_the_file_is_valid(root: Path) -> None:
-    if shutil.which("docker") is None:
-        pytest.skip("no docker here: docker-compose.yml is not validated")
+    if shutil.which("docker") is None or not _ran(["docker", "compose", "version"], root):
+        pytest.skip("no docker compose here: docker-compose.yml is not validated")
     command = ["docker", "compose", "config", "--quiet"]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

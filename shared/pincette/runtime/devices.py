@@ -13,12 +13,19 @@ from pincette.sim.bench import Bench, Fitted, open_bench
 from pincette.sim.script.script import Script, script_of
 
 
+LOCKSTEP_TIMEOUT_S = 2.0
+"""By the clock on the wall, which in lockstep shall end a run that hangs, never a tick."""
+
+
 def open_device(service: AnyService, rig: RigFile) -> Device:
     """Open the instrument a service moves or reads; None where it has none."""
+    patience = {"timeout_s": LOCKSTEP_TIMEOUT_S} if rig.lockstep else {}
     if service.instrument == "position_sensor":
-        return plugins.load(plugins.POSITION_SENSORS, rig.sensor.driver)(rig.sensor)
+        settings = rig.sensor.model_copy(update=patience)
+        return plugins.load(plugins.POSITION_SENSORS, settings.driver)(settings)
     if service.instrument == "voltage_output":
-        return plugins.load(plugins.VOLTAGE_OUTPUTS, rig.output.driver)(rig.output)
+        settings = rig.output.model_copy(update=patience)
+        return plugins.load(plugins.VOLTAGE_OUTPUTS, settings.driver)(settings)
     return None
 
 
