@@ -9,6 +9,7 @@ from time import monotonic, sleep
 
 import pytest
 
+from pincette.instruments.link import RETRY_S
 from pincette.messages import Applied, Order, Position, Truth
 from pincette.topics import ORDER
 from tests.support.grips import (
@@ -72,10 +73,21 @@ def heal(seen: Witness) -> None:
 def check_works_again(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> None:
     """Nothing moves until a person has reset it; then the next job succeeds. No program died."""
     assert refused(rig)["type"].endswith("rig-latched")
-    reset(rig)
+    reset_when_it_answers(rig)
     make_ready(rig)
     whole_grip(rig, seen, stalls)
     assert rig.fleet.ended() == []
+
+
+def reset_when_it_answers(rig: RunningRig) -> None:
+    """A reset is refused, with the reason, until the output has been reached again."""
+    path = f"/rigs/{rig.rig.rig.name}/reset"
+    deadline = monotonic() + 4.0 * RETRY_S
+    while (answer := rig.post(path, {"acknowledge": True})).status_code == 409:
+        assert rig.rig.output.url in answer.json()["detail"]
+        assert monotonic() < deadline, answer.text
+        sleep(0.05)
+    answer.raise_for_status()
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
@@ -93,6 +105,7 @@ def test_the_cable_of_the_sensor_is_pulled(
     ended = rig.ended(job)
     assert ended["state"] == "failed"
     assert "command_age" in ended["cause"]
+    assert f"sensor: {rig.rig.sensor.url}" in ended["cause"]
     fault = seen.newest(Position).fault
     assert rig.rig.sensor.url in fault
     assert any("sensor: reads no position" in reason for reason in rig.view()["reasons"])
