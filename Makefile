@@ -53,8 +53,9 @@ lint: venv ## style, types and the direction of imports
 paper: venv ## repeat the paper's experiments; writes data/paper/index.html, in some minutes
 	@$(BIN)/pincette paper $(ARGS)
 
-bench: venv ## measure the loop; writes bench.json
+bench: venv ## measure the loop, and a step of the plant; writes bench.json
 	@$(BIN)/python -m tests.bench.loop $(ARGS)
+	@$(BIN)/python -m tests.bench.plant
 
 soak: venv ## the slow tests, some of them minutes long
 	@$(BIN)/pytest -m slow $(ARGS)
