@@ -22,6 +22,8 @@ class IdentifiedFreeResponse(Table):
     curvature_um_per_V2: float = 0.0
     residual_um: NotNegative
     """r.m.s. left of free motion that was not fitted; enters the force uncertainty."""
+    press_gain: float = Field(default=1.0, gt=0.5, lt=2.0)
+    """Measured stroke over the model's, where parts are pressed; 1 where it was not measured."""
 
     @model_validator(mode="after")
     def _possible(self) -> "IdentifiedFreeResponse":
@@ -29,9 +31,11 @@ class IdentifiedFreeResponse(Table):
         return self
 
     @classmethod
-    def from_model(cls, model: HysteresisModel, residual_um: float) -> "IdentifiedFreeResponse":
+    def from_model(
+        cls, model: HysteresisModel, residual_um: float, press_gain: float = 1.0
+    ) -> "IdentifiedFreeResponse":
         """Table of a model that was identified."""
-        return cls(**asdict(model), residual_um=residual_um)
+        return cls(**asdict(model), residual_um=residual_um, press_gain=press_gain)
 
     def hysteresis(self) -> HysteresisModel:
         """Model of the table; raises ValueError where it is impossible."""

@@ -12,7 +12,6 @@ from pincette.service import AnyService
 from pincette.sim.bench import Bench, Fitted, open_bench
 from pincette.sim.script.script import Script, script_of
 
-
 LOCKSTEP_TIMEOUT_S = 2.0
 """By the clock on the wall, which in lockstep shall end a run that hangs, never a tick."""
 

@@ -37,7 +37,10 @@ def contact(planned: Planned, taken: Samples) -> Analysis:
         place = slice(begin + whole.start, begin + whole.stop)
         what = f"level of {level_V:g} V"
         x_um = taken.filled(taken.x_um, place, what)
-        swings.append(Swing(level_V, x_um, taken.filled(taken.force_mN, place, what)))
+        force_mN = taken.filled(taken.force_mN, place, what)
+        if free is not None:
+            force_mN = _judged(x_um, force_mN, s_p, free.press_gain)
+        swings.append(Swing(level_V, x_um, force_mN))
         samples_per_cycle = path.cycle_s / taken.period_s
     found = contact_stiffness(
         swings,
@@ -77,6 +80,15 @@ def contact(planned: Planned, taken: Samples) -> Analysis:
         ),
         drawn=ContactFound(found, touch),
     )
+
+
+def _judged(
+    x_um: NDArray[np.float64], force_mN: NDArray[np.float64], s_p: float, press_gain: float
+) -> NDArray[np.float64]:
+    """The force with the swings of x_1 as large as they were measured: x_1 = x + s_p·F̂."""
+    x_1_um = x_um + s_p * force_mN
+    more_um = (press_gain - 1.0) * (x_1_um - np.mean(x_1_um))
+    return force_mN + more_um / s_p
 
 
 def _approach(taken: Samples, up_to_mN: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

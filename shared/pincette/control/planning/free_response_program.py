@@ -23,6 +23,11 @@ GAIN_PP_V, GAIN_HZ = 2.0, 0.5
 """Drive at which d_p is stated: section VI.B of the paper."""
 SETTLING_CYCLES, GAIN_CYCLES = 3, 5
 """Before those that are measured, and those."""
+PRESS_LOW, PRESS_HIGH = 0.51, 0.96
+"""Shares of the range between which a part is pressed: a motion of its own, by which the model's
+swings there are judged."""
+PRESS_CYCLES = 4
+"""Of those after they have settled."""
 CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
 """Rest before the step, so that older creep is slow beside that which is looked at, and after."""
 
@@ -30,7 +35,8 @@ CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
 def free_response_program(
     rig: PlannedRig, *, from_V: float, to_V: float, rate_V_per_s: float, rest_V: float = 0.0
 ) -> Program:
-    """Phases ``teach``, ``cycles``, ``before step``, ``step``, ``creep`` and ``return``.
+    """Phases ``teach``, ``before presses``, ``presses``, ``after presses``, ``cycles``,
+    ``before step``, ``step``, ``creep`` and ``return``.
 
     Parameters
     ----------
@@ -76,12 +82,32 @@ def free_response_program(
         cycle_s=1.0 / GAIN_HZ,
         cycles=SETTLING_CYCLES + GAIN_CYCLES,
     )
+    press_V = from_V + 0.5 * (PRESS_LOW + PRESS_HIGH) * way_V
+    # From above, as after the first press on a part.
+    crest_V = from_V + PRESS_HIGH * way_V
+    lead = voltage_moves(
+        [(mean_V, rate_V_per_s, 0.0), (crest_V, rate_V_per_s, 0.5), (press_V, rate_V_per_s, 0.5)]
+    )
+    presses = Path(
+        "voltage",
+        "sinusoid",
+        mean=press_V,
+        amplitude=0.5 * (PRESS_HIGH - PRESS_LOW) * way_V,
+        cycle_s=1.0 / GAIN_HZ,
+        cycles=SETTLING_CYCLES + PRESS_CYCLES,
+    )
+    fastest = max(fastest, 2.0 * pi * GAIN_HZ * presses.amplitude)
+    require_within("rate of the free motion", fastest, "V/s", 0.0, rig.limits.slew_V_per_s)
+    follow = voltage_moves([(press_V, rate_V_per_s, 0.0), (mean_V, rate_V_per_s, 0.5)])
     before = voltage_moves([(mean_V, rate_V_per_s, 0.0), (from_V, rate_V_per_s, CREEP_BEFORE_S)])
     # As fast as may be: creep is looked at from the middle of the step on.
     step = voltage_moves([(from_V, 0.0, 0.0), (to_V, rig.limits.slew_V_per_s, 0.0)])
     back = voltage_moves([(to_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, 0.5)])
     return free_program(
         Segment("teach", "voltage", teach.duration_s, path=teach),
+        Segment("before presses", "voltage", lead.duration_s, path=lead),
+        Segment("presses", "voltage", presses.duration_s, path=presses),
+        Segment("after presses", "voltage", follow.duration_s, path=follow),
         Segment("cycles", "voltage", cycles.duration_s, path=cycles),
         Segment("before step", "voltage", before.duration_s, path=before),
         Segment("step", "voltage", step.duration_s, path=step),

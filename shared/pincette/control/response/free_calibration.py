@@ -36,7 +36,7 @@ class FreeMotion:
     """One record of a free arm, N samples of matched ages: ``voltage_V[k]`` led to ``x_um[k]``.
 
     It begins with the course that the model is identified from. Slices of it are those of the
-    cycles at full amplitude, of the rest before the step, and of the rest after it.
+    cycles and the presses at full amplitude, of the rest before the step, and of the rest after it.
     """
 
     voltage_V: Sequence[float] | Column
@@ -44,6 +44,7 @@ class FreeMotion:
     period_s: float
     course: slice
     cycles: slice
+    presses: slice
     before_step: slice
     after_step: slice
 
@@ -60,6 +61,8 @@ class FreeCalibration:
     """R.m.s. of the part of the course that the model was not fitted to."""
     model_gain: SecantGain
     """What the model makes of the same cycles, which may reach beyond the course's voltages."""
+    press_gain: float
+    """Stroke of the presses over what the model makes of it."""
     cycles_residual_um: float
     """R.m.s. of the cycles about the model, its mean taken off."""
     unpoled: bool
@@ -101,6 +104,10 @@ def calibrate_free_response(
         model=identified.model,
         model_residual_um=identified.residual_um,
         model_gain=secant_gain(u[motion.cycles], free[motion.cycles], samples_per_cycle),
+        press_gain=(
+            secant_gain(u[motion.presses], x[motion.presses], samples_per_cycle).stroke_um
+            / secant_gain(u[motion.presses], free[motion.presses], samples_per_cycle).stroke_um
+        ),
         cycles_residual_um=float(np.std(left)),
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,

@@ -7,6 +7,7 @@ from pincette.control.planning.calibration_programs import full_cycles
 from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
     GAIN_HZ,
+    PRESS_CYCLES,
     free_response_program,
 )
 from pincette.control.response.free_calibration import (
@@ -26,15 +27,19 @@ def freed(simulation: Simulation) -> tuple[Bench, FreeMotion]:
     rig = derived.planned_rig(DEMO)
     program = free_response_program(rig, from_V=-0.3, to_V=3.5, rate_V_per_s=3.2)
     places = bench.play(program.segments)
-    path = program.segments[1].path
-    assert path is not None
-    cycles, at = full_cycles(path, PERIOD_S, GAIN_CYCLES), places["cycles"]
+    full: dict[str, slice] = {}
+    for phase, count in (("cycles", GAIN_CYCLES), ("presses", PRESS_CYCLES)):
+        (path,) = [segment.path for segment in program.segments if segment.phase == phase]
+        assert path is not None
+        whole, at = full_cycles(path, PERIOD_S, count), places[phase]
+        full[phase] = slice(at.start + whole.start, at.start + whole.stop)
     return bench, FreeMotion(
         bench.voltage_V,
         bench.x_um,
         PERIOD_S,
         course=places["teach"],
-        cycles=slice(at.start + cycles.start, at.start + cycles.stop),
+        cycles=full["cycles"],
+        presses=full["presses"],
         before_step=places["before step"],
         after_step=places["creep"],
     )
