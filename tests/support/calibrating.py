@@ -1,0 +1,95 @@
+"""Calibrations played by the whole loop in one process, with a person at its bench."""
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from typing import Any, cast
+
+from pydantic import TypeAdapter
+
+from pincette.config import RigFile
+from pincette.messages import Act, Message, Sample, Telemetry
+from pincette.runtime import devices
+from pincette.runtime.composed import ComposedLoop
+from pincette.sim.bench import Bench
+from pincette.topics import ACT, TELEMETRY, Topic
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.records.archive import Take
+from pincette_supervisor.records.calibration_record import CalibrationRecord, gather
+from pincette_supervisor.schemas.request_models import AnyJobRequest, Body
+
+REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
+HANDS_TICKS = 25
+"""How long a person takes to hang a weight."""
+
+
+class Bystander:
+    """A person at the bench: hangs what the program asks for, and says to go on."""
+
+    def __init__(self, loop: ComposedLoop, bench: Bench, planned: Planned) -> None:
+        self.loop, self.bench, self.planned = loop, bench, planned
+        self.hung: list[float] = []
+        self.waited = 0
+        loop.bus.subscribe(TELEMETRY, self._look)
+
+    def _look(self, _topic: Topic, message: Message) -> None:
+        wait = self.planned.waits.get(cast(Telemetry, message).segment)
+        if wait is None or not cast(Telemetry, message).playing:
+            self.waited = 0
+            return
+        self.waited += 1
+        if self.waited == HANDS_TICKS:
+            weight_mN = wait.weight_mN
+            assert weight_mN is not None
+            assert f"{weight_mN:g}" in wait.instruction or "every weight" in wait.instruction
+            self.hang(weight_mN)
+            self.loop.bus.ask(ACT, Act("continue"))
+
+    def hang(self, weight_mN: float) -> None:
+        self.bench.rig.hang(weight_mN)
+        self.hung.append(weight_mN)
+
+
+@contextmanager
+def opened_benches() -> Generator[list[Bench]]:
+    """Benches as they are opened, so that a person can lay hands on them."""
+    opened: list[Bench] = []
+    opening: Callable[..., Bench] = devices.open_bench
+
+    def keep(*arguments: Any, **named: Any) -> Bench:
+        opened.append(opening(*arguments, **named))
+        return opened[-1]
+
+    devices.open_bench = keep
+    try:
+        yield opened
+    finally:
+        devices.open_bench = opening
+
+
+def calibrated(
+    rig: RigFile, bench: list[Bench], calibration: str, fault: str = "", **wishes: Any
+) -> tuple[CalibrationRecord, Bystander]:
+    """A calibration played to its end, as it would be kept."""
+    body = {"kind": "calibrate", "calibration": calibration, **wishes}
+    planned = plan_job(REQUEST.validate_python(body), rig)
+    assert planned.plan.violations == []
+    loop = ComposedLoop(rig)
+    person = Bystander(loop, bench[-1], planned)
+    messages: list[Message] = [
+        message
+        for message in loop.play(planned.program)
+        if not isinstance(message, Sample) or message.seq >= 0
+    ]
+    row = JobRow("job", "calibrate", rig.rig.name, "running", body, {}, "")
+    record = gather(rig, row, planned, Take(1, messages))
+    assert fault in record.fault
+    assert bool(fault) == bool(record.fault)
+    assert record.result.outcome == "moved"
+    return record, person
+
+
+def value(record: CalibrationRecord, quantity: str) -> Any:
+    found = {item.quantity: item for item in record.result.values}
+    return found[quantity].value
