@@ -148,7 +148,7 @@ def test_each_pair_of_drivers_meets_its_instruments() -> None:
 
 
 def test_a_serial_line_is_as_fast_as_its_own_driver_says() -> None:
-    demo = demo_rig({"sensor": {"options": {"baud": 38400}}})
+    demo = demo_rig({"sensor": {"options": {"baud": 38400}}, "simulation": {"baud": 115200}})
     own = open_bench(demo, lambda: 0.0).fitted
     assert (own["sensor"].baud, own["output"].baud) == (115200, 115200)
     assert demo.simulation is not None

@@ -13,7 +13,7 @@ from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse
 from pincette.instruments.protocols import VoltageOutput
 from pincette.messages import Applied, Arm, Message, Reset, Sample, Status, StatusRequest
 from pincette.runtime.instrument import Device, Instrument
-from pincette.runtime.timing import budget
+from pincette.runtime.timing import too_slow
 from pincette.service import AnyService, ForInstrument, Input, RefusedError
 from pincette.topics import COMMAND
 
@@ -51,6 +51,8 @@ class Node:
         self.missed = 0
         self._rig = rig
         self._now = 0.0
+        # Judged before the loop turns: loading a driver takes longer than a tick.
+        self._too_slow = too_slow(rig) if service.instrument == "voltage_output" else ""
         self._device = Instrument(device, self.period_s)
         self._instrument = service.instrument is not None
         self._joins = [item for item in service.inputs if item.role == "join"]
@@ -210,10 +212,8 @@ class Node:
                 f"this controller is instance {self.instance}, not {request.owner}: "
                 "a second one runs on this rig"
             )
-        if self.service.instrument == "voltage_output":
-            needed = budget(self._rig)
-            if not needed.fits:
-                raise RefusedError(f"the instruments are too slow: {needed.words()}")
+        if self._too_slow:
+            raise RefusedError(f"the instruments are too slow: {self._too_slow}")
         if self.service.instrument == "position_sensor":
             self._device.capture(request.capture_hz)
         if request.calibration == self.calibration.text():

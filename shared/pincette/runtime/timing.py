@@ -75,6 +75,18 @@ def budget(rig: RigFile) -> Budget:
     )
 
 
+def too_slow(rig: RigFile) -> str:
+    """Sum and parts where the instruments do not fit; empty where they do, or nobody can say.
+
+    Nobody can where the driver of the other instrument is installed on another machine alone.
+    """
+    try:
+        needed = budget(rig)
+    except plugins.PluginError:
+        return ""
+    return "" if needed.fits else needed.words()
+
+
 def stated(group: str, settings: Sensor | Output) -> Timing:
     """Timing that the module of a driver states through a function ``timing`` of the settings."""
     opener = plugins.load(group, settings.driver)
