@@ -32,7 +32,7 @@ SETTLING_CYCLES, LEVEL_CYCLES = 2, 4
 SETTLE_S = 2.0
 TROUGH_MN = 3.0
 """Force that is to be left at the lowest trough."""
-SHIFT = 0.05
+SHIFT = 0.15
 """Share of the highest force by which creep and hysteresis may raise it."""
 FIRST_LOAD = 0.25
 """Share of the highest force that the line of the contact is taken from, and"""

@@ -184,7 +184,7 @@ def test_the_widest_level_comes_first_and_its_crest_is_where_the_law_had_pressed
 
 
 def test_levels_beyond_the_limits_are_refused_or_lowered_alike() -> None:
-    with pytest.raises(ValueError, match=r"2 V peak to peak: force 52\.\d+ mN above the limit 40"):
+    with pytest.raises(ValueError, match=r"2 V peak to peak: force 57\.\d+ mN above the limit 40"):
         contact_stiffness_program(REQUEST, RIG)
     levels = levels_within(REQUEST, RIG)
     assert 1.2 < levels[-1] < 1.6
