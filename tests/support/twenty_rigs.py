@@ -5,13 +5,14 @@
 
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from math import fsum
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from pincette.config import Calibration, RigFile, read_rig
 from pincette.config import calibrated as laid
@@ -82,7 +83,14 @@ def bring_up(pair: str, seed: int, folder: Path) -> Row:
     return Row(
         seed,
         pair,
-        _deviations(model, true_values(rig.simulation)),
+        _deviations(
+            {
+                entry["quantity"]: entry["value"]
+                for entry in model["quantities"]
+                if entry["source"] != "assumed"
+            },
+            true_values(rig.simulation),
+        ),
         str(result.get("outcome", job["cause"])),
         float(result.get("true_force_held_mN") or 0.0),
     )
@@ -108,9 +116,7 @@ def in_one_process(pair: str, seed: int) -> Row:
     views = [message for message in published if isinstance(message, Telemetry)]
     held = {view.seq for view in views if view.phase == "hold"}
     forces_mN = [m.force_mN for m in published if isinstance(m, Truth) and m.seq in held]
-    entries = [{"quantity": name, "value": value} for name, value in found.values.items()]
-    model: Json = {"quantities": [{**entry, "source": "calibrated"} for entry in entries]}
-    deviations = _deviations(model, true_values(rig.simulation))
+    deviations = _deviations(found.values, true_values(rig.simulation))
     return Row(seed, pair, deviations, views[-1].outcome, fsum(forces_mN) / len(forces_mN))
 
 
@@ -130,7 +136,8 @@ def _calibrate_and_grip(hands: Technician, running: RunningRig, *, fast: bool) -
     return running.ended(running.start_grip(), 120.0)
 
 
-def _deviations(model: Json, true: TrueValues) -> dict[str, float]:
+def _deviations(found: Mapping[str, Any], true: TrueValues) -> dict[str, float]:
+    """Of the calibrated quantities whose truth is known, by their names without the table."""
     truths = {
         "natural_frequency_rad_per_s": true.natural_frequency_rad_per_s,
         "damping_ratio": true.damping_ratio,
@@ -138,12 +145,8 @@ def _deviations(model: Json, true: TrueValues) -> dict[str, float]:
         "piezo_um_per_V": true.piezo_um_per_V,
         "stiffness_mN_per_um": true.contact_stiffness_mN_per_um,
     }
-    found: dict[str, float] = {}
-    for entry in model["quantities"]:
-        name = entry["quantity"].rpartition(".")[2]
-        if name in truths and entry["source"] != "assumed":
-            found[name] = entry["value"] / truths[name] - 1.0
-    return found
+    values = {quantity.rpartition(".")[2]: value for quantity, value in found.items()}
+    return {name: values[name] / truth - 1.0 for name, truth in truths.items() if name in values}
 
 
 def runs(pair: str, seeds: Sequence[int]) -> Iterator[Row]:
