@@ -55,7 +55,6 @@ class AnalogInput:
         self._rate_hz = rate_hz
         self._single: Any = None
         self._capture: Any = None
-        self._closed = False
 
     def prepare(self) -> None:
         """Take back what an earlier program left, and begin single readings."""
@@ -71,7 +70,7 @@ class AnalogInput:
         InstrumentError
             Where the voltage is at an end of its range, or the device does not answer.
         """
-        self._must_be_open()
+        self._daq.must_be_open()
         if self._capture is not None:
             raise InstrumentError(f"{self._daq.channel}: a capture is running; end it", "misused")
         if self._single is None:
@@ -91,7 +90,7 @@ class AnalogInput:
         InstrumentError
             Where the rate is too high, no drive channel is named, or the device refuses.
         """
-        self._must_be_open()
+        self._daq.must_be_open()
         self.end_capture()
         if not self._drive_channel:
             text = f"{self._daq.channel}: a capture needs the option drive_channel"
@@ -127,7 +126,7 @@ class AnalogInput:
             Where none came in time, the buffer has run over, or a position is at an end of its
             range.
         """
-        self._must_be_open()
+        self._daq.must_be_open()
         if self._capture is None:
             raise InstrumentError(f"{self._daq.channel}: no capture was begun", "misused")
         stream = self._capture.in_stream
@@ -156,18 +155,7 @@ class AnalogInput:
 
     def close(self) -> None:
         """Give the tasks and the line back; twice is once."""
-        if self._closed:
-            return
-        self._closed = True
-        for purpose, task in (("capture", self._capture), ("single", self._single)):
-            if task is not None:
-                self._daq.clear(purpose, task)
-        self._daq.close()
-
-    def _must_be_open(self) -> None:
-        if self._closed:
-            text = f"{self._daq.channel}: the port is closed; open it again"
-            raise InstrumentError(text, "misused")
+        self._daq.close({"capture": self._capture, "single": self._single})
 
     def _begin_single(self) -> None:
         def arrange(task: Any) -> None:

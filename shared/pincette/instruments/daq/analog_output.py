@@ -48,7 +48,6 @@ class AnalogOutput:
         self._written = 0
         """Samples of the wave that the device has."""
         self._look_samples = LEAST_SAMPLES
-        self._closed = False
 
     def prepare(self, read_channel: str, found_V: float) -> None:
         """Take back what an earlier program left, and find the voltage that is put out."""
@@ -75,7 +74,7 @@ class AnalogOutput:
             Where the voltage is not a number within the range, before anything is sent; where the
             device refuses it or does not answer.
         """
-        self._must_be_open()
+        self._daq.must_be_open()
         self._must_be_within(voltage_V)
         if self._end_wave():
             self._resume()
@@ -98,7 +97,7 @@ class AnalogOutput:
         InstrumentError
             While a wave plays.
         """
-        self._must_be_open()
+        self._daq.must_be_open()
         if self._held_V is None:
             text = f"{self._daq.channel}: a wave plays; its voltage cannot be read back"
             raise InstrumentError(text, "misused")
@@ -113,7 +112,7 @@ class AnalogOutput:
             Where the rate or a voltage of what is written first is beyond its limit, before
             anything is sent; where the device refuses.
         """
-        self._must_be_open()
+        self._daq.must_be_open()
         if not 0.0 < rate_hz <= self._rate_hz:
             text = f"wave at {rate_hz:g} Hz refused, limit {self._rate_hz:g} Hz"
             raise InstrumentError(f"{self._daq.channel}: {text}", "misused")
@@ -138,7 +137,7 @@ class AnalogOutput:
 
     def look(self) -> None:
         """Write more of the wave; raise InstrumentError where it has broken off, or none plays."""
-        self._must_be_open()
+        self._daq.must_be_open()
         if not self._playing:
             raise InstrumentError(f"{self._daq.channel}: no wave plays", "misused")
         if self._written < len(self._wave_V):
@@ -151,18 +150,7 @@ class AnalogOutput:
 
     def close(self) -> None:
         """Give the tasks and the line back; the output stays as it is. Twice is once."""
-        if self._closed:
-            return
-        self._closed = True
-        for purpose, task in (("wave", self._wave), ("single", self._single)):
-            if task is not None:
-                self._daq.clear(purpose, task)
-        self._daq.close()
-
-    def _must_be_open(self) -> None:
-        if self._closed:
-            text = f"{self._daq.channel}: the port is closed; open it again"
-            raise InstrumentError(text, "misused")
+        self._daq.close({"wave": self._wave, "single": self._single})
 
     def _must_be_within(self, voltage_V: float) -> None:
         if not (isfinite(voltage_V) and self._least_V <= voltage_V <= self._most_V):

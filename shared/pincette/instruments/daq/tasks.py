@@ -10,7 +10,7 @@ each has a name, by which a program that starts again takes it back.
 
 import logging
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ParamSpec, TypeVar
 
@@ -58,6 +58,8 @@ ABSENT = (
     "grpc://HOST:PORT/CHANNEL"
 )
 
+NO_TASKS: Mapping[str, Any] = {}
+
 _log = logging.getLogger(__name__)
 
 P = ParamSpec("P")
@@ -68,7 +70,7 @@ class TaskGoneError(InstrumentError):
     """The task does not exist any more; it must be made anew."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Daq:
     """Where the tasks of one channel are; ``link`` is None for the driver of this machine."""
 
@@ -78,6 +80,12 @@ class Daq:
     """That the device may wait for samples."""
     left: set[str] = field(default_factory=set[str])
     """Purposes whose task may be at the server still, because a call about it was lost."""
+    _closed: bool = field(default=False, init=False)
+
+    def must_be_open(self) -> None:
+        """Raise InstrumentError once everything has been given back."""
+        if self._closed:
+            raise InstrumentError(f"{self.channel}: the port is closed; open it again", "misused")
 
     def ask(self, what: str, call: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
         """Call the package; what it raises leaves as an InstrumentError that says ``what``."""
@@ -132,8 +140,14 @@ class Daq:
             self.left.add(purpose)
             _log.info("%s", error)
 
-    def close(self) -> None:
-        """Give the line back."""
+    def close(self, tasks: Mapping[str, Any] = NO_TASKS) -> None:
+        """Give tasks, by their purposes, and the line back; twice is once."""
+        if self._closed:
+            return
+        self._closed = True
+        for purpose, task in tasks.items():
+            if task is not None:
+                self.clear(purpose, task)
         if self.link is not None:
             self.link.close()
 
