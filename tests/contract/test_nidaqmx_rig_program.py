@@ -1,22 +1,18 @@
 """The rig program as a device server: both drivers meet one device at one port."""
 
-import threading
 from pathlib import Path
-from typing import cast
 
 import pytest
 
-from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile
 from pincette.instruments.line.rpc_link import RpcMemoryLink
 from pincette.instruments.nidaqmx_input import open_sensor
 from pincette.instruments.nidaqmx_output import open_output
-from pincette.messages import Message, Order, Truth
-from pincette.runtime.context import Context
+from pincette.messages import Order
 from pincette.sim.bench import open_bench
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.script.script import Script
-from pincette_rig import PROGRAM
+from tests.support.rig_program import truths_of_three_writes
 from tests.support.rigs import Tree, at_own_ports, demo_rig, merged
 
 PAIR: Tree = {
@@ -37,25 +33,6 @@ PAIR: Tree = {
 RATE_HZ = 1000.0
 
 
-class Bus:
-    """Keeps what is published."""
-
-    def __init__(self) -> None:
-        self.told: list[Message] = []
-
-    def publish(self, message: Message) -> None:
-        self.told.append(message)
-
-    def serve(self, *_question: object) -> None:
-        pass
-
-    def announce(self, _name: str) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
-
-
 def fast_rig(pace: str, changes: Tree | None = None) -> RigFile:
     """The demo rig with the fast pair, at ports of its own."""
     demo = demo_rig(time=pace)
@@ -68,26 +45,10 @@ def fast_rig(pace: str, changes: Tree | None = None) -> RigFile:
 
 @pytest.mark.parametrize("pace", ["lockstep", "real"])
 def test_each_write_over_the_line_is_one_of_the_rig(tmp_path: Path, pace: str) -> None:
-    rig, bus, ready = fast_rig(pace), Bus(), threading.Event()
-    context = Context(
-        rig, tmp_path, lambda: cast(ZenohBus, bus), lambda _line: ready.set(), threading.Event()
+    rig = fast_rig(pace)
+    told = truths_of_three_writes(
+        rig, tmp_path, lambda: open_sensor(rig.sensor), lambda: open_output(rig.output)
     )
-    thread = threading.Thread(target=PROGRAM, args=(context,))
-    thread.start()
-    try:
-        assert ready.wait(timeout=5.0)
-        sensor, output = open_sensor(rig.sensor), open_output(rig.output)
-        for voltage_V in (1.0, 1.0, 0.5):
-            output.write_V(voltage_V)
-            sensor.read_um()
-        assert output.read_V() == 0.5
-        sensor.close()
-        output.close()
-    finally:
-        context.stop.set()
-        thread.join(timeout=5.0)
-    assert not thread.is_alive()
-    told = [message for message in bus.told if isinstance(message, Truth)]
     assert [truth.seq for truth in told] == [0, 1, 2]
     step_V = 20.0 / 65536
     assert [truth.voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=step_V)

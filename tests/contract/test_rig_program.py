@@ -11,32 +11,12 @@ from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile, read_rig
 from pincette.instruments.icpdas_i7024 import open_output
 from pincette.instruments.keyence_lkg import open_sensor
-from pincette.messages import Message, Truth
+from pincette.messages import Truth
 from pincette.runtime.context import Context
 from pincette_rig import PROGRAM
+from tests.support.rig_program import DeafBus, offered
 
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
-
-
-class DeafBus:
-    """Keeps what is published."""
-
-    def __init__(self) -> None:
-        self.told: list[Message] = []
-        self.names: list[str] = []
-        self.closed = False
-
-    def publish(self, message: Message) -> None:
-        self.told.append(message)
-
-    def serve(self, *_question: object) -> None:
-        pass
-
-    def announce(self, name: str) -> None:
-        self.names.append(name)
-
-    def close(self) -> None:
-        self.closed = True
 
 
 def _rig_file(tmp_path: Path, pace: str) -> RigFile:
@@ -56,23 +36,14 @@ def _context(rig: RigFile, bus: DeafBus, ready: Callable[[str], None], data: Pat
 
 @pytest.mark.parametrize("pace", ["lockstep", "real"])
 def test_it_offers_both_instruments_until_stopped(tmp_path: Path, pace: str) -> None:
-    bus, ready = DeafBus(), threading.Event()
-    context = _context(_rig_file(tmp_path, pace), bus, lambda _line: ready.set(), tmp_path)
-    thread = threading.Thread(target=PROGRAM, args=(context,))
-    thread.start()
-    seen = list[float]()
-    try:
-        assert ready.wait(timeout=5.0)
-        sensor, output = open_sensor(context.rig.sensor), open_output(context.rig.output)
+    rig, seen = _rig_file(tmp_path, pace), list[float]()
+    with offered(rig, tmp_path) as bus:
+        sensor, output = open_sensor(rig.sensor), open_output(rig.output)
         for voltage_V in (1.0, 1.0, 0.5):
             output.write_V(voltage_V)
             seen.append(sensor.read_um())
         sensor.close()
         output.close()
-    finally:
-        context.stop.set()
-        thread.join(timeout=5.0)
-    assert not thread.is_alive()
     told = [message for message in bus.told if isinstance(message, Truth)]
     assert [truth.seq for truth in told] == [0, 1, 2]
     assert [truth.voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=0.0007)

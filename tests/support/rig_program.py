@@ -1,0 +1,73 @@
+"""The rig program in a thread of a test, with a bus that only listens."""
+
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import cast
+
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.config import RigFile
+from pincette.instruments.protocols import PositionSensor, VoltageOutput
+from pincette.messages import Message, Truth
+from pincette.runtime.context import Context
+from pincette_rig import PROGRAM
+
+START_S = 5.0
+
+
+class DeafBus:
+    """Keeps what is published."""
+
+    def __init__(self) -> None:
+        self.told: list[Message] = []
+        self.names: list[str] = []
+        self.closed = False
+
+    def publish(self, message: Message) -> None:
+        self.told.append(message)
+
+    def serve(self, *_question: object) -> None:
+        pass
+
+    def announce(self, name: str) -> None:
+        self.names.append(name)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@contextmanager
+def offered(rig: RigFile, folder: Path) -> Generator[DeafBus]:
+    """Offer a rig's instruments for as long as it takes."""
+    bus, ready = DeafBus(), threading.Event()
+    context = Context(
+        rig, folder, lambda: cast(ZenohBus, bus), lambda _line: ready.set(), threading.Event()
+    )
+    thread = threading.Thread(target=PROGRAM, args=(context,))
+    thread.start()
+    try:
+        assert ready.wait(START_S)
+        yield bus
+    finally:
+        context.stop.set()
+        thread.join(START_S)
+    assert not thread.is_alive()
+
+
+def truths_of_three_writes(
+    rig: RigFile,
+    folder: Path,
+    open_sensor: Callable[[], PositionSensor],
+    open_output: Callable[[], VoltageOutput],
+) -> list[Truth]:
+    """Write 1, 1 and 0.5 V, with a reading after each; what the rig says of it."""
+    with offered(rig, folder) as bus:
+        sensor, output = open_sensor(), open_output()
+        for voltage_V in (1.0, 1.0, 0.5):
+            output.write_V(voltage_V)
+            sensor.read_um()
+        assert output.read_V() == 0.5
+        sensor.close()
+        output.close()
+    return [message for message in bus.told if isinstance(message, Truth)]
