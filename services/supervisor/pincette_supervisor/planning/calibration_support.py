@@ -1,12 +1,10 @@
 """Whether the instruments of a rig can make a calibration at all; said before anything moves."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
-from pincette.config import ConfigError, RigFile
+from pincette.config import RigFile
 from pincette.instruments.protocols import Timing
-from pincette.plugins import PluginError
-from pincette.runtime.timing import Budget, budget
+from pincette.runtime.timing import budget
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,17 +88,3 @@ def _fault(part: Part, rate_hz: float) -> str:
             f"{rate_hz:g} Hz are needed"
         )
     return ""
-
-
-def timing_trouble(rig: RigFile) -> str:
-    """Why the instruments do not fit into the control period; empty where they do."""
-    return _timing_trouble(rig.model_dump_json())
-
-
-@lru_cache(maxsize=4)
-def _timing_trouble(rig_json: str) -> str:
-    try:
-        needed: Budget = budget(RigFile.model_validate_json(rig_json))
-    except (PluginError, ConfigError) as error:
-        return str(error)
-    return "" if needed.fits else f"the instruments are too slow: {needed.words()}"

@@ -6,12 +6,13 @@ from time import monotonic
 from typing import cast
 
 from pincette.bus.protocol import Bus, BusError
-from pincette.config import RigFile
+from pincette.config import ConfigError, RigFile
 from pincette.messages import Applied, Position, Reset, Status
+from pincette.plugins import PluginError
 from pincette.runtime.arming import status
+from pincette.runtime.timing import budget
 from pincette.topics import APPLIED, LOOP, POSITION, RESET
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.planning.calibration_support import timing_trouble
 from pincette_supervisor.running.observer import Observer
 
 ASK_S = 0.7
@@ -41,6 +42,7 @@ class Health:
     ) -> None:
         self._rig, self._bus, self._observer, self._store = rig, bus, observer, store
         self._clock = clock
+        self._too_slow = _too_slow(rig)
         self._asked_at = float("-inf")
         self._pool = ThreadPoolExecutor(len(LOOP), thread_name_prefix="status")
         self.statuses: dict[str, Status | str] = {}
@@ -155,8 +157,8 @@ class Health:
     def reasons(self) -> list[str]:
         """Why no job can start, the actuator's latch apart."""
         found = [f"{service}: {trouble}" for service, trouble in self.troubles().items()]
-        if timing := timing_trouble(self._rig):
-            found.append(timing)
+        if self._too_slow:
+            found.append(self._too_slow)
         state, cause = self.latch()
         if state in ("frozen", "ramping"):
             found.append(f"actuator: {state} ({cause}); wait until it is safe, then reset it")
@@ -165,3 +167,12 @@ class Health:
     def close(self) -> None:
         """End the threads that ask."""
         self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _too_slow(rig: RigFile) -> str:
+    """Why the instruments do not fit into the control period; empty where they do."""
+    try:
+        needed = budget(rig)
+    except (PluginError, ConfigError) as error:
+        return str(error)
+    return "" if needed.fits else f"the instruments are too slow: {needed.words()}"
