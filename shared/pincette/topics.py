@@ -44,7 +44,9 @@ APPLIED = Topic("applied", messages.Applied, "actuator", "voltage applied, state
 TELEMETRY = Topic("telemetry", messages.Telemetry, "controller", "references and sliding function")
 TRUTH = Topic("truth", messages.Truth, "rig", "what a simulated rig knows; for the record only")
 
-TOPICS = (POSITION, BURST, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH)
+JOB = Topic("job", messages.JobNotice, "supervisor", "a job's state and phase", per_tick=False)
+
+TOPICS = (POSITION, BURST, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH, JOB)
 TOPIC_OF: dict[type[Message], Topic] = {topic.message: topic for topic in TOPICS}
 
 LOOP = ("sensor", "estimator", "controller", "actuator")
@@ -54,6 +56,8 @@ LOAD = Question("load", "controller", messages.Load, messages.Done, "load a prog
 ACT = Question("act", "controller", messages.Act, messages.Done, "stop, release or continue")
 TRIP = Question("trip", "actuator", messages.Trip, messages.Done, "go to the safe state, latch")
 RESET = Question("reset", "actuator", messages.Reset, messages.Done, "clear the latch")
+RECORD = Question("record", "recorder", messages.Record, messages.Done, "begin a job's record")
+FINISH = Question("finish", "recorder", messages.Finish, messages.Recorded, "end a job's record")
 ORDER = Question("order", "rig", messages.Order, messages.Done, "operate a simulated rig")
 ARM = {
     name: Question("arm", name, messages.Arm, messages.Done, "begin a new epoch") for name in LOOP
@@ -62,9 +66,9 @@ STATUS = {
     name: Question(
         "status", name, messages.StatusRequest, messages.Status, "version, epoch, counters"
     )
-    for name in LOOP
+    for name in (*LOOP, "recorder")
 }
-QUESTIONS = (LOAD, ACT, TRIP, RESET, ORDER, *ARM.values(), *STATUS.values())
+QUESTIONS = (LOAD, ACT, TRIP, RESET, ORDER, RECORD, FINISH, *ARM.values(), *STATUS.values())
 
 
 def key(rig: str, topic: Topic) -> str:

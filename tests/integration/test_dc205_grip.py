@@ -4,11 +4,11 @@ from math import fsum
 
 import pytest
 
+from pincette.api.request_models import GripJobRequest
 from pincette.config import Output, RigFile
 from pincette.messages import Applied, Message, Telemetry, Truth
 from pincette.runtime.composed import ComposedLoop
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.schemas.request_models import GripJobRequest
 from tests.support.rigs import demo_rig, output_step_V
 
 

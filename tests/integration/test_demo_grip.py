@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from pincette.api.request_models import GripJobRequest
 from pincette.config import RigFile, read_rig
 from pincette.messages import Estimate, Message, Telemetry, Truth
 from pincette.runtime.composed import ComposedLoop
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.schemas.request_models import GripJobRequest
 
 DEMO = Path(__file__).parents[2] / "deploy/rigs/demo.toml"
 

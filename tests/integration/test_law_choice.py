@@ -8,6 +8,13 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
+from pincette.api.request_models import AnyJobRequest, Body
+from pincette.api.result_models import (
+    GripResult,
+    JobResult,
+    Percentiles,
+    TrackResult,
+)
 from pincette.config import RigFile
 from pincette.config.gains import tuned
 from pincette.control.arm.plant import discretize, printed_arm
@@ -16,14 +23,7 @@ from pincette.messages import Message, Sample
 from pincette.runtime.composed import ComposedLoop
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.records.archive import Record, Take, gather
-from pincette_supervisor.schemas.request_models import AnyJobRequest, Body
-from pincette_supervisor.schemas.result_models import (
-    GripResult,
-    JobResult,
-    Percentiles,
-    TrackResult,
-)
+from pincette_supervisor.results.archive import Record, Take, gather
 from tests.support.rigs import demo_rig
 
 SCHEMES: tuple[Scheme, ...] = ("pbsmic", "dsmifc")

@@ -5,12 +5,12 @@ from functools import cache
 import pytest
 
 from pincette import plugins
+from pincette.api.request_models import GripJobRequest
 from pincette.messages import Arm, Load, Message, Position, Reset, Truth
 from pincette.runtime.composed import ComposedLoop
 from pincette.runtime.node import Node
 from pincette.topics import LOOP
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.schemas.request_models import GripJobRequest
 from tests.support.rigs import demo_rig
 
 RIG = demo_rig(time="lockstep")

@@ -6,6 +6,7 @@ from typing import Any, cast
 
 from pydantic import TypeAdapter
 
+from pincette.api.request_models import AnyJobRequest, Body
 from pincette.config import RigFile
 from pincette.messages import Act, Message, Sample, Telemetry
 from pincette.runtime import devices
@@ -15,9 +16,8 @@ from pincette.topics import ACT, TELEMETRY, Topic
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.records.archive import Take
-from pincette_supervisor.records.calibration_record import CalibrationRecord, gather
-from pincette_supervisor.schemas.request_models import AnyJobRequest, Body
+from pincette_supervisor.results.archive import Take
+from pincette_supervisor.results.calibration_record import CalibrationRecord, gather
 
 REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
 HANDS_TICKS = 25

@@ -14,6 +14,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from pincette.api.request_models import GripJobRequest
 from pincette.config import Calibration, RigFile, read_rig
 from pincette.config import calibrated as laid
 from pincette.messages import Telemetry, Truth
@@ -22,7 +23,6 @@ from pincette.sim.drawn.random_rigs import random_simulation
 from pincette.sim.drawn.true_values import TrueValues, true_values
 from pincette.sim.instruments.traits import resolved
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.schemas.request_models import GripJobRequest
 from tests.support.calibrating import calibrated, opened_benches
 from tests.support.rigs import DEMO, Tree, at_own_ports
 from tests.support.running import Json, RunningRig, running_rig

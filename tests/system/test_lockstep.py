@@ -7,16 +7,16 @@ from typing import Any, cast
 import pyarrow.parquet as parquet
 import pytest
 
+from pincette.api.request_models import (
+    AnyJobRequest,
+    GripJobRequest,
+    TrackJobRequest,
+)
 from pincette.config import RigFile
 from pincette.messages import Applied, Estimate, Message, Position
 from pincette.runtime.composed import ComposedLoop
 from pincette.topics import LOOP
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.schemas.request_models import (
-    AnyJobRequest,
-    GripJobRequest,
-    TrackJobRequest,
-)
 from tests.support.rigs import demo_rig
 from tests.support.running import running_rig
 

@@ -10,8 +10,8 @@ from pincette.runtime.context import Context
 from pincette_supervisor.config import SupervisorConfig, configure
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.model.rig_model import RigModel
-from pincette_supervisor.records import archive
 from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.results import archive
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.health import Health
 from pincette_supervisor.running.observer import Observer

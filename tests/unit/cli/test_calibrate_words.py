@@ -8,6 +8,8 @@ import pytest
 from pydantic import TypeAdapter
 from rich.console import Console
 
+from pincette.api.request_base import StartRequest
+from pincette.api.request_models import AnyJobRequest, Body
 from pincette.cli import job_words, model
 from pincette.cli.calibrate_words import CALIBRATIONS
 from pincette.cli.follow import follow
@@ -15,8 +17,6 @@ from pincette.cli.main import parser
 from pincette.cli.rest import Supervisor
 from pincette.cli.show import show_result
 from pincette.cli.show_model import show_calibration_plan, show_model, show_proposal
-from pincette_supervisor.schemas.request_base import StartRequest
-from pincette_supervisor.schemas.request_models import AnyJobRequest, Body
 
 REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
 VALUE: dict[str, Any] = {

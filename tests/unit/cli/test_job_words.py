@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
+from pincette.api.request_models import Gains
 from pincette.cli import job_words
 from pincette.cli.main import parser
-from pincette_supervisor.schemas.request_models import Gains
 
 
 def wishes(*words: str) -> dict[str, Any]:

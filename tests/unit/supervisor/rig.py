@@ -28,8 +28,8 @@ from pincette.messages import (
 from pincette.topics import LOOP, TOPIC_OF, Question, Topic
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.model.rig_model import RigModel
-from pincette_supervisor.records import archive
 from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.results import archive
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.health import Health
 from pincette_supervisor.running.observer import Observer

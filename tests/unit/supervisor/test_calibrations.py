@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile
-from pincette_supervisor.records import record
+from pincette.records import folder
 
 from . import samples
 from .rig import Desk
@@ -75,7 +75,7 @@ def test_what_is_accepted_is_what_later_jobs_work_with(desk: Desk) -> None:
     job = desk.ended(desk.grip()["id"])
     assert job["values"]["model"] == {"version": 1, "digest": model["digest"]}
     assert desk.bus.calibration == model["digest"] == version["digest"]
-    manifest = json.loads((Path(job["record"]) / record.MANIFEST).read_text(encoding="utf-8"))
+    manifest = json.loads((Path(job["record"]) / folder.MANIFEST).read_text(encoding="utf-8"))
     assert (manifest["model_version"], manifest["model_digest"]) == ("1", model["digest"])
     assert manifest["rig_file_digest"] == desk.get("/rigs/demo")["digest"]
     assert desk.get("/rigs/demo")["can_start"] is True

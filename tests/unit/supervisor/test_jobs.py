@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pincette.config import RigFile
-from pincette_supervisor.records import record
+from pincette.records import folder
 
 from . import samples
 from .rig import Desk
@@ -49,7 +49,7 @@ def test_the_record_is_complete_when_the_job_has_ended(desk: Desk) -> None:
     job = desk.ended(desk.grip()["id"])
     listed = desk.get(f"/jobs/{job['id']}/artifacts")["artifacts"]
     others = ("track.png", "calibration.png", "burst.parquet")
-    names = [name for name in record.MEDIA_TYPES if name not in others]
+    names = [name for name in folder.MEDIA_TYPES if name not in others]
     assert [entry["name"] for entry in listed] == names
     response = desk.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/grip.png")
     assert response.headers["content-type"] == "image/png"

@@ -9,8 +9,8 @@ import pytest
 
 from pincette.control.arm.plant import discretize, printed_arm
 from pincette.messages import Message
-from pincette_supervisor.records.columns import columns
-from pincette_supervisor.records.law_result import law_figures, true_perturbation_error
+from pincette.records.columns import columns
+from pincette_supervisor.results.law_result import law_figures, true_perturbation_error
 from tests.unit.control.laws.model_loop import ModelArm
 
 from . import samples

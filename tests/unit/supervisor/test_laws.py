@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from pincette.api.request_models import GripJobRequest, TrackJobRequest
 from pincette.config import RigFile
 from pincette.config.gains import judged, tuned
 from pincette.control.laws.law import LawSettings, ParameterSet, Scheme, default_settings
 from pincette_supervisor.planning import laws
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.schemas.request_models import GripJobRequest, TrackJobRequest
 
 from .rig import Desk
 

@@ -9,16 +9,17 @@ from typing import Any
 import pyarrow.parquet
 import pytest
 
-from pincette.config import RigFile
-from pincette_supervisor.journal.store import JobRow
-from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.records import archive, record
-from pincette_supervisor.records.drawing import HEIGHT_PX, WIDTH_PX
-from pincette_supervisor.schemas.request_models import (
+from pincette.api.request_models import (
     AnyJobRequest,
     GripJobRequest,
     TrackJobRequest,
 )
+from pincette.config import RigFile
+from pincette.records import folder
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.results import archive
+from pincette_supervisor.results.drawing import HEIGHT_PX, WIDTH_PX
 
 from . import samples
 
@@ -44,7 +45,7 @@ def write(
 
 def test_samples_carry_units_and_whose_they_are(tmp_path: Path, rig_file: RigFile) -> None:
     made = write(tmp_path, rig_file)
-    table = parquet.read_table(tmp_path / record.SAMPLES)
+    table = parquet.read_table(tmp_path / folder.SAMPLES)
     assert table.schema.field("force_mN").metadata[b"unit"] == b"mN"
     assert table.schema.field("x_r_um").metadata == {
         b"unit": "µm".encode(),
@@ -59,17 +60,17 @@ def test_samples_carry_units_and_whose_they_are(tmp_path: Path, rig_file: RigFil
 
 def test_the_manifest_has_the_sum_of_every_file(tmp_path: Path, rig_file: RigFile) -> None:
     write(tmp_path, rig_file)
-    manifest = json.loads((tmp_path / record.MANIFEST).read_text(encoding="utf-8"))
+    manifest = json.loads((tmp_path / folder.MANIFEST).read_text(encoding="utf-8"))
     files = {entry["name"]: entry["sha256"] for entry in manifest["files"]}
-    assert set(files) == {record.SAMPLES, "grip.png", record.REQUEST, record.RESULT}
+    assert set(files) == {folder.SAMPLES, "grip.png", folder.REQUEST, folder.RESULT}
     for name, digest in files.items():
         assert hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() == digest
-    assert {path.name for path in tmp_path.iterdir()} == {*files, record.MANIFEST}
+    assert {path.name for path in tmp_path.iterdir()} == {*files, folder.MANIFEST}
 
 
 def test_the_result_can_be_read_back(tmp_path: Path, rig_file: RigFile) -> None:
     made = write(tmp_path, rig_file)
-    assert json.loads((tmp_path / record.RESULT).read_text(encoding="utf-8")) == made.tree
+    assert json.loads((tmp_path / folder.RESULT).read_text(encoding="utf-8")) == made.tree
 
 
 @pytest.mark.parametrize(
@@ -90,5 +91,5 @@ def test_the_picture_is_a_png_of_its_size(
     content = (tmp_path / name).read_bytes()
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
     assert struct.unpack(">II", content[16:24]) == (WIDTH_PX, HEIGHT_PX)
-    assert parquet.read_table(tmp_path / record.SAMPLES).num_rows == len(ticks)
+    assert parquet.read_table(tmp_path / folder.SAMPLES).num_rows == len(ticks)
     assert made.result.samples == len(ticks)

@@ -6,10 +6,10 @@ from math import sqrt
 
 import pytest
 
+from pincette.api.result_models import GripResult
 from pincette.messages import Applied, Message
-from pincette_supervisor.records.columns import COLUMNS, columns, missed
-from pincette_supervisor.records.result import grip_result
-from pincette_supervisor.schemas.result_models import GripResult
+from pincette.records.columns import COLUMNS, columns, missed
+from pincette_supervisor.results.result import grip_result
 
 from . import samples
 from .samples import PERIOD_S, PLANT, Tick

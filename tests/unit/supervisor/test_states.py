@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 
-from pincette_supervisor.schemas.states import (
+from pincette.api.states import (
     HOLDS,
     OUTCOMES,
     STATES,

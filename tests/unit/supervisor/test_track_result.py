@@ -5,9 +5,9 @@ from math import sqrt
 
 import pytest
 
-from pincette_supervisor.records.columns import columns
-from pincette_supervisor.records.track_result import full_amplitude, track_result
-from pincette_supervisor.schemas.result_models import TrackResult
+from pincette.api.result_models import TrackResult
+from pincette.records.columns import columns
+from pincette_supervisor.results.track_result import full_amplitude, track_result
 
 from . import samples
 from .samples import PATH, PERIOD_S, PLANT, Tick

@@ -3,13 +3,13 @@
 from collections.abc import Iterable
 
 from pincette.messages import Message
+from pincette.records.columns import Columns
 from pincette_supervisor.analysis.arm import compliance, frequency_response, noise
 from pincette_supervisor.analysis.contact import contact
 from pincette_supervisor.analysis.findings import Analysis
 from pincette_supervisor.analysis.free_response import free_response
 from pincette_supervisor.analysis.samples import samples
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.records.columns import Columns
 
 ANALYSES = {
     "noise": noise,

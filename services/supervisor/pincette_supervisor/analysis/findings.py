@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pincette.api.calibration_models import Figure, Identified, Residuals
 from pincette.control.calibration.contact_stiffness import ContactStiffness
 from pincette.control.calibration.first_touch import FirstTouch
 from pincette.control.calibration.noise import Noise
@@ -15,7 +16,6 @@ from pincette.control.planning.paths import Path
 from pincette.control.response.free_calibration import FreeCalibration
 from pincette_supervisor.model.quantities import UNITS
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.schemas.calibration_models import Figure, Identified, Residuals
 
 
 @dataclass(frozen=True, slots=True)

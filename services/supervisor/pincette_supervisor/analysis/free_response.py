@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from pincette.api.calibration_models import Identified
 from pincette.config import IdentifiedFreeResponse
 from pincette.control.planning.calibration_programs import full_cycles
 from pincette.control.planning.free_response_program import GAIN_CYCLES, PRESS_CYCLES
@@ -17,7 +18,6 @@ from pincette_supervisor.analysis.findings import (
 from pincette_supervisor.analysis.samples import Samples
 from pincette_supervisor.model.quantities import UNITS
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.schemas.calibration_models import Identified
 
 GAIN_DIFFERENCE = 0.01
 """Share by which the model's own gain may differ from the measured one before it is said."""

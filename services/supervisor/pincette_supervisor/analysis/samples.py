@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pincette.messages import Burst, Message
-from pincette_supervisor.records.columns import Columns
-from pincette_supervisor.records.figures import Series, series
+from pincette.records.columns import Columns
+from pincette_supervisor.results.figures import Series, series
 
 MOST_MISSING = 0.02
 """Share of the samples of a phase that may be missing; between the others they are interpolated."""

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast
 
-from pincette_supervisor.schemas.states import STATES, ActionType, JobState
+from pincette.api.states import STATES, ActionType, JobState
 
 SCHEMA_VERSION = 1
 SCHEMA = """

@@ -1,10 +1,10 @@
 """The model in use, put together for REST."""
 
+from pincette.api.proposal_models import ModelQuantity, ModelVersion, ModelView
 from pincette.config import ConfigError
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, values_of
 from pincette_supervisor.model.rig_model import RigModel
-from pincette_supervisor.schemas.problems import ProblemError
-from pincette_supervisor.schemas.proposal_models import ModelQuantity, ModelVersion, ModelView
+from pincette_supervisor.problems import ProblemError
 
 
 def model_view(model: RigModel) -> ModelView:

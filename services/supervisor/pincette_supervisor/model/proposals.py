@@ -4,15 +4,15 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, cast
 
+from pincette.api.calibration_models import CalibrationResult
+from pincette.api.proposal_models import Proposal, ProposalState, ProposedValue
 from pincette.config import ConfigError
+from pincette.records.folder import PLOTS
+from pincette_supervisor import problems
 from pincette_supervisor.journal.store import JobRow, Store, utc_now
 from pincette_supervisor.model.quantities import ASSUMED, values_of
 from pincette_supervisor.model.rig_model import RigModel
-from pincette_supervisor.records.record import PLOTS
-from pincette_supervisor.schemas import problems
-from pincette_supervisor.schemas.calibration_models import CalibrationResult
-from pincette_supervisor.schemas.problems import ProblemError
-from pincette_supervisor.schemas.proposal_models import Proposal, ProposalState, ProposedValue
+from pincette_supervisor.problems import ProblemError
 
 BASE = "/api/v1"
 KIND = "calibrate"

@@ -3,10 +3,10 @@
 Where a law leads the arm they are by the nominal gain alone, u = (x - x_start + s_p·F)/d_p.
 """
 
+from pincette.api.calibration_models import CalibrationPhase
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.program import Program, Segment
-from pincette_supervisor.schemas.calibration_models import CalibrationPhase
 
 
 def planned_phases(

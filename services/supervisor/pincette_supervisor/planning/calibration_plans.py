@@ -3,6 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
+from pincette.api.calibration_models import CalibrationPlan, RestsOn
+from pincette.api.calibration_requests import (
+    AnyCalibrationRequest,
+    ComplianceRequest,
+    ContactStiffnessRequest,
+    FreeResponseRequest,
+    FrequencyResponseRequest,
+    NoiseRequest,
+)
+from pincette.api.plan_models import Violation
 from pincette.config import RigFile, derived
 from pincette.control.calibration.weights import there_and_back
 from pincette.control.planning.calibration_programs import (
@@ -24,16 +34,6 @@ from pincette_supervisor.planning.calibration_support import require_sweep
 from pincette_supervisor.planning.contact_values import CONTACT_WISHES, contact_wishes, part_values
 from pincette_supervisor.planning.laws import rig_law
 from pincette_supervisor.planning.planned import Planned, Wait
-from pincette_supervisor.schemas.calibration_models import CalibrationPlan, RestsOn
-from pincette_supervisor.schemas.calibration_requests import (
-    AnyCalibrationRequest,
-    ComplianceRequest,
-    ContactStiffnessRequest,
-    FreeResponseRequest,
-    FrequencyResponseRequest,
-    NoiseRequest,
-)
-from pincette_supervisor.schemas.plan_models import Violation
 
 BELOW_REST = 0.1
 """How far the free motion goes below rest, as a share of its height above."""

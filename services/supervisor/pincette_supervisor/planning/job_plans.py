@@ -4,6 +4,15 @@ from dataclasses import asdict, replace
 from math import ceil
 from typing import Any
 
+from pincette.api import plan_models
+from pincette.api.calibration_requests import CalibrationRequest
+from pincette.api.plan_models import Curves, Plan, PlannedPhase, Violation
+from pincette.api.request_models import (
+    AnyJobRequest,
+    GripJobRequest,
+    LawJobRequest,
+    TrackJobRequest,
+)
 from pincette.config import RigFile, derived
 from pincette.control.laws.law import LawSettings
 from pincette.control.laws.steady import steady_error_ranges
@@ -18,15 +27,6 @@ from pincette_supervisor.planning.contact_values import CONTACT_WISHES, contact_
 from pincette_supervisor.planning.laws import choose_law
 from pincette_supervisor.planning.path_requests import path_values, requested_path
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.schemas import plan_models
-from pincette_supervisor.schemas.calibration_requests import CalibrationRequest
-from pincette_supervisor.schemas.plan_models import Curves, Plan, PlannedPhase, Violation
-from pincette_supervisor.schemas.request_models import (
-    AnyJobRequest,
-    GripJobRequest,
-    LawJobRequest,
-    TrackJobRequest,
-)
 
 CURVE_POINTS = 400
 GRIP_WISHES = ("force_mN", "hold_s", *CONTACT_WISHES)

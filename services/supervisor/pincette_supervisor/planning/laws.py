@@ -3,13 +3,13 @@
 from dataclasses import asdict, replace
 from typing import NamedTuple
 
+from pincette.api.plan_models import GainsFrom, Law, Violation
+from pincette.api.request_models import Gains, JobRequest
 from pincette.config import ConfigError, RigFile
 from pincette.config.gains import judged, tuned
 from pincette.control.laws.law import LawSettings, Scheme, default_settings
 from pincette.control.stability.assessment import Assessment
 from pincette_supervisor.planning.path_requests import FaultyRequestError
-from pincette_supervisor.schemas.plan_models import GainsFrom, Law, Violation
-from pincette_supervisor.schemas.request_models import Gains, JobRequest
 
 
 class ChosenLaw(NamedTuple):

@@ -2,10 +2,10 @@
 
 from typing import Any
 
+from pincette.api.request_models import TrackJobRequest
 from pincette.config import RigFile
 from pincette.control.planning.path_shapes import sinusoid, steps, triangle, waypoints
 from pincette.control.planning.paths import Path
-from pincette_supervisor.schemas.request_models import TrackJobRequest
 
 SWING = ("force_mean_mN", "force_pp_mN", "frequency_hz", "cycles")
 MEMBERS = {

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from pincette.api.calibration_models import CalibrationPlan
+from pincette.api.plan_models import Plan
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
 from pincette_supervisor.model.rig_model import ModelInUse
-from pincette_supervisor.schemas.calibration_models import CalibrationPlan
-from pincette_supervisor.schemas.plan_models import Plan
 
 
 @dataclass(frozen=True, slots=True)

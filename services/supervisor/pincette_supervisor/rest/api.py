@@ -8,12 +8,12 @@ from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 
 from pincette import __version__
+from pincette.api.calibration_models import CalibrationResult
+from pincette.api.problem_models import Problem
+from pincette.api.result_models import GripResult, TrackResult
+from pincette_supervisor import problems
 from pincette_supervisor.rest import routes_calibrations, routes_jobs, routes_rigs
 from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.schemas import problems
-from pincette_supervisor.schemas.calibration_models import CalibrationResult
-from pincette_supervisor.schemas.problem_models import Problem
-from pincette_supervisor.schemas.result_models import GripResult, TrackResult
 
 BASE = "/api/v1"
 MODELS = (Problem, GripResult, TrackResult, CalibrationResult)

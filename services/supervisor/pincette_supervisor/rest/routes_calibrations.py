@@ -4,13 +4,13 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
+from pincette.api.calibration_models import CalibrationPlan
+from pincette.api.calibration_requests import CalibrationBody
+from pincette.api.job_models import Job
+from pincette.api.problem_models import responses
+from pincette.api.proposal_models import Proposal, ProposalAction, ProposalList
 from pincette_supervisor.rest.routes_jobs import take
 from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.schemas.calibration_models import CalibrationPlan
-from pincette_supervisor.schemas.calibration_requests import CalibrationBody
-from pincette_supervisor.schemas.job_models import Job
-from pincette_supervisor.schemas.problem_models import responses
-from pincette_supervisor.schemas.proposal_models import Proposal, ProposalAction, ProposalList
 
 
 def routes(conductor: Conductor) -> APIRouter:

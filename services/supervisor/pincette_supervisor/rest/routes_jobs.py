@@ -10,20 +10,20 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse
 
-from pincette_supervisor.records import record
-from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.schemas import problems
-from pincette_supervisor.schemas.calibration_models import CalibrationPlan
-from pincette_supervisor.schemas.job_models import (
+from pincette.api.calibration_models import CalibrationPlan
+from pincette.api.job_models import (
     ActionRequest,
     Artifact,
     ArtifactList,
     Job,
     JobList,
 )
-from pincette_supervisor.schemas.plan_models import Plan
-from pincette_supervisor.schemas.problem_models import responses
-from pincette_supervisor.schemas.request_models import AnyJobRequest, Body
+from pincette.api.plan_models import Plan
+from pincette.api.problem_models import responses
+from pincette.api.request_models import AnyJobRequest, Body
+from pincette.records import folder
+from pincette_supervisor import problems
+from pincette_supervisor.running.conductor import Conductor
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 
@@ -110,7 +110,7 @@ def routes(conductor: Conductor) -> APIRouter:
     def artifacts(job: str) -> ArtifactList:  # pyright: ignore[reportUnusedFunction]
         """Files of a job's record, with size and SHA-256."""
         known = conductor.job(job)
-        found = record.artifacts(conductor.site.records / known.id)
+        found = folder.artifacts(conductor.site.records / known.id)
         return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
 
     @router.get("/{job}/artifacts/{name}", responses=responses(404), response_class=FileResponse)
@@ -118,8 +118,8 @@ def routes(conductor: Conductor) -> APIRouter:
         """One file of a job's record."""
         known = conductor.job(job)
         path = conductor.site.records / known.id / name
-        if name not in record.MEDIA_TYPES or not path.is_file():
-            raise problems.not_found("artifact", name, list(record.MEDIA_TYPES))
-        return FileResponse(path, media_type=record.MEDIA_TYPES[name], filename=name)
+        if name not in folder.MEDIA_TYPES or not path.is_file():
+            raise problems.not_found("artifact", name, list(folder.MEDIA_TYPES))
+        return FileResponse(path, media_type=folder.MEDIA_TYPES[name], filename=name)
 
     return router

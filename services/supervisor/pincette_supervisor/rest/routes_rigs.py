@@ -5,13 +5,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 from fastapi import APIRouter
 
+from pincette.api.problem_models import responses
+from pincette.api.proposal_models import ModelAction, ModelView
+from pincette.api.rig_models import ResetRequest, Rig, RigList, Stopped
+from pincette_supervisor import problems
 from pincette_supervisor.model.model_view import model_view
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.view import rig_view
-from pincette_supervisor.schemas import problems
-from pincette_supervisor.schemas.problem_models import responses
-from pincette_supervisor.schemas.proposal_models import ModelAction, ModelView
-from pincette_supervisor.schemas.rig_models import ResetRequest, Rig, RigList, Stopped
 
 
 def routes(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> APIRouter:

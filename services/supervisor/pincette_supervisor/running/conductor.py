@@ -5,9 +5,15 @@ import threading
 from datetime import UTC, datetime
 from typing import Literal, cast
 
+from pincette.api.job_models import Job
+from pincette.api.proposal_models import ModelView, Proposal
+from pincette.api.request_models import AnyJobRequest
+from pincette.api.rig_models import Stopped
+from pincette.api.states import HOLDS, ActionType, TransitionError, allowed_actions
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.messages import Act, Done, Trip
 from pincette.topics import ACT, TRIP
+from pincette_supervisor import problems
 from pincette_supervisor.journal.store import JobRow, utc_now
 from pincette_supervisor.model.model_view import use_model
 from pincette_supervisor.model.proposals import Calibrations
@@ -15,17 +21,11 @@ from pincette_supervisor.planning.calibration_support import UnsupportedError
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.path_requests import FaultyRequestError
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.running.job import Changes, LiveJob
 from pincette_supervisor.running.job_view import job_view
 from pincette_supervisor.running.run import Run
 from pincette_supervisor.running.site import Site
-from pincette_supervisor.schemas import problems
-from pincette_supervisor.schemas.job_models import Job
-from pincette_supervisor.schemas.problems import ProblemError
-from pincette_supervisor.schemas.proposal_models import ModelView, Proposal
-from pincette_supervisor.schemas.request_models import AnyJobRequest
-from pincette_supervisor.schemas.rig_models import Stopped
-from pincette_supervisor.schemas.states import HOLDS, ActionType, TransitionError, allowed_actions
 
 JOIN_S = 4.0
 FREED_S = 1.0

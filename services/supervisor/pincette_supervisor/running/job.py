@@ -5,10 +5,10 @@ import threading
 from collections.abc import Callable
 from time import monotonic
 
+from pincette.api.job_models import Progress
+from pincette.api.states import STATES, ActionType, Event, JobState, next_state
 from pincette_supervisor.journal.store import ActionRow, JobRow, Store, utc_now
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.schemas.job_models import Progress
-from pincette_supervisor.schemas.states import STATES, ActionType, Event, JobState, next_state
 
 
 class Changes:

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any, cast
 
+from pincette.api.job_models import Action, Job, JobKind
+from pincette.api.states import allowed_actions
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.running.job import LiveJob
-from pincette_supervisor.schemas.job_models import Action, Job, JobKind
-from pincette_supervisor.schemas.states import allowed_actions
 
 
 def job_view(row: JobRow, live: LiveJob | None, records: Path) -> Job:

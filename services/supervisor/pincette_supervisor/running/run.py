@@ -3,18 +3,18 @@
 import secrets
 from time import monotonic
 
+from pincette.api.states import GOOD_OUTCOMES, STATES, Event
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.messages import Act, Trip
 from pincette.runtime.arming import arm
 from pincette.topics import ACT, TRIP
-from pincette_supervisor.records import archive, calibration_record
-from pincette_supervisor.records.archive import Take
+from pincette_supervisor.results import archive, calibration_record
+from pincette_supervisor.results.archive import Take
 from pincette_supervisor.running.job import LiveJob
 from pincette_supervisor.running.observer import Collection
 from pincette_supervisor.running.silence import gone_words, silent_words
 from pincette_supervisor.running.site import Site
 from pincette_supervisor.running.tracker import Tracker, outcome_words
-from pincette_supervisor.schemas.states import GOOD_OUTCOMES, STATES, Event
 
 LOOK_S = 0.02
 """How often the run looks at what has come."""

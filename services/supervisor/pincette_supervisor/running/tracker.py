@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from typing import cast
 
+from pincette.api.job_models import Progress
+from pincette.api.states import OUTCOMES
 from pincette.messages import Applied, Estimate, Message, Position, Sample, Telemetry, Truth
 from pincette.topics import LOOP, TOPIC_OF
 from pincette_supervisor.planning.planned import Wait
-from pincette_supervisor.records.result import TRIPPED
-from pincette_supervisor.schemas.job_models import Progress
-from pincette_supervisor.schemas.states import OUTCOMES
+from pincette_supervisor.results.result import TRIPPED
 
 CAUSES = {
     "abort": "abort: the job was aborted",

@@ -2,11 +2,7 @@
 
 from typing import Literal, cast
 
-from pincette.messages import Applied, Estimate, Position, Status, Telemetry
-from pincette.topics import APPLIED, ESTIMATE, LOOP, POSITION, TELEMETRY, TOPICS
-from pincette_supervisor.running.job import LiveJob
-from pincette_supervisor.running.site import Site
-from pincette_supervisor.schemas.rig_models import (
+from pincette.api.rig_models import (
     Interlock,
     Latch,
     LimitValue,
@@ -16,6 +12,10 @@ from pincette_supervisor.schemas.rig_models import (
     Rig,
     RigAction,
 )
+from pincette.messages import Applied, Estimate, Position, Status, Telemetry
+from pincette.topics import APPLIED, ESTIMATE, LOOP, POSITION, TELEMETRY, TOPICS
+from pincette_supervisor.running.job import LiveJob
+from pincette_supervisor.running.site import Site
 
 TOPIC_OF_PROGRAM = {topic.producer: topic for topic in reversed(TOPICS) if topic.producer in LOOP}
 PLAYING_S = 1.0

@@ -4,14 +4,14 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
-from pincette_supervisor.schemas.calibration_models import (
+from pincette.api.calibration_models import (
     CalibrationName,
     Figure,
     Identified,
     Residuals,
     RestsOn,
 )
-from pincette_supervisor.schemas.job_models import example
+from pincette.api.job_models import example
 
 ProposalState = Literal["proposed", "accepted", "discarded", "superseded"]
 

@@ -4,9 +4,9 @@ from typing import Any, Literal
 
 from pydantic import BaseModel
 
-from pincette_supervisor.schemas.job_models import example
-from pincette_supervisor.schemas.plan_models import Law, Violation
-from pincette_supervisor.schemas.result_models import ActionTaken, LimitActed, Phase
+from pincette.api.job_models import example
+from pincette.api.plan_models import Law, Violation
+from pincette.api.result_models import ActionTaken, LimitActed, Phase
 
 CalibrationName = Literal[
     "noise", "free_response", "compliance", "contact_stiffness", "frequency_response"

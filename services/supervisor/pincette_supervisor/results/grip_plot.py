@@ -1,11 +1,11 @@
 """The picture of a job."""
 
-from pincette_supervisor.records import drawing
-from pincette_supervisor.records.columns import Columns
-from pincette_supervisor.records.drawing import FAINT, MEASURED, Axis, Sheet
-from pincette_supervisor.records.figures import series
-from pincette_supervisor.records.track_plot import track_png
-from pincette_supervisor.schemas.result_models import GripResult, TrackResult
+from pincette.api.result_models import GripResult, TrackResult
+from pincette.records.columns import Columns
+from pincette_supervisor.results import drawing
+from pincette_supervisor.results.drawing import FAINT, MEASURED, Axis, Sheet
+from pincette_supervisor.results.figures import series
+from pincette_supervisor.results.track_plot import track_png
 
 
 def picture(

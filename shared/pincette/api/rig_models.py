@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel
 
-from pincette_supervisor.schemas.job_models import example
+from pincette.api.job_models import example
 
 RigAction = Literal["start_job", "estop", "reset"]
 

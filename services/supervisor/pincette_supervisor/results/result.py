@@ -5,20 +5,20 @@ from typing import Any, cast
 
 import numpy as np
 
-from pincette.control.arm.plant import DifferenceEquation
-from pincette.control.planning.contact_line import ContactFit, ContactLine
-from pincette.messages import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
-from pincette_supervisor.records import figures
-from pincette_supervisor.records.columns import Columns, missed
-from pincette_supervisor.records.figures import Mask, series, within
-from pincette_supervisor.records.law_result import law_figures
-from pincette_supervisor.schemas.result_models import (
+from pincette.api.result_models import (
     ActionTaken,
     GripResult,
     LimitActed,
     Phase,
 )
-from pincette_supervisor.schemas.states import ActionType
+from pincette.api.states import ActionType
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.planning.contact_line import ContactFit, ContactLine
+from pincette.messages import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
+from pincette.records.columns import Columns, missed
+from pincette_supervisor.results import figures
+from pincette_supervisor.results.figures import Mask, series, within
+from pincette_supervisor.results.law_result import law_figures
 
 SETTLE_S = 0.5
 """Left out at the begin of the hold, or a quarter of it where it is shorter than 2 s."""

@@ -4,8 +4,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from pincette_supervisor.schemas.problems import MEDIA_TYPE, TYPE
-
+MEDIA_TYPE = "application/problem+json"
+TYPE = "urn:pincette:problem:"
 MEANINGS = {
     404: ("not-found", "no such rig, job or artifact"),
     409: (

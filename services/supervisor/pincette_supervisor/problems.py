@@ -10,12 +10,11 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
+from pincette.api.calibration_models import CalibrationName
+from pincette.api.job_models import JobKind
+from pincette.api.problem_models import MEDIA_TYPE, TYPE
 from pincette_supervisor.planning.calibration_support import UnsupportedError
-from pincette_supervisor.schemas.calibration_models import CalibrationName
-from pincette_supervisor.schemas.job_models import JobKind
 
-MEDIA_TYPE = "application/problem+json"
-TYPE = "urn:pincette:problem:"
 UNITS = {
     "_mN_per_um": "mN/µm",
     "_um_per_s": "µm/s",

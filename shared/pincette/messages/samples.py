@@ -1,17 +1,8 @@
-"""What travels between programs: frozen data, units in the field names.
-
-A sample keeps its number: everything derived from sample k carries ``seq`` k, and the ``epoch``
-of the arming it belongs to. A message is invalid until somebody says that it is valid.
-"""
+"""What is published: samples of the loop, each with its number, and what a job is doing."""
 
 from dataclasses import dataclass
-from typing import NewType
 
-from pincette.control.planning.program import Program
 from pincette.control.planning.sweep import Sweep
-
-Document = NewType("Document", str)
-"""A text of many lines, as JSON; other texts are short."""
 
 VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
 """Bits of ``limits_active``."""
@@ -146,110 +137,16 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True)
-class Arm:
-    """Start a new epoch. Refused where the rig file's digest differs."""
+class JobNotice:
+    """A job as the supervisor has it, told whenever its state or its phase changes."""
 
+    job: str
+    kind: str
     epoch: int
-    owner: int
-    digest: str
-    calibration: Document = Document("")
-    """The model in use as JSON, over that of the rig file; see ``config.calibration``."""
-    capture_hz: float = 0.0
-    """As in the program that is played."""
-
-
-@dataclass(frozen=True, slots=True)
-class Load:
-    """Give the controller a program to play at the next arming."""
-
-    program: Program
-
-
-@dataclass(frozen=True, slots=True)
-class Act:
-    """Ask the controller to act at ``at_seq``, or at its next tick (None)."""
-
-    action: str
-    at_seq: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Trip:
-    """Ask the actuator to go to its safe state and latch."""
-
+    """Of its samples; 0 before it is armed."""
+    state: str
+    phase: str
     cause: str
-
-
-@dataclass(frozen=True, slots=True)
-class Reset:
-    """Clear the actuator's latch; ``acknowledge`` must be true."""
-
-    acknowledge: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """Operate a simulated rig: what a person at the bench does, or a fault that befalls it.
-
-    Refused unless the rig file allows it.
-    """
-
-    target: str
-    """``part``, ``weight``, ``arm``, ``sensor`` or ``output``."""
-    what: str
-    """What is done to it: ``remove``, ``off``, ``stuck`` …"""
-    value: float | None = None
-    after_s: float = 0.0
-    """From now on, in the rig's own time."""
-    for_s: float | None = None
-    """How long a fault lasts; None: until ``heal``."""
-
-
-@dataclass(frozen=True, slots=True)
-class StatusRequest:
-    """Ask any program how it is."""
-
-
-@dataclass(frozen=True, slots=True)
-class Status:
-    """How a program is; ``instance`` differs for every start of it."""
-
-    service: str
-    version: str
-    instance: int
-    digest: str
-    epoch: int
-    steps: int
-    missed: int
-    refused: int
-    detail: str
-    calibration: str = ""
-    """Digest of the model in use; empty: that of the rig file."""
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """The question was taken; it acts at ``seq``."""
-
-    seq: int
-
-
-Message = (
-    Position
-    | Burst
-    | Estimate
-    | Command
-    | Applied
-    | Telemetry
-    | Truth
-    | Arm
-    | Load
-    | Act
-    | Trip
-    | Reset
-    | Order
-    | StatusRequest
-    | Status
-    | Done
-)
-Sample = Position | Burst | Estimate | Command | Applied | Telemetry
+    held: bool
+    at: str
+    """UTC."""

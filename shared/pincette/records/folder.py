@@ -9,8 +9,8 @@ from typing import Any
 import pyarrow
 import pyarrow.parquet
 
-from pincette_supervisor.records.columns import COLUMNS, Columns
-from pincette_supervisor.schemas.job_models import JobKind
+from pincette.api.job_models import JobKind
+from pincette.records.columns import COLUMNS, Columns
 
 SAMPLES = "samples.parquet"
 BURST = "burst.parquet"

@@ -4,8 +4,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel
 
+from pincette.api.job_models import JobKind, example
 from pincette.control.laws.law import ForceAge, ParameterSet, Scheme
-from pincette_supervisor.schemas.job_models import JobKind, example
 
 GainsFrom = Literal["rig", "paper", "default", "request", "tuned"]
 

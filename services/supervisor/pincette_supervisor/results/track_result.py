@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from pincette.api.result_models import Tracking, TrackResult
 from pincette.control.arm.plant import DifferenceEquation
 from pincette.control.planning.paths import Path
-from pincette_supervisor.records import figures
-from pincette_supervisor.records.columns import Columns
-from pincette_supervisor.records.figures import Mask, Series, series, within
-from pincette_supervisor.records.result import common, force_error, position_error
-from pincette_supervisor.schemas.result_models import Tracking, TrackResult
+from pincette.records.columns import Columns
+from pincette_supervisor.results import figures
+from pincette_supervisor.results.figures import Mask, Series, series, within
+from pincette_supervisor.results.result import common, force_error, position_error
 
 
 def track_result(

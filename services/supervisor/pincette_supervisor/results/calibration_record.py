@@ -5,8 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pincette.api.calibration_models import CalibrationResult
+from pincette.api.states import GOOD_OUTCOMES
 from pincette.config import RigFile
 from pincette.messages import Message
+from pincette.records import folder as files
+from pincette.records.columns import Columns, columns
 from pincette_supervisor.analysis.analyse import analyse
 from pincette_supervisor.analysis.findings import Analysis
 from pincette_supervisor.analysis.samples import acquisition
@@ -14,13 +18,9 @@ from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.model.quantities import ASSUMED
 from pincette_supervisor.planning.calibration_plans import rests_on
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.records import record as files
-from pincette_supervisor.records.archive import Take, about
-from pincette_supervisor.records.calibration_plots import picture
-from pincette_supervisor.records.columns import Columns, columns
-from pincette_supervisor.records.result import course, outcome_of
-from pincette_supervisor.schemas.calibration_models import CalibrationResult
-from pincette_supervisor.schemas.states import GOOD_OUTCOMES
+from pincette_supervisor.results.archive import Take, about
+from pincette_supervisor.results.calibration_plots import picture
+from pincette_supervisor.results.result import course, outcome_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,18 +10,18 @@ from pathlib import Path
 from typing import Any
 
 from pincette import __version__
+from pincette.api.result_models import GripResult, TrackResult
 from pincette.config import RigFile
 from pincette.control.arm.plant import DifferenceEquation
 from pincette.control.laws.law import build
 from pincette.messages import Message
+from pincette.records import folder as files
+from pincette.records.columns import Columns, columns
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.records import record as files
-from pincette_supervisor.records.columns import Columns, columns
-from pincette_supervisor.records.grip_plot import picture
-from pincette_supervisor.records.result import grip_result
-from pincette_supervisor.records.track_result import track_result
-from pincette_supervisor.schemas.result_models import GripResult, TrackResult
+from pincette_supervisor.results.grip_plot import picture
+from pincette_supervisor.results.result import grip_result
+from pincette_supervisor.results.track_result import track_result
 
 NICENESS = 10
 

@@ -4,9 +4,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from pincette.api.job_models import example
+from pincette.api.states import ActionType
 from pincette.control.planning.paths import Shape
-from pincette_supervisor.schemas.job_models import example
-from pincette_supervisor.schemas.states import ActionType
 
 
 class Phase(BaseModel):

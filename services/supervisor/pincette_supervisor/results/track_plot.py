@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from pincette_supervisor.records import drawing
-from pincette_supervisor.records.columns import Columns
-from pincette_supervisor.records.drawing import FAINT, INK, MEASURED, REFERENCE, TRUE, Axis, Sheet
-from pincette_supervisor.records.figures import Mask, Series, series, within
-from pincette_supervisor.records.result import PRESSED
-from pincette_supervisor.schemas.result_models import Tracking, TrackResult
+from pincette.api.result_models import Tracking, TrackResult
+from pincette.records.columns import Columns
+from pincette_supervisor.results import drawing
+from pincette_supervisor.results.drawing import FAINT, INK, MEASURED, REFERENCE, TRUE, Axis, Sheet
+from pincette_supervisor.results.figures import Mask, Series, series, within
+from pincette_supervisor.results.result import PRESSED
 
 LEFT, MIDDLE, RIGHT = 0.085, 0.685, 0.985
 """Edges of the two columns, as shares of the width."""

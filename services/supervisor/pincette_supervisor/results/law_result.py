@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from pincette.control.arm.plant import DifferenceEquation, perturbation
-from pincette_supervisor.records import figures
-from pincette_supervisor.records.columns import Columns
-from pincette_supervisor.records.figures import Series, series
+from pincette.records.columns import Columns
+from pincette_supervisor.results import figures
+from pincette_supervisor.results.figures import Series, series
 
 
 def law_figures(table: Columns, plant: DifferenceEquation) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette_supervisor.records.columns import Columns
-from pincette_supervisor.schemas.result_models import Percentiles
+from pincette.api.result_models import Percentiles
+from pincette.records.columns import Columns
 
 Series = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -14,8 +14,8 @@ from pincette.messages import (
     Telemetry,
     Truth,
 )
+from pincette.records.truths import number_truths
 from pincette.topics import TOPIC_OF
-from pincette_supervisor.records.truths import number_truths
 
 Kind = Literal["float", "int", "bool", "text"]
 

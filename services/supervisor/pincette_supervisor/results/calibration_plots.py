@@ -4,16 +4,16 @@ from textwrap import shorten
 
 import numpy as np
 
+from pincette.api.calibration_models import CalibrationResult
 from pincette.control.calibration.noise import Noise
 from pincette.control.calibration.swept_mode import SweptMode
 from pincette.control.calibration.weights import WeighedCompliance
 from pincette.control.response.free_calibration import FreeCalibration
+from pincette.records.columns import Columns
 from pincette_supervisor.analysis.findings import Analysis, ContactFound
-from pincette_supervisor.records import drawing
-from pincette_supervisor.records.columns import Columns
-from pincette_supervisor.records.drawing import FAINT, MEASURED, REFERENCE, TRUE, Axis, Sheet
-from pincette_supervisor.records.figures import Series, series
-from pincette_supervisor.schemas.calibration_models import CalibrationResult
+from pincette_supervisor.results import drawing
+from pincette_supervisor.results.drawing import FAINT, MEASURED, REFERENCE, TRUE, Axis, Sheet
+from pincette_supervisor.results.figures import Series, series
 
 LEFT, RIGHT, TOP, BOTTOM = 0.085, 0.985, 0.89, 0.065
 BINS = 60

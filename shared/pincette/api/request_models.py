@@ -4,17 +4,17 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
-from pincette.control.laws.law import ForceAge, ParameterSet, Scheme
-from pincette.control.planning.paths import Shape
-from pincette_supervisor.schemas.calibration_requests import AnyCalibrationRequest, CalibrationBody
-from pincette_supervisor.schemas.job_models import example
-from pincette_supervisor.schemas.request_base import (
+from pincette.api.calibration_requests import AnyCalibrationRequest, CalibrationBody
+from pincette.api.job_models import example
+from pincette.api.request_base import (
     Duration,
     NotNegative,
     Positive,
     Speed,
     StartRequest,
 )
+from pincette.control.laws.law import ForceAge, ParameterSet, Scheme
+from pincette.control.planning.paths import Shape
 
 Gain = Annotated[float, Field(ge=0, le=1e9)]
 PositiveGain = Annotated[float, Field(gt=0, le=1e9)]

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pincette_supervisor.records.columns import Columns
-from pincette_supervisor.records.figures import Series, series
-from pincette_supervisor.schemas.result_models import JobResult
+from pincette.api.result_models import JobResult
+from pincette.records.columns import Columns
+from pincette_supervisor.results.figures import Series, series
 
 # Matplotlib's keyword arguments carry no types.
 Axis = Any

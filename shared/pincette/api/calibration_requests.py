@@ -4,20 +4,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from pincette.api.job_models import example
+from pincette.api.request_base import (
+    Duration,
+    NotNegative,
+    Positive,
+    Speed,
+    StartRequest,
+)
 from pincette.control.planning.calibration_programs import (
     LEAST_CAPTURE_HZ,
     NOISE_S,
     SWEEP_FROM_HZ,
     SWEEP_S,
     SWEEP_TO_HZ,
-)
-from pincette_supervisor.schemas.job_models import example
-from pincette_supervisor.schemas.request_base import (
-    Duration,
-    NotNegative,
-    Positive,
-    Speed,
-    StartRequest,
 )
 
 WEIGHTS_MN = (0.0, 5.0, 10.0, 20.0)

@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from pincette_supervisor.schemas.states import ActionType, JobState
+from pincette.api.states import ActionType, JobState
 
 JobKind = Literal["grip", "track", "calibrate"]
 

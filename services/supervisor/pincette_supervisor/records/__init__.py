@@ -1,1 +1,0 @@
-"""A job's samples, its result, its pictures, its folder."""

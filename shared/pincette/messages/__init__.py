@@ -1,0 +1,89 @@
+"""What travels between programs: frozen data, units in the field names.
+
+A sample keeps its number: everything derived from sample k carries ``seq`` k, and the ``epoch``
+of the arming it belongs to. A message is invalid until somebody says that it is valid.
+"""
+
+from pincette.messages.questions import (
+    Act,
+    Arm,
+    Document,
+    Done,
+    Finish,
+    Load,
+    Order,
+    Record,
+    Recorded,
+    Reset,
+    Status,
+    StatusRequest,
+    Trip,
+)
+from pincette.messages.samples import (
+    SLEW_DOWN,
+    SLEW_UP,
+    VOLTAGE_MAX,
+    VOLTAGE_MIN,
+    Applied,
+    Burst,
+    Command,
+    Estimate,
+    JobNotice,
+    Position,
+    Telemetry,
+    Truth,
+)
+
+Message = (
+    Position
+    | Burst
+    | Estimate
+    | Command
+    | Applied
+    | Telemetry
+    | Truth
+    | JobNotice
+    | Arm
+    | Load
+    | Act
+    | Trip
+    | Reset
+    | Order
+    | Record
+    | Finish
+    | Recorded
+    | StatusRequest
+    | Status
+    | Done
+)
+Sample = Position | Burst | Estimate | Command | Applied | Telemetry
+
+__all__ = [
+    "SLEW_DOWN",
+    "SLEW_UP",
+    "VOLTAGE_MAX",
+    "VOLTAGE_MIN",
+    "Act",
+    "Applied",
+    "Arm",
+    "Burst",
+    "Command",
+    "Document",
+    "Done",
+    "Estimate",
+    "Finish",
+    "JobNotice",
+    "Load",
+    "Message",
+    "Order",
+    "Position",
+    "Record",
+    "Recorded",
+    "Reset",
+    "Sample",
+    "Status",
+    "StatusRequest",
+    "Telemetry",
+    "Trip",
+    "Truth",
+]

@@ -1,0 +1,130 @@
+"""What is asked of a program, and what it answers."""
+
+from dataclasses import dataclass
+from typing import NewType
+
+from pincette.control.planning.program import Program
+
+Document = NewType("Document", str)
+"""A text of many lines, as JSON; other texts are short."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """Start a new epoch. Refused where the rig file's digest differs."""
+
+    epoch: int
+    owner: int
+    digest: str
+    calibration: Document = Document("")
+    """The model in use as JSON, over that of the rig file; see ``config.calibration``."""
+    capture_hz: float = 0.0
+    """As in the program that is played."""
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """Give the controller a program to play at the next arming."""
+
+    program: Program
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """Ask the controller to act at ``at_seq``, or at its next tick (None)."""
+
+    action: str
+    at_seq: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """Ask the actuator to go to its safe state and latch."""
+
+    cause: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """Clear the actuator's latch; ``acknowledge`` must be true."""
+
+    acknowledge: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Operate a simulated rig: what a person at the bench does, or a fault that befalls it.
+
+    Refused unless the rig file allows it.
+    """
+
+    target: str
+    """``part``, ``weight``, ``arm``, ``sensor`` or ``output``."""
+    what: str
+    """What is done to it: ``remove``, ``off``, ``stuck`` …"""
+    value: float | None = None
+    after_s: float = 0.0
+    """From now on, in the rig's own time."""
+    for_s: float | None = None
+    """How long a fault lasts; None: until ``heal``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Keep every sample of an epoch that is about to be armed, in the folder of a job."""
+
+    job: str
+    epoch: int
+    about: Document
+    """Whose the record is, as JSON: names and texts; see ``results.archive.about``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """Close the record of an epoch, whose last sample is ``last_seq``."""
+
+    job: str
+    epoch: int
+    last_seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What a record has."""
+
+    job: str
+    messages: int
+    dropped: int
+    """Messages that found no room, or did not come."""
+    complete: bool
+    detail: str
+    """Why it is not complete."""
+
+
+@dataclass(frozen=True, slots=True)
+class StatusRequest:
+    """Ask any program how it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """How a program is; ``instance`` differs for every start of it."""
+
+    service: str
+    version: str
+    instance: int
+    digest: str
+    epoch: int
+    steps: int
+    missed: int
+    refused: int
+    detail: str
+    calibration: str = ""
+    """Digest of the model in use; empty: that of the rig file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """The question was taken; it acts at ``seq``."""
+
+    seq: int

@@ -1,0 +1,1 @@
+"""Records: the samples of a job as columns, and the files of its folder."""
