@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict
 
 from pincette.api.states import ActionType, JobState
 
-JobKind = Literal["grip", "track", "calibrate"]
+JobKind = Literal["grip", "track", "move", "hold", "release", "calibrate"]
 
 
 def example(**values: Any) -> ConfigDict:

@@ -1,0 +1,97 @@
+"""The tables of the journal, for whichever database holds them; ``migrations`` makes them."""
+
+from sqlalchemy import (
+    JSON,
+    Column,
+    ForeignKey,
+    Integer,
+    MetaData,
+    PrimaryKeyConstraint,
+    String,
+    Table,
+)
+
+METADATA = MetaData()
+
+JOBS = Table(
+    "jobs",
+    METADATA,
+    Column("id", String, primary_key=True),
+    Column("number", Integer, nullable=False, unique=True),
+    Column("kind", String, nullable=False),
+    Column("rig", String, nullable=False, index=True),
+    Column("state", String, nullable=False, index=True),
+    Column("cause", String, nullable=False),
+    Column("request", JSON, nullable=False),
+    Column("plan", JSON, nullable=False),
+    Column("result", JSON),
+    Column("epoch", String),
+    Column("revision", Integer, nullable=False),
+    Column("created_at", String, nullable=False),
+    Column("started_at", String),
+    Column("ended_at", String),
+)
+"""``number`` rises with every job and is its place in the queue; ``revision`` with every change."""
+
+ACTIONS = Table(
+    "actions",
+    METADATA,
+    Column("job", ForeignKey("jobs.id"), nullable=False),
+    Column("number", Integer, nullable=False),
+    Column("type", String, nullable=False),
+    Column("requested_at", String, nullable=False),
+    Column("requested_by", String, nullable=False),
+    Column("applied_at", String),
+    Column("seq", Integer),
+    PrimaryKeyConstraint("job", "number"),
+)
+
+NOTES = Table(
+    "notes",
+    METADATA,
+    Column("name", String, primary_key=True),
+    Column("value", String, nullable=False),
+)
+
+EVENTS = Table(
+    "events",
+    METADATA,
+    Column("number", Integer, primary_key=True, autoincrement=True),
+    Column("at", String, nullable=False),
+    Column("rig", String, nullable=False),
+    Column("job", String, index=True),
+    Column("kind", String, nullable=False),
+    Column("body", JSON, nullable=False),
+    sqlite_autoincrement=True,
+)
+"""What a listener must not miss; its number is the SSE id."""
+
+CREATIONS = Table(
+    "creations",
+    METADATA,
+    Column("key", String, primary_key=True),
+    Column("fingerprint", String, nullable=False),
+    Column("job", ForeignKey("jobs.id"), nullable=False),
+    Column("created_at", String, nullable=False),
+)
+"""Jobs by the ``Idempotency-Key`` they were created with; the fingerprint is of the request."""
+
+RECIPES = Table(
+    "recipes",
+    METADATA,
+    Column("name", String, nullable=False),
+    Column("version", Integer, nullable=False),
+    Column("values", JSON, nullable=False),
+    Column("note", String, nullable=False),
+    Column("created_at", String, nullable=False),
+    PrimaryKeyConstraint("name", "version"),
+)
+
+TRAJECTORIES = Table(
+    "trajectories",
+    METADATA,
+    Column("digest", String, primary_key=True),
+    Column("rig", String, nullable=False),
+    Column("request", JSON, nullable=False),
+    Column("created_at", String, nullable=False),
+)
