@@ -5,20 +5,25 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from time import monotonic, sleep
-from typing import ClassVar
+from typing import Any, ClassVar, cast
 
 import pytest
+import zenoh
 
-from pincette.bus.links import client_ends, router_ends
+from pincette.bus.links import Ends, client_ends, router_ends
 from pincette.bus.memory import MemoryBus
-from pincette.bus.protocol import Bus, BusError, RefusalError
-from pincette.bus.zenoh_bus import ZenohBus, serve_router
-from pincette.messages import Done, Message, Position, StatusRequest, Trip
-from pincette.topics import POSITION, STATUS, TRIP, Question, Topic
+from pincette.bus.protocol import BusError, LatestBus, RefusalError
+from pincette.bus.zenoh_bus import ZenohBus, open_session, serve_router
+from pincette.codec import ENCODING, encode
+from pincette.messages import Burst, Done, JobNotice, Message, Position, StatusRequest, Trip
+from pincette.topics import BURST, JOB, POSITION, STATUS, TRIP, Question, Topic, key
 from tests.support.rigs import free_ports
 
 WAIT_S = 5.0
+ANSWER_S = 0.9
+"""Below the time after which a question is given up."""
 SAMPLE = Position(3, 0, 0.0, 1.25, True)
+NOTICE = JobNotice("20130401", "grip", 3, "running", "hold", "", True, "2013-04-01T00:00:00Z")
 
 
 class BusContract:
@@ -27,13 +32,13 @@ class BusContract:
     places: ClassVar[tuple[str, ...]] = ("one", "two")
 
     @pytest.fixture
-    def buses(self) -> Iterator[tuple[Bus, Bus]]:
+    def buses(self) -> Iterator[tuple[LatestBus, LatestBus]]:
         raise NotImplementedError
 
-    def settle(self, buses: tuple[Bus, Bus], done: Callable[[], bool]) -> None:
+    def settle(self, buses: tuple[LatestBus, LatestBus], done: Callable[[], bool]) -> None:
         raise NotImplementedError
 
-    def test_messages_arrive_in_order_and_whole(self, buses: tuple[Bus, Bus]) -> None:
+    def test_messages_arrive_in_order_and_whole(self, buses: tuple[LatestBus, LatestBus]) -> None:
         got: list[Message] = []
 
         def take(topic: Topic, message: Message) -> None:
@@ -48,7 +53,7 @@ class BusContract:
         self.settle(buses, lambda: len(got) == len(sent))
         assert got == sent
 
-    def test_a_question_is_answered(self, buses: tuple[Bus, Bus]) -> None:
+    def test_a_question_is_answered(self, buses: tuple[LatestBus, LatestBus]) -> None:
         asked: list[Message] = []
 
         def answer(
@@ -62,7 +67,7 @@ class BusContract:
         assert buses[0].ask(TRIP, Trip("estop")) == Done(41)
         assert asked == [Trip("estop")]
 
-    def test_a_refusal_brings_its_reason(self, buses: tuple[Bus, Bus]) -> None:
+    def test_a_refusal_brings_its_reason(self, buses: tuple[LatestBus, LatestBus]) -> None:
         def refuse(
             _question: Question, _request: Message, reply: Callable[[Message | str], None]
         ) -> None:
@@ -73,12 +78,14 @@ class BusContract:
         with pytest.raises(RefusalError, match="latched: estop"):
             buses[0].ask(TRIP, Trip("estop"))
 
-    def test_nobody_there_is_an_error_that_says_who(self, buses: tuple[Bus, Bus]) -> None:
+    def test_nobody_there_is_an_error_that_says_who(
+        self, buses: tuple[LatestBus, LatestBus]
+    ) -> None:
         with pytest.raises(BusError, match="estimator/status"):
             buses[0].ask(STATUS["estimator"], StatusRequest(), 0.3)
 
     def test_silence_is_an_error_after_the_time_that_was_given(
-        self, buses: tuple[Bus, Bus]
+        self, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         kept: list[Callable[[Message | str], None]] = []
 
@@ -92,15 +99,32 @@ class BusContract:
         with pytest.raises(BusError, match="actuator/trip"):
             buses[0].ask(TRIP, Trip("estop"), 0.3)
 
+    def test_the_newest_message_of_a_topic_can_be_asked_for(
+        self, buses: tuple[LatestBus, LatestBus]
+    ) -> None:
+        for seq in range(3):
+            buses[0].publish(replace(SAMPLE, seq=seq))
+        self.settle(buses, lambda: True)
+        assert buses[1].latest(POSITION) == replace(SAMPLE, seq=2)
+        buses[0].publish(replace(SAMPLE, epoch=4))
+        assert buses[1].latest(POSITION) == replace(SAMPLE, epoch=4)
+
+    def test_before_the_first_message_there_is_no_newest(
+        self, buses: tuple[LatestBus, LatestBus]
+    ) -> None:
+        buses[0].publish(SAMPLE)
+        self.settle(buses, lambda: True)
+        assert buses[1].latest(JOB) is None
+
 
 class TestMemoryBus(BusContract):
     @pytest.fixture
-    def buses(self) -> Iterator[tuple[Bus, Bus]]:
+    def buses(self) -> Iterator[tuple[LatestBus, LatestBus]]:
         bus = MemoryBus()
         yield bus, bus
         bus.close()
 
-    def settle(self, buses: tuple[Bus, Bus], done: Callable[[], bool]) -> None:
+    def settle(self, buses: tuple[LatestBus, LatestBus], done: Callable[[], bool]) -> None:
         bus = buses[0]
         assert isinstance(bus, MemoryBus)
         while bus.pump():
@@ -110,7 +134,8 @@ class TestMemoryBus(BusContract):
 
 class TestZenohBus(BusContract):
     @pytest.fixture
-    def buses(self) -> Generator[tuple[Bus, Bus]]:
+    def ends(self) -> Generator[Ends]:
+        """A tool's place at a router of its own."""
         port = free_ports(1)
         end, up = threading.Event(), threading.Event()
 
@@ -123,16 +148,32 @@ class TestZenohBus(BusContract):
         )
         router.start()
         assert up.wait(WAIT_S)
+        yield client_ends("127.0.0.1", port)
+        end.set()
+        router.join()
+
+    @pytest.fixture
+    def buses(self, ends: Ends) -> Generator[tuple[LatestBus, LatestBus]]:
         with ExitStack() as stack:
-            stack.callback(router.join)
-            stack.callback(end.set)
-            ends = client_ends("127.0.0.1", port)
             pair = [ZenohBus(ends, "contract", place, reliable=True) for place in self.places]
             for bus in pair:
                 stack.callback(bus.close)
             yield pair[0], pair[1]
 
-    def settle(self, buses: tuple[Bus, Bus], done: Callable[[], bool]) -> None:
+    @pytest.fixture
+    def patient(self, ends: Ends) -> Generator[ZenohBus]:
+        """A place as in real time."""
+        bus = ZenohBus(ends, "contract", "one")
+        yield bus
+        bus.close()
+
+    @pytest.fixture
+    def session(self, ends: Ends) -> Generator[zenoh.Session]:
+        """A tool that knows nothing of this bus."""
+        with open_session(ends, "tool") as session:
+            yield session
+
+    def settle(self, buses: tuple[LatestBus, LatestBus], done: Callable[[], bool]) -> None:
         """Declarations and messages need a moment between processes; both are polled for."""
         first, second = buses
         assert isinstance(first, ZenohBus)
@@ -143,8 +184,56 @@ class TestZenohBus(BusContract):
             assert monotonic() < deadline
             sleep(0.005)
 
+    def test_a_topic_that_is_ready_but_silent_has_no_newest(
+        self, buses: tuple[LatestBus, LatestBus]
+    ) -> None:
+        first, second = buses
+        assert isinstance(first, ZenohBus)
+        first.declare(POSITION)
+        self.settle(buses, lambda: True)
+        begun = monotonic()
+        assert second.latest(POSITION) is None
+        assert monotonic() - begun < ANSWER_S, "an empty answer, not a silence"
+
+    def test_any_tool_can_ask_for_one_or_all_of_them(
+        self, buses: tuple[LatestBus, LatestBus], session: zenoh.Session
+    ) -> None:
+        burst = Burst(3, 0, 1000.0, (1.0, 2.0), (0.1, 0.2), valid=True)
+        for message in (SAMPLE, burst):
+            buses[0].publish(message)
+        self.settle(buses, lambda: True)
+        replies = {
+            str(reply.ok.key_expr): (reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+            for reply in cast(Any, session.get("pincette/v1/contract/*", timeout=WAIT_S))
+        }
+        assert replies == {
+            key("contract", POSITION): (encode(SAMPLE), ENCODING),
+            key("contract", BURST): (encode(burst), ENCODING),
+        }
+
+    def test_what_is_told_seldom_is_delayed_rather_than_lost(
+        self, patient: ZenohBus, session: zenoh.Session
+    ) -> None:
+        heard: dict[str, tuple[Any, Any]] = {}
+
+        def hear(sample: zenoh.Sample) -> None:
+            heard[str(sample.key_expr)] = (sample.congestion_control, sample.priority)
+
+        session.declare_subscriber("pincette/v1/contract/*", hear)
+        deadline = monotonic() + WAIT_S
+        while len(heard) < 2:
+            assert monotonic() < deadline
+            patient.publish(SAMPLE)
+            patient.publish(NOTICE)
+            sleep(0.01)
+        drop, block = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
+        assert heard == {
+            key("contract", POSITION): (drop, zenoh.Priority.REAL_TIME),
+            key("contract", JOB): (block, zenoh.Priority.INTERACTIVE_HIGH),
+        }
+
     def test_what_is_no_message_is_counted_and_goes_no_further(
-        self, buses: tuple[Bus, Bus]
+        self, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         first, second = buses
         assert isinstance(second, ZenohBus)

@@ -2,6 +2,7 @@
 
 import signal
 from pathlib import Path
+from time import sleep
 from typing import Any, cast
 
 import pyarrow.parquet as parquet
@@ -27,6 +28,8 @@ OTHER_LAW = TrackJobRequest(
     kind="track", autostart=True, load_s=1.0, frequency_hz=1.0, cycles=1, scheme="dsmifc"
 )
 LONG_HOLD_S = 600.0
+STANDSTILL_S = 1.0
+"""Longer than a link in real time is waited for."""
 SEED = 20131
 
 
@@ -99,3 +102,15 @@ def test_a_hung_program_ends_the_run_with_its_name(tmp_path: Path, name: str) ->
         ended = running.ended(job, timeout_s=30.0)
     assert ended["state"] == "failed"
     assert name in ended["cause"]
+
+
+def test_a_supervisor_that_stands_still_loses_no_sample(tmp_path: Path) -> None:
+    with running_rig(demo_rig(time="lockstep"), tmp_path) as running:
+        job = running.start_grip(hold_s=4.0)
+        running.until_phase(job, "approach")
+        running.fleet.signal("supervisor", signal.SIGSTOP)
+        sleep(STANDSTILL_S)
+        running.fleet.signal("supervisor", signal.SIGCONT)
+        result = running.ended(job)["result"]
+    assert (result["outcome"], result["missed_ticks"]) == ("gripped", 0)
+    assert result["samples"] > 600

@@ -19,6 +19,8 @@ class Ends:
     mode: str
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
+    patient: bool = False
+    """In lockstep: a link that stalls is waited for, so that no sample is lost on it."""
 
 
 def endpoint(host: str, port: int, program: str) -> str:
@@ -27,14 +29,14 @@ def endpoint(host: str, port: int, program: str) -> str:
     return f"tcp/{host}:{port + offset}"
 
 
-def router_ends(host: str, port: int) -> Ends:
+def router_ends(host: str, port: int, *, lockstep: bool = False) -> Ends:
     """The router's place."""
-    return Ends("router", listen=(endpoint(host, port, "router"),))
+    return Ends("router", listen=(endpoint(host, port, "router"),), patient=lockstep)
 
 
-def client_ends(host: str, port: int) -> Ends:
+def client_ends(host: str, port: int, *, lockstep: bool = False) -> Ends:
     """A tool's place: everything goes through the router."""
-    return Ends("client", connect=(endpoint(host, port, "router"),))
+    return Ends("client", connect=(endpoint(host, port, "router"),), patient=lockstep)
 
 
 def direct_ends(host: str, port: int, program: str) -> Ends:
@@ -64,4 +66,4 @@ def peer_ends(
     partners |= consumers(name, services, lockstep=lockstep)
     earlier = [other for other in LOOP[: LOOP.index(name)] if other in partners]
     connect = tuple(endpoint(host, port, other) for other in ("router", *earlier))
-    return Ends("peer", (endpoint(host, port, name),), connect)
+    return Ends("peer", (endpoint(host, port, name),), connect, patient=lockstep)

@@ -14,10 +14,17 @@ class MemoryBus:
         self._sinks: dict[Topic, list[Sink]] = {}
         self._answerers: dict[Question, Answerer] = {}
         self._queue: deque[tuple[Topic, Message]] = deque()
+        self._latest: dict[Topic, Message] = {}
 
     def publish(self, message: Message) -> None:
         """Put a message in the queue."""
-        self._queue.append((TOPIC_OF[type(message)], message))
+        topic = TOPIC_OF[type(message)]
+        self._latest[topic] = message
+        self._queue.append((topic, message))
+
+    def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:  # noqa: ARG002
+        """Return what was published last; see LatestBus."""
+        return self._latest.get(topic)
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         """Deliver to ``sink`` when the bus is pumped."""
@@ -51,3 +58,4 @@ class MemoryBus:
     def close(self) -> None:
         """Forget everything."""
         self._queue.clear()
+        self._latest.clear()

@@ -49,3 +49,17 @@ class Bus(Protocol):
     def close(self) -> None:
         """Leave the bus."""
         ...
+
+
+class LatestBus(Bus, Protocol):
+    """A bus that can be asked what a topic said last."""
+
+    def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
+        """Ask the producer for its newest message; None where it has sent none or is not there.
+
+        Raises
+        ------
+        BusError
+            Where the producer did not answer in time, or with what is no such message.
+        """
+        ...

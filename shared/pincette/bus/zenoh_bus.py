@@ -4,6 +4,7 @@
 # pyright: reportUnknownMemberType=false
 
 import json
+import threading
 from collections.abc import Callable
 from functools import partial
 from typing import Any, cast
@@ -21,12 +22,15 @@ QUEUE = 16
 """Batches a priority may queue; the largest Zenoh takes."""
 BLOCK_US = 200_000
 """How long a reliable put may wait for a stalled link; Zenoh's own default is 5 s."""
+PATIENT_MS = 20_000
+"""Both of these in lockstep, where a machine that is overloaded must not cost a sample."""
 
 
 def configuration(ends: Ends, name: str) -> zenoh.Config:
     """Zenoh's settings for one program: explicit links, no multicast, no shared memory."""
     names = ("control", "real_time", "interactive_high", "interactive_low")
     names += ("data_high", "data", "data_low", "background")
+    block_us = 1000 * PATIENT_MS if ends.patient else BLOCK_US
     tree = {
         "mode": ends.mode,
         "metadata": {"name": name},
@@ -47,11 +51,11 @@ def configuration(ends: Ends, name: str) -> zenoh.Config:
             "shared_memory": {"enabled": False},
             "link": {
                 "tx": {
-                    "lease": LEASE_MS,
+                    "lease": PATIENT_MS if ends.patient else LEASE_MS,
                     "keep_alive": 4,
                     "queue": {
                         "size": dict.fromkeys(names, QUEUE),
-                        "congestion_control": {"block": {"wait_before_close": BLOCK_US}},
+                        "congestion_control": {"block": {"wait_before_close": block_us}},
                     },
                 }
             },
@@ -84,7 +88,8 @@ class ZenohBus:
         self._rig = rig
         self._session = open_session(ends, f"{rig}/{program}")
         self._reliable = reliable
-        self._publishers: dict[Topic, zenoh.Publisher] = {}
+        self._outlets: dict[Topic, _Outlet] = {}
+        self._declaring = threading.Lock()
         self._declared: list[Any] = []
         self.refused = 0
         self.refusal = ""
@@ -115,22 +120,49 @@ class ZenohBus:
         )
 
     def declare(self, topic: Topic) -> None:
-        """Make ready to publish a topic."""
-        self._publishers[topic] = self._session.declare_publisher(
-            key(self._rig, topic),
-            encoding=zenoh.Encoding(ENCODING),
-            congestion_control=(
-                zenoh.CongestionControl.BLOCK if self._reliable else zenoh.CongestionControl.DROP
-            ),
-            priority=zenoh.Priority.REAL_TIME,
-        )
+        """Make ready to publish a topic, and to tell on the same key what was published last."""
+        with self._declaring:
+            if topic in self._outlets:
+                return
+            place = key(self._rig, topic)
+            outlet = _Outlet(
+                place,
+                self._session.declare_publisher(
+                    place,
+                    encoding=zenoh.Encoding(ENCODING),
+                    congestion_control=(
+                        zenoh.CongestionControl.BLOCK
+                        if self._reliable or topic.reliable
+                        else zenoh.CongestionControl.DROP
+                    ),
+                    priority=(
+                        zenoh.Priority.INTERACTIVE_HIGH
+                        if topic.reliable
+                        else zenoh.Priority.REAL_TIME
+                    ),
+                ),
+            )
+            self._declared.append(self._session.declare_queryable(place, outlet.tell))
+            self._outlets[topic] = outlet
 
     def publish(self, message: Message) -> None:
         """Send; see Bus."""
         topic = TOPIC_OF[type(message)]
-        if topic not in self._publishers:
+        if topic not in self._outlets:
             self.declare(topic)
-        self._publishers[topic].put(encode(message))
+        self._outlets[topic].send(encode(message))
+
+    def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
+        """Ask the producer for its newest message; see LatestBus."""
+        place = key(self._rig, topic)
+        for reply in cast("Any", self._session.get(place, timeout=timeout_s)):
+            if reply.ok is None:
+                raise BusError(f"{place}: {topic.producer} did not answer within {timeout_s:g} s")
+            try:
+                return decode(topic.message, reply.ok.payload.to_bytes())
+            except CodecError as error:
+                raise BusError(f"{place}: {error}") from error
+        return None
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         """Deliver; see Bus. What is not such a message is counted and goes no further."""
@@ -186,10 +218,32 @@ class ZenohBus:
         self._session.close()
 
 
+class _Outlet:
+    """Where one topic leaves; the newest payload stays, for whoever asks."""
+
+    __slots__ = ("_newest", "_place", "_publisher")
+
+    def __init__(self, place: str, publisher: zenoh.Publisher) -> None:
+        self._place = place
+        self._publisher = publisher
+        self._newest: bytes | None = None
+
+    def send(self, payload: bytes) -> None:
+        self._newest = payload
+        self._publisher.put(payload)
+
+    def tell(self, query: zenoh.Query) -> None:
+        """Answer with the newest payload, or with nothing before the first."""
+        newest = self._newest
+        with query:
+            if newest is not None:
+                query.reply(self._place, newest, encoding=zenoh.Encoding(ENCODING))
+
+
 def _reply(query: zenoh.Query, answer: Message | str) -> None:
     with query:
         if isinstance(answer, str):
-            query.reply_err(answer.encode())
+            query.reply_err(answer.encode(), encoding=zenoh.Encoding.TEXT_PLAIN)
         else:
             query.reply(query.key_expr, encode(answer), encoding=zenoh.Encoding(ENCODING))
 

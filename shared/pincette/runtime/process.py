@@ -152,7 +152,7 @@ def _wait_for_partners(
 
 def _run_other(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
     program: Callable[[Context], None] = plugins.load(plugins.PROGRAMS, name)
-    ends = client_ends(rig.bus.host, rig.bus.port)
+    ends = client_ends(rig.bus.host, rig.bus.port, lockstep=rig.lockstep)
     _on_stop(stop.set, options)
     program(
         Context(

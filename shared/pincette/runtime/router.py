@@ -8,7 +8,7 @@ from pincette.runtime.context import Context
 def PROGRAM(context: Context) -> None:
     """Route until stopped."""
     bus = context.rig.bus
-    ends = router_ends(bus.host, bus.port)
+    ends = router_ends(bus.host, bus.port, lockstep=context.rig.lockstep)
 
     def wait() -> None:
         context.ready(f"routes at {ends.listen[0]}")
