@@ -1,7 +1,8 @@
 """Every key on the bus, declared once: message, producer, and how it is sent.
 
 A sample goes out at real-time priority and is dropped, not blocked, when a link stalls; in
-lockstep it is sent reliably, since there every service answers every tick.
+lockstep it is sent reliably, since there every service answers every tick. What is told seldom is
+always sent reliably. The newest message of every topic can be queried on the topic's own key.
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,11 @@ class Topic:
     producer: str
     summary: str
     per_tick: bool = True
+
+    @property
+    def reliable(self) -> bool:
+        """Whether a stalled link delays it, for a bounded time, rather than losing it."""
+        return not self.per_tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +59,9 @@ LOOP = ("sensor", "estimator", "controller", "actuator")
 """The services of the loop, in the order in which a tick passes through them."""
 
 LOAD = Question("load", "controller", messages.Load, messages.Done, "load a program")
-ACT = Question("act", "controller", messages.Act, messages.Done, "stop, release or continue")
+ACT = Question(
+    "act", "controller", messages.Act, messages.Done, "stop, pause, resume, release, continue …"
+)
 TRIP = Question("trip", "actuator", messages.Trip, messages.Done, "go to the safe state, latch")
 RESET = Question("reset", "actuator", messages.Reset, messages.Done, "clear the latch")
 RECORD = Question("record", "recorder", messages.Record, messages.Done, "begin a job's record")

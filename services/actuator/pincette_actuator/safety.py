@@ -2,7 +2,8 @@
 
 What a fault means is decided before the fault: the last good command says whether a part is held.
 With the arm free the voltage ramps to the safe value; with a part held it is frozen for a bounded
-time and then ramped. Either way the actuator is latched until a person resets it.
+time and then ramped, unless who trips it asks to let go at once. Either way the actuator is latched
+until a person resets it; a reset within that time keeps the part, at the voltage that holds it.
 
 Times count while the actuator itself runs. Where the machine has stood still, a command that is on
 its way has not had its chance, and a ramp would jump; so a standstill of the actuator is left out,
@@ -167,17 +168,44 @@ def take(config: ActuatorConfig, state: State, command: Command, now: float) -> 
     )
 
 
-def trip(config: ActuatorConfig, state: State, cause: str, now: float) -> State:
-    """Begin the safe state, unless it has begun; the first cause is kept."""
+def trip(
+    config: ActuatorConfig, state: State, cause: str, now: float, *, let_go: bool = False
+) -> State:
+    """Begin the safe state, unless it has begun; the first cause is kept.
+
+    A part is let go only where that is asked for: then a freeze ends in its ramp at once.
+    """
+    if state.mode == "frozen" and let_go:
+        return ramped(state, now)
     if state.mode in ("frozen", "ramping") or (state.mode == "latched" and state.cause != "boot"):
         return state
     tripped = replace(state, cause=cause, since_s=now, limits_active=0, sweep=None, pending=None)
-    if state.part_held and state.mode == "armed":
-        return replace(tripped, mode="frozen")
+    keeps = state.part_held and not let_go
     if config.lockstep and state.mode != "armed":
         # No tick will come while nothing is armed, and the simulated plant stands still.
-        return replace(tripped, mode="latched")
-    return replace(tripped, mode="ramping", ramp_from_V=state.voltage_V)
+        return at_safe(config, tripped) if let_go else replace(tripped, mode="latched")
+    return replace(tripped, mode="frozen") if keeps else ramped(tripped, now)
+
+
+def ramped(state: State, now: float) -> State:
+    """Begin the ramp to the safe voltage from where the voltage is."""
+    return replace(state, mode="ramping", since_s=now, ramp_from_V=state.voltage_V)
+
+
+def reset(config: ActuatorConfig, state: State) -> State:
+    """Clear the latch; a part that is held stays so, and the voltage with it.
+
+    In real time a ramp must have come to its end. In lockstep, where a program has died, no tick
+    will come to end it.
+    """
+    if state.mode == "ramping":
+        state = at_safe(config, state)
+    return replace(state, mode="idle", cause="") if state.mode in ("latched", "frozen") else state
+
+
+def at_safe(config: ActuatorConfig, state: State) -> State:
+    """Be latched at the safe voltage, without a part."""
+    return replace(state, mode="latched", voltage_V=config.safe_V, part_held=False)
 
 
 def pass_time(config: ActuatorConfig, state: State, now: float) -> State:
@@ -188,12 +216,12 @@ def pass_time(config: ActuatorConfig, state: State, now: float) -> State:
         cause = f"{cause}; {state.blind}" if state.blind else cause
         state = trip(config, state, cause, now)
     if state.mode == "frozen" and now - state.since_s >= config.freeze_s:
-        state = replace(state, mode="ramping", since_s=now, ramp_from_V=state.voltage_V)
+        state = ramped(state, now)
     if state.mode != "ramping":
         return state
     share = (now - state.since_s + 0.25 * config.period_s) / config.ramp_s
     if share >= 1.0:
-        return replace(state, mode="latched", voltage_V=config.safe_V, part_held=False)
+        return at_safe(config, state)
     voltage_V = state.ramp_from_V + share * (config.safe_V - state.ramp_from_V)
     return replace(state, voltage_V=voltage_V)
 

@@ -17,6 +17,7 @@ from pincette_actuator.safety import (
     objection,
     pass_time,
     refuse,
+    reset,
     saw,
     take,
     trip,
@@ -141,6 +142,8 @@ def answer(
             epoch=request.epoch,
             owner=request.owner,
             voltage_V=state.voltage_V,
+            # Until the first command says otherwise: a fault before it must not drop the part.
+            part_held=state.part_held,
             fresh_s=now + config.grace_s,
             ran_s=state.ran_s,
             standstills=state.standstills,
@@ -148,17 +151,22 @@ def answer(
         )
         return state, Done(-1), (_applied(state, -1, now, None),)
     if isinstance(request, Trip):
-        state = trip(config, state, request.cause, now)
-        return state, Done(newest_sample(state)[0]), _said(config, state, now)
+        before, state = state, trip(config, state, request.cause, now, let_go=request.let_go)
+        return state, Done(newest_sample(state)[0]), _told(config, before, state, now)
     if isinstance(request, Reset):
         return _reset(config, state, request, now)
     raise RefusedError(f"the actuator does not answer {type(request).__name__}")
 
 
-def _said(config: ActuatorConfig, state: State, now: float) -> tuple[Message, ...]:
-    """The state as it is; in lockstep a tick that is under way says it at its own end."""
+def _told(config: ActuatorConfig, before: State, state: State, now: float) -> Outputs:
+    """The state as it is; in lockstep a tick that is under way says it at its own end.
+
+    There a voltage that has moved outside a tick is put out at once.
+    """
     applied = _applied(state, newest_sample(state)[0], now, None)
-    return (applied,) if applied.final or not config.lockstep else ()
+    said = (applied,) if applied.final or not config.lockstep else ()
+    moved = config.lockstep and applied.final and state.voltage_V != before.voltage_V
+    return (Drive(state.voltage_V), *said) if moved else said
 
 
 def _reset(
@@ -166,18 +174,12 @@ def _reset(
 ) -> tuple[State, Message, Outputs]:
     if not request.acknowledge:
         raise RefusedError("a reset needs acknowledge = true")
-    drive: Outputs = ()
-    if state.mode in ("frozen", "ramping"):
-        if not config.lockstep:
-            raise RefusedError(
-                f"the actuator is {state.mode} ({state.cause}): reset it when the arm is safe"
-            )
-        # Where a program has died in lockstep no tick will come to end the freeze or the ramp.
-        state = replace(state, mode="latched", voltage_V=config.safe_V, part_held=False)
-        drive = (Drive(config.safe_V),)
-    if state.mode == "latched":
-        state = replace(state, mode="idle", cause="")
-    return state, Done(newest_sample(state)[0]), (*drive, *_said(config, state, now))
+    if state.mode == "ramping" and not config.lockstep:
+        raise RefusedError(
+            f"the actuator is ramping ({state.cause}): reset it when the arm is safe"
+        )
+    after = reset(config, state)
+    return after, Done(newest_sample(after)[0]), _told(config, state, after, now)
 
 
 SERVICE: Service[RigFile, ActuatorConfig, State, Inputs] = Service(

@@ -39,6 +39,14 @@ class Player:
     """The voltage at which the segment began."""
     voltage_V: float = 0.0
     """What an open-loop segment asks for."""
+    pausing: bool = False
+    """A pause is wished for, and begins at the next safe point."""
+    paused: bool = False
+    """The references rest, and the segment's time stands still."""
+    resumed: bool = False
+    """The pause has just ended: the newest sample is one of the rest."""
+    ends_after: str = ""
+    """Phase under a law with which the program ends early; empty: none."""
 
     @property
     def pressing(self) -> bool:

@@ -24,6 +24,10 @@ def refer(player: Player, period_s: float) -> Player:
         return replace(player, x_r_um=player.from_x_um + speed * t_s, speed_um_per_s=speed)
     if segment.kind == "force" and segment.force_to_mN is not None:
         return _press(player, segment.force_to_mN, t_s)
+    if segment.kind == "voltage" and segment.voltage_to_V is not None and segment.duration_s:
+        share = quintic(t_s / segment.duration_s)
+        way_V = segment.voltage_to_V - player.from_V
+        return replace(player, voltage_V=player.from_V + share * way_V)
     if segment.kind == "voltage" and segment.path is not None:
         begin_V = player.from_V if segment.path.relative else 0.0
         return replace(player, voltage_V=begin_V + segment.path.at(t_s))

@@ -25,8 +25,9 @@ from pincette.messages import (
 from pincette.service import ForInstrument, Input, RefusedError, Service
 from pincette.topics import ACT, ARM, COMMAND, ESTIMATE, LOAD, STATUS, TELEMETRY
 from pincette_controller.config import ControllerConfig, configure
-from pincette_controller.player import advance, begin, proceed, release, stop, waits
+from pincette_controller.player import advance, begin
 from pincette_controller.playing import Player
+from pincette_controller.wishes import ACTIONS, act, objection, told
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
 """Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
@@ -91,8 +92,9 @@ def _play(
         force_mN=0.0,
         applied_V=estimate.applied_V,
     )
-    state, player, acted = _act(state, program, before, estimate.x_um)
+    player, later, acted = act(program, before, state.wishes, state.seq, estimate.x_um)
     player = advance(program, player, estimate, config.period_s)
+    state = replace(state, wishes=later)
     law = state.laws[player.segment.law]
     force_mN = estimate.force_mN if player.pressing else 0.0
     force_r_mN = player.force_r_mN if player.pressing else 0.0
@@ -133,7 +135,7 @@ def _play(
         valid=True,
         sweep=None if player.ended else player.segment.sweep,
     )
-    telemetry = _telemetry(state, before, memory, player, output, acted)
+    telemetry = _telemetry(state, before, memory, player, output, told(acted, before, player))
     playing = not player.ended
     return replace(state, player=player, memory=after, playing=playing), (command, telemetry)
 
@@ -143,25 +145,6 @@ def _limited(limits_active: int) -> int:
     if limits_active & RAISING:
         return 1
     return -1 if limits_active & LOWERING else 0
-
-
-def _act(state: State, program: Program, player: Player, x_um: float) -> tuple[State, Player, str]:
-    """Let the actions act whose seq has come."""
-    acted: list[str] = []
-    later: list[Act] = []
-    for wish in state.wishes:
-        if wish.at_seq is not None and wish.at_seq > state.seq:
-            later.append(wish)
-        elif wish.action == "stop":
-            player = stop(player)
-            acted.append("stop")
-        elif wish.action == "continue":
-            player = proceed(program, player, x_um)
-            acted.append("continue")
-        elif player.held:
-            player = release(program, player)
-            acted.append("release")
-    return replace(state, wishes=tuple(later)), player, " ".join(acted)
 
 
 def _no_command(state: State, estimate: Estimate) -> Command:
@@ -207,6 +190,7 @@ def _telemetry(
         contact_stiffness_mN_per_um=player.K_e_mN_per_um,
         held=player.held,
         acted=acted,
+        paused=player.paused,
     )
 
 
@@ -248,14 +232,11 @@ def _check_laws(config: ControllerConfig, program: Program) -> None:
 
 
 def _note(state: State, request: Act) -> tuple[State, Message, tuple[Message, ...]]:
-    if request.action not in ("stop", "release", "continue"):
-        raise RefusedError(f"no action {request.action!r}; there are stop, release, continue")
-    if not state.playing:
+    if not state.playing and request.action in ACTIONS:
         raise RefusedError(f"nothing plays: {request.action} has nothing to act on")
-    if request.action == "release" and (state.player is None or not state.player.held):
-        raise RefusedError("no part is held: release has nothing to let go")
-    if request.action == "continue" and (state.player is None or not waits(state.player)):
-        raise RefusedError("the program waits for nobody: continue has nothing to go on with")
+    why = objection(state.wishes, state.player, request.action)
+    if why:
+        raise RefusedError(why)
     if request.at_seq is not None and request.at_seq <= state.seq:
         raise RefusedError(f"seq {request.at_seq} is past, the controller is at {state.seq}")
     seq = state.seq + 1 if request.at_seq is None else request.at_seq

@@ -6,12 +6,18 @@ from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from pincette.api.calibration_requests import AnyCalibrationRequest, CalibrationBody
 from pincette.api.job_models import example
+from pincette.api.motion_requests import (
+    AnyMotionRequest,
+    HoldJobRequest,
+    MoveJobRequest,
+    ReleaseJobRequest,
+)
 from pincette.api.request_base import (
     Duration,
     NotNegative,
+    PolicyRequest,
     Positive,
     Speed,
-    StartRequest,
 )
 from pincette.control.laws.law import ForceAge, ParameterSet, Scheme
 from pincette.control.planning.paths import Shape
@@ -46,7 +52,7 @@ def _apart(value: object) -> object:
     raise ValueError(f'gains = {value!r:.60}: input should be "tuned", or gains by their names')
 
 
-class JobRequest(StartRequest):
+class JobRequest(PolicyRequest):
     """What every job that meets a part may say; what is left out comes from the rig file."""
 
     load_s: Duration | None = None
@@ -133,6 +139,14 @@ class TrackJobRequest(JobRequest):
 
 LawJobRequest = GripJobRequest | TrackJobRequest
 """Jobs whose law may be chosen."""
-AnyJobRequest = LawJobRequest | AnyCalibrationRequest
-Body = Annotated[GripJobRequest | TrackJobRequest | CalibrationBody, Field(discriminator="kind")]
+AnyJobRequest = LawJobRequest | AnyMotionRequest | AnyCalibrationRequest
+Body = Annotated[
+    GripJobRequest
+    | TrackJobRequest
+    | MoveJobRequest
+    | HoldJobRequest
+    | ReleaseJobRequest
+    | CalibrationBody,
+    Field(discriminator="kind"),
+]
 """A job request as it comes over REST; ``kind`` says which."""

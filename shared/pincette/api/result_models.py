@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from pincette.api.job_models import example
+from pincette.api.motion_models import Pose
 from pincette.api.states import ActionType
 from pincette.control.planning.paths import Shape
 
@@ -64,8 +65,8 @@ class JobResult(BaseModel):
     """Figures that every job has; a figure is null where the job did not come that far."""
 
     outcome: str
-    """gripped, tracked, released, stopped, no_contact, wrong_stiffness, lost, overforce,
-    zero_refused, tripped, or unfinished."""
+    """gripped, tracked, released, moved, stopped, no_contact, wrong_stiffness, lost, overforce,
+    overtravel, contact, zero_refused, tripped, or unfinished."""
     phases: list[Phase]
     contact_x_um: float | None
     contact_x_error_um: float | None
@@ -192,3 +193,33 @@ class TrackResult(JobResult):
     """The estimate less F_r."""
     true_force_mN: Tracking | None
     """The true force less F_r; known to a simulated rig alone, null on a real one."""
+
+
+class MotionResult(JobResult):
+    """Figures of a move, a hold or a release; a figure is null where the job has none."""
+
+    model_config = example(
+        outcome="moved",
+        phases=[{"phase": "move", "start_s": 0.4, "duration_s": 1.4}],
+        **COMMON,
+        begins_at={"x_um": 0.02, "voltage_V": 0.0},
+        ends_at={"x_um": 12.51, "voltage_V": 0.64},
+        teach="beside-the-bead",
+        target_um=12.5,
+        target_error_um=0.01,
+        drift_um=None,
+        held_at_end=False,
+    )
+
+    begins_at: Pose
+    """At the first sample."""
+    ends_at: Pose
+    """Mean position over the last rest, and the voltage that is kept."""
+    teach: str | None
+    """Name that the pose was to be stated under, for a recipe to store."""
+    target_um: float | None
+    target_error_um: float | None
+    """Position less target."""
+    drift_um: float | None
+    """Of the position while a part was held, peak to peak."""
+    held_at_end: bool

@@ -31,7 +31,17 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """Ask the controller to act at ``at_seq``, or at its next tick (None)."""
+    """Ask the controller to act at ``at_seq``, or at its next tick (None).
+
+    ``stop``     a held part stays held; without one the arm comes to rest and the program ends.
+    ``let_go``   a stop that unloads a held part and ends where the arm is then.
+    ``retract``  a stop that unloads a held part and plays the retreat; without a part, at once.
+    ``pause``    at the next safe point the references rest, and the segment's time stands still.
+    ``resume``   go on where the pause began, or give up a pause that has not begun.
+    ``release``  go on with the unload and what follows it.
+    ``continue`` leave a segment that waits for a person.
+    ``keep``     end with the part held, at the voltage that is applied.
+    """
 
     action: str
     at_seq: int | None = None
@@ -42,11 +52,16 @@ class Trip:
     """Ask the actuator to go to its safe state and latch."""
 
     cause: str
+    let_go: bool = False
+    """Ramp to the safe voltage at once, even where a part is held or frozen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reset:
-    """Clear the actuator's latch; ``acknowledge`` must be true."""
+    """Clear the actuator's latch; ``acknowledge`` must be true.
+
+    A part that is held stays held: its voltage is kept, and the next arming begins with it.
+    """
 
     acknowledge: bool = False
 

@@ -123,7 +123,9 @@ class Telemetry:
     contact_stiffness_mN_per_um: float | None
     held: bool
     acted: str
-    """Actions that took effect at this seq."""
+    """Actions that took effect at this seq; ``let_go`` and ``retract`` are told as ``stop``."""
+    paused: bool = False
+    """From this sample on the references rest, and the segment's time stands still."""
 
 
 @dataclass(frozen=True, slots=True)

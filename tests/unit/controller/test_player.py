@@ -5,79 +5,11 @@ from dataclasses import replace
 import pytest
 
 from pincette.control.planning.path_shapes import sinusoid
-from pincette.control.planning.program import Guards, Program, Segment
-from pincette.messages import Estimate
-from pincette_controller.player import advance, begin, release, stop
-from pincette_controller.playing import Player
+from pincette.control.planning.program import Segment
+from pincette_controller.actions import release, stop
+from pincette_controller.player import advance, begin
 
-T = 0.02
-K_E = 2.0
-GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
-PROGRAM = Program(
-    (
-        Segment("zero", "zero", 0.1),
-        Segment("approach", "free", 0.4, x_to_um=10.0),
-        Segment("contact", "seek", 1.0, x_to_um=14.0),
-        Segment("load", "force", 0.4, force_to_mN=20.0),
-        Segment("hold", "force", 0.4, force_to_mN=20.0, move_s=0.2),
-        Segment("unload", "force", 0.4, force_to_mN=0.0),
-        Segment("retreat", "free", 0.4, x_to_um=0.0),
-    ),
-    GUARDS,
-    K_E,
-)
-SWING = sinusoid("force", 10.0, 16.0, 2.0, 2)
-TRACK = replace(
-    PROGRAM,
-    segments=(
-        *PROGRAM.segments[:4],
-        Segment("load", "force", 0.4, force_to_mN=10.0),
-        Segment("settle", "force", 0.4, force_to_mN=10.0, move_s=0.2),
-        Segment("track", "path", SWING.duration_s, path=SWING),
-        *PROGRAM.segments[5:],
-    ),
-)
-BLANK = Estimate(1, 0, 0.0, 0.0, 0.1, 0.0, None, "", 0.0, 0, 0, False, False, True)
-
-
-class Arm:
-    """An arm that is where it is wanted, and a part at ``contact_um`` with ``stiffness``."""
-
-    def __init__(
-        self, contact_um: float = 12.0, stiffness: float = K_E, program: Program = PROGRAM
-    ) -> None:
-        self.program = program
-        self.contact_um = contact_um
-        self.stiffness = stiffness
-        self.refusal = ""
-        self.lost = False
-        self.zeroed: float | None = None
-        self.player: Player = begin(program, 0.0)
-        self.phases: list[str] = []
-        self.seq = 0
-
-    def estimate(self) -> Estimate:
-        x = self.player.x_r_um
-        force = 0.0 if self.lost else self.stiffness * max(0.0, x - self.contact_um)
-        age = None if self.zeroed is None else (self.seq - self.zeroed) * T
-        return replace(
-            BLANK, seq=self.seq, x_um=x, force_mN=force, zero_age_s=age, zero_refusal=self.refusal
-        )
-
-    def tick(self) -> None:
-        self.player = advance(self.program, self.player, self.estimate(), T)
-        self.seq += 1
-        if self.player.zero and not self.refusal:
-            self.zeroed = self.seq
-        if not self.phases or self.phases[-1] != self.player.segment.phase:
-            self.phases.append(self.player.segment.phase)
-
-    def until(self, phase: str = "") -> None:
-        for _ in range(1000):
-            self.tick()
-            if self.player.ended or self.player.segment.phase == phase:
-                return
-        pytest.fail(f"never came to {phase or 'the end'}; it went {self.phases}")
+from .ideal_arm import BLANK, PROGRAM, SWING, TRACK, Arm, T
 
 
 def test_a_grip_goes_through_every_phase_and_ends_gripped() -> None:

@@ -25,6 +25,7 @@ from pincette.control.planning.contact_stiffness_program import (
     contact_stiffness_program,
     levels_within,
 )
+from pincette.control.planning.course import require_bounded
 from pincette.control.planning.free_response_program import free_response_program
 from pincette.control.planning.program import Program
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
@@ -65,6 +66,7 @@ def plan_calibration(request: AnyCalibrationRequest, model: ModelInUse) -> Plann
     made, values, waits = _made(request, model)
     rig = model.rig
     program = _guarded(made, rig)
+    require_bounded([(segment.phase, segment.duration_s or 0.0) for segment in program.segments])
     phases, low_V, high_V = planned_phases(
         program, derived.planned_rig(rig), rig.part.contact_um, rig.safety.safe_V
     )

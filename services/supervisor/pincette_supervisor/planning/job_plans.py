@@ -1,23 +1,23 @@
 """From a request to a plan: what is left out comes from the rig file."""
 
 from dataclasses import asdict, replace
-from math import ceil
 from typing import Any
 
 from pincette.api import plan_models
 from pincette.api.calibration_requests import CalibrationRequest
-from pincette.api.plan_models import Curves, Plan, PlannedPhase, Violation
+from pincette.api.motion_requests import HoldJobRequest, MoveJobRequest, ReleaseJobRequest
+from pincette.api.plan_models import Plan, PlannedPhase
 from pincette.api.request_models import (
     AnyJobRequest,
     GripJobRequest,
     LawJobRequest,
     TrackJobRequest,
 )
+from pincette.api.violation_models import Violation
 from pincette.config import RigFile, derived
 from pincette.control.laws.law import LawSettings
 from pincette.control.laws.steady import steady_error_ranges
 from pincette.control.planning.contact_plan import ContactPlan
-from pincette.control.planning.course import Course
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.track_plan import TrackRequest, plan_track
@@ -25,20 +25,25 @@ from pincette_supervisor.model.rig_model import ModelInUse, rig_file_alone
 from pincette_supervisor.planning.calibration_plans import plan_calibration
 from pincette_supervisor.planning.contact_values import CONTACT_WISHES, contact_wishes, part_values
 from pincette_supervisor.planning.laws import choose_law
+from pincette_supervisor.planning.motion_plans import plan_motion
 from pincette_supervisor.planning.path_requests import path_values, requested_path
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.planned import Planned, thinned
+from pincette_supervisor.planning.present import Present
 
-CURVE_POINTS = 400
 GRIP_WISHES = ("force_mN", "hold_s", *CONTACT_WISHES)
 
 
-def plan_job(request: AnyJobRequest, rig: RigFile | ModelInUse) -> Planned:
+def plan_job(
+    request: AnyJobRequest, rig: RigFile | ModelInUse, present: Present | None = None
+) -> Planned:
     """Plan a job; limits it breaks are in ``plan.violations``.
 
     Parameters
     ----------
     rig
         The rig with the model in use, or the rig file alone.
+    present
+        Where it stands; None: nobody has told.
 
     Raises
     ------
@@ -49,13 +54,17 @@ def plan_job(request: AnyJobRequest, rig: RigFile | ModelInUse) -> Planned:
     ValueError
         Where the numbers make no plan.
     """
-    planned = _plan(request, rig if isinstance(rig, ModelInUse) else rig_file_alone(rig))
-    return replace(planned, values={**planned.values, "model": planned.model.stamp})
+    model = rig if isinstance(rig, ModelInUse) else rig_file_alone(rig)
+    planned = _plan(request, model, present or Present())
+    values = {**planned.values, "model": planned.model.stamp}
+    return replace(planned, values=values, present=present)
 
 
-def _plan(request: AnyJobRequest, model: ModelInUse) -> Planned:
+def _plan(request: AnyJobRequest, model: ModelInUse, present: Present) -> Planned:
     if isinstance(request, CalibrationRequest):
         return plan_calibration(request, model)
+    if isinstance(request, MoveJobRequest | HoldJobRequest | ReleaseJobRequest):
+        return plan_motion(request, model, present)
     if isinstance(request, TrackJobRequest):
         return _plan_track(request, model)
     return _plan_grip(request, model)
@@ -109,7 +118,7 @@ def _planned(
         duration_s=planned.duration_s,
         phases=[_phase(asdict(phase)) for phase in planned.phases],
         violations=violations,
-        curves=_curves(planned.course),
+        curves=thinned(planned.course),
         steady_errors=_steady_errors(rig, law.settings, forces_mN),
         law=law.view(),
     )
@@ -136,13 +145,3 @@ def _steady_errors(
 
 def _phase(values: dict[str, Any]) -> PlannedPhase:
     return PlannedPhase(**{name: values[name] for name in PlannedPhase.model_fields})
-
-
-def _curves(course: Course) -> Curves:
-    stride = max(1, ceil((len(course.t_s) - 1) / CURVE_POINTS))
-    return Curves(
-        t_s=course.t_s[::stride],
-        x_r_um=course.x_r_um[::stride],
-        force_r_mN=course.force_r_mN[::stride],
-        voltage_V=course.voltage_V[::stride],
-    )

@@ -2,13 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import ceil
 from typing import Any
 
 from pincette.api.calibration_models import CalibrationPlan
-from pincette.api.plan_models import Plan
+from pincette.api.motion_models import MotionPlan
+from pincette.api.plan_models import Curves, Plan
+from pincette.control.planning.course import Course
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
 from pincette_supervisor.model.rig_model import ModelInUse
+from pincette_supervisor.planning.present import Present
+
+CURVE_POINTS = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,13 +29,15 @@ class Wait:
 class Planned:
     """A plan for people, the program for the controller, and the values both rest on."""
 
-    plan: Plan | CalibrationPlan
+    plan: Plan | MotionPlan | CalibrationPlan
     program: Program
     values: dict[str, Any]
     """As they are stored and sent."""
     model: ModelInUse
     waits: Mapping[int, Wait] = field(default_factory=dict[int, Wait])
     """By the number of the segment that waits."""
+    present: Present | None = None
+    """Where the rig stood as it was planned; None: nobody had told."""
 
     @property
     def planned_s(self) -> float | None:
@@ -38,7 +46,23 @@ class Planned:
         return None if endless else self.plan.duration_s
 
     @property
+    def begins_held(self) -> bool:
+        """Whether it is for a part that is held already, so that it may begin with one."""
+        return self.program.begins_held
+
+    @property
     def path(self) -> Path | None:
         """The path of force that is tracked, where one is."""
         paths = (segment.path for segment in self.program.segments if segment.kind == "path")
         return next((path for path in paths if path is not None), None)
+
+
+def thinned(course: Course) -> Curves:
+    """A course as it is sent."""
+    stride = max(1, ceil((len(course.t_s) - 1) / CURVE_POINTS))
+    return Curves(
+        t_s=course.t_s[::stride],
+        x_r_um=course.x_r_um[::stride],
+        force_r_mN=course.force_r_mN[::stride],
+        voltage_V=course.voltage_V[::stride],
+    )

@@ -8,7 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.course import Course, PlannedArm, PlannedPhase, sample_course
+from pincette.control.planning.course import (
+    Course,
+    PlannedArm,
+    PlannedPhase,
+    require_bounded,
+    sample_course,
+)
 from pincette.control.planning.feasibility import Excursion, PlanLimits, excursions
 from pincette.control.planning.profiles import minimum_duration
 from pincette.control.planning.program import Guards, Program, Segment
@@ -118,7 +124,7 @@ def plan_contact(
     Raises
     ------
     ValueError
-        Where d_p, s_p or the period is not finite and positive.
+        Where d_p, s_p or the period is not finite and positive, or where it takes too long.
     """
     arm = PlannedArm(
         x_start_um=rig.x_start_um,
@@ -132,6 +138,7 @@ def plan_contact(
     retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um)
     segments = (*_way_there(request, arm), *pressing, retreat)
     phases = _phases(request, arm, segments)
+    require_bounded([(phase.phase, phase.duration_s) for phase in phases])
     course = sample_course(arm, phases, rig.period_s)
     broken = [_violation(found, pointers) for found in excursions(course, rig.limits)]
     broken.extend(_early_contact(request, rig.x_start_um))
@@ -245,6 +252,11 @@ def _violation(excursion: Excursion, pointers: Mapping[str, str]) -> Violation:
         pointer = "/contact_um" if excursion.quantity != "slew" else "/approach_um_per_s"
     elif excursion.phase == "retreat" and excursion.quantity == "slew":
         pointer = "/approach_um_per_s"
+    return named_violation(excursion, pointer)
+
+
+def named_violation(excursion: Excursion, pointer: str) -> Violation:
+    """An excursion in words, laid to a member of the request."""
     side = "above" if excursion.value > excursion.limit else "below"
     again = "" if excursion.times == 1 else f", {excursion.times} times"
     return Violation(

@@ -10,6 +10,7 @@ At ``x_start_um`` the voltage is 0.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import fsum
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.paths import Path
@@ -17,6 +18,9 @@ from pincette.control.planning.profiles import quintic
 from pincette.control.planning.program import SegmentKind
 from pincette.control.response.free_voltage import free_voltages
 from pincette.control.response.hysteresis import HysteresisModel
+
+LONGEST_S = 10_800.0
+"""What takes longer is not planned: an hour's hold or path, a warm-up, and room for the rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +73,23 @@ class PlannedPhase:
     def end_s(self) -> float:
         """When the next one begins."""
         return self.start_s + self.duration_s
+
+
+def require_bounded(phases: Sequence[tuple[str, float]]) -> None:
+    """Refuse phases, each with its duration in s, that take too long together.
+
+    Raises
+    ------
+    ValueError
+        With the time they take, the limit, and the longest of them.
+    """
+    total_s = fsum(duration_s for _, duration_s in phases)
+    if not total_s <= LONGEST_S:
+        phase, longest_s = max(phases, key=lambda item: item[1])
+        raise ValueError(
+            f"it takes {total_s:.4g} s, limit {LONGEST_S:g} s; "
+            f"{phase} alone takes {longest_s:.4g} s"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,14 +21,15 @@ class Segment:
                F_r = K_e·(x_r - x_e), in ``move_s``; then both rest until ``duration_s``.
     ``path``   of force: F_r follows ``path`` and x_r with it, on the contact line; of position:
                x_r follows it, free of contact. It begins where the segment before has ended.
-    ``voltage`` no law: the voltage follows ``path``, or without one stays as it is.
+    ``voltage`` no law: the voltage follows ``path``, or moves smoothly from where it is to
+               ``voltage_to_V``, or without either stays as it is.
     ``sweep``  no law: the output plays ``sweep`` about the voltage at which the segment begins.
     """
 
     phase: str
     kind: SegmentKind
     duration_s: float | None
-    """None: until an action ends it; of a voltage, ``continue``."""
+    """None: until an action ends it; of a voltage, ``continue``, or with a part ``release``."""
     x_to_um: float | None = None
     force_to_mN: float | None = None
     move_s: float | None = None
@@ -37,6 +38,16 @@ class Segment:
     sweep: Sweep | None = None
     law: int = 0
     """Which of the program's laws holds."""
+    voltage_to_V: float | None = None
+    zeroes: bool = False
+    """Of a voltage: at its end the force estimator is re-zeroed."""
+    guarded: bool = False
+    """Free of contact: where the force is zeroed, a contact ends the program as ``contact``."""
+
+    @property
+    def stamps_zero(self) -> bool:
+        """Whether at its end the force estimator is re-zeroed."""
+        return self.kind == "zero" or self.zeroes
 
     @property
     def presses(self) -> bool:
@@ -72,6 +83,8 @@ class Guards:
     position_min_um: float | None = None
     position_max_um: float | None = None
     """Measured position beyond which motion without a law ends as ``overtravel``; None: none."""
+    zero_needed: bool = True
+    """Whether a zero that is refused ends the program; else it goes on without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,3 +100,5 @@ class Program:
     """K_e and x_e as the load shows them, or K_e as planned and x_e from the first touch."""
     capture_hz: float = 0.0
     """Rate at which the sensor acquires beside the samples of the loop; 0: not."""
+    begins_held: bool = False
+    """Whether a part is in the gripper when it begins."""

@@ -1,0 +1,123 @@
+"""What ends a segment early: contact, too much force, a lost part, a limit of position."""
+
+from dataclasses import replace
+
+from pincette.control.planning.program import Program, Segment
+from pincette.messages import Estimate
+from pincette_controller.playing import Player
+from pincette_controller.steering import enter, follow, has, jump, let_go
+
+RETREAT_S = 2.0
+"""How long the way back takes where a program has none."""
+STOP_S = 0.3
+"""How long a stop takes to bring x_r to rest."""
+WATCHED = ("hold", "settle", "track")
+"""Phases in which a part can be lost; in a pause it can be in any."""
+
+
+def guard(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
+    """Judge the newest sample."""
+    guards, segment = program.guards, player.segment
+    F_mN = estimate.force_mN
+    if segment.open_loop and _beyond(program, estimate.x_um):
+        if player.outcome != "overtravel":
+            return _give_up(program, replace(player, outcome="overtravel"), estimate.x_um)
+    elif estimate.zero_age_s is not None and F_mN > guards.force_max_mN:
+        if player.outcome != "overforce":
+            return _give_up(program, replace(player, outcome="overforce"), estimate.x_um)
+    elif player.zeroing:
+        return _await_zero(program, player, estimate, period_s)
+    elif segment.kind == "seek":
+        return _seek(program, player, estimate)
+    elif segment.guarded and estimate.zero_age_s is not None:
+        return _watch_way(program, player, estimate)
+    elif segment.phase == "load" and not (player.paused or player.resumed):
+        line = player.line.add(estimate.x_um, F_mN, player.force_r_mN)
+        return replace(player, line=line)
+    elif segment.presses and (segment.phase in WATCHED or player.paused):
+        return _watch_part(program, player, estimate)
+    return player
+
+
+def _beyond(program: Program, x_um: float) -> bool:
+    low_um, high_um = program.guards.position_min_um, program.guards.position_max_um
+    return (low_um is not None and x_um < low_um) or (high_um is not None and x_um > high_um)
+
+
+def _give_up(program: Program, player: Player, x_um: float) -> Player:
+    """Bring the arm back to its rest, by the program's own way back where it has one."""
+    for phase in ("retreat", "unload"):
+        if has(program, phase):
+            return jump(program, player, phase, x_um)
+    back = Segment("retreat", "free", RETREAT_S, x_to_um=0.0)
+    player = replace(player, pausing=False, paused=False)
+    return enter(let_go(player, back, x_um), len(program.segments), back)
+
+
+def _await_zero(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
+    age_s, guards = estimate.zero_age_s, program.guards
+    if age_s is not None and age_s < 0.5 * period_s:
+        return follow(program, replace(player, zeroing=False), estimate.x_um)
+    waited = player.count + 1
+    if not estimate.zero_refusal and waited * period_s <= guards.zero_wait_s:
+        return replace(player, count=waited)
+    player = replace(player, zeroing=False)
+    if not guards.zero_needed:
+        return follow(program, player, estimate.x_um)
+    return jump(program, replace(player, outcome="zero_refused"), "retreat", estimate.x_um)
+
+
+def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
+    guards = program.guards
+    if estimate.force_mN < guards.contact_force_mN:
+        return replace(player, count=0)
+    if player.count + 1 < guards.contact_samples:
+        return replace(player, count=player.count + 1)
+    K_e = program.contact_stiffness_mN_per_um
+    touched = replace(
+        player,
+        contact_x_um=estimate.x_um - estimate.force_mN / K_e,
+        K_e_mN_per_um=K_e,
+        x_r_um=estimate.x_um,
+        force_r_mN=estimate.force_mN,
+        speed_um_per_s=0.0,
+        held=True,
+        bump=True,
+    )
+    return enter(touched, player.index + 1, program.segments[player.index + 1])
+
+
+def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
+    """Come to rest where the arm meets something: a force beyond what the estimate may err by."""
+    guards = program.guards
+    sure_mN = abs(estimate.force_mN) - estimate.force_uncertainty_mN
+    if sure_mN < guards.contact_force_mN:
+        return replace(player, count=0) if player.count else player
+    if player.count + 1 < guards.contact_samples:
+        return replace(player, count=player.count + 1)
+    x_um = estimate.x_um
+    touched = replace(
+        player,
+        outcome="contact",
+        x_r_um=x_um,
+        speed_um_per_s=0.0,
+        bump=True,
+        pausing=False,
+        paused=False,
+    )
+    if player.segment.open_loop:
+        return enter(touched, -1, Segment("stopping", "voltage", STOP_S))
+    rest = Segment("stopping", "free", STOP_S, x_to_um=x_um, law=player.segment.law)
+    return enter(touched, -1, rest)
+
+
+def _watch_part(program: Program, player: Player, estimate: Estimate) -> Player:
+    guards = program.guards
+    # At the trough of a path an error of the estimate must not pass for a loss.
+    passing = player.segment.phase != "hold" or player.index < 0
+    light = passing and player.force_r_mN < 2.0 * guards.contact_force_mN
+    if light or estimate.force_mN >= guards.lost_fraction * player.force_r_mN:
+        return replace(player, count=0) if player.count else player
+    if player.count + 1 < guards.lost_samples:
+        return replace(player, count=player.count + 1)
+    return jump(program, replace(player, outcome="lost"), "retreat", estimate.x_um)

@@ -1,0 +1,25 @@
+"""Where a rig stands as a job is planned."""
+
+from dataclasses import dataclass
+
+from pincette.config import RigFile
+from pincette.config.derived import X_START_UM
+
+
+@dataclass(frozen=True, slots=True)
+class Present:
+    """Voltage applied, position measured, and whether a part is held; None: nobody has told."""
+
+    voltage_V: float | None = None
+    x_um: float | None = None
+    held: bool | None = None
+
+    def stand_V(self, rig: RigFile) -> float:
+        """The voltage applied, or where that is not known the rig file's safe voltage."""
+        return rig.safety.safe_V if self.voltage_V is None else self.voltage_V
+
+    def stand_um(self, rig: RigFile) -> float:
+        """The position, or where that is not known the one that the voltage stands for."""
+        if self.x_um is not None:
+            return self.x_um
+        return X_START_UM + rig.model.piezo_um_per_V * self.stand_V(rig)

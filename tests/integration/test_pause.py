@@ -1,0 +1,114 @@
+"""A grip of the demo rig that is paused in its hold, by the whole loop in one process."""
+
+from itertools import pairwise
+from math import fsum
+
+import pytest
+
+from pincette.api.request_models import GripJobRequest, TrackJobRequest
+from pincette.control.planning.path_shapes import peaks
+from pincette.control.planning.program import Program
+from pincette.messages import Act, Estimate, Message, Telemetry, Truth
+from pincette.runtime.composed import ComposedLoop
+from pincette.topics import ACT, TELEMETRY, Topic
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.support.rigs import demo_rig
+
+RIG = demo_rig(time="lockstep")
+T = RIG.rig.period_s
+FORCE_MN, PAUSE_S, WITHIN_MN = 20.0, 2.0, 1.0
+PROGRAM = plan_job(GripJobRequest(kind="grip", hold_s=1.0, load_s=1.0), RIG).program
+
+
+class Operator:
+    """Pauses in a phase, and goes on when the pause has lasted; or does something else then."""
+
+    def __init__(self, loop: ComposedLoop, phase: str, then: str = "resume") -> None:
+        self._loop, self._phase, self._then = loop, phase, then
+        self._asked = self._over = False
+        self._rested = 0
+        loop.bus.subscribe(TELEMETRY, self._look)
+
+    def _look(self, _topic: Topic, message: Message) -> None:
+        assert isinstance(message, Telemetry)
+        if message.phase == self._phase and not self._asked:
+            self._asked = True
+            self._loop.bus.ask(ACT, Act("pause"))
+        self._rested += message.paused
+        if self._rested * T >= PAUSE_S - 0.5 * T and not self._over:
+            self._over = True
+            self._loop.bus.ask(ACT, Act(self._then))
+
+
+def played(phase: str, program: Program = PROGRAM) -> list[Message]:
+    loop = ComposedLoop(RIG)
+    Operator(loop, phase)
+    return loop.play(program)
+
+
+@pytest.fixture(scope="module")
+def in_hold() -> list[Message]:
+    return played("hold")
+
+
+def telemetry(messages: list[Message]) -> list[Telemetry]:
+    return [message for message in messages if isinstance(message, Telemetry)]
+
+
+def test_the_force_is_held_within_one_mN_through_the_pause(in_hold: list[Message]) -> None:
+    seqs = {view.seq for view in telemetry(in_hold) if view.paused}
+    assert len(seqs) == pytest.approx(PAUSE_S / T, abs=2)
+    estimates = [m.force_mN for m in in_hold if isinstance(m, Estimate) and m.seq in seqs]
+    truths = [m.force_mN for m in in_hold if isinstance(m, Truth) and m.seq in seqs]
+    assert max(abs(force_mN - FORCE_MN) for force_mN in estimates) < WITHIN_MN
+    assert abs(fsum(truths) / len(truths) - FORCE_MN) < WITHIN_MN
+
+
+def test_it_goes_on_to_its_end_and_holds_as_long_as_without_a_pause(
+    in_hold: list[Message],
+) -> None:
+    views = telemetry(in_hold)
+    assert views[-1].outcome == "gripped"
+    assert [view.acted for view in views if view.acted] == ["pause", "resume"]
+    going = [view for view in views if view.phase == "hold" and not view.paused]
+    assert len(going) == pytest.approx(1.0 / T, abs=2)
+
+
+def test_the_references_rest_and_nothing_else_differs(in_hold: list[Message]) -> None:
+    """Until the pause the samples are those of a grip without one, bit for bit."""
+    plain = ComposedLoop(RIG).play(PROGRAM)
+    began = next(view.seq for view in telemetry(in_hold) if view.acted == "pause")
+    before = [view for view in telemetry(in_hold) if view.seq < began]
+    assert before == telemetry(plain)[: len(before)]
+    resting = [(v.x_r_um, v.force_r_mN) for v in telemetry(in_hold) if v.paused][1:]
+    assert len(set(resting)) == 1
+
+
+@pytest.mark.parametrize("phase", ["approach", "contact", "load", "unload"])
+def test_a_pause_asked_for_in_any_phase_is_taken_up_and_ended(phase: str) -> None:
+    views = telemetry(played(phase))
+    assert [view.acted for view in views if view.acted] == ["pause", "resume"]
+    assert views[-1].outcome == "gripped"
+
+
+@pytest.mark.parametrize("shape", ["sinusoid", "triangle", "step"])
+def test_a_path_rests_where_it_turns_and_its_force_with_it(shape: str) -> None:
+    wish = {"kind": "track", "shape": shape, "load_s": 1.0}
+    planned = plan_job(TrackJobRequest.model_validate(wish), RIG)
+    messages = played("track", planned.program)
+    views = telemetry(messages)
+    assert views[-1].outcome == "tracked"
+    resting = [view for view in views if view.paused and view.phase == "track"]
+    assert len(resting) == pytest.approx(PAUSE_S / T, abs=2)
+    # The law needs some samples to come to rest where the path turns.
+    settled = {view.seq: view.force_r_mN for view in resting[25:]}
+    errors = [
+        message.force_mN - settled[message.seq]
+        for message in messages
+        if isinstance(message, Estimate) and message.seq in settled
+    ]
+    assert max(abs(error) for error in errors) < WITHIN_MN
+    jumps = [abs(b.x_r_um - a.x_r_um) for a, b in pairwise(views) if b.phase == "track" == a.phase]
+    assert planned.path is not None
+    fastest = peaks(planned.path).rate / RIG.part.stiffness_mN_per_um
+    assert max(jumps) <= 1.05 * fastest * T

@@ -1,0 +1,164 @@
+"""Stops that let go, parts that are held from the start, and guards of a free motion."""
+
+from dataclasses import replace
+
+import pytest
+
+from pincette.control.planning.program import Program, Segment
+from pincette_controller.actions import keep, let_go, may_keep, release, retract, stop, waits
+from pincette_controller.pausing import pause
+from pincette_controller.player import advance
+
+from .ideal_arm import BLANK, GUARDS, PROGRAM, Arm, T
+
+KEEPS = Program(
+    (
+        Segment("hold", "voltage", None),
+        Segment("unload", "voltage", 0.4, voltage_to_V=0.0),
+    ),
+    GUARDS,
+    1.0,
+    begins_held=True,
+)
+MOVES = Program(
+    (
+        Segment("zero", "voltage", 0.1, zeroes=True),
+        Segment("move", "free", 0.6, x_to_um=14.0, guarded=True),
+        Segment("rest", "free", 0.2, x_to_um=14.0, guarded=True),
+    ),
+    replace(GUARDS, zero_needed=False),
+    1.0,
+)
+
+
+def test_let_go_unloads_and_ends_where_the_arm_is_then() -> None:
+    arm = Arm()
+    arm.until("hold")
+    arm.player = let_go(PROGRAM, arm.player)
+    arm.until()
+    assert arm.phases[-1] == "unload"
+    assert (arm.player.outcome, arm.player.held) == ("stopped", False)
+    assert arm.player.x_r_um == pytest.approx(12.0)
+
+
+def test_retract_goes_back_with_a_part_and_without_one() -> None:
+    arm = Arm()
+    arm.until("hold")
+    arm.player = retract(PROGRAM, let_go(PROGRAM, arm.player))
+    arm.until()
+    assert arm.phases[-2:] == ["unload", "retreat"]
+    assert arm.player.outcome == "stopped"
+    arm = Arm()
+    arm.until("contact")
+    arm.player = retract(PROGRAM, arm.player)
+    arm.until()
+    assert arm.phases[-2:] == ["contact", "retreat"]
+    assert arm.player.x_r_um == pytest.approx(0.0)
+
+
+def test_retract_without_a_retreat_is_a_stop() -> None:
+    arm = Arm(program=replace(PROGRAM, segments=PROGRAM.segments[:2]))
+    arm.until("approach")
+    arm.player = retract(arm.program, arm.player)
+    arm.until()
+    assert (arm.phases[-1], arm.player.outcome) == ("stopping", "stopped")
+
+
+def test_a_part_is_kept_only_at_rest_and_stays_held() -> None:
+    arm = Arm()
+    arm.until("load")
+    assert not may_keep(arm.player)
+    arm.until("hold")
+    assert may_keep(arm.player)
+    player = advance(PROGRAM, keep(arm.player), arm.estimate(), T)
+    assert (player.ended, player.held, player.outcome) == (True, True, "stopped")
+
+
+def test_what_is_held_from_the_start_stays_at_its_voltage_until_released() -> None:
+    arm = Arm(program=KEEPS)
+    at_V = replace(BLANK, applied_V=2.5)
+    player = replace(arm.player, applied_V=2.5, from_V=2.5, voltage_V=2.5)
+    assert not waits(player)
+    for _ in range(100):
+        player = advance(KEEPS, player, at_V, T)
+        assert (player.voltage_V, player.held, player.ended) == (2.5, True, False)
+    player = release(KEEPS, player)
+    voltages: list[float] = []
+    while not player.ended:
+        assert player.held
+        player = advance(KEEPS, player, at_V, T)
+        voltages.append(player.voltage_V)
+    assert (player.outcome, player.held) == ("released", False)
+    assert voltages[-1] == pytest.approx(0.0)
+    assert voltages == sorted(voltages, reverse=True)
+
+
+def test_a_stop_of_such_a_hold_keeps_its_voltage_too() -> None:
+    player = replace(Arm(program=KEEPS).player, applied_V=2.5, voltage_V=2.5)
+    player = stop(pause(player))
+    for _ in range(50):
+        player = advance(KEEPS, player, replace(BLANK, applied_V=2.5), T)
+    assert (player.voltage_V, player.held, player.outcome) == (2.5, True, "stopped")
+    player = let_go(KEEPS, player)
+    while not player.ended:
+        player = advance(KEEPS, player, replace(BLANK, applied_V=2.5), T)
+    assert (player.outcome, player.held) == ("stopped", False)
+    assert player.voltage_V == pytest.approx(0.0)
+
+
+def test_beyond_a_limit_such_a_hold_lets_go_by_its_own_way() -> None:
+    program = replace(KEEPS, guards=replace(GUARDS, position_max_um=40.0))
+    player = Arm(program=program).player
+    player = advance(program, player, replace(BLANK, x_um=41.0, applied_V=2.5), T)
+    assert (player.segment.phase, player.outcome) == ("unload", "overtravel")
+    while not player.ended:
+        player = advance(program, player, replace(BLANK, x_um=41.0, applied_V=2.5), T)
+    assert (player.outcome, player.held) == ("overtravel", False)
+
+
+def test_a_move_that_meets_something_rests_there() -> None:
+    arm = Arm(program=MOVES)
+    arm.until()
+    assert (arm.phases[-1], arm.player.outcome) == ("stopping", "contact")
+    # 2 mN and 0.1 mN of uncertainty on 2 mN/µm, three samples, and no way after that.
+    assert 13.0 < arm.player.x_r_um < 14.0
+
+
+def test_a_move_without_a_zero_is_played_to_its_end() -> None:
+    arm = Arm(program=MOVES)
+    arm.refusal = "the arm may touch the part"
+    arm.until()
+    assert (arm.phases[-1], arm.player.outcome) == ("rest", "moved")
+    assert arm.player.x_r_um == pytest.approx(14.0)
+
+
+def test_a_voltage_that_leads_into_something_stays_where_it_is() -> None:
+    segments = (
+        Segment("zero", "voltage", 0.1, zeroes=True),
+        Segment("move", "voltage", 1.0, voltage_to_V=1.0, guarded=True),
+    )
+    program = replace(MOVES, segments=segments)
+    player = Arm(program=program).player
+    for tick in range(200):
+        force_mN = 5.0 if player.voltage_V > 0.5 else 0.0
+        age_s = None if tick < 6 else T * (tick - 6)
+        sample = replace(BLANK, force_mN=force_mN, zero_age_s=age_s, applied_V=player.voltage_V)
+        player = advance(program, player, sample, T)
+        if player.ended:
+            break
+    assert (player.segment.phase, player.outcome) == ("stopping", "contact")
+    assert 0.5 < player.voltage_V < 0.7
+
+
+@pytest.mark.parametrize("force_mN", [-5.0, 5.0])
+def test_a_force_within_its_uncertainty_is_no_contact(force_mN: float) -> None:
+    arm = Arm(contact_um=99.0, program=MOVES)
+    arm.until("move")
+    for _ in range(10):
+        unsure = replace(arm.estimate(), force_mN=force_mN, force_uncertainty_mN=3.1)
+        arm.player = advance(MOVES, arm.player, unsure, T)
+    assert arm.player.outcome != "contact"
+    for _ in range(3):
+        sure = replace(arm.estimate(), force_mN=force_mN, force_uncertainty_mN=2.9)
+        arm.player = advance(MOVES, arm.player, sure, T)
+    assert arm.player.outcome == "contact"
