@@ -110,6 +110,10 @@ class ModelQuantity(BaseModel):
         unit="µm/mN",
         source="20260301-120000-1f0c",
         uncertainty=0.0011,
+        accepted_at="2026-03-01T12:02:00.000Z",
+        due_at="2026-08-28T12:01:10.000Z",
+        overdue=False,
+        serial_numbers={"sensor": "1540122", "output": "A-0311"},
     )
 
     quantity: str
@@ -120,6 +124,13 @@ class ModelQuantity(BaseModel):
     """``assumed``, or the calibration it comes from."""
     uncertainty: float | None
     """Standard; null of what is assumed."""
+    accepted_at: str | None
+    """Null of what is assumed."""
+    due_at: str | None
+    """When it is to be measured again; null: never by itself."""
+    overdue: bool
+    serial_numbers: dict[str, str]
+    """Of the instruments it was measured with, by table of the rig file; those that are known."""
 
 
 class ModelVersion(BaseModel):

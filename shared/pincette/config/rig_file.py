@@ -2,19 +2,23 @@
 
 import hashlib
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from pincette.config.law import Law
 from pincette.config.model import Model
+from pincette.config.recorder import Recorder
 from pincette.config.simulation import Simulation
 from pincette.config.tables import ConfigError, NotNegative, Positive, Table, Url
 from pincette.control.planning.paths import Shape
 
 Options = dict[str, str | int | float | bool]
 """What only one driver understands; it checks them itself."""
+SerialNumber = Annotated[str, Field(max_length=60)]
+"""Of an instrument, as its plate has it; empty: not known."""
 
 
 class Rig(Table):
@@ -37,6 +41,7 @@ class Sensor(Table):
 
     driver: str
     url: Url
+    serial_number: SerialNumber = ""
     minimum_um: float
     maximum_um: float
     offset_um: float = 0.0
@@ -56,6 +61,7 @@ class Output(Table):
 
     driver: str
     url: Url
+    serial_number: SerialNumber = ""
     timeout_s: Positive = 0.1
     record: str | None = None
     """File that every byte to and from the instrument is written to."""
@@ -143,11 +149,27 @@ class Track(Table):
     """Highest acceleration of x_r along a path; steps and corners use it up."""
 
 
+class Calibrating(Table):
+    """How long what a calibration has found holds."""
+
+    valid_days: Positive | None = None
+    """From the measurement on; None: without an end."""
+
+
 class Supervisor(Table):
     """Where the supervisor listens."""
 
     host: str = "127.0.0.1"
     port: int = Field(default=8000, ge=1, le=65535)
+
+
+UNSHARED: Mapping[str, set[str] | bool] = {
+    "sensor": {"serial_number"},
+    "output": {"serial_number"},
+    "calibration": True,
+    "recorder": True,
+}
+"""What may differ between programs: nothing of the loop works with it."""
 
 
 class RigFile(Table):
@@ -164,7 +186,9 @@ class RigFile(Table):
     part: Part
     grip: Grip = Grip()
     track: Track = Track()
+    calibration: Calibrating = Calibrating()
     supervisor: Supervisor = Supervisor()
+    recorder: Recorder = Recorder()
     simulation: Simulation | None = None
 
     @property
@@ -172,9 +196,16 @@ class RigFile(Table):
         """Whether the rig paces the loop."""
         return self.rig.time == "lockstep"
 
+    @property
+    def serial_numbers(self) -> dict[str, str]:
+        """Of the instruments, by table; those that are known."""
+        known = {"sensor": self.sensor.serial_number, "output": self.output.serial_number}
+        return {table: number for table, number in known.items() if number}
+
     def digest(self) -> str:
-        """What every program of a rig must agree on."""
-        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
+        """What every program of a rig must agree on; how a rig is looked after is none of it."""
+        text = self.model_dump_json(exclude=UNSHARED)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def read_rig(path: Path) -> RigFile:

@@ -1,13 +1,32 @@
-"""Jobs in SQLite survive a restart."""
+"""Jobs, actions, keys and events survive a restart."""
 
-import sqlite3
+import math
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from sqlalchemy import text
 
-from pincette_supervisor.journal.store import SCHEMA_VERSION, ActionRow, JobRow, Store, StoreError
+from pincette_supervisor.journal import event_rows
+from pincette_supervisor.journal.store import (
+    ActionRow,
+    Creation,
+    JobRow,
+    KeyTakenError,
+    Store,
+    StoreError,
+)
 
 AT = "2026-03-01T12:00:00.000Z"
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    store = Store(tmp_path / "jobs.sqlite")
+    yield store
+    store.close()
 
 
 def row(name: str, created_at: str = AT) -> JobRow:
@@ -19,8 +38,10 @@ def test_what_was_kept_is_read_back_after_a_restart(tmp_path: Path) -> None:
     store = Store(path)
     store.add(row("a"))
     number = store.add_action("a", ActionRow("stop", AT, "127.0.0.1"))
-    store.action_took_effect("a", number, 42)
-    store.change("a", state="stopped", cause="", result={"outcome": "stopped"}, ended_at=AT)
+    store.action_took_effect("a", number, 42, AT)
+    store.change(
+        "a", state="stopped", cause="", result={"outcome": "stopped"}, ended_at=AT, epoch=2**48 - 1
+    )
     store.note("actuator", "17")
     store.close()
     again = Store(path)
@@ -29,43 +50,200 @@ def test_what_was_kept_is_read_back_after_a_restart(tmp_path: Path) -> None:
     assert job.state == "stopped"
     assert job.plan == {"duration_s": 1.5}
     assert job.result == {"outcome": "stopped"}
-    assert job.actions == (ActionRow("stop", AT, "127.0.0.1", 42),)
+    assert job.epoch == 2**48 - 1
+    assert job.actions == (ActionRow("stop", AT, "127.0.0.1", 42, AT),)
     assert again.noted("actuator") == "17"
     assert again.noted("other") is None
     again.close()
 
 
-def test_jobs_left_unfinished_become_interrupted(tmp_path: Path) -> None:
-    store = Store(tmp_path / "jobs.sqlite")
-    for name, state in (("a", "running"), ("b", "succeeded"), ("c", "queued")):
+def test_a_fact_replaces_the_one_before(store: Store) -> None:
+    store.note("actuator", "17")
+    store.note("actuator", "18")
+    assert store.noted("actuator") == "18"
+
+
+def test_jobs_left_unfinished_become_interrupted_and_queued_ones_stay(store: Store) -> None:
+    for name, state in (("a", "running"), ("b", "succeeded"), ("c", "queued"), ("d", "aborting")):
         store.add(row(name))
         store.change(name, state=state)
-    assert store.interrupt_left_over(AT) == ["a", "c"]
+    assert store.interrupt_left_over(AT) == ["a", "d"]
     states = {job.id: job.state for job in store.newest(10)}
-    assert states == {"a": "interrupted", "b": "succeeded", "c": "interrupted"}
+    assert states == {"a": "interrupted", "b": "succeeded", "c": "queued", "d": "interrupted"}
     job = store.get("a")
     assert job is not None
-    assert job.ended_at == AT
+    assert (job.ended_at, job.revision) == (AT, 3)
     assert "supervisor" in job.cause
-    store.close()
 
 
-def test_the_newest_come_first(tmp_path: Path) -> None:
-    store = Store(tmp_path / "jobs.sqlite")
+def test_the_newest_come_first(store: Store) -> None:
     for second in range(3):
         store.add(row(f"job{second}", f"2026-03-01T12:00:0{second}.000Z"))
     assert [job.id for job in store.newest(2)] == ["job2", "job1"]
+    assert [job.id for job in store.newest(2, before_number=2)] == ["job0"]
     assert store.get("none") is None
+
+
+def test_the_list_is_narrowed(store: Store) -> None:
+    store.add(row("a"))
+    labelled = {"kind": "grip", "labels": {"cell.line-1": "left", "lot": "7"}}
+    store.add(replace(row("b"), request=labelled))
+    store.add(replace(row("c"), kind="track", rig="other"))
+    store.change("a", state="failed")
+
+    def names(jobs: list[JobRow]) -> list[str]:
+        return [job.id for job in jobs]
+
+    assert names(store.newest(9, kind="track")) == ["c"]
+    assert names(store.newest(9, state="failed")) == ["a"]
+    assert names(store.newest(9, rig="demo")) == ["b", "a"]
+    assert names(store.newest(9, label=("cell.line-1", "left"))) == ["b"]
+    assert names(store.newest(9, label=("lot", "8"))) == []
+    assert names(store.newest(9, rig="demo", state="queued")) == ["b"]
+
+
+def test_the_queue_is_in_the_order_of_the_numbers(store: Store) -> None:
+    kept = [store.add(row(name)) for name in ("c", "a", "b")]
+    assert [job.number for job in kept] == [1, 2, 3]
+    store.add(replace(row("x"), rig="other"))
+    store.change("a", state="preparing")
+    assert [(job.id, job.number) for job in store.queued("demo")] == [("c", 1), ("b", 3)]
+    assert store.queued("none") == []
+
+
+def test_every_change_raises_the_revision(store: Store) -> None:
+    assert store.add(row("a")).revision == 1
+    assert store.change("a", cause="x") == 2
+    number = store.add_action("a", ActionRow("start", AT, "me"))
+    store.action_took_effect("a", number, 0)
+    job = store.get("a")
+    assert job is not None
+    assert job.revision == 4
+    assert job.actions[0].applied_at is not None
+
+
+def test_a_key_creates_one_job(tmp_path: Path, store: Store) -> None:
+    store.add(row("a"), "key", "f1")
+    with pytest.raises(KeyTakenError) as refused:
+        store.add(row("b"), "key", "f2")
+    assert (refused.value.job, refused.value.fingerprint) == ("a", "f1")
+    assert store.get("b") is None
     store.close()
+    again = Store(tmp_path / "jobs.sqlite")
+    assert again.created("key") == Creation("a", "f1")
+    assert again.created("other") is None
+    again.close()
 
 
-def test_a_store_of_another_schema_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "jobs.sqlite"
-    base = sqlite3.connect(path)
-    base.execute(f"PRAGMA user_version = {SCHEMA_VERSION + 1}")
-    base.close()
-    with pytest.raises(StoreError, match=f"schema {SCHEMA_VERSION + 1}"):
-        Store(path)
+def test_a_race_of_equal_keys_makes_one_job(store: Store) -> None:
+    gate, losers = threading.Barrier(8), list[str]()
+
+    def create(name: str) -> None:
+        gate.wait()
+        try:
+            store.add(row(name), "key", name)
+        except KeyTakenError as error:
+            losers.append(error.job)
+
+    threads = [threading.Thread(target=create, args=(f"job{n}",)) for n in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    (winner,) = store.newest(10)
+    assert losers == [winner.id] * 7
+
+
+def test_threads_write_and_read_side_by_side(store: Store) -> None:
+    store.add(row("a"))
+
+    def change() -> None:
+        for _ in range(25):
+            store.change("a", cause="x")
+            assert store.get("a") is not None
+
+    threads = [threading.Thread(target=change) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    job = store.get("a")
+    assert job is not None
+    assert job.revision == 1 + 8 * 25
+
+
+def test_events_are_numbered_and_narrowed(tmp_path: Path, store: Store) -> None:
+    assert store.event_span() == (0, 0)
+    for rig, job in (("demo", "a"), ("demo", None), ("other", "b"), ("demo", "a")):
+        store.add_event(AT, rig, job, "state", {"state": "running"})
+    assert [event.number for event in store.events_after(0)] == [1, 2, 3, 4]
+    assert [event.number for event in store.events_after(1, rig="demo")] == [2, 4]
+    assert [event.number for event in store.events_after(0, job="a")] == [1, 4]
+    assert [event.number for event in store.events_after(0, limit=2)] == [1, 2]
+    assert store.events_after(3)[0].body == {"state": "running"}
+    store.close()
+    again = Store(tmp_path / "jobs.sqlite")
+    assert again.newest_event() == 4
+    again.close()
+
+
+def test_the_oldest_events_are_given_up_in_passing(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(event_rows, "KEPT", 20)
+    monkeypatch.setattr(event_rows, "SWEEP", 10)
+    for _ in range(65):
+        store.add_event(AT, "demo", None, "state", {})
+    assert store.event_span() == (40, 65)
+    monkeypatch.setattr(event_rows, "KEPT", 1)
+    monkeypatch.setattr(event_rows, "SWEEP", 5)
+    for _ in range(5):
+        store.add_event(AT, "demo", None, "state", {})
+    # Not all that are too many go at once, so that nobody waits long for it.
+    assert store.event_span() == (50, 70)
+
+
+def test_a_number_is_never_given_twice(store: Store) -> None:
+    store.add_event(AT, "demo", None, "state", {})
+    store.add_event(AT, "demo", None, "state", {})
+    with store.writing() as base:
+        base.execute(text("DELETE FROM events"))
+    assert store.add_event(AT, "demo", None, "state", {}) == 3
+
+
+def test_only_what_may_change_changes(store: Store) -> None:
+    store.add(row("a"))
+    with pytest.raises(ValueError, match="request cannot be changed"):
+        store.change("a", request="{}")
+    with pytest.raises(LookupError, match="no job 'b'"):
+        store.change("b", cause="x")
+
+
+def test_a_number_that_json_has_not_is_refused_and_nothing_changes(store: Store) -> None:
+    store.add(row("a"))
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        store.change("a", state="failed", result={"x_um": math.nan})
+    job = store.get("a")
+    assert job is not None
+    assert (job.state, job.result, job.revision) == ("queued", None, 1)
+
+
+def test_a_closed_store_says_so(tmp_path: Path) -> None:
+    store = Store(tmp_path / "jobs.sqlite")
+    store.close()
+    with pytest.raises(StoreError, match=r"jobs\.sqlite is closed"):
+        store.get("a")
+    with pytest.raises(StoreError, match="is closed"):
+        store.note("a", "b")
+
+
+def test_a_data_base_that_fails_is_named(store: Store) -> None:
+    with store.writing() as base:
+        base.execute(text("DROP TABLE notes"))
+    with pytest.raises(StoreError, match=r"jobs\.sqlite: no such table: notes"):
+        store.noted("a")
+    with pytest.raises(StoreError, match="room and rights"):
+        store.note("a", "b")
 
 
 def test_a_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
@@ -73,11 +251,3 @@ def test_a_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
     path.write_text("this is a text, and longer than the header of a data base would be\n" * 20)
     with pytest.raises(StoreError, match="move it away"):
         Store(path)
-
-
-def test_only_what_may_change_changes(tmp_path: Path) -> None:
-    store = Store(tmp_path / "jobs.sqlite")
-    store.add(row("a"))
-    with pytest.raises(ValueError, match="request cannot be changed"):
-        store.change("a", request="{}")
-    store.close()

@@ -1,230 +1,256 @@
-"""Jobs and their actions in SQLite, so that what was accepted survives a restart.
+"""Jobs and their actions, so that what was accepted survives a restart.
 
 Never called from the event loop: a slow disk must not hold up a stop.
 """
 
-import json
-import sqlite3
-import threading
-from contextlib import closing
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any, cast
+from collections.abc import Sequence
+from typing import Any
 
-from pincette.api.states import STATES, ActionType, JobState
+from sqlalchemy import Connection, Select, and_, func, insert, select, update
 
-SCHEMA_VERSION = 1
-SCHEMA = """
-CREATE TABLE jobs (
-    id TEXT PRIMARY KEY, kind TEXT NOT NULL, rig TEXT NOT NULL, state TEXT NOT NULL,
-    cause TEXT NOT NULL, request TEXT NOT NULL, plan TEXT NOT NULL, result TEXT,
-    created_at TEXT NOT NULL, started_at TEXT, ended_at TEXT
-) STRICT;
-CREATE TABLE actions (
-    job TEXT NOT NULL REFERENCES jobs (id), number INTEGER NOT NULL, type TEXT NOT NULL,
-    requested_at TEXT NOT NULL, requested_by TEXT NOT NULL, seq INTEGER,
-    PRIMARY KEY (job, number)
-) STRICT;
-CREATE TABLE notes (name TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT;
-"""
-CHANGING = ("state", "cause", "result", "started_at", "ended_at")
+from pincette.api.states import STATES, JobState
+from pincette_supervisor.journal import event_rows
+from pincette_supervisor.journal.base import Base, StoreError
+from pincette_supervisor.journal.rows import (
+    ActionRow,
+    Creation,
+    EventRow,
+    JobRow,
+    action_row,
+    job_row,
+    utc_now,
+)
+from pincette_supervisor.journal.tables import ACTIONS, CREATIONS, JOBS, NOTES
 
+__all__ = [
+    "ActionRow",
+    "Creation",
+    "EventRow",
+    "JobRow",
+    "KeyTakenError",
+    "Store",
+    "StoreError",
+    "utc_now",
+]
 
-class StoreError(OSError):
-    """The store cannot be used; the text says which file, and what to do."""
-
-
-@dataclass(frozen=True, slots=True)
-class ActionRow:
-    """An action and the sample at which it took effect."""
-
-    type: ActionType
-    requested_at: str
-    by: str
-    seq: int | None = None
+CHANGING = ("state", "cause", "plan", "result", "started_at", "ended_at", "epoch")
 
 
-@dataclass(frozen=True, slots=True)
-class JobRow:
-    """A job as it is kept."""
+class KeyTakenError(Exception):
+    """The ``Idempotency-Key`` has created a job already."""
 
-    id: str
-    kind: str
-    rig: str
-    state: JobState
-    request: dict[str, Any]
-    plan: dict[str, Any]
-    created_at: str
-    cause: str = ""
-    result: dict[str, Any] | None = None
-    started_at: str | None = None
-    ended_at: str | None = None
-    actions: tuple[ActionRow, ...] = field(default=())
+    def __init__(self, job: str, fingerprint: str) -> None:
+        super().__init__(f"the key has created job {job}")
+        self.job, self.fingerprint = job, fingerprint
 
 
-def utc_now() -> str:
-    """The present time in UTC, for people; nothing in the loop reads it."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-
-
-def _unusable(path: Path, error: sqlite3.Error) -> StoreError:
-    return StoreError(
-        f"the job store {path} cannot be used: {error}; move it away to begin a new one"
-    )
-
-
-class Store:
-    """One file; safe to use from several threads."""
-
-    def __init__(self, path: Path) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._lock = threading.Lock()
-        try:
-            self._base = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
-        except sqlite3.Error as error:
-            raise _unusable(path, error) from error
-        try:
-            self._base.execute("PRAGMA journal_mode = WAL")
-            self._prepare(path)
-        except sqlite3.Error as error:
-            self._base.close()
-            raise _unusable(path, error) from error
-        except StoreError:
-            self._base.close()
-            raise
-
-    def _prepare(self, path: Path) -> None:
-        (version,) = self._base.execute("PRAGMA user_version").fetchone()
-        if version == 0:
-            self._base.executescript(f"BEGIN; {SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; END")
-        elif version != SCHEMA_VERSION:
-            raise StoreError(
-                f"the job store {path} has schema {version}, this program knows {SCHEMA_VERSION}: "
-                "use the version that wrote it, or move the file away"
-            )
+class Store(Base):
+    """The journal in one file; safe to use from several threads."""
 
     def interrupt_left_over(self, at: str) -> list[str]:
-        """Mark jobs that an earlier run of the supervisor left unfinished; returns their names."""
-        with self._lock:
-            rows = self._base.execute("SELECT id, state FROM jobs").fetchall()
-            left = [name for name, state in rows if not STATES[cast(JobState, state)].terminal]
-            for name in left:
-                self._base.execute(
-                    "UPDATE jobs SET state = 'interrupted', ended_at = ?, cause = ? WHERE id = ?",
-                    (at, "the supervisor ended while the job ran", name),
+        """Mark jobs that an earlier run of the supervisor left unfinished; returns their names.
+
+        What is queued has not begun, and stays queued.
+        """
+        kept = ["queued", *(name for name, state in STATES.items() if state.terminal)]
+        left = JOBS.c.state.not_in(kept)
+        with self.writing() as base:
+            names = list(base.scalars(select(JOBS.c.id).where(left).order_by(JOBS.c.number)))
+            base.execute(
+                update(JOBS)
+                .where(left)
+                .values(
+                    state="interrupted",
+                    ended_at=at,
+                    cause="the supervisor ended while the job ran",
+                    revision=JOBS.c.revision + 1,
                 )
-        return left
-
-    def add(self, job: JobRow) -> None:
-        """Keep a new job."""
-        values = (job.id, job.kind, job.rig, job.state, job.cause)
-        texts = (json.dumps(job.request), json.dumps(job.plan), job.created_at)
-        with self._lock:
-            self._base.execute(
-                "INSERT INTO jobs (id, kind, rig, state, cause, request, plan, created_at) "
-                "VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                (*values, *texts),
             )
+        return names
 
-    def change(self, name: str, **values: object) -> None:
-        """Change some of state, cause, result, started_at and ended_at."""
+    def add(self, job: JobRow, key: str | None = None, fingerprint: str = "") -> JobRow:
+        """Keep a new job, and the key it was created with; returns it with its number.
+
+        Raises
+        ------
+        KeyTakenError
+            Where the key has created a job already; nothing is kept then.
+        """
+        with self.writing() as base:
+            if key is not None and (taken := _creation(base, key)) is not None:
+                raise KeyTakenError(taken.job, taken.fingerprint)
+            number = base.scalar(select(func.coalesce(func.max(JOBS.c.number), 0) + 1))
+            base.execute(
+                insert(JOBS).values(
+                    id=job.id,
+                    number=number,
+                    kind=job.kind,
+                    rig=job.rig,
+                    state=job.state,
+                    cause=job.cause,
+                    request=job.request,
+                    plan=job.plan,
+                    revision=1,
+                    created_at=job.created_at,
+                )
+            )
+            if key is not None:
+                _keep_key(base, key, fingerprint, job)
+            return _select(base, select(JOBS).where(JOBS.c.id == job.id))[0]
+
+    def created(self, key: str) -> Creation | None:
+        """What an ``Idempotency-Key`` has created; None where it is not known."""
+        with self.reading() as base:
+            return _creation(base, key)
+
+    def change(self, name: str, **values: object) -> int:
+        """Change some of state, cause, plan, result, started_at, ended_at and epoch.
+
+        Returns the job's revision, which every change raises by one; raises LookupError where
+        there is no job of this name.
+        """
         odd = values.keys() - set(CHANGING)
         if odd:
             raise ValueError(f"a job's {', '.join(sorted(odd))} cannot be changed")
-        if values.get("result") is not None:
-            values["result"] = json.dumps(values["result"], allow_nan=False)
-        assignments = ", ".join(f"{column} = ?" for column in values)
-        with self._lock:
-            self._base.execute(
-                f"UPDATE jobs SET {assignments} WHERE id = ?", (*values.values(), name)
-            )
+        if values.get("epoch") is not None:
+            values["epoch"] = str(values["epoch"])
+        with self.writing() as base:
+            return _revise(base, name, values)
 
     def add_action(self, name: str, action: ActionRow) -> int:
         """Keep an action that was asked for; returns its number within the job."""
-        with self._lock:
-            (number,) = self._base.execute(
-                "SELECT count(*) FROM actions WHERE job = ?", (name,)
-            ).fetchone()
-            self._base.execute(
-                "INSERT INTO actions VALUES (?, ?, ?, ?, ?, ?)",
-                (name, number, action.type, action.requested_at, action.by, action.seq),
+        with self.writing() as base:
+            _revise(base, name, {})
+            count = select(func.count()).select_from(ACTIONS).where(ACTIONS.c.job == name)
+            number = int(base.scalar(count) or 0)
+            base.execute(
+                insert(ACTIONS).values(
+                    job=name,
+                    number=number,
+                    type=action.type,
+                    requested_at=action.requested_at,
+                    requested_by=action.by,
+                    applied_at=action.applied_at,
+                    seq=action.seq,
+                )
             )
-        return int(number)
+        return number
 
-    def action_took_effect(self, name: str, number: int, seq: int) -> None:
-        """Note the sample at which an action took effect."""
-        with self._lock:
-            self._base.execute(
-                "UPDATE actions SET seq = ? WHERE job = ? AND number = ?", (seq, name, number)
-            )
+    def action_took_effect(
+        self, name: str, number: int, seq: int | None, at: str | None = None
+    ) -> None:
+        """Note when an action took effect, ``at`` or else the present, and at which sample."""
+        which = and_(ACTIONS.c.job == name, ACTIONS.c.number == number)
+        with self.writing() as base:
+            base.execute(update(ACTIONS).where(which).values(seq=seq, applied_at=at or utc_now()))
+            _revise(base, name, {})
 
     def get(self, name: str) -> JobRow | None:
         """One job; None where there is none of this name."""
-        found = self._select("WHERE id = ?", (name,))
+        with self.reading() as base:
+            found = _select(base, select(JOBS).where(JOBS.c.id == name))
         return found[0] if found else None
 
     def newest(
-        self, limit: int, *, kind: str | None = None, state: JobState | None = None
+        self,
+        limit: int,
+        *,
+        kind: str | None = None,
+        state: JobState | None = None,
+        rig: str | None = None,
+        label: tuple[str, str] | None = None,
+        before_number: int | None = None,
     ) -> list[JobRow]:
-        """Jobs, the newest first; only those of a kind and in a state, where they are named."""
-        return self._select(
-            "WHERE (?1 IS NULL OR kind = ?1) AND (?2 IS NULL OR state = ?2) "
-            "ORDER BY created_at DESC, id DESC LIMIT ?3",
-            (kind, state, limit),
-        )
+        """Jobs, the newest first; only those that are as named, where something is named.
 
-    def _select(self, clause: str, values: tuple[object, ...]) -> list[JobRow]:
-        with self._lock, closing(self._base.cursor()) as cursor:
-            cursor.execute(
-                "SELECT id, kind, rig, state, request, plan, created_at, cause, result, "
-                f"started_at, ended_at FROM jobs {clause}",
-                values,
-            )
-            rows = cursor.fetchall()
-            actions = {
-                row[0]: tuple(
-                    ActionRow(*fields)
-                    for fields in cursor.execute(
-                        "SELECT type, requested_at, requested_by, seq FROM actions "
-                        "WHERE job = ? ORDER BY number",
-                        (row[0],),
-                    )
-                )
-                for row in rows
-            }
-        return [_row(row, actions[row[0]]) for row in rows]
+        ``label`` is a label's name and value; ``before_number`` begins below a job's number.
+        """
+        query = select(JOBS).order_by(JOBS.c.number.desc()).limit(limit)
+        for column, value in ((JOBS.c.kind, kind), (JOBS.c.state, state), (JOBS.c.rig, rig)):
+            if value is not None:
+                query = query.where(column == value)
+        if label is not None:
+            name, text = label
+            query = query.where(JOBS.c.request[("labels", name)].as_string() == text)
+        if before_number is not None:
+            query = query.where(JOBS.c.number < before_number)
+        with self.reading() as base:
+            return _select(base, query)
+
+    def queued(self, rig: str) -> list[JobRow]:
+        """Jobs of a rig that wait for their turn, the next first."""
+        waits = and_(JOBS.c.state == "queued", JOBS.c.rig == rig)
+        with self.reading() as base:
+            return _select(base, select(JOBS).where(waits).order_by(JOBS.c.number))
+
+    def add_event(self, at: str, rig: str, job: str | None, kind: str, body: dict[str, Any]) -> int:
+        """Keep an event; returns its number, which rises and is never given twice."""
+        with self.writing() as base:
+            return event_rows.add(base, at, rig, job, kind, body)
+
+    def events_after(
+        self, number: int, *, rig: str | None = None, job: str | None = None, limit: int = 200
+    ) -> list[EventRow]:
+        """Events beyond a number, the oldest first; of a rig or a job, where one is named."""
+        with self.reading() as base:
+            return event_rows.after(base, number, rig, job, limit)
+
+    def newest_event(self) -> int:
+        """Number of the newest event; 0 where there is none."""
+        return self.event_span()[1]
+
+    def event_span(self) -> tuple[int, int]:
+        """Numbers of the oldest event that is kept and of the newest; 0 where there is none."""
+        with self.reading() as base:
+            return event_rows.span(base)
 
     def note(self, name: str, value: str) -> None:
         """Keep a fact of the rig beyond a restart."""
-        with self._lock:
-            self._base.execute("INSERT OR REPLACE INTO notes VALUES (?, ?)", (name, value))
+        with self.writing() as base:
+            changed = base.execute(update(NOTES).where(NOTES.c.name == name).values(value=value))
+            if changed.rowcount == 0:
+                base.execute(insert(NOTES).values(name=name, value=value))
 
     def noted(self, name: str) -> str | None:
         """A fact kept under this name."""
-        with self._lock:
-            row = self._base.execute("SELECT value FROM notes WHERE name = ?", (name,)).fetchone()
-        return None if row is None else str(row[0])
-
-    def close(self) -> None:
-        """Close the file."""
-        with self._lock:
-            self._base.close()
+        with self.reading() as base:
+            return base.scalar(select(NOTES.c.value).where(NOTES.c.name == name))
 
 
-def _row(values: tuple[Any, ...], actions: tuple[ActionRow, ...]) -> JobRow:
-    name, kind, rig, state, request, plan, created_at, cause, result, started_at, ended_at = values
-    return JobRow(
-        id=name,
-        kind=kind,
-        rig=rig,
-        state=state,
-        request=json.loads(request),
-        plan=json.loads(plan),
-        created_at=created_at,
-        cause=cause,
-        result=None if result is None else json.loads(result),
-        started_at=started_at,
-        ended_at=ended_at,
-        actions=actions,
+def _creation(base: Connection, key: str) -> Creation | None:
+    query = select(CREATIONS.c.job, CREATIONS.c.fingerprint).where(CREATIONS.c.key == key)
+    row = base.execute(query).one_or_none()
+    return None if row is None else Creation(row.job, row.fingerprint)
+
+
+def _keep_key(base: Connection, key: str, fingerprint: str, job: JobRow) -> None:
+    base.execute(
+        insert(CREATIONS).values(
+            key=key, fingerprint=fingerprint, job=job.id, created_at=job.created_at
+        )
     )
+
+
+def _revise(base: Connection, name: str, values: dict[str, object]) -> int:
+    changed = base.execute(
+        update(JOBS).where(JOBS.c.id == name).values(**values, revision=JOBS.c.revision + 1)
+    )
+    if changed.rowcount == 0:
+        raise LookupError(f"there is no job {name!r}")
+    return int(base.scalar(select(JOBS.c.revision).where(JOBS.c.id == name)) or 0)
+
+
+def _select(base: Connection, query: Select[Any]) -> list[JobRow]:
+    rows = base.execute(query).mappings().all()
+    actions = _actions(base, [row["id"] for row in rows])
+    return [job_row({**row}, tuple(actions[row["id"]])) for row in rows]
+
+
+def _actions(base: Connection, names: Sequence[str]) -> dict[str, list[ActionRow]]:
+    found: dict[str, list[ActionRow]] = {name: [] for name in names}
+    if not names:
+        return found
+    query = select(ACTIONS).where(ACTIONS.c.job.in_(names)).order_by(ACTIONS.c.number)
+    for row in base.execute(query).mappings():
+        found[row["job"]].append(action_row({**row}))
+    return found

@@ -24,7 +24,7 @@ JOBS = Table(
     Column("cause", String, nullable=False),
     Column("request", JSON, nullable=False),
     Column("plan", JSON, nullable=False),
-    Column("result", JSON),
+    Column("result", JSON(none_as_null=True)),
     Column("epoch", String),
     Column("revision", Integer, nullable=False),
     Column("created_at", String, nullable=False),
@@ -36,7 +36,7 @@ JOBS = Table(
 ACTIONS = Table(
     "actions",
     METADATA,
-    Column("job", ForeignKey("jobs.id"), nullable=False),
+    Column("job", String, ForeignKey("jobs.id"), nullable=False),
     Column("number", Integer, nullable=False),
     Column("type", String, nullable=False),
     Column("requested_at", String, nullable=False),
@@ -71,7 +71,7 @@ CREATIONS = Table(
     METADATA,
     Column("key", String, primary_key=True),
     Column("fingerprint", String, nullable=False),
-    Column("job", ForeignKey("jobs.id"), nullable=False),
+    Column("job", String, ForeignKey("jobs.id"), nullable=False),
     Column("created_at", String, nullable=False),
 )
 """Jobs by the ``Idempotency-Key`` they were created with; the fingerprint is of the request."""

@@ -13,11 +13,25 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pincette.config import Calibration, ConfigError
 
+FROZEN = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Acceptance(BaseModel):
+    """How a value came into use, and how long it is to be trusted."""
+
+    model_config = FROZEN
+
+    accepted_at: str
+    due_at: str | None
+    """When it is to be measured again; null: never by itself."""
+    serial_numbers: dict[str, str]
+    """Of the instruments it was measured with, by table of the rig file; those that are known."""
+
 
 class StoredModel(BaseModel):
     """One version."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = FROZEN
 
     version: int = Field(ge=1)
     digest: str
@@ -32,6 +46,8 @@ class StoredModel(BaseModel):
     """By quantity, the calibration that each comes from."""
     uncertainties: dict[str, float | None]
     """By quantity, standard; null where there is none to state."""
+    acceptances: dict[str, Acceptance] = Field(default_factory=dict)
+    """By quantity."""
     previous: str
     """Digest of the model that was in use; empty: that of the rig file."""
 

@@ -1,16 +1,19 @@
 """The model in use, put together for REST."""
 
+from datetime import UTC, datetime
+from typing import Any
+
 from pincette.api.proposal_models import ModelQuantity, ModelVersion, ModelView
 from pincette.config import ConfigError
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, values_of
-from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.model.rig_model import ModelInUse, RigModel
+from pincette_supervisor.model.upkeep import overdue
 from pincette_supervisor.problems import ProblemError
 
 
 def model_view(model: RigModel) -> ModelView:
     """What is in use, quantity by quantity, and the versions there are."""
-    used = model.in_use
-    sources, uncertainties = used.calibration.sources, used.uncertainties
+    used, now = model.in_use, datetime.now(UTC)
     return ModelView(
         rig=model.file.rig.name,
         version=used.version,
@@ -18,16 +21,24 @@ def model_view(model: RigModel) -> ModelView:
         rig_file_digest=model.digest,
         trouble=model.trouble,
         quantities=[
-            ModelQuantity(
-                quantity=quantity,
-                value=value,
-                unit=UNITS[quantity],
-                source=sources.get(quantity, ASSUMED),
-                uncertainty=uncertainties.get(quantity),
-            )
-            for quantity, value in values_of(used.rig).items()
+            _quantity(used, quantity, value, now) for quantity, value in values_of(used.rig).items()
         ],
         versions=[_version(model, number) for number in model.files.numbers()],
+    )
+
+
+def _quantity(used: ModelInUse, quantity: str, value: Any, now: datetime) -> ModelQuantity:
+    accepted = used.acceptances.get(quantity)
+    return ModelQuantity(
+        quantity=quantity,
+        value=value,
+        unit=UNITS[quantity],
+        source=used.calibration.sources.get(quantity, ASSUMED),
+        uncertainty=used.uncertainties.get(quantity),
+        accepted_at=None if accepted is None else accepted.accepted_at,
+        due_at=None if accepted is None else accepted.due_at,
+        overdue=accepted is not None and overdue(accepted, now),
+        serial_numbers={} if accepted is None else accepted.serial_numbers,
     )
 
 

@@ -106,6 +106,7 @@ class Calibrations:
                 {value.quantity: value.value for value in found},
                 {value.quantity: value.uncertainty for value in found},
                 row.id,
+                row.ended_at or row.created_at,
             )
         except ConfigError as error:
             raise ProblemError(

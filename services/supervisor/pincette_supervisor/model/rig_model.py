@@ -4,12 +4,15 @@ import json
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from pincette.config import Calibration, ConfigError, RigFile, calibrated
 from pincette_supervisor.journal.store import Store, utc_now
-from pincette_supervisor.model.model_file import ModelFiles, StoredModel
+from pincette_supervisor.model.instruments import Instruments
+from pincette_supervisor.model.model_file import Acceptance, ModelFiles, StoredModel
+from pincette_supervisor.model.upkeep import due_at, warnings
 
 RIG_FILE_ALONE = 0
 """Version that stands for no model."""
@@ -25,6 +28,7 @@ class ModelInUse:
     version: int = RIG_FILE_ALONE
     calibration: Calibration = field(default_factory=Calibration)
     uncertainties: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
+    acceptances: Mapping[str, Acceptance] = field(default_factory=dict[str, Acceptance])
 
     @property
     def digest(self) -> str:
@@ -55,6 +59,7 @@ class RigModel:
         self.files = ModelFiles(folder / rig_file.rig.name)
         self._store = store
         self._note = f"model in use: {rig_file.rig.name}"
+        self._instruments = Instruments(store, rig_file.rig.name, rig_file.serial_numbers)
         self._lock = threading.Lock()
         self.in_use = rig_file_alone(rig_file)
         self._take_up()
@@ -98,6 +103,7 @@ class RigModel:
             model.version,
             calibration,
             model.uncertainties,
+            model.acceptances,
         )
 
     def use(self, version: int) -> None:
@@ -116,10 +122,24 @@ class RigModel:
             )
             self._choose(chosen)
 
+    def warnings(self, now: datetime) -> list[str]:
+        """What in use should be calibrated again, in words; nothing is refused for it."""
+        used = self.in_use
+        return warnings(used.calibration.sources, used.acceptances, self._instruments.present, now)
+
     def add(
-        self, values: Mapping[str, Any], uncertainties: Mapping[str, float | None], source: str
+        self,
+        values: Mapping[str, Any],
+        uncertainties: Mapping[str, float | None],
+        source: str,
+        measured_at: str = "",
     ) -> ModelInUse:
         """Lay values over the model in use as a new version, and use it.
+
+        Parameters
+        ----------
+        measured_at
+            When they were measured; empty: just now.
 
         Raises
         ------
@@ -129,7 +149,12 @@ class RigModel:
             Where the file cannot be written; nothing has changed then.
         """
         with self._lock:
-            before = self.in_use
+            before, now = self.in_use, utc_now()
+            acceptance = Acceptance(
+                accepted_at=now,
+                due_at=due_at(measured_at or now, self.file.calibration.valid_days),
+                serial_numbers=self._instruments.at(measured_at or now),
+            )
             calibration = Calibration(
                 values={**before.calibration.values, **values},
                 sources={**before.calibration.sources, **dict.fromkeys(values, source)},
@@ -139,10 +164,11 @@ class RigModel:
                 digest=calibration.digest,
                 rig=self.file.rig.name,
                 rig_file_digest=self.digest,
-                made_at=utc_now(),
+                made_at=now,
                 values=calibration.values,
                 sources=calibration.sources,
                 uncertainties={**before.uncertainties, **uncertainties},
+                acceptances={**before.acceptances, **dict.fromkeys(values, acceptance)},
                 previous=before.digest,
             )
             laid = self._laid(model)

@@ -1,0 +1,8 @@
+"""Runs the migrations on the connection that was handed over; Alembic loads it by its path."""
+
+from alembic import context
+
+from pincette_supervisor.journal.tables import METADATA
+
+context.configure(connection=context.config.attributes["connection"], target_metadata=METADATA)
+context.run_migrations()

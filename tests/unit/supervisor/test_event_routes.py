@@ -1,0 +1,335 @@
+"""Events over REST: streams that begin where a listener was, and lists."""
+
+import asyncio
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import httpx
+import pytest
+from fastapi import FastAPI
+
+from pincette.config import RigFile
+from pincette_supervisor import problems
+from pincette_supervisor.journal.store import JobRow, Store
+from pincette_supervisor.rest import event_stream, routes_events
+from pincette_supervisor.running import listeners
+from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.events import EventLog
+
+from .rig import Desk
+
+GUARD_S = 20.0
+AT = "2026-03-01T12:00:00.000Z"
+
+
+@dataclass
+class Bench:
+    """The routes over a journal, with a word on which job has the rig."""
+
+    store: Store
+    log: EventLog
+    active: list[str] = field(default_factory=list[str])
+
+    def app(self, rig: RigFile) -> FastAPI:
+        bench = self
+
+        class Stub:
+            site = SimpleNamespace(store=bench.store, events=bench.log, rig=rig)
+
+            @property
+            def active(self) -> object:
+                return SimpleNamespace(id=bench.active[0]) if bench.active else None
+
+        app = FastAPI()
+        problems.install(app)
+        app.include_router(routes_events.routes(cast(Conductor, Stub())))
+        return app
+
+    def job(self, name: str, state: str) -> None:
+        row = JobRow(name, "grip", "demo", "queued", {}, {}, AT)
+        self.store.add(row)
+        self.store.change(name, state=state)
+
+
+class Stream:
+    """One request, whose answer is read while it comes."""
+
+    def __init__(self, app: FastAPI, path: str, **headers: str) -> None:
+        place, _, query = path.partition("?")
+        self._scope: dict[str, Any] = {
+            "type": "http",
+            "asgi": {"version": "3.0", "spec_version": "2.3"},
+            "method": "GET",
+            "path": place,
+            "raw_path": place.encode(),
+            "query_string": query.encode(),
+            "headers": [
+                (name.replace("_", "-").lower().encode(), value.encode())
+                for name, value in headers.items()
+            ],
+        }
+        self._app = app
+        self.status, self.headers = 0, dict[str, str]()
+        self._chunks: asyncio.Queue[str | None] = asyncio.Queue()
+        self._left = asyncio.Event()
+
+    async def __aenter__(self) -> "Stream":
+        self._task = asyncio.create_task(self._app(self._scope, self._receive, self._send))
+        return self
+
+    async def __aexit__(self, *_failure: object) -> None:
+        self._left.set()
+        await self._task
+
+    async def _receive(self) -> dict[str, Any]:
+        await self._left.wait()
+        return {"type": "http.disconnect"}
+
+    async def _send(self, message: Any) -> None:
+        if message["type"] == "http.response.start":
+            self.status = message["status"]
+            self.headers = {name.decode(): value.decode() for name, value in message["headers"]}
+        elif message["body"]:
+            await self._chunks.put(message["body"].decode())
+        if not message.get("more_body", True):
+            await self._chunks.put(None)
+
+    async def chunk(self) -> str | None:
+        async with asyncio.timeout(GUARD_S):
+            return await self._chunks.get()
+
+    async def event(self) -> dict[str, str]:
+        """The next event by its fields; comments are passed over, an end is empty."""
+        while (chunk := await self.chunk()) is not None:
+            fields = dict(line.split(": ", 1) for line in chunk.strip().split("\n"))
+            if "data" in fields:
+                return fields
+        return {}
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    store = Store(tmp_path / "supervisor.sqlite")
+    yield Bench(store, EventLog(store, "demo"))
+    store.close()
+
+
+@pytest.fixture
+def app(bench: Bench, rig_file: RigFile) -> FastAPI:
+    return bench.app(rig_file)
+
+
+def get(app: FastAPI, path: str, **headers: str) -> httpx.Response:
+    async def send() -> httpx.Response:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://desk") as client:
+            return await client.get(path, headers=headers)
+
+    return asyncio.run(asyncio.wait_for(send(), GUARD_S))
+
+
+def events(text: str) -> list[tuple[str | None, str]]:
+    """Number and kind of each event of a whole stream."""
+    found: list[tuple[str | None, str]] = []
+    for block in text.split("\n\n"):
+        fields = dict(line.split(": ", 1) for line in block.split("\n") if ": " in line)
+        if "event" in fields:
+            found.append((fields.get("id"), fields["event"]))
+    return found
+
+
+def test_a_stream_goes_on_where_the_listener_was(bench: Bench, app: FastAPI) -> None:
+    for state in ("queued", "preparing", "running"):
+        bench.log.tell("state", "a", state=state)
+
+    async def scene() -> None:
+        async with Stream(app, "/rigs/demo/events?after=0", Last_Event_ID="2") as stream:
+            event = await stream.event()
+            assert (event["id"], event["event"]) == ("3", "state")
+            assert json.loads(event["data"]) == {
+                "number": 3,
+                "at": bench.store.events_after(2)[0].at,
+                "rig": "demo",
+                "job": "a",
+                "kind": "state",
+                "body": {"state": "running"},
+            }
+            await asyncio.to_thread(bench.log.tell, "phase", "a", phase="load")
+            assert (await stream.event())["id"] == "4"
+            bench.log.progress("a", {"percent": 12.5})
+            event = await stream.event()
+            assert "id" not in event
+            assert json.loads(event["data"])["body"] == {"percent": 12.5}
+            assert stream.headers["content-type"].startswith("text/event-stream")
+            assert stream.headers["x-accel-buffering"] == "no"
+            assert stream.headers["cache-control"] == "no-store"
+
+    asyncio.run(scene())
+
+
+def test_a_stream_of_all_rigs_begins_with_what_is_to_come(bench: Bench, app: FastAPI) -> None:
+    bench.log.tell("state", "a", state="running")
+    other = EventLog(bench.store, "other", bench.log.listeners)
+
+    async def scene() -> None:
+        async with Stream(app, "/events") as stream:
+            assert await stream.chunk() == ": listening\n"
+            await asyncio.to_thread(other.tell, "alarm", cause="estop")
+            event = await stream.event()
+            assert json.loads(event["data"])["rig"] == "other"
+            assert event["id"] == "2"
+
+    asyncio.run(scene())
+
+
+def test_a_stream_of_a_job_ends_when_the_job_is_over(bench: Bench, app: FastAPI) -> None:
+    bench.job("a", "running")
+    bench.active.append("a")
+    bench.log.tell("state", "a", state="running")
+
+    async def scene() -> None:
+        async with Stream(app, "/jobs/a/events") as stream:
+            assert (await stream.event())["id"] == "1"
+            await asyncio.to_thread(bench.log.tell, "state", "b", state="succeeded")
+            await asyncio.to_thread(bench.log.tell, "state", "a", state="stopped")
+            assert (await stream.event())["id"] == "3"
+            # It has ended and holds a part: more of it is to come.
+            await asyncio.to_thread(bench.log.tell, "action", "a", type="release")
+            assert (await stream.event())["id"] == "4"
+            await asyncio.to_thread(bench.log.tell, "result", "a", outcome="stopped")
+            bench.active.clear()
+            assert (await stream.event())["event"] == "result"
+            assert await stream.event() == {}
+
+    asyncio.run(scene())
+
+
+def test_a_job_that_is_over_tells_what_it_was(bench: Bench, app: FastAPI) -> None:
+    bench.job("a", "succeeded")
+    for state in ("queued", "running", "succeeded"):
+        bench.log.tell("state", "a", state=state)
+    bench.log.tell("result", "a", outcome="gripped")
+    kinds = [(str(number), "state" if number < 4 else "result") for number in range(1, 5)]
+    assert events(get(app, "/jobs/a/events").text) == kinds
+    assert events(get(app, "/jobs/a/events", **{"Last-Event-ID": "3"}).text) == kinds[3:]
+    assert events(get(app, "/jobs/a/events?after=4").text) == []
+
+
+def test_a_silent_stream_gives_a_sign_of_life(
+    bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(event_stream, "LIFE_S", 0.001)
+    monkeypatch.setattr(event_stream, "LOOK_S", 0.001)
+    bench.job("a", "running")
+
+    async def scene() -> None:
+        for path in ("/events", "/jobs/a/events"):
+            async with Stream(app, path) as stream:
+                await stream.chunk()
+                assert await stream.chunk() == ": alive\n"
+
+    asyncio.run(scene())
+
+
+def test_streams_end_with_the_log_and_give_their_places_back(
+    bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listeners, "MOST", 2)
+    bench.job("a", "running")
+
+    async def scene() -> None:
+        for _ in range(3):
+            async with Stream(app, "/events") as one, Stream(app, "/jobs/a/events") as other:
+                await one.chunk()
+                await other.chunk()
+        async with Stream(app, "/events") as one, Stream(app, "/jobs/a/events") as other:
+            await one.chunk()
+            await other.chunk()
+            bench.log.close()
+            assert await one.event() == {}
+            assert await other.event() == {}
+
+    asyncio.run(scene())
+
+
+def test_so_many_may_listen(bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(listeners, "MOST", 0)
+    bench.job("a", "succeeded")
+    for path in ("/events", "/rigs/demo/events", "/jobs/a/events"):
+        refused = get(app, path)
+        assert refused.status_code == 503
+        assert refused.json()["type"].endswith("too-many-listeners")
+        assert "format=json" in refused.json()["detail"]
+        assert get(app, f"{path}?format=json").status_code == 200
+
+
+def test_a_list_has_what_is_kept(bench: Bench, app: FastAPI) -> None:
+    bench.job("a", "running")
+    for job in ("a", None, "b"):
+        bench.log.tell("state", job, state="running")
+    EventLog(bench.store, "other").tell("rig")
+    wanted = {
+        "/events": [1, 2, 3, 4],
+        "/events?after=2": [3, 4],
+        "/events?after=1&limit=2": [2, 3],
+        "/rigs/demo/events": [1, 2, 3],
+        "/jobs/a/events": [1],
+        "/jobs/a/events?after=1": [],
+    }
+    for path, found in wanted.items():
+        answer = get(app, path, Accept="application/json")
+        assert answer.headers["content-type"] == "application/json"
+        assert [event["number"] for event in answer.json()["events"]] == found, path
+        assert (answer.json()["oldest"], answer.json()["newest"]) == (1, 4)
+
+
+def test_what_cannot_be_found_or_read_is_refused(app: FastAPI) -> None:
+    for path in ("/jobs/none/events", "/rigs/none/events"):
+        for query in ("", "?format=json"):
+            assert get(app, path + query).status_code == 404
+    for path in ("/events?after=-1", "/events?after=9223372036854775808", "/events?format=xml"):
+        assert get(app, path).status_code == 422
+    refused = get(app, "/events", **{"Last-Event-ID": "x"})
+    assert refused.status_code == 422
+    assert refused.json()["type"].endswith("invalid-request")
+
+
+def test_a_job_that_is_not_there_takes_no_place(
+    app: FastAPI, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listeners, "MOST", 1)
+    for _ in range(3):
+        assert get(app, "/jobs/none/events").status_code == 404
+
+
+def test_the_states_of_a_grip_are_told_in_their_order(desk: Desk) -> None:
+    job = desk.grip()["id"]
+    stream = desk.call("GET", f"/api/v1/jobs/{job}/events")
+    assert desk.get(f"/jobs/{job}")["state"] == "succeeded"
+    told = [
+        json.loads(line.removeprefix("data: "))
+        for line in stream.text.split("\n")
+        if line.startswith("data: ")
+    ]
+    states = [event["body"]["state"] for event in told if event["kind"] == "state"]
+    assert states == ["queued", "preparing", "ready", "running", "succeeded"]
+    numbers = [event["number"] for event in told if event["number"] is not None]
+    assert numbers == sorted(set(numbers))
+    listed = desk.get(f"/jobs/{job}/events", format="json")["events"]
+    assert [event["number"] for event in listed] == numbers
+
+
+def test_the_events_of_a_job_are_those_of_its_rig(
+    desk: Desk, open_desk: Callable[..., Desk], rig_file: RigFile
+) -> None:
+    job = desk.ended(desk.grip()["id"])["id"]
+    before = desk.get("/rigs/demo/events", format="json")["events"]
+    assert job in {event["job"] for event in before}
+    again = open_desk(rig_file)
+    after = again.get("/events", format="json", after=before[-1]["number"])
+    assert [event for event in after["events"] if event["job"] == job] == []
+    assert after["newest"] >= before[-1]["number"]

@@ -1,0 +1,270 @@
+"""Events reach whoever listens: each numbered one once, in order, without a gap."""
+
+import asyncio
+import threading
+from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pytest
+
+from pincette.api.event_models import Event
+from pincette_supervisor.journal import event_rows
+from pincette_supervisor.journal.store import Store, StoreError
+from pincette_supervisor.running import events, listeners
+from pincette_supervisor.running.events import EventLog, Listening
+from pincette_supervisor.running.listeners import Listeners, TooManyListenersError
+
+T = TypeVar("T")
+GUARD_S = 20.0
+"""A test that waits for what never comes fails after this."""
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    store = Store(tmp_path / "supervisor.sqlite")
+    yield store
+    store.close()
+
+
+@pytest.fixture
+def log(store: Store) -> EventLog:
+    return EventLog(store, "demo")
+
+
+def played(scene: Callable[[], Coroutine[Any, Any, T]]) -> T:
+    async def guarded() -> T:
+        async with asyncio.timeout(GUARD_S):
+            return await scene()
+
+    return asyncio.run(guarded())
+
+
+def told(log: EventLog, count: int, job: str = "a") -> None:
+    for number in range(count):
+        log.tell("phase", job, number=number)
+
+
+async def first(log: EventLog, count: int, after: int | None, **which: Any) -> list[Event]:
+    """The first events that a listener hears."""
+    found: list[Event] = []
+    heard = log.listen(after, **which)
+    async for event in heard:
+        found.append(event)
+        if len(found) == count:
+            break
+    await heard.aclose()
+    return found
+
+
+async def present(listening: Listening) -> None:
+    """Come to the end of the past, of which there is none."""
+    while not listening.caught_up:
+        assert await listening.next() == []
+
+
+def numbers(found: list[Event]) -> list[int | None]:
+    return [event.number for event in found]
+
+
+def test_an_event_is_kept_and_heard_as_it_was_told(log: EventLog, store: Store) -> None:
+    async def scene() -> list[Event]:
+        listening = log.open()
+        await listening.next()
+        await asyncio.to_thread(log.tell, "state", "a", state="running")
+        return await listening.next() or []
+
+    (heard,) = played(scene)
+    (kept,) = store.events_after(0)
+    assert (heard.number, heard.rig, heard.job, heard.kind) == (1, "demo", "a", "state")
+    assert heard.body == kept.body == {"state": "running"}
+    assert heard.at == kept.at
+
+
+def test_a_listener_without_a_number_hears_nothing_of_the_past(log: EventLog) -> None:
+    told(log, 3)
+
+    async def scene() -> list[Event]:
+        listening = log.open()
+        assert await listening.next() == []
+        await asyncio.to_thread(told, log, 1)
+        heard: list[Event] = []
+        while not heard:
+            heard = await listening.next() or []
+        return heard
+
+    assert numbers(played(scene)) == [4]
+
+
+def test_the_past_is_told_page_by_page(log: EventLog, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(events, "PAGE", 10)
+    count = 27
+    told(log, count)
+    assert numbers(played(lambda: first(log, count - 5, 5))) == list(range(6, count + 1))
+
+
+def test_nothing_is_missed_or_heard_twice_while_others_tell(
+    log: EventLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(events, "PAGE", 10)
+    monkeypatch.setattr(listeners, "ROOM", 15)
+    told(log, 20)
+    count = 20 + 4 * 20
+
+    async def scene() -> list[Event]:
+        threads = [threading.Thread(target=told, args=(log, 20)) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        heard = await asyncio.gather(*(first(log, count, 0) for _ in range(5)))
+        for thread in threads:
+            thread.join()
+        assert all(numbers(found) == numbers(heard[0]) for found in heard)
+        return heard[0]
+
+    assert numbers(played(scene)) == list(range(1, count + 1))
+
+
+def test_a_slow_listener_reads_the_journal_again(
+    log: EventLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listeners, "ROOM", 10)
+
+    async def scene() -> list[Event]:
+        listening = log.open(0)
+        await present(listening)
+        for number in range(30):
+            log.progress("a", {"number": number})
+            await asyncio.to_thread(told, log, 1)
+        heard: list[Event] = []
+        while not heard or heard[-1].number != 30:
+            heard += await listening.next() or []
+        await asyncio.to_thread(told, log, 1)
+        log.progress("a", {"number": 31})
+        return heard + (await listening.next() or [])
+
+    lost, *heard = played(scene)
+    assert (lost.kind, lost.number) == ("dropped", None)
+    assert lost.body == {"progress": 30, "numbered": 0}
+    assert numbers(heard) == [*range(1, 32), None]
+
+
+def test_progress_is_told_in_passing(log: EventLog, store: Store) -> None:
+    async def scene() -> list[Event]:
+        listening, other = log.open(job="a"), log.open(job="b")
+        await present(listening)
+        await present(other)
+        log.progress("a", {"phase": "load", "percent": 40.0})
+        assert await other.next(0.0) == []
+        return await listening.next() or []
+
+    (heard,) = played(scene)
+    assert (heard.number, heard.kind, heard.body["percent"]) == (None, "progress", 40.0)
+    assert store.events_after(0) == []
+
+
+def test_listeners_hear_their_job_their_rig_or_all(store: Store) -> None:
+    shared = Listeners()
+    here, there = EventLog(store, "demo", shared), EventLog(store, "other", shared)
+
+    async def scene() -> list[list[int | None]]:
+        boxes = [
+            here.open(0, "a"),
+            here.open(0),
+            there.open(0),
+            here.open(0, every_rig=True),
+        ]
+        for box in boxes:
+            await present(box)
+        for log, job in ((here, "a"), (there, "c"), (here, None), (here, "b")):
+            await asyncio.to_thread(log.tell, "state", job)
+        return [numbers(await box.next() or []) for box in boxes]
+
+    assert played(scene) == [[1], [1, 3, 4], [2], [1, 2, 3, 4]]
+
+    async def past() -> list[list[int | None]]:
+        return [
+            numbers(await first(here, 1, 0, job="a")),
+            numbers(await first(there, 1, 0)),
+            numbers(await first(there, 4, 0, every_rig=True)),
+        ]
+
+    assert played(past) == [[1], [2], [1, 2, 3, 4]]
+
+
+def test_a_listener_learns_what_is_kept_no_more(
+    log: EventLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(event_rows, "KEPT", 10)
+    monkeypatch.setattr(event_rows, "SWEEP", 10)
+    told(log, 30)
+    lost, heard = played(lambda: first(log, 2, 5))
+    assert (lost.kind, lost.body) == ("dropped", {"progress": 0, "numbered": 14})
+    assert heard.number == 20
+
+
+def test_a_number_of_another_journal_begins_anew(log: EventLog) -> None:
+    told(log, 2)
+    assert numbers(played(lambda: first(log, 2, 300))) == [1, 2]
+
+
+def test_there_is_room_for_so_many(log: EventLog) -> None:
+    async def scene() -> None:
+        places = [log.open() for _ in range(listeners.MOST)]
+        with pytest.raises(TooManyListenersError, match="64 listen"):
+            log.open()
+        places.pop().close()
+        places.append(log.open())
+        with pytest.raises(TooManyListenersError):
+            log.open()
+        # One that nobody holds any more, because its answer has never begun, has no place.
+        places.pop()
+        log.open()
+
+    played(scene)
+
+
+def test_listeners_end_with_the_log(log: EventLog) -> None:
+    async def scene() -> list[int | None]:
+        heard: list[Event] = []
+
+        async def hear() -> None:
+            async for event in log.listen(0):
+                heard.append(event)
+
+        task = asyncio.create_task(hear())
+        await asyncio.to_thread(told, log, 2)
+        while len(heard) < 2:
+            await asyncio.sleep(0)
+        await asyncio.to_thread(told, log, 1)
+        log.close()
+        await task
+        late = log.open(0)
+        assert numbers(await late.next() or []) == [1, 2, 3]
+        assert await late.next() is None
+        return numbers(heard)
+
+    assert played(scene) == [1, 2, 3]
+
+
+def test_what_cannot_be_kept_is_not_told(log: EventLog, store: Store) -> None:
+    async def scene() -> None:
+        listening = log.open()
+        await listening.next()
+        with pytest.raises(ValueError, match="JSON"):
+            await asyncio.to_thread(log.tell, "state", "a", x_um=float("nan"))
+        assert await listening.next(0.0) == []
+        store.close()
+        with pytest.raises(StoreError, match="closed"):
+            await asyncio.to_thread(log.tell, "state", "a")
+
+    played(scene)
+
+
+def test_a_listener_whose_event_loop_has_ended_holds_nobody_up(log: EventLog) -> None:
+    async def scene() -> object:
+        return log.open()
+
+    left = played(scene)
+    told(log, 1)
+    log.progress("a", {})
+    assert left is not None
