@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SERVICES = sorted(path.name for path in (ROOT / "services").iterdir() if path.is_dir())
-OUTSIDE_THE_LOOP = ("rig", "supervisor")
+OUTSIDE_THE_LOOP = ("recorder", "rig", "supervisor")
 
 
 def packages() -> list[str]:

@@ -96,6 +96,7 @@ def running_rig(
                     for name in LOOP
                 }
             )
+            fleet.start(["recorder"])
             fleet.start(["supervisor"])
         with httpx.Client(base_url=url, timeout=30.0, trust_env=False) as client:
             yield RunningRig(rig, path, data, fleet, client)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 from pincette.messages import (
     Applied,
@@ -15,7 +15,6 @@ from pincette.messages import (
     Truth,
 )
 from pincette.records.truths import number_truths
-from pincette.topics import TOPIC_OF
 
 Kind = Literal["float", "int", "bool", "text"]
 
@@ -87,6 +86,7 @@ COLUMNS = (
         "stiffness of what is held",
     ),
     Column("held", Telemetry, "held", "bool", "", "a part is held"),
+    Column("paused", Telemetry, "paused", "bool", "", "the references rest, on request"),
     Column("acted", Telemetry, "acted", "text", "", "actions that took effect at this sample"),
     Column("true_x_um", Truth, "x_um", "float", "µm", "simulated rig: true position"),
     Column("true_force_mN", Truth, "force_mN", "float", "mN", "simulated rig: true contact force"),
@@ -98,8 +98,9 @@ Columns = Mapping[str, list[Any]]
 def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]]:
     """Columns of one epoch; a row for each seq, None where a sample never came.
 
-    The last message of a kind and number counts; what carries a negative seq is no sample. Time
-    is the sample's number times the control period.
+    The last message of a kind and number counts; what carries a negative seq is no sample, and
+    what comes after the actuator has said that the arming is over belongs to nobody. Time is the
+    sample's number times the control period.
     """
     found: dict[type[Message], dict[int, Message]] = {}
     truths: list[Truth] = []
@@ -107,12 +108,20 @@ def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]
     for message in messages:
         if isinstance(message, Truth):
             truths.append(message)
-        elif type(message) in TOPIC_OF:
-            found.setdefault(type(message), {})[cast(Sample, message).seq] = message
+        elif isinstance(message, Sample):
+            found.setdefault(type(message), {})[message.seq] = message
             if isinstance(message, Applied):
                 applied[message.seq] = message
     found[Truth] = dict(number_truths(truths, applied))
-    numbers = sorted({seq for samples in found.values() for seq in samples if seq >= 0})
+    over = last_seq(applied.values())
+    numbers = sorted(
+        {
+            seq
+            for samples in found.values()
+            for seq in samples
+            if seq >= 0 and (over is None or seq <= over)
+        }
+    )
     table: dict[str, list[Any]] = {"seq": numbers, "t_s": [seq * period_s for seq in numbers]}
     for column in COLUMNS:
         samples = found.get(column.message, {})
@@ -120,6 +129,11 @@ def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]
             getattr(samples[seq], column.field) if seq in samples else None for seq in numbers
         ]
     return table
+
+
+def last_seq(applied: Iterable[Applied]) -> int | None:
+    """The sample with which an arming was over; None while it goes on."""
+    return min((item.seq for item in applied if item.final and item.seq >= 0), default=None)
 
 
 def missed(table: Columns) -> int:

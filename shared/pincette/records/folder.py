@@ -1,8 +1,9 @@
-"""A job's folder: samples as Parquet with units, the request, the result, a manifest."""
+"""A job's folder: its files by name, samples as Parquet with units, documents, a manifest."""
 
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -10,22 +11,30 @@ import pyarrow
 import pyarrow.parquet
 
 from pincette.api.job_models import JobKind
+from pincette.records import mcap_file
 from pincette.records.columns import COLUMNS, Columns
 
+LIVE = mcap_file.NAME
 SAMPLES = "samples.parquet"
 BURST = "burst.parquet"
 PLOTS: Mapping[JobKind, str] = {
     "grip": "grip.png",
     "track": "track.png",
     "calibrate": "calibration.png",
+    "move": "move.png",
+    "hold": "hold.png",
+    "release": "release.png",
 }
 REQUEST, RESULT, MANIFEST = "request.json", "result.json", "manifest.json"
+REPORT = "report.html"
 MEDIA_TYPES = {
+    LIVE: "application/octet-stream",
     SAMPLES: "application/vnd.apache.parquet",
     BURST: "application/vnd.apache.parquet",
     **dict.fromkeys(PLOTS.values(), "image/png"),
     REQUEST: "application/json",
     RESULT: "application/json",
+    REPORT: "text/html; charset=utf-8",
     MANIFEST: "application/json",
 }
 
@@ -117,20 +126,25 @@ def artifacts(folder: Path) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for name, media_type in MEDIA_TYPES.items():
         path = folder / name
-        if path.is_file():
-            content = path.read_bytes()
-            found.append(
-                {
-                    "name": name,
-                    "media_type": media_type,
-                    "bytes": len(content),
-                    "sha256": hashlib.sha256(content).hexdigest(),
-                }
-            )
+        try:
+            state = path.stat()
+            digest = _sha256(path, state.st_size, state.st_mtime_ns)
+        except FileNotFoundError:
+            continue
+        found.append(
+            {"name": name, "media_type": media_type, "bytes": state.st_size, "sha256": digest}
+        )
     return found
 
 
-def write_manifest(folder: Path, about: Mapping[str, str]) -> None:
-    """Write which files the record has, and whose they are."""
+@lru_cache(maxsize=4096)
+def _sha256(path: Path, _size: int, _changed_ns: int) -> str:
+    """Of a file as it is; read again only where its size or its time is another."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def write_manifest(folder: Path, about: Mapping[str, Any]) -> None:
+    """Write which files the record has, whose they are, and whether the record is complete."""
     files = [entry for entry in artifacts(folder) if entry["name"] != MANIFEST]
     write_json(folder / MANIFEST, {**about, "files": files})

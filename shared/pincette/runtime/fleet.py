@@ -85,7 +85,7 @@ class Fleet:
     def names(self) -> list[str]:
         """What `pincette up` starts for this rig."""
         rig = ["rig"] if self._rig.simulation is not None else []
-        return ["router", *rig, *LOOP, "supervisor"]
+        return ["router", *rig, *LOOP, "recorder", "supervisor"]
 
     def start(self, names: Iterable[str]) -> None:
         """Start programs side by side and wait until all of them serve."""
@@ -128,6 +128,7 @@ class Fleet:
         self.start(names[:1])
         self.start([name for name in names if name == "rig"])
         self.start(LOOP)
+        self.start(["recorder"])
         self.start(["supervisor"])
 
     def ended(self) -> list[Member]:
@@ -139,9 +140,10 @@ class Fleet:
         os.kill(self.members[name].process.pid, number)
 
     def down(self) -> None:
-        """End every program: first who plans, then the loop, then what it leans on."""
-        others = [name for name in self.members if name not in (*LOOP, "supervisor")]
-        for stage in (["supervisor"], list(LOOP), others):
+        """End every program: who plans, then the loop, who records it, and what they lean on."""
+        first = ["supervisor"], list(LOOP), ["recorder"]
+        others = [name for name in self.members if not any(name in stage for stage in first)]
+        for stage in (*first, others):
             _end([self.members[name] for name in stage if name in self.members])
 
 

@@ -15,6 +15,7 @@ from pincette.api.request_models import (
     TrackJobRequest,
 )
 from pincette.config import RigFile
+from pincette.messages import Recorded
 from pincette.records import folder
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.job_plans import plan_job
@@ -45,6 +46,8 @@ def write(
 
 def test_samples_carry_units_and_whose_they_are(tmp_path: Path, rig_file: RigFile) -> None:
     made = write(tmp_path, rig_file)
+    whose = archive.about(made.planned, made.job, made.epoch)
+    folder.write_samples(tmp_path / folder.SAMPLES, made.table, whose)
     table = parquet.read_table(tmp_path / folder.SAMPLES)
     assert table.schema.field("force_mN").metadata[b"unit"] == b"mN"
     assert table.schema.field("x_r_um").metadata == {
@@ -62,10 +65,33 @@ def test_the_manifest_has_the_sum_of_every_file(tmp_path: Path, rig_file: RigFil
     write(tmp_path, rig_file)
     manifest = json.loads((tmp_path / folder.MANIFEST).read_text(encoding="utf-8"))
     files = {entry["name"]: entry["sha256"] for entry in manifest["files"]}
-    assert set(files) == {folder.SAMPLES, "grip.png", folder.REQUEST, folder.RESULT}
+    assert set(files) == {"grip.png", folder.REQUEST, folder.RESULT, folder.REPORT}
     for name, digest in files.items():
         assert hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() == digest
     assert {path.name for path in tmp_path.iterdir()} == {*files, folder.MANIFEST}
+
+
+@pytest.mark.parametrize(
+    ("recorded", "complete", "detail"),
+    [
+        (Recorded("a", 9, 0, complete=True, detail=""), True, ""),
+        (Recorded("a", 9, 2, complete=False, detail="2 lost"), False, "2 lost"),
+        ("nobody answers recorder/finish", False, "nobody answers recorder/finish"),
+    ],
+)
+def test_the_manifest_says_whether_the_record_is_complete(
+    tmp_path: Path, rig_file: RigFile, recorded: Recorded | str, complete: bool, detail: str
+) -> None:
+    write(tmp_path, rig_file).write(tmp_path, recorded)
+    manifest = json.loads((tmp_path / folder.MANIFEST).read_text(encoding="utf-8"))
+    assert (manifest["complete"], manifest["detail"]) == (complete, detail)
+
+
+def test_samples_that_are_there_are_in_the_manifest(tmp_path: Path, rig_file: RigFile) -> None:
+    (tmp_path / folder.LIVE).write_bytes(b"samples")
+    write(tmp_path, rig_file)
+    manifest = json.loads((tmp_path / folder.MANIFEST).read_text(encoding="utf-8"))
+    assert manifest["files"][0]["name"] == folder.LIVE
 
 
 def test_the_result_can_be_read_back(tmp_path: Path, rig_file: RigFile) -> None:
@@ -91,5 +117,4 @@ def test_the_picture_is_a_png_of_its_size(
     content = (tmp_path / name).read_bytes()
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
     assert struct.unpack(">II", content[16:24]) == (WIDTH_PX, HEIGHT_PX)
-    assert parquet.read_table(tmp_path / folder.SAMPLES).num_rows == len(ticks)
     assert made.result.samples == len(ticks)

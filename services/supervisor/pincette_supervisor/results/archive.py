@@ -10,20 +10,23 @@ from pathlib import Path
 from typing import Any
 
 from pincette import __version__
-from pincette.api.result_models import GripResult, TrackResult
+from pincette.api.result_models import GripResult, MotionResult, TrackResult
 from pincette.config import RigFile
 from pincette.control.arm.plant import DifferenceEquation
 from pincette.control.laws.law import build
-from pincette.messages import Message
-from pincette.records import folder as files
+from pincette.messages import Message, Recorded
 from pincette.records.columns import Columns, columns
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.results.documents import NOT_RECORDED, write_documents
 from pincette_supervisor.results.grip_plot import picture
+from pincette_supervisor.results.motion_result import motion_result
 from pincette_supervisor.results.result import grip_result
 from pincette_supervisor.results.track_result import track_result
 
 NICENESS = 10
+MOTIONS = ("move", "hold", "release")
+"""Kinds of job that meet no part on their own."""
 
 
 def archivist() -> ThreadPoolExecutor:
@@ -56,7 +59,7 @@ class Record:
     rig: RigFile
     planned: Planned
     table: Columns
-    result: GripResult | TrackResult
+    result: GripResult | TrackResult | MotionResult
     epoch: int
     fault: str = ""
     """Why the samples do not give what was asked for: never, of a job whose outcome says so."""
@@ -66,23 +69,24 @@ class Record:
         """The result as it is stored and sent."""
         return self.result.model_dump(mode="json")
 
-    def write(self, folder: Path) -> None:
-        """Write samples, plot, request, result and manifest; raises OSError."""
-        folder.mkdir(parents=True, exist_ok=True)
-        rig, job, planned = self.rig, self.job, self.planned
-        whose = about(planned, job, self.epoch)
-        files.write_samples(folder / files.SAMPLES, self.table, whose)
+    def write(self, folder: Path, recorded: Recorded | str = NOT_RECORDED) -> None:
+        """Write everything but the samples, which are the recorder's; raises OSError."""
+        rig, job = self.rig, self.job
         drawn = picture(
             self.table,
             self.result,
             name=f"{rig.rig.name} · {job.id}",
             period_s=rig.rig.period_s,
         )
-        files.write_bytes(folder / files.PLOTS[planned.plan.kind], drawn)
-        request = {"request": job.request, "values": planned.values, "plan": job.plan}
-        files.write_json(folder / files.REQUEST, request)
-        files.write_json(folder / files.RESULT, self.tree)
-        files.write_manifest(folder, whose)
+        write_documents(
+            folder,
+            job,
+            self.planned,
+            result=self.tree,
+            picture=drawn,
+            whose=about(self.planned, job, self.epoch),
+            recorded=recorded,
+        )
 
 
 def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
@@ -106,7 +110,11 @@ def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
     period_s = rig.rig.period_s
     table = columns(take.messages, period_s)
     path, plant, dropped = planned.path, _plant(rig, planned), take.dropped
-    if path is None:
+    if planned.plan.kind in MOTIONS:
+        result = motion_result(
+            table, plant=plant, values=planned.values, period_s=period_s, dropped=dropped
+        )
+    elif path is None:
         result = grip_result(
             table,
             plant=plant,

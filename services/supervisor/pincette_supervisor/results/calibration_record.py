@@ -1,6 +1,5 @@
 """From the samples of a calibration to its result and its folder."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,18 +7,17 @@ from typing import Any
 from pincette.api.calibration_models import CalibrationResult
 from pincette.api.states import GOOD_OUTCOMES
 from pincette.config import RigFile
-from pincette.messages import Message
-from pincette.records import folder as files
+from pincette.messages import Recorded
 from pincette.records.columns import Columns, columns
 from pincette_supervisor.analysis.analyse import analyse
 from pincette_supervisor.analysis.findings import Analysis
-from pincette_supervisor.analysis.samples import acquisition
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.model.quantities import ASSUMED
 from pincette_supervisor.planning.calibration_plans import rests_on
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.results.archive import Take, about
 from pincette_supervisor.results.calibration_plots import picture
+from pincette_supervisor.results.documents import NOT_RECORDED, write_documents
 from pincette_supervisor.results.result import course, outcome_of
 
 
@@ -30,7 +28,6 @@ class CalibrationRecord:
     job: JobRow
     planned: Planned
     table: Columns
-    messages: Sequence[Message]
     result: CalibrationResult
     analysis: Analysis | None
     epoch: int
@@ -42,31 +39,18 @@ class CalibrationRecord:
         """The result as it is stored and sent."""
         return self.result.model_dump(mode="json")
 
-    def write(self, folder: Path) -> None:
-        """Write samples, plot, request, result and manifest; raises OSError."""
-        folder.mkdir(parents=True, exist_ok=True)
-        whose = about(self.planned, self.job, self.epoch)
-        files.write_samples(folder / files.SAMPLES, self.table, whose)
-        try:
-            acquired = acquisition(self.messages)
-        except ValueError:
-            acquired = None  # the result's statement says what is missing
-        if acquired is not None:
-            rate = {**whose, "rate_hz": repr(acquired.rate_hz)}
-            files.write_burst(
-                folder / files.BURST, acquired.x_um.tolist(), acquired.drive_V.tolist(), rate
-            )
+    def write(self, folder: Path, recorded: Recorded | str = NOT_RECORDED) -> None:
+        """Write everything but the samples, which are the recorder's; raises OSError."""
         name = f"{self.planned.model.rig.rig.name} · {self.job.id}"
-        drawn = picture(self.table, self.result, self.analysis, name=name)
-        files.write_bytes(folder / files.PLOTS["calibrate"], drawn)
-        request = {
-            "request": self.job.request,
-            "values": self.planned.values,
-            "plan": self.job.plan,
-        }
-        files.write_json(folder / files.REQUEST, request)
-        files.write_json(folder / files.RESULT, self.tree)
-        files.write_manifest(folder, whose)
+        write_documents(
+            folder,
+            self.job,
+            self.planned,
+            result=self.tree,
+            picture=picture(self.table, self.result, self.analysis, name=name),
+            whose=about(self.planned, self.job, self.epoch),
+            recorded=recorded,
+        )
 
 
 def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> CalibrationRecord:
@@ -97,6 +81,4 @@ def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Calibrati
         ],
         rests_on=resting,
     )
-    return CalibrationRecord(
-        job, planned, table, take.messages, result, analysis, take.epoch, fault
-    )
+    return CalibrationRecord(job, planned, table, result, analysis, take.epoch, fault)

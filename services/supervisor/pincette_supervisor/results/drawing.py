@@ -28,6 +28,10 @@ SHADES: Mapping[str, str] = {
     "track": "#dfeee4",
     "unload": "#f3e0cf",
     "retreat": "#e4ebf2",
+    "warm up": "#eef1f4",
+    "condition": "#f6ecd9",
+    "move": "#e4ebf2",
+    "rest": "#eef1f4",
     "stopping": "#f2dada",
 }
 SHORT_SHARE = 0.045

@@ -1,15 +1,20 @@
 """The picture of a job."""
 
-from pincette.api.result_models import GripResult, TrackResult
+from pincette.api.result_models import GripResult, MotionResult, TrackResult
 from pincette.records.columns import Columns
 from pincette_supervisor.results import drawing
 from pincette_supervisor.results.drawing import FAINT, MEASURED, Axis, Sheet
 from pincette_supervisor.results.figures import series
+from pincette_supervisor.results.motion_plot import motion_png
 from pincette_supervisor.results.track_plot import track_png
 
 
 def picture(
-    table: Columns, result: GripResult | TrackResult, *, name: str, period_s: float
+    table: Columns,
+    result: GripResult | TrackResult | MotionResult,
+    *,
+    name: str,
+    period_s: float,
 ) -> bytes:
     """Draw a job as a PNG of 1400 by 1180 pixels.
 
@@ -24,6 +29,8 @@ def picture(
     period_s
         Gives the end of the last sample.
     """
+    if isinstance(result, MotionResult):
+        return motion_png(table, result, name=name, period_s=period_s)
     if isinstance(result, TrackResult):
         return track_png(table, result, name=name, period_s=period_s)
     return grip_png(table, result, name=name, period_s=period_s)

@@ -1,0 +1,57 @@
+"""From the threads of the bus to the one that writes: a bounded queue, and what found no room."""
+
+from collections import Counter, deque
+from collections.abc import Callable
+from time import time_ns
+from typing import Any, cast
+
+from pincette.messages import JobNotice, Message, Truth
+from pincette.topics import Topic
+
+ROOM = 50_000
+"""Messages that may wait to be written; nearly three minutes of a loop at 50 Hz."""
+
+
+class Intake:
+    """Takes the messages of one epoch. A sink does no more than look, and append."""
+
+    def __init__(self, clock_ns: Callable[[], int] = time_ns, room: int = ROOM) -> None:
+        self._clock_ns, self._room = clock_ns, room
+        self._queue: deque[tuple[int, Message]] = deque()
+        self._job, self._epoch = "", 0
+        self.dropped: Counter[str] = Counter()
+        """What found no room, by topic."""
+
+    def open(self, job: str, epoch: int) -> None:
+        """Take the messages of an epoch, and what is said of its job, from here on."""
+        self._queue.clear()
+        self.dropped = Counter()
+        self._job, self._epoch = job, epoch
+
+    def close(self) -> None:
+        """Take nothing."""
+        self._job, self._epoch = "", 0
+
+    def take(self, topic: Topic, message: Message) -> None:
+        """Take a message of the bus, where it belongs to what is recorded.
+
+        A simulated rig knows no epochs: what it says belongs to the record that is open.
+        """
+        if not self._epoch:
+            return
+        if isinstance(message, JobNotice):
+            if message.job != self._job:
+                return
+        elif not isinstance(message, Truth) and cast(Any, message).epoch != self._epoch:
+            return
+        if len(self._queue) >= self._room:
+            self.dropped[topic.name] += 1
+            return
+        self._queue.append((self._clock_ns(), message))
+
+    def drain(self) -> list[tuple[int, Message]]:
+        """What has come since the last call, each with its arrival in ns of UTC."""
+        taken: list[tuple[int, Message]] = []
+        while self._queue:
+            taken.append(self._queue.popleft())
+        return taken

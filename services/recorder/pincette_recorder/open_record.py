@@ -1,0 +1,125 @@
+"""One record while it is open: its file, and how far its loop has come."""
+
+import logging
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import cast
+
+from pincette.messages import Applied, JobNotice, Message, Sample, Telemetry, Truth
+from pincette.records import mcap_reading
+from pincette.records.losses import lost
+from pincette.records.mcap_file import NAME, McapFile
+from pincette.records.tables import write_tables
+
+log = logging.getLogger(__name__)
+
+
+class OpenRecord:
+    """The record of one epoch. Times are arguments; a disk that takes no more is noted, not raised.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be begun; its folder may have a record already.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        rig: str,
+        *,
+        epoch: int,
+        about: Mapping[str, str],
+        period_s: float,
+        start_ns: int,
+        now_s: float,
+    ) -> None:
+        self.job, self.epoch, self.folder = folder.name, epoch, folder
+        folder.mkdir(parents=True, exist_ok=True)
+        self.file = McapFile(folder / NAME, rig, about=about, start_ns=start_ns, period_s=period_s)
+        self.trouble = ""
+        """Why the disk takes no more."""
+        self.refused: Counter[str] = Counter()
+        """What came after that, or could not be kept, by topic."""
+        self.over_seq: int | None = None
+        """The sample with which the actuator said that the arming is over."""
+        self.alive_at_s = self.heard_at_s = now_s
+        """When the loop last played, and when anything came."""
+        self.missing = 0
+        """Samples that are known to have been sent and never came; see ``losses``."""
+        self._newest: dict[type[Message], int] = {}
+
+    def put(self, topic: str, message: Message, arrival_ns: int, now_s: float) -> None:
+        """Write a message."""
+        self.heard_at_s = now_s
+        if not isinstance(message, Truth | JobNotice):
+            self._newest[type(message)] = cast(Sample, message).seq
+        if isinstance(message, Applied | Telemetry):
+            ended = isinstance(message, Applied) and message.final
+            if ended and message.seq >= 0 and self.over_seq is None:
+                self.over_seq = message.seq
+            if self.over_seq is None:
+                self.alive_at_s = now_s
+        if self.trouble:
+            self.refused[topic] += 1
+            return
+        try:
+            self.file.add(message, arrival_ns)
+        except ValueError as error:  # a number that no file has room for
+            self.refused[topic] += 1
+            log.error("%s: a message of %s cannot be kept: %s", self.job, topic, error)
+        except OSError as error:
+            self._give_up(error)
+
+    def flush_aged(self, now_ns: int) -> None:
+        """Let nothing stay in memory for long."""
+        if self.trouble:
+            return
+        try:
+            self.file.flush_aged(now_ns)
+        except OSError as error:
+            self._give_up(error)
+
+    def has(self, seq: int) -> bool:
+        """Whether a sample has come as far as it goes: to the telemetry and to the actuator."""
+        last = seq if self.over_seq is None else min(seq, self.over_seq)
+        return all(self._newest.get(kind, -2) >= last for kind in (Applied, Telemetry))
+
+    def reached(self, seq: int) -> bool:
+        """Whether anything of a sample has come; where a program has died there is no more."""
+        return max(self._newest.values(), default=-2) >= seq
+
+    def tables(self) -> list[str]:
+        """Make the tables of what has been written so far; returns what is wrong with the record.
+
+        The file is read back for it, so that the tables show what the file really holds.
+        """
+        try:
+            if not self.trouble:
+                self.file.flush()
+            recording = mcap_reading.read(self.folder / NAME)
+            wrong = write_tables(self.folder, recording)
+        except (OSError, ValueError) as error:
+            return [f"no table: {error}"]
+        missing = lost(recording.messages)
+        wrong += [f"{count} of {topic} never came" for topic, count in missing.items()]
+        self.missing = sum(missing.values())
+        return wrong
+
+    def finish(self, closing: Mapping[str, str]) -> str:
+        """Close the file; returns why that was not possible."""
+        if not self.trouble:
+            try:
+                self.file.finish(closing)
+            except OSError as error:
+                self._give_up(error)
+        return self.trouble
+
+    def _give_up(self, error: OSError) -> None:
+        self.trouble = f"the record cannot be written: {error}"
+        log.error("%s: %s", self.job, self.trouble)
+        try:
+            self.file.abandon()
+        except OSError as again:
+            log.error("%s: %s", self.job, again)

@@ -1,0 +1,49 @@
+"""What the supervisor adds to a record: picture, request, result, report, and last the manifest."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pincette.messages import Recorded
+from pincette.records import folder as files
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.results.report import report
+
+NOT_RECORDED = "no recorder has said what it has"
+
+
+def completeness(recorded: Recorded | str) -> dict[str, bool | str]:
+    """What the manifest says of a record: whether it is complete, and why not."""
+    if isinstance(recorded, str):
+        return {"complete": False, "detail": recorded}
+    return {"complete": recorded.complete, "detail": recorded.detail}
+
+
+def write_documents(
+    folder: Path,
+    job: JobRow,
+    planned: Planned,
+    *,
+    result: Mapping[str, Any],
+    picture: bytes,
+    whose: Mapping[str, str],
+    recorded: Recorded | str,
+) -> None:
+    """Write everything but the samples, which are the recorder's; raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    state = completeness(recorded)
+    files.write_bytes(folder / files.PLOTS[planned.plan.kind], picture)
+    request = {"request": job.request, "values": planned.values, "plan": job.plan}
+    files.write_json(folder / files.REQUEST, request)
+    files.write_json(folder / files.RESULT, result)
+    page = report(
+        kind=planned.plan.kind,
+        values=planned.values,
+        result=result,
+        picture=picture,
+        whose=whose,
+        state=state,
+    )
+    files.write_bytes(folder / files.REPORT, page.encode())
+    files.write_manifest(folder, {**whose, **state})

@@ -1,0 +1,173 @@
+"""A job as one page that needs nothing else: figures, picture, course, model; pure.
+
+Names of the result carry their units, and the page takes them from there; so a figure that a result
+gains is in the report as well.
+"""
+
+import base64
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import Any, cast
+
+from pincette.records.units import bare, unit_of
+
+ABSENT = "–"
+TITLES = {
+    "limits_acted": "Limits that acted",
+    "rests_on": "Rests on",
+}
+"""Of parts whose name says too little."""
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #22282f; background: #fff;
+       max-width: 64rem; margin: 2rem auto; padding: 0 1.5rem; }
+h1 { font-size: 1.5rem; margin: 0; } h2 { font-size: 1.05rem; margin: 2rem 0 .5rem; }
+p.whose { color: #5a646e; margin: .2rem 0 1.2rem; } img { width: 100%; height: auto; }
+p.missing { border-left: 4px solid #b3261e; background: #fbeceb; padding: .6rem .9rem; }
+table { border-collapse: collapse; width: 100%; }
+th, td { text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid #e3e7eb;
+         vertical-align: top; overflow-wrap: anywhere; }
+th { font-weight: 600; } td.number { font-variant-numeric: tabular-nums; }
+.columns { columns: 2; column-gap: 2.5rem; } .columns tr { break-inside: avoid; }
+@media print { body { margin: 0; max-width: none; } h2 { break-after: avoid; } }
+@media (max-width: 40rem) { .columns { columns: 1; } }
+"""
+
+
+def report(
+    *,
+    kind: str,
+    values: Mapping[str, Any],
+    result: Mapping[str, Any],
+    picture: bytes,
+    whose: Mapping[str, str],
+    state: Mapping[str, bool | str],
+) -> str:
+    """Draw up the page.
+
+    Parameters
+    ----------
+    kind
+        Of the job.
+    values
+        What it was done with: the request, completed by the rig file.
+    result
+        As it is stored and sent.
+    picture
+        PNG.
+    whose
+        Job, rig, model and time; see ``archive.about``.
+    state
+        Whether the record is complete, and why not.
+    """
+    outcome = str(result.get("outcome", "")).replace("_", " ")
+    title = f"{kind}: {outcome}"
+    job, rig = whose.get("job", ""), whose.get("rig", "")
+    parts = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="whose">job {escape(job)} on rig {escape(rig)}, '
+        f"{escape(whose.get('created_at', ''))}</p>",
+        _missing(state),
+        _statement(result),
+        f'<img alt="{escape(title)}, over time" src="data:image/png;base64,'
+        f'{base64.b64encode(picture).decode()}">',
+        _section("Figures", _pairs(_scalars(result, but=("outcome", "statement")))),
+    ]
+    for name, value in result.items():
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            heading = TITLES.get(name, name.replace("_", " ").capitalize())
+            parts.append(_section(heading, _list(cast("Sequence[Any]", value))))
+    parts.append(_section("Asked for", _pairs(_scalars(values))))
+    parts.append(_section("Made with", _pairs(whose.items())))
+    body = "\n".join(part for part in parts if part)
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)} · {escape(job)}</title>\n<style>{STYLE}</style>\n</head>\n"
+        f"<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def _missing(state: Mapping[str, bool | str]) -> str:
+    if state.get("complete"):
+        return ""
+    why = str(state.get("detail", ""))
+    return f'<p class="missing">The record is not complete: {escape(why)}</p>'
+
+
+def _statement(result: Mapping[str, Any]) -> str:
+    said = result.get("statement")
+    return f"<p>{escape(str(said))}</p>" if said else ""
+
+
+def _section(heading: str, content: str) -> str:
+    return f"<h2>{escape(heading)}</h2>\n{content}" if content else ""
+
+
+def _scalars(
+    tree: Mapping[str, Any], but: Sequence[str] = (), before: str = ""
+) -> list[tuple[str, Any]]:
+    """Every value that is neither list nor map; those of a map within by both names."""
+    found: list[tuple[str, Any]] = []
+    for name, value in tree.items():
+        if name in but:
+            continue
+        if isinstance(value, Mapping):
+            unit = unit_of(name)
+            inner = cast("Mapping[str, Any]", value)
+            for key, item in _scalars(inner, before=f"{before}{bare(name)}_"):
+                known = unit_of(key) or not isinstance(item, float)
+                found.append((key if known else f"{key}{_end(name, unit)}", item))
+        elif not isinstance(value, Sequence) or isinstance(value, str):
+            found.append((f"{before}{name}", value))
+    return found
+
+
+def _end(name: str, unit: str) -> str:
+    """The end of a name that tells the unit of what is in it."""
+    return name.removeprefix(bare(name)) if unit else ""
+
+
+def _pairs(pairs: Iterable[tuple[str, Any]]) -> str:
+    rows = [
+        f"<tr><th>{escape(_words(name))}</th>{_cell(value, unit_of(name))}</tr>"
+        for name, value in pairs
+    ]
+    return f'<div class="columns"><table>{"".join(rows)}</table></div>' if rows else ""
+
+
+def _list(items: Sequence[Any]) -> str:
+    """A table of what has names, else a list."""
+    if not items:
+        return "<p>none</p>"
+    if not all(isinstance(item, Mapping) for item in items):
+        return f"<ul>{''.join(f'<li>{escape(_text(item))}</li>' for item in items)}</ul>"
+    rows = [dict(_scalars(item)) for item in items]
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    head = "".join(f"<th>{escape(_headed(name))}</th>" for name in names)
+    lines = ["".join(_cell(row.get(name), "") for name in names) for row in rows]
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _words(name: str) -> str:
+    return bare(name).replace("_", " ")
+
+
+def _headed(name: str) -> str:
+    unit = unit_of(name)
+    return f"{_words(name)} / {unit}" if unit else _words(name)
+
+
+def _cell(value: Any, unit: str) -> str:
+    text = _text(value)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    shown = f"{text} {unit}" if unit and value is not None else text
+    return f'<td class="number">{escape(shown)}</td>' if number else f"<td>{escape(shown)}</td>"
+
+
+def _text(value: Any) -> str:
+    if value is None or value == "":
+        return ABSENT
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

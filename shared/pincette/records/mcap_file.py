@@ -1,0 +1,164 @@
+"""The live record of a job: an MCAP file that stays readable whenever its writer ends.
+
+Nothing is buffered beyond the chunk that is being filled, and a chunk is closed when it is full
+or old; so what a kill takes with it is bounded in bytes and in time. Times are arguments.
+"""
+
+import json
+import os
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import IO, Any, cast
+
+from mcap.writer import Writer
+
+from pincette import __version__
+from pincette.messages import JobNotice, Message, Truth
+from pincette.records.schemas import SCHEMAS
+from pincette.records.units import unit_of
+from pincette.topics import TOPIC_OF, TOPICS, Topic, key
+
+NAME = "job.mcap"
+PROFILE = "pincette"
+ABOUT, CLOSING = "record", "closing"
+"""Names of the metadata at the file's begin and at its end."""
+CHUNK_BYTES = 65_536
+CHUNK_NS = 250_000_000
+SEQUENCE_LIMIT = 2**32
+LAST_NS = 2**63 - 1
+
+
+class Unbuffered:
+    """A file whose every write is the operating system's before it returns."""
+
+    def __init__(self, path: Path, mode: str = "xb") -> None:
+        self._file: IO[bytes] = cast("IO[bytes]", path.open(mode, buffering=0))
+
+    def write(self, data: bytes) -> int:
+        """Write all of it; raises OSError where the disk takes less."""
+        left = memoryview(data)
+        while left:
+            left = left[self._file.write(left) :]
+        return len(data)
+
+    def tell(self) -> int:
+        """Where the next byte goes."""
+        return self._file.tell()
+
+    def flush(self) -> None:
+        """Nothing is kept back."""
+
+    def sync(self) -> None:
+        """Wait until it is on the disk."""
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class McapFile:
+    """Writes one record.
+
+    A sample's log time is the record's start plus its number times the control period, so that
+    samples are evenly spaced in whichever time the rig runs; its publish time is its arrival. What
+    has no number of its own is logged at the newest sample's time.
+    """
+
+    def __init__(
+        self, path: Path, rig: str, *, about: Mapping[str, str], start_ns: int, period_s: float
+    ) -> None:
+        self._stream = Unbuffered(path)
+        self._writer = Writer(cast("IO[bytes]", self._stream), chunk_size=CHUNK_BYTES)
+        self._writer.start(PROFILE, f"pincette {__version__}")
+        self._start_ns, self._period_ns = start_ns, round(period_s * 1e9)
+        self._channels = {topic.name: self._register(rig, topic) for topic in TOPICS}
+        self._newest_ns = start_ns
+        self._first_truth: int | None = None
+        self._oldest_ns: int | None = None
+        """Arrival of the oldest message of the chunk that is being filled."""
+        self._bytes = 0
+        self.counts: Counter[str] = Counter()
+        """Messages written, by topic."""
+        self._writer.add_metadata(ABOUT, dict(about))
+
+    def _register(self, rig: str, topic: Topic) -> int:
+        schema = SCHEMAS[topic.name]
+        number = self._writer.register_schema(schema.name, "protobuf", schema.descriptor)
+        units = {field.name: unit_of(field.name) for field in fields(topic.message)}
+        metadata = {
+            "key": key(rig, topic),
+            "producer": topic.producer,
+            "summary": topic.summary,
+            "units": json.dumps({n: u for n, u in units.items() if u}, ensure_ascii=False),
+        }
+        return self._writer.register_channel(topic.name, "protobuf", number, metadata)
+
+    def attach(self, name: str, media_type: str, content: bytes, at_ns: int) -> None:
+        """Put a whole file into the record; raises OSError."""
+        self._writer.add_attachment(at_ns, at_ns, name, media_type, content)
+
+    def add(self, message: Message, arrival_ns: int) -> None:
+        """Write a message.
+
+        Raises
+        ------
+        OSError
+            Where the disk does not take it.
+        ValueError
+            Where a number in it is beyond 64 bit; nothing of it is written then.
+        """
+        name = TOPIC_OF[type(message)].name
+        number = getattr(message, "seq", 0)
+        payload = SCHEMAS[name].pack(message)
+        self._writer.add_message(
+            self._channels[name],
+            log_time=self._log_ns(message),
+            data=payload,
+            publish_time=arrival_ns,
+            sequence=max(0, number) % SEQUENCE_LIMIT,
+        )
+        self.counts[name] += 1
+        self._bytes += len(payload)
+        if self._oldest_ns is None:
+            self._oldest_ns = arrival_ns
+        if self._bytes >= CHUNK_BYTES:
+            self.flush()
+
+    def _log_ns(self, message: Message) -> int:
+        if isinstance(message, JobNotice):
+            return self._newest_ns
+        number = cast(Any, message).seq
+        if isinstance(message, Truth):
+            # A simulated rig counts its ticks from its own start.
+            if self._first_truth is None:
+                self._first_truth = number
+            number -= self._first_truth
+        time_ns = min(max(0, self._start_ns + number * self._period_ns), LAST_NS)
+        if not isinstance(message, Truth):
+            self._newest_ns = max(self._newest_ns, time_ns)
+        return time_ns
+
+    def flush_aged(self, now_ns: int) -> None:
+        """Close the chunk where its oldest message is a quarter of a second old."""
+        if self._oldest_ns is not None and now_ns - self._oldest_ns >= CHUNK_NS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Close the chunk; raises OSError."""
+        self._writer.flush()
+        self._oldest_ns, self._bytes = None, 0
+
+    def finish(self, closing: Mapping[str, str]) -> None:
+        """Write how it ended and the summary, and close; raises OSError."""
+        self.flush()
+        self._writer.add_metadata(CLOSING, dict(closing))
+        self._writer.finish()
+        self._stream.sync()
+        self._stream.close()
+
+    def abandon(self) -> None:
+        """Close it as it stands, where the disk takes no more."""
+        self._stream.close()

@@ -1,0 +1,113 @@
+"""A record read back, also one whose writer was killed: what is readable of it is given."""
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mcap.records as mcap
+from mcap.exceptions import McapError
+from mcap.stream_reader import MAGIC_SIZE, StreamReader
+from zstandard import ZstdError
+
+from pincette.messages import Message
+from pincette.records.mcap_file import ABOUT, CLOSING
+from pincette.records.schemas import SCHEMAS, unpacker
+
+MAGIC = b"\x89MCAP0\r\n"
+LONGEST_BYTES = 256 * 2**20
+"""A longer record of the file's own is a sign of a broken one."""
+BROKEN = (McapError, ZstdError, struct.error, ValueError)
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What a record holds."""
+
+    about: dict[str, str]
+    """Whose it is; see ``results.archive.about``."""
+    closing: dict[str, str] | None
+    """How it ended; None where nobody has closed it."""
+    messages: list[Message] = field(repr=False)
+    """In order of arrival."""
+    attachments: dict[str, bytes] = field(default_factory=dict[str, bytes], repr=False)
+
+    @property
+    def period_s(self) -> float:
+        """Control period; raises KeyError where nobody has said it."""
+        return float(self.about["period_s"])
+
+
+def is_closed(path: Path) -> bool:
+    """Whether a record has its end, by the last bytes of the file; raises OSError."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        if size < 2 * MAGIC_SIZE:
+            return False
+        file.seek(size - MAGIC_SIZE)
+        return file.read() == MAGIC
+
+
+def entries(path: Path) -> Iterator[mcap.McapRecord]:
+    """Everything in the file, in order, up to its end or to where it breaks off.
+
+    Raises
+    ------
+    OSError
+        Where the file cannot be read.
+    """
+    with path.open("rb") as file:
+        reader = StreamReader(file, validate_crcs=True, record_size_limit=LONGEST_BYTES)
+        try:
+            yield from reader.records
+        except BROKEN:
+            return  # the rest was never written in full
+
+
+def read(path: Path) -> Recording:
+    """Read a record.
+
+    Raises
+    ------
+    OSError
+        Where the file cannot be read.
+    ValueError
+        Where its messages are of another version than this program can read.
+    """
+    about: dict[str, str] = {}
+    closing: dict[str, str] | None = None
+    messages: list[Message] = []
+    attachments: dict[str, bytes] = {}
+    schemas: dict[int, bytes] = {}
+    readers: dict[int, Callable[[bytes], Any]] = {}
+    for entry in entries(path):
+        match entry:
+            case mcap.Schema():
+                schemas[entry.id] = entry.data
+            case mcap.Channel() if entry.topic in SCHEMAS:
+                readers[entry.id] = unpacker(entry.topic, schemas[entry.schema_id])
+            case mcap.Message() if entry.channel_id in readers:
+                messages.append(readers[entry.channel_id](entry.data))
+            case mcap.Metadata() if entry.name == ABOUT:
+                about = entry.metadata
+            case mcap.Metadata() if entry.name == CLOSING:
+                closing = entry.metadata
+            case mcap.Attachment():
+                attachments[entry.name] = entry.data
+            case _:
+                pass
+    return Recording(about, closing, messages, attachments)
+
+
+def read_closing(path: Path) -> tuple[dict[str, str], dict[str, str] | None]:
+    """Whose a record is and how it ended, without its samples; raises OSError."""
+    about: dict[str, str] = {}
+    closing: dict[str, str] | None = None
+    for entry in entries(path):
+        if isinstance(entry, mcap.Metadata):
+            if entry.name == ABOUT:
+                about = entry.metadata
+            elif entry.name == CLOSING:
+                closing = entry.metadata
+    return about, closing

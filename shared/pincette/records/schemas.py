@@ -1,0 +1,176 @@
+"""Messages as Protocol Buffers, so that other tools can decode a record with what is in it.
+
+The descriptors are made of the message dataclasses when the program starts; no schema is written
+twice. Names, units included, are those of the dataclasses. ``float | None`` becomes an optional
+field, data with fields of its own a nested message, a tuple a repeated field.
+"""
+
+from collections.abc import Callable, Collection
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from types import UnionType
+from typing import Any, Generic, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+from pincette.messages import Message
+from pincette.topics import TOPICS
+
+PACKAGE = "pincette"
+M = TypeVar("M", bound=Message)
+
+_Proto = descriptor_pb2.FieldDescriptorProto
+_SCALARS: dict[Any, Any] = {
+    float: _Proto.TYPE_DOUBLE,
+    int: _Proto.TYPE_INT64,
+    bool: _Proto.TYPE_BOOL,
+    str: _Proto.TYPE_STRING,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Schema(Generic[M]):
+    """How one message is written and read."""
+
+    name: str
+    """Full name of the Protobuf message."""
+    descriptor: bytes
+    """A ``FileDescriptorSet``, as MCAP wants it."""
+    pack: Callable[[M], bytes]
+    unpack: Callable[[bytes], M]
+
+
+def _schema(kind: type[M]) -> Schema[M]:
+    file = descriptor_pb2.FileDescriptorProto(
+        name=f"{PACKAGE}/{kind.__name__}.proto", package=PACKAGE, syntax="proto3"
+    )
+    _describe(kind, file.message_type.add())
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    full_name = f"{PACKAGE}.{kind.__name__}"
+    proto: Any = message_factory.GetMessageClass(pool.FindMessageTypeByName(full_name))
+    to_proto, from_proto = _writer(kind), _reader(kind)
+
+    def pack(message: M) -> bytes:
+        return cast(bytes, proto(**to_proto(message)).SerializeToString())
+
+    def unpack(payload: bytes) -> M:
+        return cast(M, from_proto(proto.FromString(payload)))
+
+    files = descriptor_pb2.FileDescriptorSet(file=[file])
+    return Schema(full_name, files.SerializeToString(deterministic=True), pack, unpack)
+
+
+def unpacker(topic: str, descriptor: bytes) -> Callable[[bytes], Any]:
+    """How a message is read by the schema of its own file, which may be older than this program.
+
+    Fields that the file does not know get their defaults.
+
+    Raises
+    ------
+    ValueError
+        Where the file does not know a field that has none.
+    """
+    known = SCHEMAS[topic]
+    if descriptor == known.descriptor:
+        return known.unpack
+    kind = next(item.message for item in TOPICS if item.name == topic)
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(descriptor).file:
+        pool.Add(file)
+    described = pool.FindMessageTypeByName(known.name)
+    there = {field.name for field in described.fields}
+    odd = [field.name for field in fields(kind) if field.name not in there and _needed(field)]
+    if odd:
+        raise ValueError(f"{topic}: this record is of another version: no {', '.join(odd)} in it")
+    proto: Any = message_factory.GetMessageClass(described)
+    from_proto = _reader(kind, there)
+    return lambda payload: from_proto(proto.FromString(payload))
+
+
+def _needed(field: "Field[Any]") -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def _describe(kind: type, into: descriptor_pb2.DescriptorProto) -> None:
+    into.name = kind.__name__
+    hints = get_type_hints(kind)
+    for number, field in enumerate(fields(kind), start=1):
+        hint, optional, repeated = _plain(hints[field.name])
+        entry = into.field.add(name=field.name, number=number)
+        entry.label = _Proto.LABEL_REPEATED if repeated else _Proto.LABEL_OPTIONAL
+        if is_dataclass(hint):
+            nested = cast(type, hint)
+            entry.type = _Proto.TYPE_MESSAGE
+            entry.type_name = f".{PACKAGE}.{kind.__name__}.{nested.__name__}"
+            _describe(nested, into.nested_type.add())
+            continue
+        entry.type = _SCALARS[hint]
+        if optional:
+            # An optional scalar is the only member of a oneof that no tool shows.
+            entry.proto3_optional = True
+            entry.oneof_index = len(into.oneof_decl)
+            into.oneof_decl.add(name=f"_{field.name}")
+
+
+def _plain(hint: Any) -> tuple[Any, bool, bool]:
+    """Type without its frame, whether it may be None, whether there are several."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        (inner,) = (item for item in arguments if item is not type(None))
+        return _plain(inner)[0], True, False
+    if origin is tuple:
+        return arguments[0], False, True
+    if origin is Literal:
+        return str, False, False
+    return getattr(hint, "__supertype__", hint), False, False
+
+
+def _writer(kind: type) -> Callable[[Any], dict[str, Any]]:
+    """From a message to what its Protobuf class is made of."""
+    hints = get_type_hints(kind)
+    plain: list[str] = []
+    nested: list[tuple[str, Callable[[Any], dict[str, Any]]]] = []
+    for field in fields(kind):
+        hint = _plain(hints[field.name])[0]
+        if is_dataclass(hint):
+            nested.append((field.name, _writer(cast(type, hint))))
+        else:
+            plain.append(field.name)
+
+    def write(message: Any) -> dict[str, Any]:
+        tree = {name: getattr(message, name) for name in plain}
+        for name, inner in nested:
+            value = getattr(message, name)
+            tree[name] = None if value is None else inner(value)
+        return tree
+
+    return write
+
+
+def _reader(kind: type, there: Collection[str] | None = None) -> Callable[[Any], Any]:
+    """From a Protobuf message back to ours; what was None was never written."""
+    hints = get_type_hints(kind)
+    takes = {
+        field.name: _taker(field.name, hints[field.name])
+        for field in fields(kind)
+        if there is None or field.name in there
+    }
+    return lambda proto: kind(**{name: take(proto) for name, take in takes.items()})
+
+
+def _taker(name: str, hint: Any) -> Callable[[Any], Any]:
+    inner, optional, repeated = _plain(hint)
+    if is_dataclass(inner):
+        read = _reader(cast(type, inner))
+        if optional:
+            return lambda proto: read(getattr(proto, name)) if proto.HasField(name) else None
+        return lambda proto: read(getattr(proto, name))
+    if repeated:
+        return lambda proto: tuple(getattr(proto, name))
+    if optional:
+        return lambda proto: getattr(proto, name) if proto.HasField(name) else None
+    return lambda proto: getattr(proto, name)
+
+
+SCHEMAS: dict[str, Schema[Any]] = {topic.name: _schema(topic.message) for topic in TOPICS}
+"""For each topic, by its name."""

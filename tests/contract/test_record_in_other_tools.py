@@ -1,0 +1,71 @@
+"""A record opens in tools that know nothing of pincette: Rerun's converter, pandas, plain Arrow."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as untyped_pandas
+import pyarrow.parquet as untyped_parquet
+import pytest
+
+from pincette.messages import Estimate, Message
+from pincette.records import mcap_reading
+from pincette.records.tables import write_tables
+from tests.support.recorded import loop, write
+
+pandas: Any = untyped_pandas
+parquet: Any = untyped_parquet
+RERUN = Path(sys.executable).with_name("rerun")
+FORCE_MN = 12.0625
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> Path:
+    """Folder of a job whose estimates all say the same force."""
+
+    def plain(message: Message) -> Message:
+        if isinstance(message, Estimate):
+            return replace(message, force_mN=FORCE_MN)
+        return message
+
+    write(tmp_path / "job.mcap", [plain(message) for message in loop(20)])
+    return tmp_path
+
+
+def _rerun(*words: str | Path, home: Path) -> str:
+    # In a home of its own every session is a first one, of which nothing is sent to anybody.
+    environment = os.environ | {"HOME": str(home), "XDG_CONFIG_HOME": str(home)}
+    done = subprocess.run(
+        [RERUN, *words], capture_output=True, text=True, timeout=120, env=environment, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_reruns_converter_shows_decoded_fields(record: Path, tmp_path: Path) -> None:
+    target = tmp_path / "job.rrd"
+    _rerun("mcap", "convert", record / "job.mcap", "--output", target, home=tmp_path)
+    shown = _rerun("rrd", "print", "-vvv", target, home=tmp_path)
+    assert "pincette.Estimate:message" in shown
+    assert shown.count(f"force_mN: {FORCE_MN}") == 20
+    for name in ("Position", "Command", "Applied", "Telemetry", "Truth", "Burst"):
+        assert f"pincette.{name}:message" in shown
+
+
+def test_rerun_finds_nothing_wrong_with_the_file(record: Path, tmp_path: Path) -> None:
+    shown = _rerun("mcap", "check", record / "job.mcap", home=tmp_path)
+    verdicts = [line.split() for line in shown.splitlines() if line.split()[-1:] == ["—"]]
+    assert sorted(words[3] for words in verdicts if words[0] == "ok") == sorted(
+        ["position", "burst", "estimate", "command", "applied", "telemetry", "truth"]
+    )
+
+
+def test_pandas_reads_the_samples_with_their_units(record: Path) -> None:
+    assert write_tables(record, mcap_reading.read(record / "job.mcap")) == []
+    frame = pandas.read_parquet(record / "samples.parquet")
+    assert frame["force_mN"].tolist() == [FORCE_MN] * 20
+    schema = parquet.read_schema(record / "samples.parquet")
+    assert schema.field("force_mN").metadata[b"unit"] == b"mN"

@@ -1,0 +1,137 @@
+"""Messages of a loop as a recorder gets them, with numbers that a careless copy would change."""
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+
+from pincette.control.planning.sweep import Sweep
+from pincette.messages import (
+    Applied,
+    Burst,
+    Command,
+    Estimate,
+    JobNotice,
+    Message,
+    Position,
+    Telemetry,
+    Truth,
+)
+from pincette.records.mcap_file import McapFile
+from pincette.topics import TOPIC_OF
+
+EPOCH = 0x5A5A_1234_5678
+PERIOD_S = 0.02
+START_NS = 1_763_740_800_000_000_000
+SWEEP = Sweep(1.0, 20.0, 5.0, 0.1, 200.0)
+ABOUT = {"job": "j-1", "rig": "demo", "epoch": str(EPOCH), "period_s": repr(PERIOD_S)}
+
+
+def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Message]:
+    """Every message of one tick, in the order in which a loop sends them."""
+
+    def number() -> float:
+        return chance.choice((-0.0, 1e-300, chance.gauss(0.0, 1.0), chance.uniform(-1e9, 1e9)))
+
+    def later() -> float | None:
+        return None if seq < 2 else number()
+
+    x, force, voltage = number(), number(), number()
+    yield Position(EPOCH, seq, seq * PERIOD_S, x, valid=True)
+    if 3 <= seq < 9:
+        yield Burst(EPOCH, seq, 1e4, (number(), -0.0), (0.1, number()), valid=True)
+    yield Estimate(
+        epoch=EPOCH,
+        seq=seq,
+        x_um=x,
+        force_mN=force,
+        force_uncertainty_mN=number(),
+        perturbation_mN=number(),
+        zero_age_s=later(),
+        zero_refusal="",
+        applied_V=voltage,
+        applied_seq=seq - 1,
+        limits_active=seq % 4,
+        tripped=False,
+        degraded=seq % 5 == 0,
+        valid=True,
+    )
+    yield Telemetry(
+        epoch=EPOCH,
+        seq=seq,
+        playing=not final,
+        phase="hold · µ",
+        segment=1,
+        segment_tick=seq,
+        x_r_um=number(),
+        x_d_um=number(),
+        force_r_mN=number(),
+        sliding_um=number(),
+        band_um=number(),
+        perturbation_mN=number(),
+        perturbation_error_mN=number(),
+        residual_um=number(),
+        outcome="gripped" if final else "",
+        contact_x_um=later(),
+        contact_stiffness_mN_per_um=None,
+        held=seq > 1,
+        acted="",
+    )
+    yield Command(
+        epoch=EPOCH,
+        seq=seq,
+        owner=2**47 + 5,
+        voltage_V=voltage,
+        part_held=seq > 1,
+        zero=seq == 0,
+        final=final,
+        valid=True,
+        sweep=SWEEP if seq == 1 else None,
+    )
+    yield Truth(1000 + seq, x, force, voltage)
+    yield Applied(
+        epoch=EPOCH,
+        seq=seq,
+        voltage_V=voltage,
+        state="idle" if final else "armed",
+        cause="",
+        limits_active=0,
+        part_held=seq > 1,
+        zero=seq == 0,
+        final=final,
+        answered=True,
+        refused=0,
+        command_age_s=0.004,
+    )
+
+
+def loop(count: int, seed: int = 1) -> list[Message]:
+    """All messages of an arming of so many ticks; the last one is final."""
+    chance = random.Random(seed)
+    return [
+        message for seq in range(count) for message in tick(seq, chance, final=seq == count - 1)
+    ]
+
+
+def notice(state: str = "running") -> JobNotice:
+    """What the supervisor says of the job."""
+    return JobNotice("j-1", "grip", EPOCH, state, "hold", "", held=True, at="2026-03-01T12:00:00Z")
+
+
+def write(path: Path, messages: list[Message], *, finish: bool = True) -> McapFile:
+    """A record of these messages."""
+    file = McapFile(path, "demo", about=ABOUT, start_ns=START_NS, period_s=PERIOD_S)
+    for place, message in enumerate(messages):
+        file.add(message, START_NS + place)
+    if finish:
+        file.finish(
+            {"messages": str(len(messages)), "dropped": "0", "complete": "true", "detail": ""}
+        )
+    else:
+        file.flush()
+        file.abandon()
+    return file
+
+
+def name_of(message: Message) -> str:
+    """Topic of a message."""
+    return TOPIC_OF[type(message)].name

@@ -1,0 +1,80 @@
+"""A keeper with clocks of its own."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pincette.messages import Document, Done, Finish, Message, Record, Recorded
+from pincette.topics import TOPIC_OF
+from pincette_recorder.config import RecorderConfig
+from pincette_recorder.intake import Intake
+from pincette_recorder.keeper import Keeper
+from tests.support.recorded import ABOUT, EPOCH, PERIOD_S, START_NS
+
+CONFIG = RecorderConfig(
+    rig="demo",
+    digest="d1",
+    period_s=PERIOD_S,
+    records=Path(),
+    models=Path(),
+    rig_file='{"rig": {"name": "demo"}}',
+    min_free_bytes=0,
+    silence_s=10.0,
+    keep_s=None,
+    keep_bytes=None,
+)
+
+
+class Bench:
+    """A keeper, what feeds it, and its time."""
+
+    def __init__(self, folder: Path, room: int = 10_000) -> None:
+        self.now_s = 100.0
+        self.jobs = folder / "jobs"
+        self.config = replace(CONFIG, records=self.jobs, models=folder / "models")
+        self.intake = Intake(self.clock_ns, room)
+        self.keeper = Keeper(self.config, self.intake, lambda: self.now_s, self.clock_ns)
+        self.replies: list[Message | str] = []
+
+    def clock_ns(self) -> int:
+        return START_NS + round((self.now_s - 100.0) * 1e9)
+
+    def begin(self, job: str = "j-1", epoch: int = EPOCH, **about: str) -> Done | str:
+        whose = {**ABOUT, "job": job, "epoch": str(epoch), **about}
+        return self.keeper.begin(Record(job, epoch, Document(json.dumps(whose))))
+
+    def feed(self, messages: Sequence[Message]) -> None:
+        """What the bus brings."""
+        for message in messages:
+            self.intake.take(TOPIC_OF[type(message)], message)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, and the keeper look."""
+        self.now_s += seconds
+        self.keeper.take()
+
+    def finish(self, last_seq: int, job: str = "j-1", epoch: int = EPOCH) -> Recorded | str | None:
+        """Ask for the end; None where the answer is still to come."""
+        self.replies.clear()
+        self.keeper.finish(Finish(job, epoch, last_seq), self.replies.append)
+        return self.reply
+
+    @property
+    def reply(self) -> Recorded | str | None:
+        """The last answer to ``finish``."""
+        if not self.replies:
+            return None
+        (reply,) = self.replies
+        assert isinstance(reply, Recorded | str)
+        return reply
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """A keeper of an empty folder."""
+    bench = Bench(tmp_path)
+    yield bench
+    bench.keeper.close()

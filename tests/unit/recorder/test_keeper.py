@@ -1,0 +1,287 @@
+"""What the recorder answers, what it refuses, and what a record has when it is closed."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import pyarrow.parquet as untyped_parquet
+import pytest
+
+from pincette.messages import (
+    Applied,
+    Done,
+    Message,
+    Position,
+    Recorded,
+    Telemetry,
+)
+from pincette.records import mcap_reading
+from pincette.records.columns import columns
+from pincette_recorder.keeper import Keeper
+from tests.support.recorded import EPOCH, PERIOD_S, loop, notice
+
+from .conftest import Bench
+
+parquet = cast(Any, untyped_parquet)
+
+
+def _folder(bench: Bench, job: str = "j-1") -> Path:
+    return bench.jobs / job
+
+
+def _manifest(bench: Bench, job: str = "j-1") -> dict[str, Any]:
+    return json.loads((_folder(bench, job) / "manifest.json").read_text(encoding="utf-8"))
+
+
+def _whole(bench: Bench, count: int = 30) -> list[Message]:
+    """Record an arming from its begin to its end; its messages."""
+    messages = [*loop(count), notice("succeeded")]
+    assert bench.begin() == Done(0)
+    bench.feed(messages)
+    return messages
+
+
+def test_a_record_that_is_complete(bench: Bench) -> None:
+    messages = _whole(bench)
+    recorded = bench.finish(29)
+    assert recorded == Recorded("j-1", len(messages), 0, complete=True, detail="")
+    recording = mcap_reading.read(_folder(bench) / "job.mcap")
+    assert recording.messages == messages
+    assert recording.closing is not None
+    assert recording.closing["messages_position"] == "30"
+    assert recording.attachments["rig.json"] == b'{"rig": {"name": "demo"}}'
+    assert _manifest(bench)["complete"] is True
+    assert bench.keeper.record is None
+
+
+def test_tables_agree_with_the_messages_bit_for_bit(bench: Bench) -> None:
+    messages = _whole(bench)
+    bench.finish(29)
+    table = parquet.read_table(_folder(bench) / "samples.parquet")
+    assert repr(table.to_pydict()) == repr(columns(messages, PERIOD_S))
+    assert table.schema.metadata[b"job"] == b"j-1"
+    assert table.schema.field("force_mN").metadata[b"unit"] == b"mN"
+    burst = parquet.read_table(_folder(bench) / "burst.parquet")
+    assert burst.num_rows == 12
+    assert float(burst.schema.metadata[b"rate_hz"]) == 1e4
+
+
+def test_request_and_model_go_into_the_file(bench: Bench) -> None:
+    bench.config.models.mkdir()
+    (bench.config.models / "0003-abc123.json").write_text('{"version": 3}', encoding="utf-8")
+    bench.begin(request='{"kind": "grip"}', model_digest="abc123")
+    bench.finish(-1)
+    recording = mcap_reading.read(_folder(bench) / "job.mcap")
+    assert recording.attachments["request.json"] == b'{"kind": "grip"}'
+    assert recording.attachments["model.json"] == b'{"version": 3}'
+    assert "request" not in recording.about
+
+
+def test_other_epochs_and_other_jobs_are_not_recorded(bench: Bench) -> None:
+    bench.begin()
+    bench.feed([Position(EPOCH + 2, 0, 0.0, 1.0), replace(notice(), job="j-2"), *loop(2)])
+    recorded = bench.finish(1)
+    assert isinstance(recorded, Recorded)
+    assert recorded.messages == len(loop(2))
+
+
+def test_what_finds_no_room_is_counted_and_told(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, room=10)
+    messages = loop(4)
+    bench.begin()
+    bench.feed(messages)
+    recorded = bench.finish(1)
+    assert recorded is None
+    bench.wait(2.0)
+    recorded = bench.reply
+    assert isinstance(recorded, Recorded)
+    assert not recorded.complete
+    assert recorded.messages == 10
+    assert recorded.dropped >= len(messages) - 10
+    assert "could not be kept" in recorded.detail
+    closing = mcap_reading.read(_folder(bench) / "job.mcap").closing
+    assert closing is not None
+    assert int(closing["dropped_telemetry"]) > 0
+    assert _manifest(bench)["complete"] is False
+
+
+def test_a_sample_that_never_came_is_noticed(bench: Bench) -> None:
+    bench.begin()
+    bench.feed([item for item in loop(9) if not (isinstance(item, Position) and item.seq == 4)])
+    recorded = bench.finish(8)
+    assert isinstance(recorded, Recorded)
+    assert (recorded.complete, recorded.dropped) == (False, 1)
+    assert "1 of position never came" in recorded.detail
+
+
+def test_the_last_samples_are_waited_for(bench: Bench) -> None:
+    messages = loop(10)
+    last = [item for item in messages if getattr(item, "seq", 0) in (9, 1009)]
+    bench.begin()
+    bench.feed([item for item in messages if item not in last])
+    assert bench.finish(9) is None
+    bench.wait(0.5)
+    assert bench.reply is None
+    bench.feed(last)
+    bench.wait(0.1)
+    recorded = bench.reply
+    assert isinstance(recorded, Recorded)
+    assert recorded.complete
+
+
+def test_the_last_samples_are_not_waited_for_for_ever(bench: Bench) -> None:
+    bench.begin()
+    bench.feed(loop(10)[:20])
+    assert bench.finish(9) is None
+    bench.wait(1.9)
+    assert bench.reply is None
+    bench.wait(0.2)
+    recorded = bench.reply
+    assert isinstance(recorded, Recorded)
+    assert not recorded.complete
+    assert "sample 9 did not come within 2 s" in recorded.detail
+
+
+def test_a_program_that_died_does_not_make_the_record_incomplete(bench: Bench) -> None:
+    bench.begin()
+    bench.feed([item for item in loop(10) if not isinstance(item, Telemetry)])
+    assert bench.finish(9) is None
+    bench.wait(0.2)
+    assert bench.reply is None
+    bench.wait(0.2)
+    recorded = bench.reply
+    assert isinstance(recorded, Recorded)
+    assert recorded.complete
+
+
+def test_idle_samples_after_the_end_are_in_no_table(bench: Bench) -> None:
+    messages = _whole(bench)
+    bench.feed([Position(EPOCH, seq, 0.6, 0.0, valid=True) for seq in range(30, 35)])
+    recorded = bench.finish(34)
+    assert isinstance(recorded, Recorded)
+    assert recorded.complete
+    table = parquet.read_table(_folder(bench) / "samples.parquet")
+    assert table.num_rows == 30
+    assert repr(table.to_pydict()) == repr(columns(messages, PERIOD_S))
+
+
+def test_a_silent_loop_is_given_up(bench: Bench) -> None:
+    bench.begin()
+    bench.feed(loop(20)[:60])
+    bench.wait(9.0)
+    assert bench.keeper.record is not None
+    bench.feed([item for item in loop(20)[60:] if not isinstance(item, Applied)])
+    bench.wait(0.0)
+    bench.wait(9.9)
+    assert bench.keeper.record is not None
+    bench.wait(0.2)
+    assert bench.keeper.record is None
+    manifest = _manifest(bench)
+    assert manifest["complete"] is False
+    assert "the loop was silent for 10 s" in manifest["detail"]
+    assert (_folder(bench) / "samples.parquet").is_file()
+
+
+def test_an_idle_loop_that_goes_on_measuring_is_no_sign_of_life(bench: Bench) -> None:
+    _whole(bench)
+    for seq in range(30, 42):
+        bench.feed([Position(EPOCH, seq, 0.0, 0.0, valid=True)])
+        bench.wait(1.0)
+    assert bench.keeper.record is None
+    assert "nobody finished it" in _manifest(bench)["detail"]
+
+
+def test_a_pause_is_not_silent(bench: Bench) -> None:
+    bench.begin()
+    armed = next(item for item in loop(2) if isinstance(item, Applied))
+    for seq in range(60):
+        bench.feed([replace(armed, seq=seq)])
+        bench.wait(1.0)
+    assert bench.keeper.record is not None
+
+
+def test_finishing_twice_gives_the_same_answer(bench: Bench) -> None:
+    _whole(bench)
+    first = bench.finish(29)
+    assert bench.finish(29) == first
+
+
+def test_finishing_what_was_given_up_says_so(bench: Bench) -> None:
+    _whole(bench)
+    bench.wait(1.0)
+    bench.wait(10.5)
+    recorded = bench.finish(29)
+    assert isinstance(recorded, Recorded)
+    assert not recorded.complete
+    assert "nobody finished it" in recorded.detail
+
+
+def test_finishing_after_a_restart_of_the_recorder(bench: Bench) -> None:
+    messages = _whole(bench)
+    bench.keeper.take()
+    assert bench.keeper.record is not None
+    bench.keeper.record.file.flush()
+    bench.keeper.record.file.abandon()
+    bench.keeper = Keeper(bench.config, bench.intake, lambda: bench.now_s, bench.clock_ns)
+    recorded = bench.finish(29)
+    assert isinstance(recorded, Recorded)
+    assert (recorded.complete, recorded.messages) == (False, len(messages))
+    assert "the recorder ended" in recorded.detail
+
+
+def test_beginning_again_makes_the_tables_of_what_there_is(bench: Bench) -> None:
+    messages = loop(30)
+    cut = 120
+    bench.begin()
+    bench.feed(messages[:cut])
+    assert bench.begin() == Done(0)
+    table = parquet.read_table(_folder(bench) / "samples.parquet")
+    assert repr(table.to_pydict()) == repr(columns(messages[:cut], PERIOD_S))
+    bench.feed(messages[cut:])
+    recorded = bench.finish(29)
+    assert isinstance(recorded, Recorded)
+    assert (recorded.complete, recorded.messages) == (True, len(messages))
+
+
+def test_a_disk_that_fills_up_leaves_what_was_written(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    messages = loop(30)
+    bench.begin()
+    bench.feed(messages[:100])
+    bench.wait(0.3)
+
+    def fail(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr("pincette.records.mcap_file.Unbuffered.write", fail)
+        bench.feed(messages[100:150])
+        bench.wait(0.3)
+    bench.feed(messages[150:])
+    recorded = bench.finish(29)
+    assert isinstance(recorded, Recorded)
+    assert not recorded.complete
+    assert "No space left" in recorded.detail
+    assert mcap_reading.read(_folder(bench) / "job.mcap").messages == messages[:100]
+    assert _manifest(bench)["complete"] is False
+
+
+def test_a_message_that_no_file_has_room_for_is_counted(bench: Bench) -> None:
+    messages = loop(10)
+    bench.begin()
+    bench.feed([*messages[:20], Position(EPOCH, 2**63, 0.0, 0.0), *messages[20:]])
+    recorded = bench.finish(9)
+    assert isinstance(recorded, Recorded)
+    assert (recorded.messages, recorded.dropped) == (len(messages), 1)
+    assert "1 of position could not be kept" in recorded.detail
+
+
+def test_ending_closes_what_is_open(bench: Bench) -> None:
+    messages = loop(20)[:60]
+    bench.begin()
+    bench.feed(messages)
+    bench.keeper.close()
+    assert mcap_reading.read(_folder(bench) / "job.mcap").messages == messages
+    assert "the recorder was ended" in _manifest(bench)["detail"]

@@ -1,0 +1,76 @@
+"""What the recorder refuses, and whose record makes room for another."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pincette.messages import Document, Done, Record
+from pincette_recorder.keeper import Keeper
+from tests.support.recorded import EPOCH, loop
+
+from .conftest import Bench
+
+
+def test_another_job_is_refused_while_the_loop_plays(bench: Bench) -> None:
+    bench.begin()
+    bench.feed(loop(20)[:60])
+    bench.keeper.take()
+    answer = bench.begin("j-2", EPOCH + 2)
+    assert answer == "job j-1 is being recorded, and its loop plays"
+
+
+def test_another_job_takes_over_from_one_that_nobody_finished(bench: Bench) -> None:
+    bench.begin()
+    bench.feed(loop(20))
+    bench.keeper.take()
+    assert bench.begin("j-2", EPOCH + 2) == Done(0)
+    manifest = json.loads((bench.jobs / "j-1" / "manifest.json").read_text(encoding="utf-8"))
+    assert "began before anybody had finished" in manifest["detail"]
+    assert bench.keeper.record is not None
+    assert bench.keeper.record.job == "j-2"
+
+
+def test_a_folder_that_has_a_record_is_refused(bench: Bench) -> None:
+    bench.begin()
+    bench.feed(loop(20))
+    bench.finish(19)
+    answer = bench.begin()
+    assert isinstance(answer, str)
+    assert "File exists" in answer
+
+
+def test_a_full_disk_is_refused(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.config = replace(bench.config, min_free_bytes=10**18)
+    bench.keeper = Keeper(bench.config, bench.intake, lambda: bench.now_s, bench.clock_ns)
+    answer = bench.begin()
+    assert isinstance(answer, str)
+    assert "must be at least 1000000000000 MB ([recorder] min_free_MB)" in answer
+
+
+@pytest.mark.parametrize("job", ["", "../up", ".hidden", "a/b", "x" * 90, "-rf"])
+def test_a_job_that_is_no_name_of_a_folder_is_refused(bench: Bench, job: str) -> None:
+    answer = bench.begin(job)
+    assert isinstance(answer, str)
+    assert "no name of a folder" in answer
+    assert not bench.jobs.exists()
+
+
+@pytest.mark.parametrize("about", ["[]", "{", '{"a": 1}', '{"period_s": "x"}', '{"period_s": "0"}'])
+def test_about_that_is_no_map_of_texts_is_refused(bench: Bench, about: str) -> None:
+    answer = bench.keeper.begin(Record("j-1", EPOCH, Document(about)))
+    assert isinstance(answer, str)
+    assert answer.startswith("about: ")
+
+
+def test_another_rig_file_is_refused(bench: Bench) -> None:
+    answer = bench.begin(rig_file_digest="d2")
+    assert answer == (
+        "runs with rig file d1, the supervisor with d2: start all programs with the same file"
+    )
+
+
+def test_a_job_without_a_record_cannot_be_finished(bench: Bench) -> None:
+    assert bench.finish(3, job="j-9") == "there is no record of job 'j-9'"

@@ -1,0 +1,51 @@
+"""Samples as CSV."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import pandas
+import pytest
+
+from pincette.records.columns import columns
+from pincette.records.csv_export import csv_rows
+from pincette.records.folder import write_samples
+from tests.support.recorded import ABOUT, PERIOD_S, loop
+
+
+@pytest.fixture
+def samples(tmp_path: Path) -> Path:
+    path = tmp_path / "samples.parquet"
+    write_samples(path, columns(loop(30), PERIOD_S), {**ABOUT, "note": "two\nlines"})
+    return path
+
+
+def test_numbers_read_back_bit_for_bit(samples: Path) -> None:
+    table = columns(loop(30), PERIOD_S)
+    rows = list(csv.reader(line for line in csv_rows(samples) if not line.startswith("#")))
+    names, first = rows[0], rows[1:]
+    assert len(first) == 30
+    place = names.index("force_mN")
+    assert [repr(float(row[place])) for row in first] == [repr(item) for item in table["force_mN"]]
+    assert first[0][names.index("zero_age_s")] == ""
+    assert first[0][names.index("held")] == "false"
+
+
+def test_units_and_meanings_are_in_comments(samples: Path) -> None:
+    comments = [line for line in csv_rows(samples) if line.startswith("#")]
+    assert "# job: j-1\n" in comments
+    assert "# note: two lines\n" in comments
+    assert "# force_mN [mN]: estimated contact force\n" in comments
+    assert "# phase: phase of the program\n" in comments
+
+
+def test_pandas_reads_it(samples: Path, tmp_path: Path) -> None:
+    path = tmp_path / "samples.csv"
+    path.write_text("".join(csv_rows(samples)), encoding="utf-8")
+    frame: Any = pandas.read_csv(path, comment="#")
+    assert list(frame["seq"]) == list(range(30))
+
+
+def test_a_file_that_is_not_there_is_told_before_the_first_line(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match=r"samples\.parquet"):
+        csv_rows(tmp_path / "samples.parquet")

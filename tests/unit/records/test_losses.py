@@ -1,0 +1,29 @@
+"""Samples that are known to be missing."""
+
+from pincette.messages import Applied, Command, Estimate, Message, Position
+from pincette.records.losses import lost
+from tests.support.recorded import loop
+
+
+def _without(kind: type[Message], *seqs: int) -> list[Message]:
+    return [
+        item for item in loop(10) if not (type(item) is kind and getattr(item, "seq", 0) in seqs)
+    ]
+
+
+def test_nothing_is_missing() -> None:
+    assert lost(loop(10)) == {}
+
+
+def test_what_others_were_derived_from_is_missing() -> None:
+    assert lost(_without(Position, 3, 4)) == {"position": 2}
+    assert lost(_without(Estimate, 5)) == {"estimate": 1}
+    assert lost(_without(Command, 7)) == {"command": 1}
+    assert lost(_without(Applied, 2)) == {"applied": 1}
+
+
+def test_a_tick_that_nobody_saw_is_not_missing() -> None:
+    def seen(message: Message) -> bool:
+        return getattr(message, "seq", 0) < 6
+
+    assert lost([item for item in loop(10) if seen(item)]) == {}

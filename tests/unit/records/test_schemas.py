@@ -1,0 +1,68 @@
+"""Messages as Protobuf: nothing of them is lost, and a file brings its own schema along."""
+
+import struct
+from dataclasses import fields
+from typing import Any
+
+import pytest
+from google.protobuf import descriptor_pb2
+
+from pincette.messages import Estimate, Message
+from pincette.records import schemas
+from pincette.records.schemas import SCHEMAS
+from pincette.topics import TOPICS
+from tests.support.recorded import loop, name_of, notice
+
+
+def _bits(message: Message) -> list[Any]:
+    values = [getattr(message, field.name) for field in fields(message)]
+    return [struct.pack("<d", value) if type(value) is float else value for value in values]
+
+
+@pytest.mark.parametrize("message", [*loop(4), notice()], ids=lambda m: f"{type(m).__name__}")
+def test_a_message_comes_back_bit_for_bit(message: Message) -> None:
+    schema = SCHEMAS[name_of(message)]
+    back = schema.unpack(schema.pack(message))
+    assert back == message
+    assert _bits(back) == _bits(message)
+
+
+def test_every_topic_has_a_schema_with_the_fields_of_its_message() -> None:
+    for topic in TOPICS:
+        files = descriptor_pb2.FileDescriptorSet.FromString(SCHEMAS[topic.name].descriptor)
+        (described,) = files.file[0].message_type
+        assert [field.name for field in described.field] == [
+            field.name for field in fields(topic.message)
+        ]
+
+
+def test_what_may_be_absent_is_optional() -> None:
+    files = descriptor_pb2.FileDescriptorSet.FromString(SCHEMAS["estimate"].descriptor)
+    optional = [
+        field.name for field in files.file[0].message_type[0].field if field.proto3_optional
+    ]
+    assert optional == ["zero_age_s"]
+
+
+def _without(descriptor: bytes, name: str) -> bytes:
+    files = descriptor_pb2.FileDescriptorSet.FromString(descriptor)
+    (described,) = files.file[0].message_type
+    kept = [field for field in described.field if field.name != name]
+    for number, field in enumerate(kept, start=1):
+        field.number = number
+    del described.field[:]
+    described.field.extend(kept)
+    return files.SerializeToString()
+
+
+def test_an_older_file_is_read_by_its_own_schema() -> None:
+    older = _without(SCHEMAS["estimate"].descriptor, "fault")
+    message = next(item for item in loop(3) if isinstance(item, Estimate))
+    read = schemas.unpacker("estimate", older)
+    assert read(SCHEMAS["estimate"].pack(message)) == message
+
+
+def test_a_file_without_a_field_that_is_needed_is_refused() -> None:
+    older = _without(SCHEMAS["estimate"].descriptor, "force_mN")
+    with pytest.raises(ValueError, match="no force_mN in it"):
+        schemas.unpacker("estimate", older)

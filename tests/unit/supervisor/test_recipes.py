@@ -1,0 +1,230 @@
+"""Recipes: what they may hold, how versions are kept, and how one completes a request."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter
+
+from pincette.api.request_models import AnyJobRequest, Body
+from pincette.config import RigFile
+from pincette_supervisor.journal import recipes as journal
+from pincette_supervisor.journal.recipes import RecipeBook, RecipeLimitError, RecipeRow
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.model.rig_model import rig_file_alone
+from pincette_supervisor.planning.path_requests import FaultyRequestError
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.prediction import played
+from pincette_supervisor.planning.recipes import (
+    FaultyValuesError,
+    checked_values,
+    completed,
+    pinned,
+    plan_with_recipe,
+)
+
+from .rig import Desk
+
+REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
+AT = "2026-03-01T12:00:00.000Z"
+
+
+def request(**wishes: Any) -> AnyJobRequest:
+    return REQUEST.validate_python({"kind": "grip", "recipe": "bead", **wishes})
+
+
+def lookup(**values: Any) -> Callable[[str], RecipeRow | None]:
+    """A book with version 3 of one recipe."""
+    row = RecipeRow("bead", 3, checked_values(values), "", AT)
+    return lambda reference: row if reference in ("bead", "bead@3") else None
+
+
+def complete(values: dict[str, Any], **wishes: Any) -> dict[str, Any]:
+    return completed(request(**wishes), lookup(**values)).model_dump(exclude_unset=True)
+
+
+def planned(rig: RigFile, values: dict[str, Any], **wishes: Any) -> Planned:
+    return plan_with_recipe(request(**wishes), rig_file_alone(rig), None, lookup(**values))
+
+
+def keep(desk: Desk, status: int = 201, **body: Any) -> dict[str, Any]:
+    response = desk.post("/recipes", {"name": "bead", **body})
+    assert response.status_code == status, response.text
+    return response.json()
+
+
+def test_a_recipe_completes_what_a_request_leaves_out() -> None:
+    values = {"force_mN": 8.0, "hold_s": 2.0, "gains": {"K_P": 0.5}, "frequency_hz": 1.0}
+    assert complete(values, hold_s=1.0) == {
+        "kind": "grip",
+        "recipe": "bead@3",
+        "force_mN": 8.0,
+        "hold_s": 1.0,
+        "gains": {"K_P": 0.5},
+    }
+    assert complete(values, kind="track")["frequency_hz"] == 1.0
+
+
+def test_members_that_exclude_each_other_are_the_requests() -> None:
+    held = complete({"hold_s": 2.0, "force_mN": 8.0}, until_released=True)
+    assert "hold_s" not in held
+    assert held["force_mN"] == 8.0
+    swing = complete({"shape": "sinusoid", "force_pp_mN": 9.0}, kind="track", x_pp_um=4.0)
+    assert "force_pp_mN" not in swing
+    steps = complete({"shape": "sinusoid", "cycles": 3, "load_s": 1.0}, kind="track", shape="step")
+    assert steps == {"kind": "track", "recipe": "bead@3", "shape": "step", "load_s": 1.0}
+
+
+def test_a_request_without_a_recipe_stays_as_it_is() -> None:
+    asked = request(recipe=None)
+    assert completed(asked, lookup(force_mN=8.0)) is asked
+    assert pinned(asked, lookup(force_mN=8.0)) is asked
+
+
+def test_a_request_is_pinned_to_the_version_it_finds() -> None:
+    book = lookup(force_mN=8.0)
+    assert pinned(request(), book).recipe == "bead@3"
+    assert pinned(request(recipe="other"), book).recipe == "other"
+
+
+@pytest.mark.parametrize(
+    ("wishes", "words"),
+    [
+        ({"recipe": "other"}, "no recipe 'other'"),
+        ({"recipe": "bead@4"}, "no recipe 'bead@4'"),
+        ({"kind": "move", "to_um": 3.0}, "a recipe completes a grip or a track, not a move"),
+    ],
+)
+def test_a_recipe_that_cannot_be_followed_is_named(wishes: dict[str, Any], words: str) -> None:
+    with pytest.raises(FaultyRequestError, match=words) as raised:
+        completed(request(**wishes), lookup(force_mN=8.0))
+    assert raised.value.pointer == "/recipe"
+
+
+def test_a_plan_says_which_recipe_it_follows(rig_file: RigFile) -> None:
+    found = planned(rig_file, {"force_mN": 8.0, "hold_s": 0.5})
+    assert found.values["force_mN"] == 8.0
+    stamp = found.values["recipe"]
+    assert (stamp["name"], stamp["version"]) == ("bead", 3)
+    assert len(stamp["digest"]) == 16
+    assert "part" not in found.values
+
+
+def test_a_recipe_says_where_its_object_lies_and_how_stiff_it_is(rig_file: RigFile) -> None:
+    part = {"contact_um": 25.0, "stiffness_mN_per_um": 3.0}
+    found = planned(rig_file, {"force_mN": 9.0, "hold_s": 0.5, "part": part})
+    assert found.values["part"] == part
+    assert found.program.contact_stiffness_mN_per_um == 3.0
+    assert found.model.rig.part == rig_file.part
+    played_one = played(found)
+    assert played_one.outcome == "gripped"
+    assert max(played_one.samples.x_um) == pytest.approx(28.0, abs=0.1)
+
+
+def test_an_object_beyond_the_rig_files_is_foretold_to_fail(rig_file: RigFile) -> None:
+    """The estimator zeroes the force only where the rig file's part cannot be touched yet."""
+    found = planned(rig_file, {"part": {"contact_um": 40.0}})
+    assert played(found).outcome == "zero_refused"
+
+
+@pytest.mark.parametrize(
+    ("values", "place", "kind"),
+    [
+        ({"force_Mn": 8.0}, ("force_Mn",), "extra_forbidden"),
+        ({"autostart": True}, ("autostart",), "extra_forbidden"),
+        ({"kind": "grip"}, ("kind",), "extra_forbidden"),
+        ({"force_mN": -1.0}, ("force_mN",), "greater_than"),
+        ({"force_mN": "8"}, ("force_mN",), "float_type"),
+        ({"gains": {"K_Q": 1.0}}, ("gains", "K_Q"), "extra_forbidden"),
+        ({"part": {"contact": 1.0}}, ("part", "contact"), "extra_forbidden"),
+        ({"part": {"stiffness_tolerance": 1.0}}, ("part", "stiffness_tolerance"), "less_than"),
+        ({"points": [{"t_s": 0.0}]}, ("points", 0, "force_mN"), "missing"),
+    ],
+)
+def test_a_value_that_cannot_be_is_named(
+    values: dict[str, Any], place: tuple[str | int, ...], kind: str
+) -> None:
+    with pytest.raises(FaultyValuesError) as raised:
+        checked_values(values)
+    first = raised.value.errors[0]
+    assert (first["loc"], first["type"]) == (place, kind)
+
+
+def test_faults_of_all_values_are_told_once() -> None:
+    with pytest.raises(FaultyValuesError) as raised:
+        checked_values({"load_s": -1.0, "cycles": 0, "part": {"contact_um": "x"}, "odd": 1})
+    assert sorted(error["loc"] for error in raised.value.errors) == [
+        ("cycles",),
+        ("load_s",),
+        ("odd",),
+        ("part", "contact_um"),
+    ]
+
+
+def test_versions_are_added_and_stay(desk: Desk) -> None:
+    first = keep(desk, values={"force_mN": 8}, note="by hand")
+    assert (first["version"], first["values"], first["note"]) == (1, {"force_mN": 8.0}, "by hand")
+    assert keep(desk, 200, values={"force_mN": 8.0}, note="again") == first
+    second = keep(desk, values={"force_mN": 9.0})
+    assert second["version"] == 2
+    assert second["digest"] != first["digest"]
+    assert keep(desk, values={"force_mN": 8.0})["version"] == 3
+    history = desk.get("/recipes/bead")
+    assert [item["version"] for item in history["versions"]] == [3, 2, 1]
+    assert history["newest"] == history["versions"][0]
+    assert desk.get("/recipes/bead/1") == first
+    keep(desk, name="Ball_2.5-mm", values={"until_released": True})
+    assert [item["name"] for item in desk.get("/recipes")["recipes"]] == ["Ball_2.5-mm", "bead"]
+
+
+def test_a_faulty_recipe_is_refused_with_the_place(desk: Desk) -> None:
+    problem = keep(desk, 422, values={"force_mn": 8.0, "hold_s": -1.0})
+    assert {error["pointer"] for error in problem["errors"]} == {
+        "/values/force_mn",
+        "/values/hold_s",
+    }
+    assert keep(desk, 422, name="a b", values={"hold_s": 1.0})["errors"][0]["pointer"] == "/name"
+    assert keep(desk, 422, values={})["errors"][0]["pointer"] == "/values"
+    assert desk.get("/recipes")["recipes"] == []
+
+
+@pytest.mark.parametrize("path", ["none", "bead@1", "bead/2", "none/1"])
+def test_an_unknown_recipe_is_not_found(desk: Desk, path: str) -> None:
+    keep(desk, values={"force_mN": 8.0})
+    assert desk.call("GET", f"/api/v1/recipes/{path}").status_code == 404
+
+
+def test_a_job_follows_the_version_it_was_taken_with(desk: Desk) -> None:
+    keep(desk, values={"force_mN": 20.0, "hold_s": 4.0})
+    keep(desk, values={"force_mN": 18.0})
+    job = desk.grip(recipe="bead@1")
+    assert job["values"]["recipe"]["version"] == 1
+    assert desk.ended(job["id"])["state"] == "succeeded"
+    newest = desk.post("/jobs", {"kind": "grip", "recipe": "bead"}).json()
+    assert newest["request"]["recipe"] == "bead@2"
+    assert newest["values"]["force_mN"] == 18.0
+
+
+def test_a_job_by_an_unknown_recipe_is_refused(desk: Desk) -> None:
+    refused = desk.post("/jobs", {"kind": "grip", "recipe": "none"})
+    assert refused.status_code == 422
+    assert refused.json()["errors"][0]["pointer"] == "/recipe"
+
+
+def test_there_are_not_too_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journal, "RECIPES_MAX", 2)
+    monkeypatch.setattr(journal, "VERSIONS_MAX", 2)
+    store = Store(tmp_path / "journal.sqlite")
+    book = RecipeBook(store)
+    for name, force_mN in (("a", 1.0), ("a", 2.0), ("b", 1.0)):
+        book.add(name, {"force_mN": force_mN}, "")
+    with pytest.raises(RecipeLimitError, match="'a' has 2 versions"):
+        book.add("a", {"force_mN": 3.0}, "")
+    with pytest.raises(RecipeLimitError, match="there are 2 recipes"):
+        book.add("c", {"force_mN": 1.0}, "")
+    assert book.add("a", {"force_mN": 2.0}, "")[1] is False
+    newest = book.find("a")
+    assert newest is not None
+    assert newest.reference == "a@2"
+    store.close()

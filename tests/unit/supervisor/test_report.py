@@ -1,0 +1,108 @@
+"""The report of a job is one page that needs nothing else."""
+
+from html.parser import HTMLParser
+from typing import Any
+
+import pytest
+
+from pincette.api.result_models import GripResult, MotionResult, TrackResult
+from pincette_supervisor.results.report import report
+
+WHOSE = {"job": "20260301-1", "rig": "demo", "model_version": "3", "created_at": "2026-03-01"}
+COMPLETE: dict[str, bool | str] = {"complete": True, "detail": ""}
+EMPTY = {"meta", "img"}
+
+
+class Page(HTMLParser):
+    """Elements that are closed in order, their attributes, and the text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.attributes: list[tuple[str, str, str]] = []
+        self.text: list[str] = []
+        self._open: list[str] = []
+        self.feed(text)
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        if tag not in EMPTY:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if data.strip():
+            self.text.append(data.strip())
+
+
+def _example(model: type[GripResult | TrackResult | MotionResult]) -> dict[str, Any]:
+    extra: Any = model.model_config.get("json_schema_extra")
+    return dict(extra["examples"][0])
+
+
+def _page(result: dict[str, Any], **other: Any) -> Page:
+    given: dict[str, Any] = {
+        "kind": "grip",
+        "values": {"force_mN": 20.0, "law": {"K_P": 1.0}},
+        "picture": b"\x89PNG",
+        "whose": WHOSE,
+        "state": COMPLETE,
+    }
+    return Page(report(result=result, **{**given, **other}))
+
+
+@pytest.mark.parametrize("model", [GripResult, TrackResult, MotionResult])
+def test_the_page_needs_nothing_else(model: type[GripResult]) -> None:
+    page = _page(_example(model))
+    links = [value for _, name, value in page.attributes if name in ("src", "href")]
+    assert len(links) == 1
+    assert links[0].startswith("data:image/png;base64,")
+
+
+def test_figures_come_with_their_units() -> None:
+    page = _page(_example(GripResult))
+    place = page.text.index("force held")
+    assert page.text[place + 1] == "19.99 mN"
+    assert page.text[page.text.index("contact stiffness") + 1] == "2.1 mN/µm"
+    assert page.text[page.text.index("sliding p95") + 1] == "0.32 µm"
+    assert page.text[page.text.index("missed ticks") + 1] == "0"
+
+
+def test_course_limits_and_actions_are_tables() -> None:
+    result = _example(GripResult)
+    result["limits_acted"] = [{"limit": "slew_up", "first_seq": 41, "samples": 3}]
+    result["actions"] = []
+    page = _page(result)
+    assert {"Phases", "Limits that acted", "Actions", "slew_up", "41", "none"} <= set(page.text)
+    assert {"start / s", "duration / s", "hold"} <= set(page.text)
+
+
+def test_what_is_missing_is_said() -> None:
+    page = _page(_example(GripResult), state={"complete": False, "detail": "3 <lost>"})
+    assert "The record is not complete: 3 <lost>" in page.text
+    assert not any("not complete" in text for text in _page(_example(GripResult)).text)
+
+
+def test_whose_it_is_and_what_was_asked_for() -> None:
+    page = _page(_example(GripResult))
+    assert page.text[page.text.index("model version") + 1] == "3"
+    assert page.text[page.text.index("law K P") + 1] == "1"
+
+
+def test_a_figure_that_is_absent_is_a_dash() -> None:
+    page = _page({**_example(GripResult), "force_held_mN": None})
+    assert page.text[page.text.index("force held") + 1] == "–"
+
+
+def test_a_calibration_has_its_values_and_what_it_states() -> None:
+    result = {
+        "outcome": "moved",
+        "statement": "the arm follows",
+        "values": [{"quantity": "piezo", "value": 19.1, "uncertainty": 0.2, "unit": "µm/V"}],
+        "warnings": ["rests on <compliance>"],
+    }
+    page = _page(result, kind="calibrate")
+    assert {"the arm follows", "19.1", "µm/V", "rests on <compliance>"} <= set(page.text)
+    assert "calibrate: moved" in page.text
