@@ -6,6 +6,7 @@ from pydantic import BaseModel
 
 from pincette.api.job_models import example
 from pincette.api.plan_models import Law, Violation
+from pincette.api.prediction_models import Prediction
 from pincette.api.result_models import ActionTaken, LimitActed, Phase
 
 CalibrationName = Literal[
@@ -66,6 +67,8 @@ class CalibrationPlan(BaseModel):
     rests_on: list["RestsOn"]
     law: Law | None
     """Where the arm is led by one on its way to the part."""
+    prediction: Prediction | None = None
+    """What playing it on the model in use foretells; null where that was not asked for."""
 
 
 class RestsOn(BaseModel):

@@ -5,6 +5,8 @@ from typing import Any, Literal
 from pydantic import BaseModel
 
 from pincette.api.job_models import JobKind, example
+from pincette.api.prediction_models import Prediction
+from pincette.api.violation_models import Violation
 from pincette.control.laws.law import ForceAge, ParameterSet, Scheme
 
 GainsFrom = Literal["rig", "paper", "default", "request", "tuned"]
@@ -23,29 +25,6 @@ class PlannedPhase(BaseModel):
     x_um: float
     force_mN: float
     voltage_V: float
-
-
-class Violation(BaseModel):
-    """A limit that the plan breaks, where and when."""
-
-    model_config = example(
-        pointer="/force_mN",
-        quantity="force",
-        value=55.0,
-        limit=40.0,
-        unit="mN",
-        at_s=8.85,
-        message="force_mN = 55 mN is above the limit of 40 mN",
-    )
-
-    pointer: str
-    """JSON pointer into the request."""
-    quantity: str
-    value: float
-    limit: float
-    unit: str
-    at_s: float
-    message: str
 
 
 class Curves(BaseModel):
@@ -156,3 +135,5 @@ class Plan(BaseModel):
     curves: Curves
     steady_errors: SteadyErrors
     law: Law
+    prediction: Prediction | None = None
+    """What playing it on the model in use foretells; null where that was not asked for."""

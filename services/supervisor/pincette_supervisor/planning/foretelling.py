@@ -1,0 +1,72 @@
+"""Predictions one at a time, and those of late kept: each takes a processor for itself."""
+
+import hashlib
+import threading
+from collections import OrderedDict
+
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.prediction import played, with_prediction
+from pincette_supervisor.planning.rehearsal import Rehearsal
+from pincette_supervisor.problems import ProblemError
+
+KEPT = 8
+WAITING = 8
+"""Callers that wait for their turn, at most: they are threads that others need too."""
+
+
+class Foreteller:
+    """Plays plans on the model they were made with; safe to use from several threads."""
+
+    def __init__(self) -> None:
+        self._turn = threading.Lock()
+        self._room = threading.BoundedSemaphore(WAITING)
+        self._kept: OrderedDict[str, Rehearsal] = OrderedDict()
+
+    def rehearsal(self, planned: Planned) -> Rehearsal:
+        """Play a plan, or return what the same plan has come to.
+
+        Raises
+        ------
+        ProblemError
+            Where too many wait already.
+        """
+        if not self._room.acquire(blocking=False):
+            raise ProblemError(
+                503,
+                "busy",
+                "Too many predictions at once",
+                f"{WAITING} predictions wait already, the most: ask again in a moment",
+            )
+        try:
+            with self._turn:
+                return self._played(planned)
+        finally:
+            self._room.release()
+
+    def foretold(self, planned: Planned) -> Planned:
+        """A plan with what playing it foretells.
+
+        Raises
+        ------
+        ProblemError
+            Where too many wait already, or nothing of it can be played.
+        """
+        try:
+            return with_prediction(planned, self.rehearsal(planned))
+        except ValueError as error:
+            raise ProblemError(
+                422, "no-prediction", "The plan cannot be played on the model in use", str(error)
+            ) from error
+
+    def _played(self, planned: Planned) -> Rehearsal:
+        model = planned.model
+        stands = None if planned.present is None else planned.present.voltage_V
+        whose = planned.program, planned.values, stands, model.rig_file_digest, model.digest
+        key = hashlib.sha256(repr(whose).encode()).hexdigest()
+        found = self._kept.pop(key, None)
+        if found is None:
+            found = played(planned)
+        self._kept[key] = found
+        while len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
+        return found

@@ -1,0 +1,148 @@
+"""The arm and the part as the model in use has them, moved by one voltage after the other; pure.
+
+    output    τ·u̇ = u_target - u, the target arriving after the delay of the instruments
+    free      x_1 by the identified free response, from sample to sample as u goes
+    arm       one mode, ω_n and ζ, against K_e from x_e on (``sim.plant.plain_arm``)
+
+Nothing of it comes from what a simulated rig knows of itself: a real rig knows no such thing.
+"""
+
+from dataclasses import dataclass, replace
+from math import ceil, exp
+
+from pincette.config import RigFile, derived
+from pincette.config.rig_file import Part
+from pincette.control.response.free_response import FreeResponse
+from pincette.sim.plant import plant
+from pincette.sim.plant.hysteresis import BoucWen
+from pincette.sim.plant.parameters import PlantParameters
+from pincette.sim.plant.plain_arm import move_plain_arm, rest_plain_arm
+from pincette.sim.plant.state import PlantState
+
+SUBSTEP_S = 0.001
+SETTLED_S = 60.0
+"""For how long the arm is taken to have stood at its first voltage."""
+STILL_V = 1e-9
+"""Way of the voltage within a period below which it rests."""
+TIME_CONSTANTS = 3.0
+"""Of an output, within the response that its driver states: to 5 %."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """What lies between a sample and the voltage that answers it."""
+
+    delay_s: float
+    """From the sample to the arrival of the voltage; less than a period."""
+    lag_s: float
+    """Time constant of the output."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifiedArm:
+    """Where the arm is; ``moved`` by a period at a time."""
+
+    parameters: PlantParameters
+    instruments: Instruments
+    period_s: float
+    response: FreeResponse
+    state: PlantState
+    target_V: float
+    output_V: float
+    hung_mN: float = 0.0
+    """Weight at the tip, positive towards -x."""
+
+    @property
+    def x_um(self) -> float:
+        """Position of the tip."""
+        return self.state.x_um
+
+    @property
+    def force_mN(self) -> float:
+        """Contact force K_e·max(0, x - x_e)."""
+        return plant.contact_force_mN(self.parameters, self.state)
+
+    def hang(self, weight_mN: float) -> "IdentifiedArm":
+        """Hang a weight at the tip in place of what hangs there."""
+        return replace(self, hung_mN=weight_mN)
+
+    def at(self, x_um: float) -> "IdentifiedArm":
+        """The free arm at rest where it was measured, by whatever it remembers of before."""
+        response = self.response.begin(x_um)
+        return replace(
+            self, response=response, state=rest_plain_arm(self.parameters, self.state, x_um)
+        )
+
+    def moved(self, voltage_V: float) -> "IdentifiedArm":
+        """The arm a period after a sample that is answered with a voltage."""
+        delay_s = self.instruments.delay_s
+        waiting = self._stretch(delay_s, self.target_V, self.output_V)
+        waited_V = waiting[-1][1] if waiting else self.output_V
+        moving = self._stretch(self.period_s - delay_s, voltage_V, waited_V)
+        output_V = moving[-1][1] if moving else waited_V
+        sag_um = self.parameters.compliance_um_per_mN * self.hung_mN
+        before_um = self.response.position_um() - sag_um
+        response = self.response.follow(output_V, self.period_s)
+        way_um = response.position_um() - sag_um - before_um
+        travel_V, state, passed_s = output_V - self.output_V, self.state, 0.0
+        for stretch in (waiting, moving):
+            rests_um = list[float]()
+            for dt_s, reached_V in stretch:
+                passed_s += dt_s
+                # Where the voltage rests, what is left is creep.
+                share = passed_s / self.period_s
+                if abs(travel_V) > STILL_V:
+                    share = (reached_V - self.output_V) / travel_V
+                rests_um.append(before_um + share * way_um)
+            if stretch:
+                state, _ = move_plain_arm(self.parameters, state, stretch[0][0], rests_um)
+        return replace(self, response=response, state=state, target_V=voltage_V, output_V=output_V)
+
+    def _stretch(
+        self, length_s: float, target_V: float, output_V: float
+    ) -> list[tuple[float, float]]:
+        """Substeps of equal length towards a target: each with its length, and the voltage then."""
+        if length_s <= 0.0:
+            return []
+        count = ceil(length_s / SUBSTEP_S - 1e-9)
+        dt_s, lag_s = length_s / count, self.instruments.lag_s
+        decay, stretch = exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0, list[tuple[float, float]]()
+        for _ in range(count):
+            output_V = target_V + (output_V - target_V) * decay
+            stretch.append((dt_s, output_V))
+        return stretch
+
+
+def identified_arm(
+    rig: RigFile, instruments: Instruments, start_V: float, part: Part | None
+) -> IdentifiedArm:
+    """The arm at rest at a voltage that it was brought to from 0 V, unpoled.
+
+    Parameters
+    ----------
+    rig
+        The rig file with the model in use; its table ``simulation`` is not looked at.
+    part
+        What lies in the arm's way; None: nothing.
+    """
+    model = rig.model
+    response = derived.free_response(model).follow(0.0, 0.0).begin(derived.X_START_UM)
+    if start_V:
+        response = response.follow(start_V, SETTLED_S)
+    parameters = PlantParameters(
+        natural_frequency_rad_per_s=model.natural_frequency_rad_per_s,
+        damping_ratio=model.damping_ratio,
+        compliance_um_per_mN=model.compliance_um_per_mN,
+        piezo_um_per_V=model.piezo_um_per_V,
+        hysteresis=BoucWen(0.0, 0.0, 0.0),
+        creep_per_decade=0.0,
+        output_step_V=1.0,
+        output_lag_s=instruments.lag_s,
+        contact_um=0.0 if part is None else part.contact_um,
+        environment_stiffness_mN_per_um=0.0 if part is None else part.stiffness_mN_per_um,
+        substep_s=SUBSTEP_S,
+    )
+    state = rest_plain_arm(parameters, plant.start(), response.position_um())
+    return IdentifiedArm(
+        parameters, instruments, rig.rig.period_s, response, state, start_V, start_V
+    )

@@ -1,0 +1,157 @@
+"""What playing a plan on the model in use foretells: curves, peaks, margins, limits broken."""
+
+from dataclasses import replace
+from functools import partial
+from math import ceil
+
+from pincette.api.calibration_models import CalibrationPlan
+from pincette.api.motion_models import MotionPlan
+from pincette.api.plan_models import Plan
+from pincette.api.prediction_models import PredictedCurves, PredictedPhase, Prediction
+from pincette.api.states import GOOD_OUTCOMES
+from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
+from pincette_supervisor.model.rig_model import ModelInUse
+from pincette_supervisor.planning.identified_arm import Instruments
+from pincette_supervisor.planning.margins import margins, peaks, violations
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.planning.rehearsal import Rehearsal, rehearse
+from pincette_supervisor.planning.stage import Samples
+
+CURVE_POINTS = 400
+ARM = (
+    "model.natural_frequency_rad_per_s",
+    "model.damping_ratio",
+    "model.piezo_um_per_V",
+    "model.compliance_um_per_mN",
+)
+PART = ("part.contact_um", "part.stiffness_mN_per_um")
+PRESSING = ("load", "hold", "unload")
+
+
+def played(planned: Planned) -> Rehearsal:
+    """Play a plan on the model that it was made with, from rest where the arm stands."""
+    return rehearse(planned, planned.present or Present(), part=_meets_a_part(planned))
+
+
+def with_prediction(planned: Planned, rehearsal: Rehearsal) -> Planned:
+    """A plan with what its rehearsal foretells; a limit that it breaks makes it infeasible."""
+    prediction = predict(planned, rehearsal)
+    broken = [*planned.plan.violations, *prediction.violations]
+    foretold = {"prediction": prediction, "violations": broken, "feasible": not broken}
+    return replace(planned, plan=planned.plan.model_copy(update=foretold))
+
+
+def predict(planned: Planned, rehearsal: Rehearsal) -> Prediction:
+    """What a rehearsal of a plan says; raises ValueError where nothing of it could be played."""
+    samples, rig = rehearsal.samples, planned.model.rig
+    if not samples.t_s:
+        raise ValueError(f"nothing of the plan can be played: {rehearsal.cut}")
+    complete = not rehearsal.cut
+    switches = any(law.K_S > 0.0 for law in planned.program.laws)
+    return Prediction(
+        outcome=rehearsal.outcome,
+        succeeds=complete and rehearsal.outcome in GOOD_OUTCOMES,
+        duration_s=samples.t_s[-1] + rig.rig.period_s,
+        complete=complete,
+        cut=rehearsal.cut,
+        curves=curves(samples),
+        phases=phases(samples, rig.rig.period_s),
+        peaks=peaks(rig, samples),
+        margins=margins(rig, samples, switches=switches),
+        violations=violations(rig, samples, partial(_pointer, planned.plan)),
+        rests_on=_rests_on(planned, rehearsal.instruments),
+    )
+
+
+def curves(samples: Samples) -> PredictedCurves:
+    """Samples thinned out to ``CURVE_POINTS``, the first one kept."""
+    stride = max(1, ceil(len(samples.t_s) / CURVE_POINTS))
+    return PredictedCurves(
+        t_s=samples.t_s[::stride],
+        phase=samples.phase[::stride],
+        x_um=samples.x_um[::stride],
+        force_mN=samples.force_mN[::stride],
+        voltage_V=samples.voltage_V[::stride],
+        x_r_um=samples.x_r_um[::stride],
+        force_r_mN=samples.force_r_mN[::stride],
+        sliding_um=samples.sliding_um[::stride],
+    )
+
+
+def phases(samples: Samples, period_s: float) -> list[PredictedPhase]:
+    """Phases in the order in which they were played."""
+    begins = [
+        index
+        for index, phase in enumerate(samples.phase)
+        if index == 0 or samples.phase[index - 1] != phase
+    ]
+    ends_s = [*(samples.t_s[index] for index in begins[1:]), samples.t_s[-1] + period_s]
+    return [
+        PredictedPhase(
+            phase=samples.phase[index],
+            start_s=samples.t_s[index],
+            duration_s=end_s - samples.t_s[index],
+        )
+        for index, end_s in zip(begins, ends_s, strict=True)
+    ]
+
+
+def _meets_a_part(planned: Planned) -> bool:
+    """Whether a part is expected: the free arm and the arm that is calibrated have none."""
+    plan = planned.plan
+    if isinstance(plan, CalibrationPlan):
+        return plan.calibration == "contact_stiffness"
+    return plan.kind != "move"
+
+
+def _pointer(plan: Plan | MotionPlan | CalibrationPlan, quantity: str, phase: str) -> str:
+    """Member of a request that leads beyond a limit; empty where none can be named."""
+    if plan.kind == "grip" and phase in PRESSING:
+        return "/force_mN"
+    if plan.kind in ("grip", "track") and phase == "contact" and quantity == "force":
+        return "/contact_force_mN"
+    if plan.kind in ("grip", "track") and phase in ("approach", "retreat") and quantity == "slew":
+        return "/approach_um_per_s"
+    return ""
+
+
+def _rests_on(planned: Planned, instruments: Instruments) -> list[str]:
+    """What a prediction takes for granted, in words."""
+    model = planned.model
+    words = [f"arm: {_values(model, ARM)}", f"free response: {_free_response(model)}"]
+    if _meets_a_part(planned):
+        words.append(f"part: {_part(planned)}; rigid, and where it is expected")
+    else:
+        words.append("part: none in the way")
+    words.append(
+        f"instruments: a voltage {1e3 * instruments.delay_s:.1f} ms after its sample, an output "
+        f"lag of {1e3 * instruments.lag_s:.1f} ms, as their drivers state; no noise"
+    )
+    return words
+
+
+def _part(planned: Planned) -> str:
+    expected: dict[str, float] = planned.values.get("part", {})
+    if not expected:
+        return _values(planned.model, PART)
+    own = ", ".join(f"{name} = {value:g}" for name, value in expected.items())
+    return f"{_values(planned.model, PART)}, but by the recipe {own}"
+
+
+def _values(model: ModelInUse, quantities: tuple[str, ...]) -> str:
+    sources = model.calibration.sources
+    return ", ".join(
+        f"{quantity.partition('.')[2]} = {value_of(model.rig, quantity):g} "
+        f"{UNITS[quantity]} ({sources.get(quantity, ASSUMED)})"
+        for quantity in quantities
+    )
+
+
+def _free_response(model: ModelInUse) -> str:
+    begin = "unpoled, at rest at the begin"
+    if model.rig.model.free_response is not None:
+        return f"as identified, with hysteresis and creep; {begin}"
+    if model.rig.model.recorded_response is not None:
+        return f"as recorded, with hysteresis and without creep; {begin}"
+    return "a straight line, without hysteresis and creep: none was identified"

@@ -1,0 +1,89 @@
+"""A plan played by the services of the loop against the arm as the model in use has it."""
+
+from dataclasses import dataclass
+
+from pincette import plugins
+from pincette.config import ConfigError, RigFile
+from pincette.runtime.timing import COMPUTING_S, budget
+from pincette_supervisor.planning.identified_arm import (
+    TIME_CONSTANTS,
+    Instruments,
+    identified_arm,
+)
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.planning.stage import Samples, Stage
+
+LONGEST_S = 120.0
+"""Of a plan, that is played."""
+ENDLESS_S = 0.3
+"""How long a segment without end is played, as its plan draws it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """Samples, how the program ended, and why no more of it was played; empty: all of it was."""
+
+    samples: Samples
+    outcome: str
+    cut: str
+    instruments: Instruments
+
+
+def stated_instruments(rig: RigFile) -> Instruments:
+    """Delay and lag as the drivers of a rig state them; none where they state nothing."""
+    try:
+        timing = budget(rig)
+    except (ConfigError, plugins.PluginError):
+        return Instruments(0.0, 0.0)
+    delay_s = timing.sensor.exchange_s + COMPUTING_S + timing.output.exchange_s
+    lag_s = timing.output.response_s / TIME_CONSTANTS
+    return Instruments(min(delay_s, rig.rig.period_s), lag_s)
+
+
+def rehearse(planned: Planned, present: Present, *, part: bool) -> Rehearsal:
+    """Play a plan from where the arm stands.
+
+    What waits for a person goes on after ``ENDLESS_S``, with the weight hung that is asked for;
+    what is held without end is released then.
+
+    Parameters
+    ----------
+    part
+        Whether the part of the rig file is there.
+    """
+    rig = planned.model.rig
+    rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"time": "lockstep"})})
+    instruments, period_s = stated_instruments(rig), rig.rig.period_s
+    # What a recipe expects of the object is where it is; the services know the rig file alone.
+    expected = rig.part.model_copy(update=planned.values.get("part", {}))
+    arm = identified_arm(rig, instruments, present.stand_V(rig), expected if part else None)
+    if present.x_um is not None and not planned.begins_held:
+        arm = arm.at(present.x_um)
+    stage = Stage(rig, arm, planned.program)
+    cut, released = _played(stage, planned, period_s)
+    # The controller leaves open how a hold ends that a person ended.
+    otherwise = "released" if released and not cut else "unfinished"
+    return Rehearsal(stage.samples, stage.outcome or otherwise, cut, instruments)
+
+
+def _played(stage: Stage, planned: Planned, period_s: float) -> tuple[str, bool]:
+    """Play to the end; returns why no more was played, and whether a part was released."""
+    longest, prompted, released = int(LONGEST_S / period_s + 0.5), -1, False
+    for seq in range(longest):
+        cut = stage.tick(seq)
+        if cut or stage.ended:
+            return cut, released
+        segment, told, place = stage.segment, stage.told, stage.place
+        if segment is None or told is None:
+            continue
+        wait = planned.waits.get(place)
+        if wait is not None and wait.weight_mN is not None and told.segment_tick <= 1:
+            stage.arm = stage.arm.hang(wait.weight_mN)
+        waited = segment.duration_s is None and told.segment_tick * period_s >= ENDLESS_S
+        if waited and place != prompted:
+            prompted, released = place, wait is None
+            cut = stage.act("release" if released else "continue")
+            if cut:
+                return cut, False
+    return f"{LONGEST_S:g} s are foretold at most", released

@@ -1,0 +1,69 @@
+"""Samples that are foretold, as JSON, CSV and Parquet; units go with them in each."""
+
+import csv
+from collections.abc import Sequence
+from io import StringIO
+from typing import Any, Literal
+
+import pyarrow
+import pyarrow.parquet
+
+from pincette.api.trajectory_models import SampleColumn
+from pincette_supervisor.planning.rehearsal import Rehearsal
+from pincette_supervisor.planning.stage import Samples
+
+Format = Literal["json", "csv", "parquet"]
+MEDIA_TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
+COLUMNS = (
+    SampleColumn(name="t_s", unit="s", meaning="time since the begin"),
+    SampleColumn(name="phase", unit="", meaning="phase of the program"),
+    SampleColumn(name="x_r_um", unit="µm", meaning="reference position, x_r"),
+    SampleColumn(name="force_r_mN", unit="mN", meaning="reference force, F_r"),
+    SampleColumn(name="x_um", unit="µm", meaning="position of the tip, foretold"),
+    SampleColumn(name="force_mN", unit="mN", meaning="contact force, foretold"),
+    SampleColumn(name="voltage_V", unit="V", meaning="voltage applied, foretold"),
+    SampleColumn(name="sliding_um", unit="µm", meaning="sliding function, foretold"),
+)
+
+# pyarrow carries no types.
+_arrow: Any = pyarrow
+_parquet: Any = pyarrow.parquet
+
+
+def table(samples: Samples) -> dict[str, list[Any]]:
+    """Columns by their names."""
+    return {column.name: getattr(samples, column.name) for column in COLUMNS}
+
+
+def as_csv(rehearsal: Rehearsal, about: dict[str, str]) -> bytes:
+    """Comments that say whose they are and what each column is, names, a line for each sample."""
+    stream = StringIO()
+    for name, value in about.items():
+        stream.write(f"# {name}: {value}\n")
+    for column in COLUMNS:
+        unit = f" [{column.unit}]" if column.unit else ""
+        stream.write(f"# {column.name}{unit}: {column.meaning}\n")
+    writer = csv.writer(stream, lineterminator="\n")
+    columns: Sequence[Sequence[Any]] = list(table(rehearsal.samples).values())
+    writer.writerow([column.name for column in COLUMNS])
+    writer.writerows(zip(*columns, strict=True))
+    return stream.getvalue().encode()
+
+
+def as_parquet(rehearsal: Rehearsal, about: dict[str, str]) -> bytes:
+    """Each field's metadata holds its unit and meaning, the schema's holds ``about``."""
+    schema = _arrow.schema(
+        [
+            _arrow.field(
+                column.name,
+                _arrow.string() if column.name == "phase" else _arrow.float64(),
+                metadata={"unit": column.unit, "meaning": column.meaning},
+            )
+            for column in COLUMNS
+        ],
+        metadata=about,
+    )
+    stream = _arrow.BufferOutputStream()
+    made = _arrow.Table.from_pydict(table(rehearsal.samples), schema=schema)
+    _parquet.write_table(made, stream, compression="zstd")
+    return stream.getvalue().to_pybytes()
