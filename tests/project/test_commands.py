@@ -1,9 +1,17 @@
-"""README, Makefile and CI name the same commands."""
+"""README, Makefile and CI name the same commands; documents name what the command line knows."""
 
 import re
+import runpy
+import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from pincette.cli.main import parser
+
+COMMAND = re.compile(r"^ *(?:\.venv/bin/)?pincette ((?:[a-z].*))$|`pincette ([a-z][^`\n]*)`", re.M)
+PLACES = {"N": "1", "VERSION": "1"}
 
 
 @pytest.fixture(scope="module")
@@ -31,3 +39,34 @@ def test_ci_runs_the_test_command_of_the_readme(root: Path) -> None:
     script = root / ".ci/run"
     assert "\ncommand=(make test)\n" in script.read_text(encoding="utf-8")
     assert script.stat().st_mode & 0o111
+
+
+def test_the_page_of_the_command_line_is_the_one_it_makes(root: Path) -> None:
+    generator: dict[str, Any] = runpy.run_path(str(root / "docs/generate_cli.py"))
+    page = (root / "docs/reference/cli.md").read_text(encoding="utf-8")
+    assert page == generator["page"](), "run `python docs/generate_cli.py`, look at the difference"
+
+
+def test_every_word_of_the_documents_is_known_to_the_command_line(
+    files: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    known = parser()
+    read = 0
+    unknown: list[str] = []
+    for path in files:
+        if path.suffix != ".md" or path.name == "cli.md":
+            continue
+        for one, other in COMMAND.findall(path.read_text(encoding="utf-8")):
+            line = (one or other).partition(" #")[0]
+            words = [PLACES.get(word, word) for word in shlex.split(line)]
+            if {"...", "…", "NAME", "COMMAND", "KIND"} & set(words):
+                continue
+            read += 1
+            try:
+                known.parse_args(words)
+            except SystemExit:
+                # A document may name a family of words: then only more of them are wanted.
+                if "arguments are required" not in capsys.readouterr().err:
+                    unknown.append(f"{path.name}: pincette {line}")
+    assert unknown == []
+    assert read > 20

@@ -42,7 +42,7 @@ def test_a_bad_request_is_refused(rig: RunningRig, case: str) -> None:
     [
         (("--force-mN", "abc"), 2, ["--force-mN", "'abc' mN", "finite number"]),
         (("--force-mN", "nan"), 2, ["--force-mN", "'nan' mN", "finite number"]),
-        (("--force-mN", "500"), 1, ["force 500", "mN", "limit 40 mN"]),
+        (("--force-mN", "500"), 5, ["force 500", "mN", "limit 40 mN"]),
         (("--force-mN", "-3"), 1, ["force_mN = -3.0 mN", "greater than 0 mN"]),
         (("--hold-s", "9999"), 1, ["hold_s = 9999.0 s", "3600 s"]),
         (("--strength", "20"), 2, ["unrecognized arguments", "--strength"]),
@@ -133,7 +133,7 @@ def test_a_busy_port(tmp_path: Path, program: str) -> None:
 
 def test_no_supervisor() -> None:
     done = pincette("job", "grip", "--url", f"http://127.0.0.1:{demo_rig().bus.port}")
-    assert done.returncode == 1
+    assert done.returncode == 3
     assert "no supervisor answers at http://127.0.0.1:" in done.stderr
     assert "pincette up" in done.stderr
 

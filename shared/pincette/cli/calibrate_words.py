@@ -4,6 +4,9 @@ import argparse
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+from pincette.cli.options import Words
+from pincette.cli.readers import list_of, number
+
 TEXT = "calibrate one thing of the rig; what it finds is proposed, and used once it is accepted"
 
 
@@ -62,27 +65,17 @@ WISHES = tuple(
 )
 
 
-def add(
-    word: argparse.ArgumentParser,
-    address: Callable[[argparse.ArgumentParser], None],
-    number: Callable[[str], Callable[[str], float]],
-) -> None:
-    """Add every calibration; ``address`` adds where the supervisor is, ``number`` reads one."""
-    names = word.add_subparsers(dest="calibration", required=True, metavar="CALIBRATION")
+def add(word: Words, finish: Callable[[argparse.ArgumentParser], object]) -> None:
+    """Add every calibration; ``finish`` adds what belongs to the command they stand in."""
     for name, (text, wishes) in CALIBRATIONS.items():
-        one = names.add_parser(name, help=text, description=text)
-        address(one)
+        one = word(name, text)
         for wish, (unit, meaning, listed) in wishes.items():
             read = number(unit)
             one.add_argument(
                 f"--{wish.replace('_', '-')}",
-                type=_list_of(read) if listed else read,
+                type=list_of(read) if listed else read,
                 dest=wish,
                 metavar=f"{unit},{unit},..." if listed else unit or "SHARE",
                 help=f"{meaning}, in {unit}" if unit else meaning,
             )
-        one.add_argument("--dry-run", action="store_true", help="plan only")
-
-
-def _list_of(read: Callable[[str], float]) -> Callable[[str], list[float]]:
-    return lambda text: [read(item) for item in text.split(",")]
+        finish(one)

@@ -1,16 +1,16 @@
 """A job followed to its end: a bar in a terminal, a line for each phase elsewhere."""
 
 import sys
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
-from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import BarColumn, TextColumn
+from rich.progress import Progress as Bar
 
-from pincette.cli.rest import Supervisor
+from pincette.api.job_models import Job, Progress
+from pincette.api.states import STATES
+from pincette.client import JobHandle
 
-TERMINAL = frozenset({"succeeded", "stopped", "aborted", "failed", "interrupted"})
 POLL_S = 0.2
 BAR_WIDTH = 24
 COLUMNS = (
@@ -22,40 +22,33 @@ COLUMNS = (
 )
 
 
-def follow(supervisor: Supervisor, name: str, console: Console) -> dict[str, Any]:
+def follow(job: JobHandle, console: Console) -> Job:
     """Show a job's progress until it has ended, and return it as it is then.
 
     Where it waits for a person, a terminal asks for the return key and then goes on.
     """
-    job: dict[str, Any] = {}
     show = _Bar(console) if console.is_terminal else _Lines(console)
     asked = ""
     with show:
-        for job, live in polls(supervisor, name):
-            show.show(job, live)
-            if "continue" not in job.get("allowed_actions", ()) or live["phase"] == asked:
+        live = job.job.progress
+        show.show(job.job, live)
+        while not job.ended:
+            job.refresh(POLL_S)
+            live = job.job.progress or live
+            show.show(job.job, live)
+            if live is None or "continue" not in job.job.allowed_actions or live.phase == asked:
                 continue
-            asked = live["phase"]
-            if show.ask(name, live["instruction"]):
-                supervisor.post(f"/jobs/{name}/actions", {"type": "continue"})
-    return job
-
-
-def polls(supervisor: Supervisor, name: str) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """A job again and again until it has ended, with the newest progress that is known."""
-    live: dict[str, Any] = {}
-    state = ""
-    while state not in TERMINAL:
-        job = supervisor.get(f"/jobs/{name}", wait="terminal", timeout_s=POLL_S)
-        live, state = job.get("progress") or live, job["state"]
-        yield job, live
+            asked = live.phase
+            if show.ask(job.id, live.instruction):
+                job.proceed()
+    return job.job
 
 
 class _Bar(AbstractContextManager[None]):
     """One line that is drawn anew."""
 
     def __init__(self, console: Console) -> None:
-        self._progress = Progress(*COLUMNS, console=console)
+        self._progress = Bar(*COLUMNS, console=console)
         self._bar = self._progress.add_task("queued", total=None, share="", now="", left="")
 
     def __enter__(self) -> None:
@@ -64,9 +57,10 @@ class _Bar(AbstractContextManager[None]):
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def show(self, job: dict[str, Any], live: dict[str, Any]) -> None:
-        elapsed_s, planned_s = live.get("elapsed_s", 0.0), live.get("planned_s")
-        if job["state"] == "succeeded":
+    def show(self, job: Job, live: Progress | None) -> None:
+        elapsed_s = 0.0 if live is None else live.elapsed_s
+        planned_s = None if live is None else live.planned_s
+        if job.state == "succeeded":
             # Where contact comes sooner than planned, the course is shorter.
             planned_s = elapsed_s
         self._progress.update(
@@ -76,7 +70,7 @@ class _Bar(AbstractContextManager[None]):
             completed=elapsed_s,
             share=share(elapsed_s, planned_s),
             now=newest(live),
-            left="" if job["state"] in TERMINAL else left(elapsed_s, planned_s),
+            left="" if STATES[job.state].terminal else left(elapsed_s, planned_s),
         )
 
     def ask(self, name: str, instruction: str) -> bool:
@@ -100,12 +94,13 @@ class _Lines(AbstractContextManager[None]):
     def __exit__(self, *_: object) -> None:
         return
 
-    def show(self, job: dict[str, Any], live: dict[str, Any]) -> None:
+    def show(self, job: Job, live: Progress | None) -> None:
         phase = phase_of(job, live)
         if phase == self._said:
             return
         self._said = phase
-        line = f"{live.get('elapsed_s', 0.0):6.2f} s  {phase:<9} {newest(live)}"
+        elapsed_s = 0.0 if live is None else live.elapsed_s
+        line = f"{elapsed_s:6.2f} s  {phase:<9} {newest(live)}"
         self._console.print(line.rstrip(), soft_wrap=True, markup=False)
 
     def ask(self, name: str, instruction: str) -> bool:
@@ -123,19 +118,19 @@ def _order(name: str, instruction: str) -> str:
     return f"{_what(instruction)}, then `pincette job continue {name}`"
 
 
-def phase_of(job: dict[str, Any], live: dict[str, Any]) -> str:
+def phase_of(job: Job, live: Progress | None) -> str:
     """The phase of a job that runs, else its state."""
-    state: str = job["state"]
-    return (live.get("phase") or state) if state == "running" else state
+    if job.state != "running" or live is None:
+        return job.state
+    return live.phase or job.state
 
 
-def newest(live: dict[str, Any]) -> str:
+def newest(live: Progress | None) -> str:
     """Newest position and force, of constant width."""
-    if live.get("x_um") is None:
+    if live is None or live.x_um is None:
         return ""
-    force_mN = live.get("force_mN")
-    force = " " * 9 if force_mN is None else f"{force_mN:6.2f} mN"
-    return f"{live['x_um']:6.2f} µm {force}"
+    force = " " * 9 if live.force_mN is None else f"{live.force_mN:6.2f} mN"
+    return f"{live.x_um:6.2f} µm {force}"
 
 
 def share(elapsed_s: float, planned_s: float | None) -> str:

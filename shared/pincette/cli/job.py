@@ -1,41 +1,97 @@
-"""Jobs from the command line: start, follow, act."""
+"""``pincette job``: start a job and follow it, act on one, list them."""
 
+import argparse
 from typing import Any
 
-from rich.console import Console
-
+from pincette.cli import job_acts, job_lists, job_words
+from pincette.cli.exit_status import Exit, of_job
 from pincette.cli.follow import follow
-from pincette.cli.rest import CliError, Supervisor
-from pincette.cli.show import show_plan, show_result
-from pincette.cli.show_model import show_calibration_plan
+from pincette.cli.options import Words, addressed, does, words
+from pincette.cli.output import emit, screen
+from pincette.cli.rest import FOLLOWED_S, CliError, rig_of
+from pincette.cli.show import show_result
+from pincette.cli.show_plan import show_plan
+from pincette.client import JobHandle, RigHandle
+
+ABOUT = "start a job and follow it, act on one, list them"
+CALIBRATE = "calibrate one thing of the rig: the same as `job calibrate`"
 
 
-def start(url: str, kind: str, wishes: dict[str, Any], *, dry_run: bool) -> int:
+def add(word: Words) -> None:
+    """Add ``job`` with every kind and every action, and ``calibrate``."""
+    kinds = words(word("job", ABOUT), "what", "KIND")
+    job_words.add(kinds, _starts)
+    job_acts.add(kinds)
+    job_lists.add(kinds)
+    job_words.add_calibrations(does(word("calibrate", CALIBRATE), start), _calibrates)
+
+
+def _starts(word: argparse.ArgumentParser) -> None:
+    job_words.taking(word)
+    word.add_argument("--dry-run", action="store_true", help="plan and predict only")
+    word.add_argument(
+        "--no-wait", action="store_true", help="do not follow the job: print its id, and end"
+    )
+    if word.get_default("kind") == "release":
+        word.add_argument(
+            "name",
+            metavar="JOB",
+            nargs="?",
+            help="the job whose part it is; left out, a job of its own lets go of what is held",
+        )
+        does(addressed(word), _release)
+        return
+    does(addressed(word), start)
+
+
+def _calibrates(word: argparse.ArgumentParser) -> None:
+    word.set_defaults(kind="calibrate")
+    _starts(word)
+
+
+def _release(given: argparse.Namespace) -> int:
+    return start(given) if given.name is None else job_acts.ask(given, "release")
+
+
+def start(given: argparse.Namespace) -> int:
     """Start a job and follow it to its end; the exit status says whether it succeeded."""
-    console = Console(highlight=False)
-    supervisor = Supervisor(url)
-    request = {"kind": kind, "autostart": True, **wishes}
-    if dry_run:
-        plan = supervisor.post("/jobs", request, dry_run="true")
-        if kind == "calibrate":
-            show_calibration_plan(plan, console)
+    rig, wishes = rig_of(given), job_words.wishes(given)
+    if given.dry_run:
+        return planned(rig, given.kind, wishes, machine=given.json)
+    job = rig.start(given.kind, **wishes)
+    if given.no_wait:
+        if given.json:
+            emit(job.job)
         else:
-            show_plan(plan, console)
-        return 0 if plan["feasible"] else 1
-    name: str = supervisor.post("/jobs", request)["id"]
+            print(job.id)
+        return Exit.DONE
+    return followed(job, machine=given.json)
+
+
+def followed(job: JobHandle, *, machine: bool) -> int:
+    """Follow a job to its end, and show what came of it."""
+    console = screen(machine=machine)
+    patient = job.patient(FOLLOWED_S)
     try:
-        job = follow(supervisor, name, console)
+        follow(patient, console)
     except KeyboardInterrupt:
         raise CliError(
-            f"no longer followed, but job {name} goes on: `pincette job stop {name}` stops it, "
-            "`pincette estop` stops the rig"
+            f"no longer followed, but job {job.id} goes on: `pincette job stop {job.id}` stops "
+            "it, `pincette estop` stops the rig",
+            Exit.INTERRUPTED,
         ) from None
-    show_result(job, console)
-    return 0 if job["state"] == "succeeded" else 1
+    if machine:
+        emit(patient.job)
+    else:
+        show_result(patient.job.model_dump(mode="json"), console)
+    return of_job(patient.job)
 
 
-def act(url: str, action: str, name: str) -> int:
-    """Ask a job to stop, to abort, or to release its part."""
-    job: dict[str, Any] = Supervisor(url).post(f"/jobs/{name}/actions", {"type": action})
-    print(f"job {name}: {action} taken; it is {job['state']}")
-    return 0
+def planned(rig: RigHandle, kind: Any, wishes: dict[str, Any], *, machine: bool) -> int:
+    """Show what a job would do; the exit status says whether it may."""
+    plan = rig.plan(kind, **wishes)
+    if machine:
+        emit(plan)
+    else:
+        show_plan(plan, screen())
+    return Exit.DONE if plan.feasible else Exit.LIMIT

@@ -1,122 +1,116 @@
-"""The words of the command line that start a job or act on one."""
+"""The words that say what a job shall do: every kind with its options."""
 
 import argparse
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
 from pincette.cli import calibrate_words
+from pincette.cli.options import Words, words
+from pincette.cli.readers import gains, label, list_of, number, points
 from pincette.control.laws.law import ParameterSet, Scheme
 from pincette.control.planning.paths import Shape
 
-JOB_ACTIONS = {
-    "stop": "stop a job; a held part stays held",
-    "abort": "abort a job: the actuator goes to its safe state and latches",
-    "release": "let the part of a job go",
-    "continue": "go on with a job that waits for you",
-}
-GRIP_TEXT = "grip the part of the rig file; what is not given is as the file says"
-TRACK_TEXT = (
-    "grip the part of the rig file and let position and force follow a path; "
-    "what is not given is as the file says"
-)
 UNITS = {
     "_um_per_s": "µm/s",
     "_um_per_s2": "µm/s²",
+    "_V_per_s": "V/s",
     "_mN": "mN",
     "_um": "µm",
     "_hz": "Hz",
+    "_V": "V",
     "_s": "s",
 }
-GRIP = {"force_mN": "force to hold", "hold_s": "time to hold it", "load_s": "time to load"}
-TRACK = {
-    "force_mean_mN": "mean force of a swing",
-    "force_pp_mN": "its force, peak to peak",
-    "x_pp_um": "its position, peak to peak, instead of the force",
-    "frequency_hz": "its frequency",
-    "dwell_s": "time to stay at each level",
-    "load_s": "time to load",
-    "rate_um_per_s": "highest speed along the path",
-    "acceleration_um_per_s2": "highest acceleration along the path",
+TEXTS = {
+    "grip": "grip the part of the rig file; what is not given is as the file says",
+    "track": "grip the part of the rig file and let position and force follow a path; "
+    "what is not given is as the file says",
+    "move": "move the free arm to a position or a voltage, and let it rest there",
+    "hold": "go on holding what is in the gripper, after a stop or a reset",
+    "release": "let go of what is in the gripper",
 }
-GAINS = ("K_P", "K_I", "K_S", "delta", "M", "B", "K", "K_f")
+NUMBERS: Mapping[str, Mapping[str, str]] = {
+    "grip": {"force_mN": "force to hold", "hold_s": "time to hold it", "load_s": "time to load"},
+    "track": {
+        "force_mean_mN": "mean force of a swing",
+        "force_pp_mN": "its force, peak to peak",
+        "x_pp_um": "its position, peak to peak, instead of the force",
+        "frequency_hz": "its frequency",
+        "dwell_s": "time to stay at each level",
+        "load_s": "time to load",
+        "rate_um_per_s": "highest speed along the path",
+        "acceleration_um_per_s2": "highest acceleration along the path",
+    },
+    "move": {
+        "to_um": "where to, by the law",
+        "by_um": "how far from here, by the law",
+        "to_V": "voltage to go to, without a law",
+        "by_V": "voltage to go on by, without a law",
+        "speed_um_per_s": "highest speed",
+        "warm_up_s": "time to cycle the voltage before, to warm up",
+        "low_V": "lowest voltage of the cycles",
+        "high_V": "highest voltage of the cycles",
+        "rate_V_per_s": "highest rate of the cycles",
+    },
+    "hold": {"hold_s": "time to hold", "release_s": "time to let go"},
+    "release": {"release_s": "time to let go"},
+}
+OTHERS = ("shape", "cycles", "levels_mN", "points", "scheme", "set", "gains")
+MOVES = ("conditioning_cycles", "zero", "teach")
+POLICIES = ("until_released", "on_stop", "on_abort", "recipe", "queue", "labels")
 WISHES = (
-    *dict.fromkeys((*GRIP, *TRACK, *calibrate_words.WISHES)),
-    *("shape", "cycles", "levels_mN", "points", "scheme", "set", "gains"),
+    *dict.fromkeys(name for numbers in NUMBERS.values() for name in numbers),
+    *(name for name in calibrate_words.WISHES),
+    *(*OTHERS, *MOVES, *POLICIES),
 )
 
 
-def number(unit: str) -> Callable[[str], float]:
-    """Reader of an argument that must be a finite number of a unit, or of none."""
-    value_of, number_of = (f" {unit}", f" of {unit}") if unit else ("", "")
-
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise argparse.ArgumentTypeError(
-                f"{text!r}{value_of} cannot be used: give a finite number{number_of}, such as 15"
+def add(word: Words, finish: Callable[[argparse.ArgumentParser], object]) -> None:
+    """Add every kind of job; ``finish`` adds what belongs to the command they stand in."""
+    for kind, text in TEXTS.items():
+        one = word(kind, text)
+        one.set_defaults(kind=kind)
+        _numbers(one, NUMBERS[kind])
+        if kind == "track":
+            _path(one)
+        if kind in ("grip", "track"):
+            _law(one)
+            one.add_argument(
+                "--recipe", metavar="NAME[@N]", help="part recipe that completes the request"
             )
-        return value
-
-    return read
-
-
-def levels(text: str) -> list[float]:
-    """Forces in mN, with commas between."""
-    return [number("mN")(level) for level in text.split(",")]
-
-
-def points(text: str) -> list[dict[str, float]]:
-    """Times and forces as s:mN, with commas between."""
-    found: list[dict[str, float]] = []
-    for point in text.split(","):
-        t_s, colon, force_mN = point.partition(":")
-        if not colon:
-            raise argparse.ArgumentTypeError(
-                f"{point!r} is no point: give s:mN, such as 0:5,1.5:12,3:5"
+        if kind == "move":
+            _move(one)
+        if kind in ("grip", "track", "hold"):
+            _policies(one)
+        if kind in ("grip", "hold"):
+            one.add_argument(
+                "--until-released",
+                action="store_true",
+                default=None,
+                help="hold until the action release",
             )
-        found.append({"t_s": number("s")(t_s), "force_mN": number("mN")(force_mN)})
+        finish(one)
+    calibrate = word("calibrate", calibrate_words.TEXT)
+    calibrate.set_defaults(kind="calibrate")
+    add_calibrations(calibrate, finish)
+
+
+def add_calibrations(
+    word: argparse.ArgumentParser, finish: Callable[[argparse.ArgumentParser], object]
+) -> None:
+    """Add every calibration below a word."""
+    calibrate_words.add(words(word, "calibration", "CALIBRATION"), finish)
+
+
+def wishes(given: argparse.Namespace) -> dict[str, Any]:
+    """Members of the request that were given."""
+    values = vars(given)
+    found = {name: values[name] for name in WISHES if values.get(name) is not None}
+    if "labels" in found:
+        found["labels"] = dict(found["labels"])
     return found
 
 
-def add(jobs: argparse.ArgumentParser, address: Callable[[argparse.ArgumentParser], None]) -> None:
-    """Add every kind of job and every action; ``address`` adds where the supervisor is."""
-    kinds = jobs.add_subparsers(dest="kind", required=True, metavar="KIND")
-    grip = kinds.add_parser("grip", help=GRIP_TEXT, description=GRIP_TEXT)
-    address(grip)
-    _numbers(grip, GRIP)
-    _law(grip)
-    _dry_run(grip)
-    track = kinds.add_parser("track", help=TRACK_TEXT, description=TRACK_TEXT)
-    address(track)
-    track.add_argument("--shape", choices=get_args(Shape), help="of the path")
-    _numbers(track, TRACK)
-    track.add_argument("--cycles", type=int, metavar="N", help="cycles at full amplitude")
-    track.add_argument(
-        "--levels-mN",
-        type=levels,
-        dest="levels_mN",
-        metavar="mN,mN,...",
-        help="forces of a step path",
-    )
-    track.add_argument(
-        "--points", type=points, metavar="s:mN,...", help="times and forces of waypoints, from 0 s"
-    )
-    _law(track)
-    _dry_run(track)
-    text = calibrate_words.TEXT
-    calibrate = kinds.add_parser("calibrate", help=text, description=text)
-    calibrate_words.add(calibrate, address, number)
-    for action, meaning in JOB_ACTIONS.items():
-        word = kinds.add_parser(action, help=meaning, description=meaning)
-        word.add_argument("name", metavar="JOB", help="its id")
-        address(word)
-
-
-def _numbers(word: argparse.ArgumentParser, wishes: dict[str, str]) -> None:
+def _numbers(word: argparse.ArgumentParser, wishes: Mapping[str, str]) -> None:
     for name, meaning in wishes.items():
         unit = next(unit for suffix, unit in UNITS.items() if name.endswith(suffix))
         word.add_argument(
@@ -128,20 +122,19 @@ def _numbers(word: argparse.ArgumentParser, wishes: dict[str, str]) -> None:
         )
 
 
-def gains(text: str) -> dict[str, float] | str:
-    """Gains as K_P=0.5,K_f=4000, or the word ``tuned``."""
-    if text == "tuned":
-        return text
-    found: dict[str, float] = {}
-    for gain in text.split(","):
-        name, equals, value = gain.partition("=")
-        if not equals or name not in GAINS:
-            raise argparse.ArgumentTypeError(
-                f"{gain!r} is no gain: give tuned, or some of {', '.join(GAINS)} "
-                "such as K_P=0.5,K_f=4000"
-            )
-        found[name] = number("")(value)
-    return found
+def _path(word: argparse.ArgumentParser) -> None:
+    word.add_argument("--shape", choices=get_args(Shape), help="of the path")
+    word.add_argument("--cycles", type=int, metavar="N", help="cycles at full amplitude")
+    word.add_argument(
+        "--levels-mN",
+        type=list_of(number("mN")),
+        dest="levels_mN",
+        metavar="mN,mN,...",
+        help="forces of a step path",
+    )
+    word.add_argument(
+        "--points", type=points, metavar="s:mN,...", help="times and forces of waypoints, from 0 s"
+    )
 
 
 def _law(word: argparse.ArgumentParser) -> None:
@@ -154,11 +147,35 @@ def _law(word: argparse.ArgumentParser) -> None:
     )
 
 
-def _dry_run(word: argparse.ArgumentParser) -> None:
-    word.add_argument("--dry-run", action="store_true", help="plan and predict only")
+def _move(word: argparse.ArgumentParser) -> None:
+    word.add_argument(
+        "--conditioning-cycles", type=int, metavar="N", help="full cycles of voltage before"
+    )
+    word.add_argument(
+        "--no-zero", dest="zero", action="store_false", default=None, help="do not zero the force"
+    )
+    word.add_argument("--teach", metavar="NAME", help="state the pose that is reached by this name")
 
 
-def wishes(given: argparse.Namespace) -> dict[str, Any]:
-    """Members of the request that were given."""
-    values = vars(given)
-    return {name: values[name] for name in WISHES if values.get(name) is not None}
+def _policies(word: argparse.ArgumentParser) -> None:
+    word.add_argument(
+        "--on-stop", choices=("hold", "release", "retract"), help="what a stop does to a held part"
+    )
+    word.add_argument(
+        "--on-abort", choices=("freeze", "ramp"), help="what an abort does to a held part"
+    )
+
+
+def taking(word: argparse.ArgumentParser) -> None:
+    """Say how a job is taken: at once or in its turn, and with which labels."""
+    word.add_argument(
+        "--queue", action="store_true", default=None, help="wait for the job that has the rig"
+    )
+    word.add_argument(
+        "--label",
+        type=label,
+        action="append",
+        dest="labels",
+        metavar="NAME=TEXT",
+        help="kept with the job; may be given again",
+    )

@@ -1,12 +1,13 @@
 """``pincette model``: the model in use, what calibrations propose, and deciding about it."""
 
 import argparse
-from collections.abc import Callable
-from typing import Any
 
-from rich.console import Console
+from pydantic import BaseModel
 
-from pincette.cli.rest import Supervisor
+from pincette.cli.exit_status import Exit
+from pincette.cli.options import Words, addressed, does, words
+from pincette.cli.output import emit, screen, tree
+from pincette.cli.rest import reached, rig_of
 from pincette.cli.show_model import show_model, show_proposal, show_proposals
 
 ABOUT = "show the model in use, and decide about what calibrations propose"
@@ -19,37 +20,37 @@ WORDS = {
 }
 
 
-def add(word: argparse.ArgumentParser, address: Callable[[argparse.ArgumentParser], None]) -> None:
-    """Add every word; ``address`` adds where the supervisor is."""
-    words = word.add_subparsers(dest="what", required=True, metavar="WHAT")
+def add(word: Words) -> None:
+    """Add ``model`` with every word below it."""
+    below = words(word("model", ABOUT), "what", "WHAT")
     for name, text in WORDS.items():
-        one = words.add_parser(name, help=text, description=text)
+        one = below(name, text)
         if name in ("accept", "discard"):
             one.add_argument("name", metavar="CALIBRATION", help="its id, that of its job")
         elif name == "use":
             one.add_argument("version", type=int, metavar="VERSION")
-        address(one)
+        does(addressed(one), model)
 
 
 def model(given: argparse.Namespace) -> int:
     """Do what one of the words says."""
-    console = Console(highlight=False)
-    supervisor = Supervisor(given.url)
+    console = screen()
+    found: BaseModel | list[BaseModel]
     match given.what:
         case "proposals":
-            show_proposals(supervisor.get("/calibrations")["calibrations"], console)
+            found = [*reached(given).proposals()]
+            show = show_proposals
         case "accept" | "discard":
-            path = f"/calibrations/{given.name}/actions"
-            show_proposal(supervisor.post(path, {"type": given.what}), console)
+            found = reached(given).decide(given.name, given.what)
+            show = show_proposal
         case "use":
-            body = {"type": "use", "version": given.version}
-            path = f"/rigs/{_rig(supervisor)}/model/actions"
-            show_model(supervisor.post(path, body), console)
+            found = rig_of(given).use_model(given.version)
+            show = show_model
         case _:
-            show_model(supervisor.get(f"/rigs/{_rig(supervisor)}/model"), console)
-    return 0
-
-
-def _rig(supervisor: Supervisor) -> str:
-    rigs: list[dict[str, Any]] = supervisor.get("/rigs")["rigs"]
-    return str(rigs[0]["name"])
+            found = rig_of(given).model()
+            show = show_model
+    if given.json:
+        emit(found)
+    else:
+        show(tree(found), console)
+    return Exit.DONE

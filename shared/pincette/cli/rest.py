@@ -1,67 +1,47 @@
-"""The supervisor as the command line sees it."""
+"""The supervisor that the command line speaks with."""
 
-from typing import Any, cast
+import argparse
+import os
 
-import httpx
+from pincette.cli.exit_status import Exit
+from pincette.client import RigHandle, Supervisor
+from pincette.client.call import OPERATOR_MAX
 
 DEFAULT_URL = "http://127.0.0.1:8000"
+PATIENCE_S = 0.5
+"""How long a person waits to learn that nobody answers."""
+FOLLOWED_S = 30.0
+"""How long a job is followed on while its supervisor does not answer, as when it is restarted."""
 
 
 class CliError(Exception):
     """Something a person must do something about; the text says what."""
 
-
-class Supervisor:
-    """REST calls that return JSON or raise CliError with the problem's own words."""
-
-    def __init__(self, url: str, timeout_s: float = 70.0) -> None:
-        self._url = url.rstrip("/")
-        try:
-            self._client = httpx.Client(
-                base_url=f"{self._url}/api/v1", timeout=timeout_s, trust_env=False
-            )
-        except httpx.InvalidURL as error:
-            raise CliError(f"--url {url} is no address ({error}); one is {DEFAULT_URL}") from error
-
-    def get(self, path: str, **query: str | float) -> Any:
-        """Read a resource."""
-        return self._call("GET", path, params=query)
-
-    def post(self, path: str, body: Any = None, **query: str | float) -> Any:
-        """Create a resource or ask for an action."""
-        return self._call("POST", path, json=body, params=query)
-
-    def _call(self, method: str, path: str, **details: Any) -> Any:
-        try:
-            response = self._client.request(method, path, **details)
-        except (httpx.TransportError, httpx.InvalidURL) as error:
-            raise CliError(
-                f"no supervisor answers at {self._url} ({error}); start one with `pincette up`, "
-                "or name another with --url"
-            ) from error
-        if response.is_error:
-            raise CliError(problem_text(response))
-        try:
-            return response.json() if response.content else None
-        except ValueError as error:
-            raise CliError(
-                f"what answers at {self._url} is no supervisor; name another with --url"
-            ) from error
+    def __init__(self, text: str, status: int = Exit.FAILED) -> None:
+        super().__init__(text)
+        self.status = status
 
 
-def problem_text(response: httpx.Response) -> str:
-    """What an RFC 9457 answer says: its title, then each fault in a line, or its detail."""
-    place = f"{response.request.method} {response.request.url}"
-    try:
-        problem = cast("dict[str, Any]", response.json())
-        title = str(problem["title"])
-    except (ValueError, TypeError, KeyError):
-        return f"{place}: status {response.status_code}, and no words; is it a supervisor?"
-    faults = [
-        str(entry.get("message", entry)) if isinstance(entry, dict) else str(entry)
-        for name in ("violations", "errors", "reasons")
-        for entry in cast("list[dict[str, Any] | str]", problem.get(name, []))
-    ]
-    if not faults:
-        return f"{title}: {problem.get('detail', '')}"
-    return "\n".join([f"{title}:", *(f"  {fault}" for fault in faults)])
+def reached(given: argparse.Namespace) -> Supervisor:
+    """The supervisor of ``--url``."""
+    return Supervisor(given.url, patience_s=PATIENCE_S, operator=operator())
+
+
+def operator() -> str | None:
+    """Who sits at this terminal, as far as the environment tells."""
+    name = os.environ.get("USER", "")
+    return name if name.isascii() and name.isprintable() and 0 < len(name) <= OPERATOR_MAX else None
+
+
+def rig_of(given: argparse.Namespace) -> RigHandle:
+    """The rig of ``--at``, else the only one."""
+    return reached(given).rig(given.at)
+
+
+def silence(url: str | None, error: Exception) -> str:
+    """What a person is told where nobody answers."""
+    place = f" at {url}" if url else ""
+    return (
+        f"no supervisor answers{place}: {error}; start one with `pincette up`, "
+        "or name another with --url"
+    )

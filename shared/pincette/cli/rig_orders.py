@@ -1,17 +1,23 @@
 """`pincette rig`: what a person does at the bench of a simulated rig, and faults that befall it."""
 
+import argparse
 import math
+from dataclasses import asdict
 from pathlib import Path
 
 from pincette.bus.links import client_ends
 from pincette.bus.protocol import BusError
 from pincette.bus.zenoh_bus import ZenohBus
+from pincette.cli.options import Words, does, machine, rigged
+from pincette.cli.output import emit
+from pincette.cli.readers import number
 from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
 from pincette.config.script import DEEDS, Deed, objection
 from pincette.messages import Order
 from pincette.topics import ORDER
 
+ABOUT = "operate a simulated rig: its part, weights, faults; alone: list them"
 EXAMPLES = """\
 examples:
   pincette rig part remove
@@ -24,11 +30,43 @@ A rig takes orders where its file says `scripts = true` in [simulation].
 """
 
 
+def add(word: Words) -> None:
+    """Add ``rig``."""
+    one = machine(rigged(word("rig", ABOUT)))
+    one.epilog, one.formatter_class = listing(), argparse.RawDescriptionHelpFormatter
+    one.add_argument("words", nargs="*", metavar="WORD", help="target, what, value")
+    one.add_argument(
+        "--after-s", type=number("s"), default=0.0, metavar="s", help="from now on, in s"
+    )
+    one.add_argument("--for-s", type=number("s"), metavar="s", help="how long a fault lasts, in s")
+    does(one, _given)
+
+
+def _given(given: argparse.Namespace) -> int:
+    if not given.json:
+        return order(given.rig, given.words, given.after_s, given.for_s)
+    if not given.words:
+        emit(
+            [dict(zip(("target", "what", "value", "meaning"), row, strict=True)) for row in rows()]
+        )
+        return 0
+    wanted = give(given.rig, given.words, given.after_s, given.for_s)
+    emit(asdict(wanted))
+    return 0
+
+
 def order(rig_path: Path, words: list[str], after_s: float, for_s: float | None) -> int:
     """Give one order to a rig that is up; without words, list what there is."""
     if not words:
         print(listing())
         return 0
+    give(rig_path, words, after_s, for_s)
+    print(f"{' '.join(words)}: done" if not after_s else f"{' '.join(words)}: in {after_s:g} s")
+    return 0
+
+
+def give(rig_path: Path, words: list[str], after_s: float, for_s: float | None) -> Order:
+    """Give an order to a rig that is up, and return it."""
     wanted = read(words, after_s, for_s)
     rig = opened(rig_path)
     if rig.simulation is None:
@@ -43,8 +81,7 @@ def order(rig_path: Path, words: list[str], after_s: float, for_s: float | None)
         raise CliError(f"{' '.join(words)}: {error}") from error
     finally:
         bus.close()
-    print(f"{' '.join(words)}: done" if not after_s else f"{' '.join(words)}: in {after_s:g} s")
-    return 0
+    return wanted
 
 
 def read(words: list[str], after_s: float, for_s: float | None) -> Order:

@@ -1,24 +1,14 @@
-"""What a plan and a result look like on a screen."""
+"""What a result looks like on a screen."""
 
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from pincette.cli.show_model import show_found
+from pincette.cli.tables import figures, table
 
 PLOTS = ("grip.png", "track.png", "calibration.png")
-LABEL = 19
-"""Width of the names of figures."""
-
-
-def _table(*names: str) -> Table:
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for place, name in enumerate(names):
-        table.add_column(name, justify="left" if place == 0 else "right")
-    return table
 
 
 def show_result(job: dict[str, Any], console: Console) -> None:
@@ -31,7 +21,7 @@ def show_result(job: dict[str, Any], console: Console) -> None:
     result: dict[str, Any] | None = job.get("result")
     if result is None:
         return
-    phases = _table("phase", "begins", "lasts")
+    phases = table("phase", "begins", "lasts")
     for phase in result["phases"]:
         phases.add_row(phase["phase"], f"{phase['start_s']:.2f} s", f"{phase['duration_s']:.2f} s")
     console.print()
@@ -40,8 +30,7 @@ def show_result(job: dict[str, Any], console: Console) -> None:
     if "calibration" in result:
         show_found(result, job["id"], console)
     lines = [] if "calibration" in result else result_lines(result)
-    for label, text in [*lines, *record_lines(job)]:
-        console.print(f"{label:<{LABEL}} {text}", markup=False, soft_wrap=True)
+    figures([*lines, *record_lines(job)], console)
 
 
 def _quantity(value: float | None, unit: str, digits: int = 2) -> str:
@@ -58,6 +47,8 @@ def _contact(result: dict[str, Any]) -> list[tuple[str, str]]:
 
 def result_lines(result: dict[str, Any]) -> list[tuple[str, str]]:
     """The figures of a result, named, with their units."""
+    if "ends_at" in result:
+        return _motion_lines(result)
     if "shape" in result:
         return _track_lines(result)
     error = result["force_error_mN"]
@@ -81,6 +72,27 @@ def result_lines(result: dict[str, Any]) -> list[tuple[str, str]]:
     true_mN = result.get("true_force_held_mN")
     if true_mN is not None:
         lines.append(("true force held", f"{true_mN:.2f} mN, known to the simulation alone"))
+    return lines
+
+
+def _motion_lines(result: dict[str, Any]) -> list[tuple[str, str]]:
+    pose = result["ends_at"]
+    taught = f", taught as {result['teach']}" if result["teach"] else ""
+    lines = [
+        ("outcome", str(result["outcome"])),
+        (
+            "rests at",
+            f"{_quantity(pose['x_um'], 'µm')}, {_quantity(pose['voltage_V'], 'V', 3)}{taught}",
+        ),
+    ]
+    if result["target_um"] is not None:
+        error = result["target_error_um"]
+        said = "" if error is None else f", error {error:+.3f} µm"
+        lines.append(("target", f"{result['target_um']:.2f} µm{said}"))
+    if result["drift_um"] is not None:
+        lines.append(("drift", f"{_quantity(result['drift_um'], 'µm', 3)} while the part was held"))
+    if result["held_at_end"]:
+        lines.append(("part", "still held: `pincette job release` lets it go"))
     return lines
 
 
@@ -121,52 +133,3 @@ def record_lines(job: dict[str, Any]) -> list[tuple[str, str]]:
     lines = [("record", str(folder))]
     plots = (folder / name for name in PLOTS)
     return [*lines, *(("plot", str(plot)) for plot in plots if plot.is_file())]
-
-
-def show_plan(plan: dict[str, Any], console: Console) -> None:
-    """Print what a job would do."""
-    phases = _table("phase", "begins", "lasts", "to", "force", "voltage")
-    for phase in plan["phases"]:
-        phases.add_row(
-            phase["phase"],
-            f"{phase['start_s']:.2f} s",
-            f"{phase['duration_s']:.2f} s",
-            f"{phase['x_um']:.2f} µm",
-            f"{phase['force_mN']:.2f} mN",
-            f"{phase['voltage_V']:.3f} V",
-        )
-    console.print(phases)
-    console.print()
-    if "law" in plan:
-        print_law(plan["law"], console)
-    if "steady_errors" in plan:
-        for label, text in steady_lines(plan["steady_errors"]):
-            console.print(f"{label:<{LABEL}} {text}", markup=False, soft_wrap=True)
-        console.print()
-    if plan["feasible"]:
-        console.print(f"feasible: {plan['duration_s']:.2f} s, within every limit of the rig")
-        return
-    console.print("[red]not feasible[/red]: the plan breaks a limit of the rig")
-    for violation in plan["violations"]:
-        console.print(f"  {violation['message']}", markup=False)
-
-
-def print_law(law: dict[str, Any], console: Console) -> None:
-    """Print which law a job runs with, and how stable its loop is at the worst."""
-    gains = ", ".join(f"{name} = {law[name]:g}" for name in ("K_P", "K_I", "K_S", "K_f"))
-    text = f"{law['scheme'].upper()}, {law['set']} set, {gains} ({law['gains_from']})"
-    console.print(f"{'law':<{LABEL}} {text}", markup=False, soft_wrap=True)
-    radius, limit = law["spectral_radius"], law["spectral_radius_limit"]
-    text = f"{radius:.3f} at the worst, limit {limit:g}"
-    console.print(f"{'spectral radius':<{LABEL}} {text}", markup=False, soft_wrap=True)
-
-
-def steady_lines(errors: dict[str, float]) -> list[tuple[str, str]]:
-    """Where the arm would rest if the part differed from the plan within its tolerances."""
-    lowest_um, highest_um = errors["position_min_um"], errors["position_max_um"]
-    lowest_mN, highest_mN = errors["force_min_mN"], errors["force_max_mN"]
-    return [
-        ("steady errors", "for a part within the tolerances of the rig file:"),
-        ("  position", f"{lowest_um:+.2f} to {highest_um:+.2f} µm"),
-        ("  force", f"{lowest_mN:+.2f} to {highest_mN:+.2f} mN, until the load finds the contact"),
-    ]

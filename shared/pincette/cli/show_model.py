@@ -1,19 +1,13 @@
-"""What a calibration's plan, a proposal and a model look like on a screen."""
+"""What a calibration has found, a proposal and a model look like on a screen."""
 
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
+
+from pincette.cli.tables import clock, figures, table
 
 Tree = dict[str, Any]
-
-
-def _table(*names: str) -> Table:
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for place, name in enumerate(names):
-        table.add_column(name, justify="left" if place == 0 else "right")
-    return table
+QUANTITY_WIDTH = 34
 
 
 def number(value: Any, unit: str) -> str:
@@ -23,32 +17,6 @@ def number(value: Any, unit: str) -> str:
     if isinstance(value, int | float):
         return f"{value:.5g} {unit}" if unit != "1" else f"{value:.5g}"
     return "a table"
-
-
-def show_calibration_plan(plan: Tree, console: Console) -> None:
-    """Print what a calibration would do."""
-    phases = _table("phase", "begins", "lasts", "voltage")
-    for phase in plan["phases"]:
-        lasts = phase["duration_s"]
-        phases.add_row(
-            phase["phase"],
-            f"{phase['start_s']:.2f} s",
-            "waits for you" if lasts is None else f"{lasts:.2f} s",
-            f"{phase['voltage_V']:.3f} V",
-        )
-    console.print(phases)
-    for item in plan["rests_on"]:
-        console.print(f"rests on {item['quantity']}, {item['source']}", markup=False)
-    low_V, high_V = plan["voltage_min_V"], plan["voltage_max_V"]
-    if plan["feasible"]:
-        console.print(
-            f"feasible: {plan['duration_s']:.2f} s, {plan['waits']} waits, "
-            f"{low_V:.3f} V to {high_V:.3f} V"
-        )
-        return
-    console.print("[red]not feasible[/red]: the plan breaks a limit of the rig")
-    for violation in plan["violations"]:
-        console.print(f"  {violation['message']}", markup=False)
 
 
 def show_found(result: Tree, name: str, console: Console) -> None:
@@ -69,13 +37,13 @@ def show_proposals(proposals: list[Tree], console: Console) -> None:
     if not proposals:
         console.print("no calibration has proposed anything yet")
         return
-    table = _table("calibration", "of", "state", "version")
+    rows = table("calibration", "of", "state", "version")
     for item in proposals:
         version = item["model_version"]
-        table.add_row(
+        rows.add_row(
             item["id"], item["calibration"], item["state"], "" if version is None else str(version)
         )
-    console.print(table)
+    console.print(rows)
 
 
 def show_proposal(proposal: Tree, console: Console) -> None:
@@ -95,10 +63,11 @@ def show_model(model: Tree, console: Console) -> None:
     console.print(f"rig {model['rig']}: model {model['version']} {model['digest']}".rstrip())
     if model["trouble"]:
         console.print(f"[red]{model['trouble']}[/red]")
-    table = _table("quantity", "value", "from")
+    rows = table("quantity", "value", "from", "due")
     for item in model["quantities"]:
-        table.add_row(item["quantity"], number(item["value"], item["unit"]), item["source"])
-    console.print(table)
+        value = number(item["value"], item["unit"])
+        rows.add_row(item["quantity"], value, item["source"], _due(item))
+    console.print(rows)
     for version in model["versions"]:
         text = f"model {version['version']} of {version['made_at']}: "
         console.print(text + (version["trouble"] or ", ".join(version["quantities"])), markup=False)
@@ -110,5 +79,11 @@ def _found(value: Tree) -> str:
     return text if uncertainty is None else f"{text} ± {uncertainty:.2g}"
 
 
+def _due(item: Tree) -> str:
+    """The day on which a quantity is to be calibrated again."""
+    day = clock(item.get("due_at"))[:10]
+    return f"[red]{day}, overdue[/red]" if item.get("overdue") else day
+
+
 def _line(console: Console, label: str, text: str) -> None:
-    console.print(f"{label:<34} {text}", markup=False, soft_wrap=True)
+    figures([(label, text)], console, QUANTITY_WIDTH)

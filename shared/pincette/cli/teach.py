@@ -1,9 +1,11 @@
 """``pincette teach``: the free response of a rig, out of a free motion of its arm."""
 
+import argparse
 import sys
 from pathlib import Path
 from typing import Literal
 
+from pincette.cli.options import Words, does, rigged
 from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
 from pincette.config import RecordedFreeResponse
@@ -12,6 +14,26 @@ from pincette.control.response.recording import Recording
 from pincette.runtime import teaching
 
 Source = Literal["identified", "recorded"]
+
+
+ABOUT = "identify the free response of a rig's arm, nothing in its way"
+
+
+def add(word: Words) -> None:
+    """Add ``teach``."""
+    one = rigged(word("teach", ABOUT))
+    one.add_argument("--write", type=Path, metavar="OUT", help="write the table there too")
+    one.add_argument(
+        "--source",
+        choices=("identified", "recorded"),
+        default="identified",
+        help="a model of hysteresis and creep, or the branches as recorded; %(default)s",
+    )
+    does(one, _given)
+
+
+def _given(given: argparse.Namespace) -> int:
+    return teach(given.rig, given.write, given.source)
 
 
 def teach(path: Path, write: Path | None, source: Source = "identified") -> int:

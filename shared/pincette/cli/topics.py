@@ -24,6 +24,31 @@ def topics(rig_path: Path) -> int:
     return 0
 
 
+def tree(rig_path: Path) -> dict[str, list[dict[str, str]]]:
+    """The same as plain data."""
+    name = opened(rig_path).rig.name
+    return {
+        "published": [
+            {
+                "key": key(name, topic),
+                "message": topic.message.__name__,
+                "producer": topic.producer,
+                "summary": topic.summary,
+            }
+            for topic in TOPICS
+        ],
+        "asked": [
+            {
+                "key": question_key(name, question),
+                "request": question.request.__name__,
+                "reply": question.reply.__name__,
+                "summary": question.summary,
+            }
+            for question in QUESTIONS
+        ],
+    }
+
+
 def _lines(rows: list[tuple[str, ...]]) -> None:
     width = max(len(first) for first, *_ in rows)
     for first, *others in rows:

@@ -11,17 +11,32 @@ from types import FrameType
 from rich.console import Console
 from rich.text import Text
 
+from pincette.cli.exit_status import of_job
 from pincette.cli.follow import follow
-from pincette.cli.rest import CliError, Supervisor
+from pincette.cli.options import Words, does, machine, rigged
+from pincette.cli.output import emit, screen
+from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
 from pincette.cli.show import show_result
+from pincette.client import Supervisor
 from pincette.config import RigFile
 from pincette.runtime.fleet import Fleet, FleetError, Member
 
+UP = "start every program of a rig on this machine; Ctrl-C ends them"
+DEMO = "start a rig, grip its part, show the result, end"
 WATCH_S = 0.3
 LOG_STAMP = re.compile(r"^\d{4}-\d\d-\d\d [\d:,]+ \w+ ", re.MULTILINE)
 """What a program's log says of time and place, which one person at one screen knows."""
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def add(word: Words) -> None:
+    """Add ``up`` and ``demo``."""
+    does(rigged(word("up", UP), data=True), lambda given: up(given.rig, given.data))
+    does(
+        machine(rigged(word("demo", DEMO), data=True)),
+        lambda given: demo(given.rig, given.data, machine=given.json),
+    )
 
 
 def _end(_number: int, _frame: FrameType | None) -> None:
@@ -81,8 +96,7 @@ def up(rig_path: Path, data: Path) -> int:
 
 
 def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
-    url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
-    console.print(f"rig [bold]{rig.rig.name}[/bold] is up at {url}; Ctrl-C ends it")
+    console.print(f"rig [bold]{rig.rig.name}[/bold] is up at {_address(rig)}; Ctrl-C ends it")
     gone: set[str] = set()
     while True:
         sleep(WATCH_S)
@@ -93,12 +107,17 @@ def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
                 _say(console, member, "red", f"ended, status {status}; see {member.log}")
 
 
-def demo(rig_path: Path, data: Path) -> int:
+def _address(rig: RigFile) -> str:
+    return f"http://{rig.supervisor.host}:{rig.supervisor.port}"
+
+
+def demo(rig_path: Path, data: Path, *, machine: bool = False) -> int:
     """Grip the part of a rig once, from start to end."""
-    console = Console(highlight=False)
-    with running(rig_path, data, console) as (rig, _fleet):
-        supervisor = Supervisor(f"http://{rig.supervisor.host}:{rig.supervisor.port}")
-        created = supervisor.post("/jobs", {"kind": "grip", "autostart": True})
-        job = follow(supervisor, created["id"], console)
-    show_result(job, console)
-    return 0 if job["state"] == "succeeded" else 1
+    console = screen(machine=machine)
+    with running(rig_path, data, console) as (rig, _fleet), Supervisor(_address(rig)) as supervisor:
+        job = follow(supervisor.rig().start("grip"), console)
+    if machine:
+        emit(job)
+    else:
+        show_result(job.model_dump(mode="json"), console)
+    return of_job(job)

@@ -1,6 +1,5 @@
 """What the words of the command line make of a calibration's request, and how it is shown."""
 
-import argparse
 import io
 from typing import Any
 
@@ -8,15 +7,18 @@ import pytest
 from pydantic import TypeAdapter
 from rich.console import Console
 
+from pincette.api.calibration_models import CalibrationPhase, CalibrationPlan
+from pincette.api.job_models import Job, Progress
 from pincette.api.request_base import StartRequest
 from pincette.api.request_models import AnyJobRequest, Body
-from pincette.cli import job_words, model
+from pincette.cli import job_words
 from pincette.cli.calibrate_words import CALIBRATIONS
 from pincette.cli.follow import follow
 from pincette.cli.main import parser
-from pincette.cli.rest import Supervisor
 from pincette.cli.show import show_result
-from pincette.cli.show_model import show_calibration_plan, show_model, show_proposal
+from pincette.cli.show_model import show_model, show_proposal
+from pincette.cli.show_plan import show_plan
+from tests.unit.client import desk
 
 REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
 VALUE: dict[str, Any] = {
@@ -91,7 +93,7 @@ def test_a_proposal_and_the_model_are_shown() -> None:
     beside = {**VALUE, "in_use": 0.46, "difference_percent": -0.37}
     proposal = {"calibration": "compliance", "id": "j", "state": "accepted", "model_version": 2}
     show_proposal({**proposal, "values": [beside]}, console)
-    item = {**VALUE, "source": "assumed"}
+    item = {**VALUE, "source": "assumed", "due_at": "2026-08-28T12:01:10.000Z", "overdue": True}
     found: dict[str, Any] = {
         "rig": "demo",
         "version": 2,
@@ -103,40 +105,36 @@ def test_a_proposal_and_the_model_are_shown() -> None:
     assert "compliance j: accepted, model 2" in out.getvalue()
     assert "before 0.46 µm/mN (-0.37 %)" in out.getvalue()
     assert "assumed" in out.getvalue()
+    assert "2026-08-28, overdue" in out.getvalue()
 
 
 def test_a_plan_says_how_often_it_waits() -> None:
     console, out = screen()
-    phases = [{"phase": "hang 1", "start_s": 0.0, "duration_s": None, "voltage_V": 0.0}]
-    plan: dict[str, Any] = {"phases": phases, "rests_on": [], "feasible": True, "waits": 1}
-    plan |= {"duration_s": 2.5, "voltage_min_V": 0.0, "voltage_max_V": 0.0}
-    show_calibration_plan(plan, console)
+    plan = desk.example(CalibrationPlan, phases=[desk.example(CalibrationPhase)], waits=1)
+    show_plan(CalibrationPlan.model_validate(plan), console)
     assert "waits for you" in out.getvalue()
-    assert "feasible: 2.50 s, 1 waits" in out.getvalue()
-
-
-class Waiting(Supervisor):
-    """A job that waits twice for the same, and ends."""
-
-    def __init__(self) -> None:
-        live = {"phase": "hang 2", "elapsed_s": 1.0}
-        live["instruction"] = "hang 5 mN on the tip, then POST the action continue"
-        waiting = {"state": "running", "progress": live, "allowed_actions": ["stop", "continue"]}
-        self._answers: list[dict[str, Any]] = [waiting, waiting, {"state": "succeeded"}]
-
-    def get(self, path: str, **query: str | float) -> Any:
-        assert (path, query["wait"]) == ("/jobs/j", "terminal")
-        return self._answers.pop(0)
+    assert "feasible: 8.00 s, 1 waits" in out.getvalue()
 
 
 def test_who_follows_is_told_once_what_is_waited_for() -> None:
     console, out = screen()
-    follow(Waiting(), "j", console)
-    assert out.getvalue().count("hang 5 mN on the tip, then `pincette job continue j`") == 1
+    instruction = "hang 5 mN on the tip, then POST the action continue"
+    live = desk.example(Progress, phase="hang 2", instruction=instruction)
+    waiting = desk.job(state="running", progress=live, allowed_actions=["stop", "continue"])
+    supervisor = desk.Desk(waiting, waiting, waiting, desk.job(id="j", state="succeeded"))
+    follow(supervisor.supervisor().job("j"), console)
+    name = desk.example(Job)["id"]
+    assert out.getvalue().count(f"hang 5 mN on the tip, then `pincette job continue {name}`") == 1
 
 
 def test_the_words_of_the_model() -> None:
-    top = argparse.ArgumentParser()
-    model.add(top, lambda word: word.add_argument("--url", default="x") and None)
-    assert vars(top.parse_args(["use", "3"])) == {"what": "use", "version": 3, "url": "x"}
-    assert top.parse_args(["accept", "20260301"]).name == "20260301"
+    given = parser().parse_args(["model", "use", "3"])
+    assert (given.what, given.version, given.json) == ("use", 3, False)
+    assert parser().parse_args(["model", "accept", "20260301"]).name == "20260301"
+
+
+def test_calibrate_is_short_for_a_job() -> None:
+    short = parser().parse_args(["calibrate", "noise", "--duration-s", "3"])
+    long = parser().parse_args(["job", "calibrate", "noise", "--duration-s", "3"])
+    assert (short.kind, short.call) == (long.kind, long.call)
+    assert job_words.wishes(short) == job_words.wishes(long)

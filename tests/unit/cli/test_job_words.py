@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from pincette.api.request_models import Gains
-from pincette.cli import job_words
+from pincette.cli import job_words, readers
 from pincette.cli.main import parser
 
 
@@ -67,9 +67,9 @@ def test_a_law_can_be_chosen(kind: str) -> None:
 
 
 def test_every_gain_that_a_request_knows_has_its_word() -> None:
-    asked = ",".join(f"{name}=2" for name in job_words.GAINS)
-    assert wishes("grip", "--gains", asked)["gains"] == dict.fromkeys(job_words.GAINS, 2.0)
-    assert {*job_words.GAINS, "force_age"} == set(Gains.model_fields)
+    asked = ",".join(f"{name}=2" for name in readers.GAINS)
+    assert wishes("grip", "--gains", asked)["gains"] == dict.fromkeys(readers.GAINS, 2.0)
+    assert {*readers.GAINS, "force_age"} == set(Gains.model_fields)
 
 
 @pytest.mark.parametrize(

@@ -4,15 +4,23 @@ import io
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 from rich.console import Console
 
+from pincette.api.job_models import Job, Progress
+from pincette.api.motion_models import MotionPlan
+from pincette.api.plan_models import Plan
+from pincette.api.prediction_models import Margin, Prediction
+from pincette.api.result_models import MotionResult
+from pincette.api.violation_models import Violation
 from pincette.cli.follow import follow, left, newest, phase_of, share
-from pincette.cli.rest import Supervisor, problem_text
-from pincette.cli.show import show_plan, show_result
+from pincette.cli.show import show_result
+from pincette.cli.show_plan import show_plan
+from tests.unit.client import desk
 
-LIVE = {"phase": "hold", "elapsed_s": 8.0, "planned_s": 16.0, "x_um": 40.25, "force_mN": 19.5}
+LIVE = desk.example(
+    Progress, phase="hold", elapsed_s=8.0, planned_s=16.0, x_um=40.25, force_mN=19.5
+)
 RESULT: dict[str, Any] = {
     "outcome": "gripped",
     "phases": [{"phase": "hold", "start_s": 6.8, "duration_s": 4.0}],
@@ -40,24 +48,14 @@ TRACK: dict[str, Any] = {
     "true_force_mN": {"rmse": 0.3, "rmse_percent": None, "maximum": 0.8},
     "force_uncertainty_mN": 1.59,
 }
-STEADY = {
-    "position_min_um": -2.13,
-    "position_max_um": 1.92,
-    "force_min_mN": -7.64,
-    "force_max_mN": 8.46,
-}
 
 
-class Answers(Supervisor):
-    """A supervisor that gives prepared answers."""
+def planned(**changes: Any) -> Plan:
+    return Plan.model_validate(desk.example(Plan, **changes))
 
-    def __init__(self, *answers: dict[str, Any]) -> None:
-        self._answers = list(answers)
 
-    def get(self, path: str, **query: str | float) -> Any:
-        assert path == "/jobs/j"
-        assert query["wait"] == "terminal"
-        return self._answers.pop(0)
+def job_of(**changes: Any) -> Job:
+    return Job.model_validate(desk.example(Job, **changes))
 
 
 def screen(*, terminal: bool) -> tuple[Console, io.StringIO]:
@@ -83,6 +81,20 @@ def test_a_result_has_every_figure_with_its_unit() -> None:
         assert line in text
     assert "true force" not in text
     assert max(map(len, text.splitlines())) <= 80
+
+
+def test_a_motion_says_where_it_rests() -> None:
+    console, out = screen(terminal=False)
+    result = desk.example(MotionResult, drift_um=0.02, held_at_end=True)
+    show_result({"id": "j", "state": "succeeded", "result": result, "record": None}, console)
+    for line in (
+        "outcome             moved",
+        "rests at            12.51 µm, 0.640 V, taught as beside-the-bead",
+        "target              12.50 µm, error +0.010 µm",
+        "drift               0.020 µm while the part was held",
+        "part                still held: `pincette job release` lets it go",
+    ):
+        assert line in out.getvalue()
 
 
 def test_what_is_not_known_is_said() -> None:
@@ -126,42 +138,71 @@ def test_the_plot_is_named_where_it_is(tmp_path: Path, name: str) -> None:
 
 def test_a_plan_that_cannot_be_says_why() -> None:
     console, out = screen(terminal=False)
-    plan = {"phases": [], "feasible": False, "violations": [{"message": "force 500 mN too much"}]}
-    show_plan(plan, console)
+    violation = desk.example(Violation, message="force 500 mN too much")
+    show_plan(planned(feasible=False, violations=[violation]), console)
     assert "not feasible" in out.getvalue()
-    assert "force 500 mN too much" in out.getvalue()
+    assert out.getvalue().count("force 500 mN too much") == 1
+
+
+def test_a_plan_says_what_is_foretold_and_how_near_the_limits_are() -> None:
+    console, out = screen(terminal=False)
+    margin = desk.example(Margin)
+    nearer = margin | {"distance": 1.5, "limit": 21.5}
+    foretold = desk.example(
+        Prediction,
+        margins=[margin, nearer],
+        complete=False,
+        cut="only the first 120 s",
+        violations=[desk.example(Violation, message="slew too high")],
+    )
+    show_plan(planned(prediction=foretold, feasible=False), console)
+    for line in (
+        "foretold            gripped after 16.42 s",
+        "  force             20.16 mN at most",
+        "  force left        1.5 mN to the limit 21.5 mN, at 8.86 s (load)",
+        "  not all of it     only the first 120 s",
+        "  slew too high",
+    ):
+        assert line in out.getvalue()
+    assert "limit 40 mN" not in out.getvalue()
 
 
 def test_a_plan_names_its_law_and_how_stable_it_is() -> None:
     console, out = screen(terminal=False)
-    law = {"scheme": "dsmifc", "set": "consistent", "gains_from": "tuned"}
-    gains = {"K_P": 0.2, "K_I": 1.0, "K_S": 0.0, "K_f": 3500.0}
-    radius = {"spectral_radius": 0.9559, "spectral_radius_limit": 0.97}
-    plan: dict[str, Any] = {"phases": [], "feasible": True, "duration_s": 15.0}
-    show_plan(plan | {"law": law | gains | radius}, console)
+    show_plan(planned(), console)
     for line in (
         "law                 DSMIFC, consistent set, "
         "K_P = 0.2, K_I = 1, K_S = 0, K_f = 3500 (tuned)",
         "spectral radius     0.956 at the worst, limit 0.97",
+        "feasible: 16.40 s, within every limit of the rig",
     ):
         assert line in out.getvalue()
 
 
 def test_a_plan_says_where_the_arm_would_rest() -> None:
     console, out = screen(terminal=False)
-    plan: dict[str, Any] = {"phases": [], "feasible": True, "duration_s": 15.0}
-    show_plan(plan | {"steady_errors": STEADY}, console)
+    show_plan(planned(), console)
     assert "  position          -2.13 to +1.92 µm" in out.getvalue()
     assert "  force             -7.64 to +8.46 mN, until the load" in out.getvalue()
-    assert max(map(len, out.getvalue().splitlines())) <= 80
+
+
+def test_a_plan_of_a_motion_says_what_it_takes_for_granted() -> None:
+    console, out = screen(terminal=False)
+    plan = desk.example(MotionPlan, warnings=["nobody has said that a part is held"])
+    show_plan(MotionPlan.model_validate(plan), console)
+    assert "note                nobody has said that a part is held" in out.getvalue()
+    assert "feasible: 2.40 s" in out.getvalue()
 
 
 @pytest.mark.parametrize("terminal", [False, True])
 def test_a_job_is_followed_to_its_end(terminal: bool) -> None:
     console, out = screen(terminal=terminal)
-    running = {"state": "running", "progress": LIVE}
-    ended = {"state": "succeeded", "progress": None}
-    assert follow(Answers({"state": "preparing"}, running, running, ended), "j", console) == ended
+    running = desk.job(state="running", progress=LIVE)
+    supervisor = desk.Desk(
+        desk.job(state="preparing"), running, running, desk.job(state="succeeded")
+    )
+    assert follow(supervisor.supervisor().job("j"), console).state == "succeeded"
+    assert [one.url.params.get("wait") for one in supervisor.asked[1:]] == ["terminal"] * 3
     text = out.getvalue()
     assert "succeeded" in text
     if not terminal:
@@ -170,29 +211,15 @@ def test_a_job_is_followed_to_its_end(terminal: bool) -> None:
 
 
 def test_parts_of_the_bar() -> None:
-    assert phase_of({"state": "running"}, LIVE) == "hold"
-    assert phase_of({"state": "stopping"}, LIVE) == "stopping"
-    assert newest(LIVE | {"force_mN": None}).rstrip() == " 40.25 µm"
-    assert newest({}) == ""
+    live = Progress.model_validate(LIVE)
+    assert phase_of(job_of(state="running"), live) == "hold"
+    assert phase_of(job_of(state="running"), None) == "running"
+    assert phase_of(job_of(state="stopping"), live) == "stopping"
+    assert newest(live.model_copy(update={"force_mN": None})).rstrip() == " 40.25 µm"
+    assert newest(None) == ""
     assert (share(8.0, 16.0), share(17.0, 16.0), share(1.0, None)) == ("50%", "100%", "")
     assert (left(8.0, 16.0), left(17.0, 16.0), left(1.0, None)) == (
         " 8.0 s left",
         " 0.0 s left",
         "",
     )
-
-
-def problem(**document: Any) -> str:
-    request = httpx.Request("POST", "http://rig/api/v1/jobs")
-    return problem_text(httpx.Response(422, json=document, request=request))
-
-
-def test_a_problem_is_said_once() -> None:
-    said = problem(
-        title="The plan breaks a limit of the rig",
-        detail="force 500 mN above the limit 40 mN",
-        violations=[{"pointer": "/force_mN", "message": "force 500 mN above the limit 40 mN"}],
-    )
-    assert said == "The plan breaks a limit of the rig:\n  force 500 mN above the limit 40 mN"
-    assert problem(title="Not found", detail="no job 'x'") == "Not found: no job 'x'"
-    assert "status 422" in problem(odd=1)

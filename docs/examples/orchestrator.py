@@ -1,0 +1,98 @@
+"""Pick parts one after the other, hold each while the cell works on it, and let it go.
+
+    python docs/examples/orchestrator.py --parts 3 --force-mN 15
+
+Ends with 0 where every part was gripped and let go, with 1 where one was not, and with 4 where a
+person must see to the rig first.
+"""
+
+import argparse
+import sys
+import time
+from uuid import uuid4
+
+from pincette.client import JobHandle, NoAnswerError, ProblemError, RigHandle, Supervisor
+
+DONE, FAILED, PERSON_NEEDED = 0, 1, 4
+BUSY_S = 2.0
+"""How long to wait while another job has the rig."""
+
+
+class PartError(Exception):
+    """A part was not gripped, or was lost; the rig can go on with the next one."""
+
+
+def start(rig: RigHandle, part: str, force_mN: float) -> JobHandle:
+    """Start a grip that holds until it is told to let go.
+
+    The key makes this safe to repeat: whoever starts the same part again gets the same job.
+    """
+    while True:
+        try:
+            return rig.start("grip", force_mN=force_mN, until_released=True, idempotency_key=part)
+        except ProblemError as problem:
+            if problem.code != "job-active":
+                raise
+            print(f"{part}: waits, {problem.detail}")
+            time.sleep(BUSY_S)
+
+
+def await_hold(job: JobHandle) -> None:
+    """Follow a job to the begin of its hold; a line that breaks on the way is taken up again."""
+    for event in job.events():
+        if event.kind == "phase":
+            print(f"{job.id}: {event.body['phase']}")
+            if event.body["phase"] == "hold":
+                return
+    raise PartError(f"ended before its hold: {job.refresh().cause or job.state}")
+
+
+def work(part: str, duration_s: float) -> None:
+    """Whatever the cell does with a part that is held."""
+    print(f"{part}: held; the cell works for {duration_s:g} s")
+    time.sleep(duration_s)
+
+
+def handle(rig: RigHandle, part: str, force_mN: float, work_s: float) -> str:
+    """Pick, hold and release one part; returns what came of it, in words."""
+    job = start(rig, part, force_mN)
+    try:
+        await_hold(job)
+        work(part, work_s)
+        job.release()
+        job.wait(timeout_s=60.0)
+    except KeyboardInterrupt:
+        job.stop()  # what is held stays held: a person decides what becomes of it
+        raise
+    if job.state != "succeeded":
+        raise PartError(f"{job.state}: {job.job.cause}")
+    found = job.job.result or {}
+    return f"{found['outcome']}, peak force {found['peak_force_mN']:.2f} mN, job {job.id}"
+
+
+def main() -> int:
+    """Handle some parts; the exit status is for the cell's controller."""
+    words = argparse.ArgumentParser()
+    words.add_argument("--url", default="http://127.0.0.1:8000")
+    words.add_argument("--parts", type=int, default=1)
+    words.add_argument("--force-mN", type=float, default=15.0, dest="force_mN")
+    words.add_argument("--work-s", type=float, default=1.0)
+    given = words.parse_args()
+    failed, run = 0, uuid4().hex[:8]
+    with Supervisor(given.url, patience_s=30.0, operator="orchestrator example") as supervisor:
+        rig = supervisor.rig()
+        for number in range(1, given.parts + 1):
+            part = f"{run}-part-{number}"
+            try:
+                print(f"{part}: {handle(rig, part, given.force_mN, given.work_s)}")
+            except PartError as error:
+                failed += 1
+                print(f"{part}: {error}", file=sys.stderr)
+            except (ProblemError, NoAnswerError) as error:
+                print(f"{part}: a person is needed: {error}", file=sys.stderr)
+                return PERSON_NEEDED
+    return FAILED if failed else DONE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,63 @@
+"""Pieces that the words of the command line have in common."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from pincette.cli.rest import DEFAULT_URL
+
+Words = Callable[[str, str], argparse.ArgumentParser]
+"""Adds a word with its meaning, and returns its parser."""
+Call = Callable[[argparse.Namespace], int]
+
+
+def words(parser: argparse.ArgumentParser, name: str, metavar: str) -> Words:
+    """Let a parser have words below it; the one that was given is kept as ``name``."""
+    below = parser.add_subparsers(dest=name, required=True, metavar=metavar)
+
+    def add(word: str, text: str) -> argparse.ArgumentParser:
+        return below.add_parser(word, help=text, description=text)
+
+    return add
+
+
+def does(word: argparse.ArgumentParser, call: Call) -> argparse.ArgumentParser:
+    """Say what a word calls."""
+    word.set_defaults(call=call)
+    return word
+
+
+def rigged(word: argparse.ArgumentParser, *, data: bool = False) -> argparse.ArgumentParser:
+    """Let a word be told the rig file, and the folder of records and logs."""
+    word.add_argument("--rig", type=Path, metavar="FILE", help="rig file")
+    if data:
+        word.add_argument(
+            "--data",
+            type=Path,
+            default=Path("data"),
+            metavar="FOLDER",
+            help="where records and logs go; %(default)s if not given",
+        )
+    return word
+
+
+def addressed(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Let a word be told where the supervisor is, and which of its rigs is meant."""
+    word.add_argument(
+        "--url", default=DEFAULT_URL, help="of the supervisor; %(default)s if not given"
+    )
+    word.add_argument("--at", metavar="RIG", help="name of the rig, where there are several")
+    return machine(word)
+
+
+def machine(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Let a word answer in JSON, and with nothing else, on standard output."""
+    word.add_argument("--json", action="store_true", help="answer in JSON on standard output")
+    return word
+
+
+def job_named(word: argparse.ArgumentParser, *, optional: str = "") -> argparse.ArgumentParser:
+    """Let a word be told a job; ``optional`` says what is meant where it is not."""
+    text = f"its id, or `last`{f'; {optional}' if optional else ''}"
+    word.add_argument("name", metavar="JOB", nargs="?" if optional else None, help=text)
+    return word

@@ -1,0 +1,92 @@
+"""A supervisor, and through it rigs and jobs."""
+
+from types import TracebackType
+from typing import Any, Literal
+
+import httpx
+
+from pincette.api.proposal_models import Proposal
+from pincette.api.recipe_models import Recipe, RecipeHistory
+from pincette.api.rig_models import Rig
+from pincette.client import job_calls, recipe_calls, rig_calls
+from pincette.client.async_job_handle import AsyncJobHandle
+from pincette.client.async_line import AsyncLine
+from pincette.client.async_rig_handle import AsyncRigHandle
+from pincette.client.choice import only
+
+TIMEOUT_S, PATIENCE_S = 10.0, 10.0
+
+
+class AsyncSupervisor:
+    """Where to begin: ``AsyncSupervisor(url).rig()``.
+
+    ``timeout_s`` is how long one answer may take, ``patience_s`` how long a call that may safely
+    be made again is made again while nobody answers. ``operator`` is who asks, as it is kept with
+    every action; left out, the supervisor keeps the address.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        timeout_s: float = TIMEOUT_S,
+        patience_s: float = PATIENCE_S,
+        operator: str | None = None,
+        transport: httpx.AsyncBaseTransport | None = None,
+    ) -> None:
+        self.line = AsyncLine(url, timeout_s, patience_s, operator, transport)
+        """What it speaks over; its clock and its sleep may be replaced."""
+
+    async def __aenter__(self) -> "AsyncSupervisor":
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Give the connections back."""
+        await self.line.close()
+
+    async def rigs(self) -> list[Rig]:
+        """Every rig that it serves."""
+        found = await self.line.send(rig_calls.rigs())
+        return found.rigs
+
+    async def rig(self, name: str | None = None) -> AsyncRigHandle:
+        """A rig by its name; without one the only rig there is."""
+        return AsyncRigHandle(self.line, name or only(await self.rigs()))
+
+    async def job(self, name: str) -> AsyncJobHandle:
+        """A job by its id, of whichever rig."""
+        return AsyncJobHandle(self.line, await self.line.send(job_calls.job(name)))
+
+    async def proposals(self, limit: int = 50) -> list[Proposal]:
+        """What calibrations propose, the newest first."""
+        found = await self.line.send(rig_calls.proposals(limit))
+        return found.calibrations
+
+    async def proposal(self, calibration: str) -> Proposal:
+        """What one calibration proposes, beside what is in use."""
+        return await self.line.send(rig_calls.proposal(calibration))
+
+    async def decide(self, calibration: str, decision: Literal["accept", "discard"]) -> Proposal:
+        """Use what a calibration proposes, or do not."""
+        return await self.line.send(rig_calls.decide(calibration, decision))
+
+    async def recipes(self) -> list[Recipe]:
+        """The newest version of every part recipe."""
+        found = await self.line.send(recipe_calls.recipes())
+        return found.recipes
+
+    async def recipe(self, name: str) -> RecipeHistory:
+        """One recipe with all its versions."""
+        return await self.line.send(recipe_calls.recipe(name))
+
+    async def save_recipe(self, name: str, values: dict[str, Any], note: str = "") -> Recipe:
+        """Keep a set of parameters under a name, as its next version."""
+        return await self.line.send(recipe_calls.save(name, values, note))

@@ -1,0 +1,133 @@
+"""One call over REST as data: what to send, how to read the answer, and whether it may be repeated.
+
+Both transports send the same calls, so that they cannot grow apart.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+import httpx
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from pincette.client.errors import ForeignAnswerError, NoAnswerError, problem_of
+
+BASE = "/api/v1"
+FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
+OPERATOR_MAX = 80
+UNSENT = (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout)
+"""Errors after which the supervisor cannot have seen the call."""
+
+T = TypeVar("T")
+M = TypeVar("M", bound=BaseModel)
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Generic[T]):
+    """One request and the reader of its answer."""
+
+    method: str
+    path: str
+    read: Callable[[httpx.Response], T]
+    query: Mapping[str, str | float] = field(default_factory=dict[str, str | float])
+    body: Any = None
+    headers: Mapping[str, str] = field(default_factory=dict[str, str])
+    repeatable: bool = False
+    """Whether it does no more when it is made twice, as when its answer was lost."""
+    kept_s: float = 0.0
+    """How long the supervisor may keep its answer back."""
+
+    def details(self, timeout_s: float) -> dict[str, Any]:
+        """Arguments of ``httpx.Client.request``."""
+        details: dict[str, Any] = {
+            "method": self.method,
+            "url": self.path,
+            "params": dict(self.query),
+            "headers": dict(self.headers),
+            "timeout": httpx.Timeout(timeout_s, read=timeout_s + self.kept_s),
+        }
+        if self.body is not None:
+            details["json"] = self.body
+        return details
+
+    def answer(self, response: httpx.Response) -> T:
+        """Read an answer.
+
+        Raises
+        ------
+        ProblemError
+            Where the supervisor refuses.
+        ForeignAnswerError
+            Where the answer is none that a supervisor gives.
+        """
+        if response.is_error:
+            raise problem_of(response)
+        try:
+            return self.read(response)
+        except (ValidationError, ValueError) as error:
+            raise ForeignAnswerError(
+                f"{self.method} {response.request.url}: the answer cannot be read; what answers "
+                f"there is no supervisor, or one of another version ({_first_line(error)})"
+            ) from error
+
+
+class Attempts:
+    """When a call that got no answer is made again: soon, then less often, for a bounded time."""
+
+    def __init__(
+        self, what: str, *, repeatable: bool, patience_s: float, clock: Callable[[], float]
+    ) -> None:
+        self._what, self._repeatable = what, repeatable
+        self._patience_s, self._clock = patience_s, clock
+        self.succeeded()
+
+    def succeeded(self) -> None:
+        """Begin anew: the next failure is the first of its row."""
+        self._delay_s, self._first_s = FIRST_DELAY_S, None
+
+    def delay_s(self, error: httpx.TransportError) -> float:
+        """How long to wait before the next attempt; raises NoAnswerError where there is none."""
+        unsent = isinstance(error, UNSENT)
+        if isinstance(error, httpx.UnsupportedProtocol) or not (self._repeatable or unsent):
+            raise NoAnswerError(self._words(error, unsent=unsent)) from error
+        now_s = self._clock()
+        self._first_s = now_s if self._first_s is None else self._first_s
+        left_s = self._first_s + self._patience_s - now_s
+        if left_s <= 0.0:
+            raise NoAnswerError(self._words(error, unsent=unsent)) from error
+        delay_s, self._delay_s = self._delay_s, min(2.0 * self._delay_s, LONGEST_DELAY_S)
+        return min(delay_s, left_s)
+
+    def _words(self, error: httpx.TransportError, *, unsent: bool) -> str:
+        why = str(error) or type(error).__name__
+        if unsent or self._repeatable or isinstance(error, httpx.UnsupportedProtocol):
+            return f"{self._what}: no answer ({why})"
+        return (
+            f"{self._what}: the line broke before the answer came ({why}); "
+            "it may or may not have been taken: look before it is sent again"
+        )
+
+
+def who(operator: str | None) -> dict[str, str]:
+    """Header that says who asks; raises ValueError where it cannot be said in one."""
+    if operator is None:
+        return {}
+    if not (operator.isascii() and operator.isprintable() and 0 < len(operator) <= OPERATOR_MAX):
+        raise ValueError(
+            f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters of ASCII are wanted"
+        )
+    return {"X-Operator": operator}
+
+
+def model(kind: type[M]) -> Callable[[httpx.Response], M]:
+    """Reader of an answer that is a model; fields that it does not know are passed over."""
+    return lambda response: kind.model_validate_json(response.content, extra="ignore")
+
+
+def one_of(kind: TypeAdapter[T]) -> Callable[[httpx.Response], T]:
+    """Reader of an answer that is one of several models."""
+    return lambda response: kind.validate_json(response.content, extra="ignore")
+
+
+def _first_line(error: Exception) -> str:
+    return "; ".join(str(error).splitlines()[:3])

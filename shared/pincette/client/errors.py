@@ -1,0 +1,95 @@
+"""What can go wrong between a program and its supervisor, in words a person can act on."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import httpx
+
+from pincette.api.problem_models import TYPE
+
+
+class ClientError(Exception):
+    """Something that the caller must do something about; the text says what."""
+
+
+class NoAnswerError(ClientError):
+    """Nobody answers at the address, or the line broke before the answer was complete."""
+
+
+class ForeignAnswerError(ClientError):
+    """What answers is no supervisor of this version."""
+
+
+class WaitTimeoutError(ClientError, TimeoutError):
+    """The job has not ended within the time that was given; it goes on."""
+
+
+class DamagedFileError(ClientError):
+    """A file of a record does not have the SHA-256 that the supervisor states."""
+
+
+class ProblemError(ClientError):
+    """The supervisor has refused: its problem document (RFC 9457)."""
+
+    def __init__(self, status: int, problem: Mapping[str, Any], place: str = "") -> None:
+        self.status = status
+        self.problem = dict(problem)
+        self.code = str(problem.get("type", "")).removeprefix(TYPE)
+        """Such as limit-violation, job-active, rig-not-ready; empty where it gives none."""
+        self.title = str(problem.get("title", f"status {status}"))
+        self.detail = str(problem.get("detail", ""))
+        self.place = place
+        super().__init__(self._words())
+
+    @property
+    def violations(self) -> Sequence[Mapping[str, Any]]:
+        """Limits that the plan breaks: pointer, quantity, value, limit, unit, at_s, message."""
+        return self._members("violations")
+
+    @property
+    def errors(self) -> Sequence[Mapping[str, Any]]:
+        """Faults of the request: pointer and message."""
+        return self._members("errors")
+
+    @property
+    def reasons(self) -> Sequence[str]:
+        """Why the rig cannot, each in words."""
+        return self._members("reasons")
+
+    @property
+    def allowed_actions(self) -> Sequence[str]:
+        """What the state of the job allows instead."""
+        return self._members("allowed_actions")
+
+    def _members(self, name: str) -> Any:
+        found: Any = self.problem.get(name)
+        return cast("list[Any]", found) if isinstance(found, list) else []
+
+    def _words(self) -> str:
+        """Its title, then each fault in a line, or its detail."""
+        entries: list[Any] = [*self.violations, *self.errors, *self.reasons]
+        faults = [str(_told(entry)) for entry in entries]
+        if faults:
+            return "\n".join([f"{self.title}:", *(f"  {fault}" for fault in faults)])
+        return f"{self.title}: {self.detail}" if self.detail else self.title
+
+
+def _told(entry: Any) -> Any:
+    """The words of a fault, or all of it where it has none."""
+    if isinstance(entry, dict):
+        fault = cast("dict[str, Any]", entry)
+        return fault.get("message", fault)
+    return entry
+
+
+def problem_of(response: httpx.Response) -> ProblemError:
+    """The error that an answer is; its body must have been read."""
+    place = f"{response.request.method} {response.request.url}"
+    try:
+        tree: Any = response.json()
+    except ValueError:
+        tree = None
+    if not isinstance(tree, dict) or "title" not in tree:
+        words = f"{place}: status {response.status_code}, and no words; is it a supervisor?"
+        return ProblemError(response.status_code, {"title": words}, place)
+    return ProblemError(response.status_code, cast("dict[str, Any]", tree), place)

@@ -1,0 +1,298 @@
+"""Every word that speaks with a supervisor: what it asks, what it says, how it ends."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from pincette.api.event_models import Event
+from pincette.api.job_models import Action, Artifact, Job
+from pincette.api.plan_models import Plan
+from pincette.api.recipe_models import Recipe, RecipeHistory
+from pincette.api.rig_models import Rig
+from pincette.cli import rest
+from pincette.cli.exit_status import MEANINGS, Exit
+from pincette.cli.main import main
+from pincette.client import Supervisor
+from tests.unit.client import desk
+from tests.unit.client.desk import Desk
+
+NAME = desk.example(Job)["id"]
+AT = ("--at", "demo")
+RESULT: dict[str, Any] = {
+    "outcome": "moved",
+    "phases": [],
+    "calibration": "noise",
+    "values": [],
+    "figures": [],
+    "statement": "",
+    "warnings": [],
+}
+SUCCEEDED = {"kind": "calibrate", "state": "succeeded", "result": RESULT}
+At = Callable[..., Desk]
+
+
+@pytest.fixture
+def at(monkeypatch: pytest.MonkeyPatch) -> At:
+    """Put a supervisor of prepared answers where the command line looks for one."""
+
+    def place(*answers: Any) -> Desk:
+        supervisor = Desk(*answers)
+
+        def reached(_url: str, **_settings: Any) -> Supervisor:
+            return supervisor.supervisor(0.0)
+
+        monkeypatch.setattr(rest, "Supervisor", reached)
+        return supervisor
+
+    return place
+
+
+def sent(supervisor: Desk, place: int = -1) -> Any:
+    return json.loads(supervisor.asked[place].content)
+
+
+def test_a_job_is_followed_and_answered_in_json_alone(
+    at: At, capsys: pytest.CaptureFixture[str]
+) -> None:
+    supervisor = at(desk.job(kind="calibrate", state="running"), desk.job(**SUCCEEDED))
+    assert main(["calibrate", "noise", "--json", *AT]) == Exit.DONE
+    said = capsys.readouterr()
+    assert json.loads(said.out)["state"] == "succeeded"
+    assert "succeeded" in said.err
+    assert sent(supervisor, 0) == {
+        "kind": "calibrate",
+        "calibration": "noise",
+        "rig": "demo",
+        "autostart": True,
+    }
+
+
+@pytest.mark.parametrize(
+    ("answer", "status", "words"),
+    [
+        (desk.problem(422, "limit-violation"), Exit.LIMIT, "Title: detail"),
+        (desk.problem(409, "estop-engaged"), Exit.NOT_READY, "Title: detail"),
+        (desk.problem(409, "rig-latched"), Exit.NOT_READY, "Title: detail"),
+        (desk.problem(503, "rig-not-ready", reasons=["no sensor"]), Exit.NOT_READY, "no sensor"),
+        (desk.problem(409, "job-active"), Exit.FAILED, "Title: detail"),
+        (desk.problem(422, "invalid-request"), Exit.FAILED, "Title: detail"),
+        (httpx.ConnectError("refused"), Exit.NO_ANSWER, "no supervisor answers at http://127"),
+        (desk.job(state="failed", cause="lost"), Exit.FAILED, ""),
+    ],
+)
+def test_how_a_start_ends(
+    at: At, capsys: pytest.CaptureFixture[str], answer: Any, status: Exit, words: str
+) -> None:
+    at(answer)
+    assert main(["job", "grip", *AT]) == status
+    assert words in capsys.readouterr().err
+
+
+def test_a_refusal_in_json_is_the_problem(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+    at(desk.problem(422, "limit-violation", violations=[{"message": "too strong"}]))
+    assert main(["job", "grip", "--json", *AT]) == Exit.LIMIT
+    said = capsys.readouterr()
+    assert json.loads(said.out)["violations"] == [{"message": "too strong"}]
+    assert "too strong" in said.err
+
+
+def test_ctrl_c_leaves_the_job_alone(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted(_request: httpx.Request) -> httpx.Response:
+        raise KeyboardInterrupt
+
+    supervisor = at(desk.job(), interrupted)
+    assert main(["job", "grip", *AT]) == Exit.INTERRUPTED
+    assert f"job {NAME} goes on: `pincette job stop {NAME}`" in capsys.readouterr().err
+    assert supervisor.paths() == ["POST /api/v1/jobs", f"GET /api/v1/jobs/{NAME}"]
+
+
+def test_a_job_need_not_be_followed(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+    at(desk.job())
+    assert main(["job", "grip", "--no-wait", *AT]) == Exit.DONE
+    assert capsys.readouterr().out == f"{NAME}\n"
+
+
+def test_what_a_job_may_be_told(at: At) -> None:
+    supervisor = at(desk.job(), desk.job(), desk.job())
+    words = "--queue --recipe bead@2 --label part=b12 --label tray=7 --on-stop release"
+    main(["job", "grip", "--until-released", "--no-wait", *words.split(), *AT])
+    assert sent(supervisor) == {
+        "kind": "grip",
+        "rig": "demo",
+        "autostart": True,
+        "until_released": True,
+        "queue": True,
+        "recipe": "bead@2",
+        "labels": {"part": "b12", "tray": "7"},
+        "on_stop": "release",
+    }
+    main(["job", "move", "--by-um", "-2", "--no-zero", "--teach", "home", "--no-wait", *AT])
+    said = {"by_um": -2.0, "zero": False, "teach": "home"}
+    assert sent(supervisor) == {"kind": "move", "rig": "demo", "autostart": True, **said}
+    main(["job", "release", "--release-s", "2", "--no-wait", *AT])
+    assert sent(supervisor)["kind"] == "release"
+
+
+@pytest.mark.parametrize(
+    "action", ["pause", "resume", "stop", "abort", "release", "continue", "start"]
+)
+def test_an_action_is_taken(at: At, capsys: pytest.CaptureFixture[str], action: str) -> None:
+    supervisor = at(desk.job(), desk.job(state="pausing"))
+    assert main(["job", action, NAME]) == Exit.DONE
+    assert sent(supervisor) == {"type": action}
+    assert capsys.readouterr().out == f"job {NAME}: {action} taken; it is pausing\n"
+
+
+def test_the_last_job_needs_no_id(at: At) -> None:
+    jobs = httpx.Response(200, json={"jobs": [desk.example(Job)]})
+    supervisor = at(jobs, desk.job())
+    assert main(["job", "pause", "last", *AT]) == Exit.DONE
+    assert supervisor.paths()[-1] == f"POST /api/v1/jobs/{NAME}/actions"
+    at(httpx.Response(200, json={"jobs": []}))
+    assert main(["job", "pause", "last", *AT]) == Exit.FAILED
+
+
+def test_stop_waits_until_the_rig_has_confirmed(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+    stopped = desk.job(state="stopped", allowed_actions=["release", "abort"])
+    supervisor = at(desk.rig(active_job=NAME), desk.job(), desk.job(state="stopping"), stopped)
+    assert main(["stop", *AT]) == Exit.DONE
+    assert supervisor.paths()[-1] == f"GET /api/v1/jobs/{NAME}"
+    said = capsys.readouterr().out
+    assert f"job {NAME} is stopped" in said
+    assert f"`pincette job release {NAME}` lets it go" in said
+    at(desk.rig(active_job=None))
+    assert main(["stop", *AT]) == Exit.DONE
+    assert capsys.readouterr().out == "no job runs\n"
+
+
+def test_a_plan_is_drawn(at: At, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = httpx.Response(200, json=desk.example(Plan, feasible=False))
+    supervisor = at(plan, httpx.Response(200, content=b"\x89PNG"))
+    picture = tmp_path / "plan.png"
+    assert main(["plan", "grip", "--force-mN", "9", "--plot", str(picture), *AT]) == Exit.LIMIT
+    assert picture.read_bytes() == b"\x89PNG"
+    assert supervisor.paths() == ["POST /api/v1/jobs", "POST /api/v1/trajectories/plot"]
+    assert sent(supervisor) == {"kind": "grip", "rig": "demo", "force_mN": 9.0}
+    assert f"plot: {picture}" in capsys.readouterr().out
+
+
+def test_jobs_are_listed_and_shown(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+    action = desk.example(Action)
+    one = desk.example(Job, actions=[action], labels={"part": "b12"}, result={**RESULT})
+    supervisor = at(
+        httpx.Response(200, json={"jobs": [one]}),
+        httpx.Response(200, json=one),
+        httpx.Response(200, json={"jobs": []}),
+    )
+    assert main(["job", "list", "--state", "running", *AT]) == Exit.DONE
+    assert dict(supervisor.asked[0].url.params) == {
+        "limit": "20",
+        "rig": "demo",
+        "state": "running",
+    }
+    assert NAME in capsys.readouterr().out
+    assert main(["job", "show", NAME]) == Exit.DONE
+    said = capsys.readouterr().out
+    assert "part: b12" in said
+    assert "release by 127.0.0.1, took effect at sample 462" in said
+    assert "can be asked for: pause, stop, abort, release" in said
+    assert main(["job", "list", "--json", *AT]) == Exit.DONE
+    assert json.loads(capsys.readouterr().out) == []
+
+
+def test_a_record_is_brought_here(
+    at: At, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = {"artifacts": [desk.example(Artifact, name="result.json", sha256="")]}
+    files["artifacts"][0]["sha256"] = (
+        "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"
+    )
+    listed = httpx.Response(200, json=files)
+    content = httpx.Response(200, content=b"{}")
+    supervisor = at(desk.job(), listed, listed, content)
+    out = tmp_path / "got"
+    assert main(["records", "get", NAME, "--out", str(out)]) == Exit.DONE
+    assert (out / "result.json").read_bytes() == b"{}"
+    assert capsys.readouterr().out == f"{out / 'result.json'}\n"
+    supervisor = at(desk.job(), listed, httpx.Response(200, content=b"t_s\n"))
+    assert main(["records", "csv", NAME, "--out", str(out)]) == Exit.DONE
+    assert supervisor.paths()[-1].endswith("/artifacts/samples.csv")
+    at(desk.job(), listed)
+    assert main(["records", "show", NAME]) == Exit.DONE
+    assert "70.2 kB" in capsys.readouterr().out
+
+
+def test_a_recipe_is_kept(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+    supervisor = at(httpx.Response(201, json=desk.example(Recipe)))
+    words = ["force_mN=8", "part.stiffness_mN_per_um=2.1", "scheme=dsmifc"]
+    assert main(["recipe", "save", "bead-1mm", *words, "--note", "glass"]) == Exit.DONE
+    values = {"force_mN": 8, "part": {"stiffness_mN_per_um": 2.1}, "scheme": "dsmifc"}
+    assert sent(supervisor) == {"name": "bead-1mm", "values": values, "note": "glass"}
+    assert "bead-1mm@3 kept" in capsys.readouterr().out
+    history = desk.example(RecipeHistory, versions=[desk.example(Recipe)])
+    at(*[httpx.Response(200, json=history)] * 2)
+    assert main(["recipe", "show", "bead-1mm"]) == Exit.DONE
+    assert "force_mN = 8.0" in capsys.readouterr().out
+    assert main(["recipe", "show", "bead-1mm@9"]) == Exit.FAILED
+    assert "there are 3" in capsys.readouterr().err
+
+
+def test_a_halted_queue_says_why_and_how_to_go_on(
+    at: At, capsys: pytest.CaptureFixture[str]
+) -> None:
+    halted = {"length": 1, "halted": "job x failed: lost", "capacity": 16}
+    waiting = desk.example(Job, state="queued", position=1)
+    supervisor = at(
+        desk.rig(queue=halted), httpx.Response(200, json={"jobs": [waiting]}), desk.rig()
+    )
+    assert main(["queue", "show", *AT]) == Exit.DONE
+    said = capsys.readouterr().out
+    assert "halted: job x failed: lost" in said
+    assert NAME in said
+    assert main(["queue", "resume", *AT]) == Exit.DONE
+    assert sent(supervisor) == {"type": "resume"}
+    assert capsys.readouterr().out == "no job waits\n"
+
+
+def test_watching_a_rig_is_a_line_an_event(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+    events = [
+        desk.example(Event, number=1, body={"state": "running", "cause": ""}),
+        desk.example(Event, number=None, kind="progress", body={"percent": 3}),
+        desk.example(Event, number=2, kind="alarm", body={"cause": "estop", "value_mN": 1.5}),
+    ]
+
+    def over(_request: httpx.Request) -> httpx.Response:
+        raise KeyboardInterrupt
+
+    at(desk.rig(), desk.stream(*events), over)
+    assert main(["watch", "--after", "0", *AT]) == Exit.INTERRUPTED
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split("  ", 1)[1] for line in lines] == [
+        f"{NAME}  state    running",
+        f"{NAME}  alarm    estop, value_mN 1.5",
+    ]
+    at(desk.rig(), desk.stream(*events, broken=True), httpx.ConnectError(""), over)
+    assert main(["watch", "--json", "--after", "0", *AT]) == Exit.INTERRUPTED
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [one["kind"] for one in told] == ["state", "progress", "alarm"]
+
+
+def test_reset_says_what_the_cause_was(at: At, capsys: pytest.CaptureFixture[str]) -> None:
+    latch = {"state": "latched", "cause": "estop", "clear": ""}
+    stopped = {"rig": "demo", "cause": "estop", "acknowledged": True, "detail": ""}
+    at(
+        httpx.Response(200, json={"rigs": [desk.example(Rig)]}),
+        desk.rig(latch=latch),
+        httpx.Response(200, json=stopped),
+    )
+    assert main(["reset"]) == Exit.DONE
+    assert capsys.readouterr().out == "rig demo: reset; the cause was: estop\n"
+
+
+def test_every_status_has_its_meaning_and_no_two_are_one() -> None:
+    assert set(MEANINGS) == set(Exit)
+    assert len({status.value for status in Exit}) == len(Exit)

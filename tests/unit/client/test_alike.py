@@ -1,0 +1,40 @@
+"""Both clients have the same names, the same arguments and the same words."""
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from pincette import client
+
+PAIRS = [
+    (client.Supervisor, client.AsyncSupervisor),
+    (client.RigHandle, client.AsyncRigHandle),
+    (client.JobHandle, client.AsyncJobHandle),
+]
+STREAMS = {"events"}
+KNOWN_WITHOUT_ASKING = {"patient", "result"}
+
+
+def public(kind: type) -> dict[str, Any]:
+    return {name: member for name, member in vars(kind).items() if not name.startswith("_")}
+
+
+def arguments(function: Callable[..., Any]) -> list[tuple[str, object, str]]:
+    parameters = inspect.signature(function).parameters.values()
+    return [(one.name, one.default, str(one.kind)) for one in parameters]
+
+
+@pytest.mark.parametrize(("one", "other"), PAIRS)
+def test_what_one_can_the_other_can(one: type, other: type) -> None:
+    ours, theirs = public(one), public(other)
+    assert ours
+    assert list(ours) == list(theirs)
+    for name, member in ours.items():
+        assert member.__doc__, name
+        assert inspect.getdoc(member) == inspect.getdoc(theirs[name]), name
+        if inspect.isfunction(member):
+            assert arguments(member) == arguments(theirs[name]), name
+            waits = name not in STREAMS | KNOWN_WITHOUT_ASKING
+            assert inspect.iscoroutinefunction(theirs[name]) == waits, name

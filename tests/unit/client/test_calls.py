@@ -1,0 +1,181 @@
+"""What a client asks, what it makes of answers, and when it asks again."""
+
+import asyncio
+import json
+
+import httpx
+import pytest
+
+from pincette.api.plan_models import Plan
+from pincette.api.request_models import GripJobRequest
+from pincette.client import ForeignAnswerError, NoAnswerError, ProblemError, WaitTimeoutError
+
+from . import desk
+from .desk import Desk
+
+REFUSED = httpx.ConnectError("refused")
+LOST = httpx.ReadTimeout("lost")
+
+
+def test_a_start_is_one_call_with_a_key_of_its_own() -> None:
+    supervisor = Desk(desk.job(), desk.job())
+    rig = supervisor.supervisor().rig("demo")
+    rig.start("grip", force_mN=15.0, labels={"part": "b"})
+    rig.start(GripJobRequest(kind="grip", hold_s=2.0), autostart=False)
+    first, second = supervisor.asked
+    body = {"kind": "grip", "rig": "demo", "force_mN": 15.0, "labels": {"part": "b"}}
+    assert json.loads(first.content) == {**body, "autostart": True}
+    assert json.loads(second.content) == {
+        "kind": "grip",
+        "rig": "demo",
+        "hold_s": 2.0,
+        "autostart": False,
+    }
+    assert first.headers["Idempotency-Key"] != second.headers["Idempotency-Key"]
+    assert len(first.headers["Idempotency-Key"]) == 32
+
+
+def test_a_start_whose_answer_was_lost_is_made_again_with_the_same_key() -> None:
+    supervisor = Desk(LOST, REFUSED, desk.job(state="running"))
+    job = supervisor.supervisor().rig("demo").start("grip")
+    assert job.state == "running"
+    assert supervisor.paths() == ["POST /api/v1/jobs"] * 3
+    assert len({request.headers["Idempotency-Key"] for request in supervisor.asked}) == 1
+    assert supervisor.slept_s == [0.1, 0.2]
+
+
+def test_a_key_may_be_given() -> None:
+    supervisor = Desk(desk.job())
+    supervisor.supervisor().rig("demo").start("grip", idempotency_key="cell-7-part-12")
+    assert supervisor.asked[0].headers["Idempotency-Key"] == "cell-7-part-12"
+
+
+@pytest.mark.parametrize("action", ["start", "pause", "stop", "abort"])
+def test_what_only_brings_to_rest_is_asked_again(action: str) -> None:
+    supervisor = Desk(desk.job(), LOST, desk.job())
+    job = supervisor.supervisor().job("j")
+    getattr(job, action)()
+    assert json.loads(supervisor.asked[-1].content) == {"type": action}
+    assert len(supervisor.asked) == 3
+
+
+@pytest.mark.parametrize("action", ["resume", "release", "proceed"])
+def test_what_could_act_twice_is_not(action: str) -> None:
+    supervisor = Desk(desk.job(), REFUSED, LOST)
+    job = supervisor.supervisor().job("j")
+    with pytest.raises(NoAnswerError, match="may or may not have been taken"):
+        getattr(job, action)()
+    # A refused connection has carried nothing; one that was lost may have.
+    assert supervisor.slept_s == [0.1]
+    assert len(supervisor.asked) == 3
+
+
+def test_patience_ends() -> None:
+    supervisor = Desk(*[REFUSED] * 50)
+    with pytest.raises(NoAnswerError, match=r"GET http://supervisor/api/v1/rigs: no answer"):
+        supervisor.supervisor(patience_s=5.0).rigs()
+    assert supervisor.slept_s == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6, 1.9])
+    with pytest.raises(NoAnswerError):
+        supervisor.supervisor(patience_s=0.0).rigs()
+    assert len(supervisor.slept_s) == 6
+
+
+def test_an_address_that_is_none_is_said_at_once() -> None:
+    supervisor = Desk(httpx.UnsupportedProtocol("no http://"))
+    with pytest.raises(NoAnswerError, match="no http://"):
+        supervisor.supervisor().rigs()
+
+
+def test_a_refusal_has_its_members_and_is_never_asked_again() -> None:
+    violation = {"pointer": "/force_mN", "message": "force 55 mN above the limit 40 mN"}
+    supervisor = Desk(
+        desk.problem(422, "limit-violation", violations=[violation]),
+        desk.problem(409, "invalid-transition", allowed_actions=["abort"]),
+        desk.problem(503, "rig-not-ready", reasons=["sensor: silent"]),
+    )
+    rig = supervisor.supervisor().rig("demo")
+    with pytest.raises(ProblemError) as first:
+        rig.start("grip", force_mN=55.0)
+    assert (first.value.status, first.value.code) == (422, "limit-violation")
+    assert first.value.violations == [violation]
+    assert str(first.value) == "Title:\n  force 55 mN above the limit 40 mN"
+    with pytest.raises(ProblemError) as second:
+        rig.start("grip")
+    assert second.value.allowed_actions == ["abort"]
+    assert str(second.value) == "Title: detail"
+    with pytest.raises(ProblemError) as third:
+        rig.start("grip")
+    assert third.value.reasons == ["sensor: silent"]
+    assert supervisor.slept_s == []
+
+
+def test_what_is_no_supervisor_is_said() -> None:
+    supervisor = Desk(httpx.Response(200, text="<html>"), httpx.Response(502, text="bad gateway"))
+    with pytest.raises(ForeignAnswerError, match="is no supervisor"):
+        supervisor.supervisor().rigs()
+    with pytest.raises(ProblemError, match="status 502, and no words"):
+        supervisor.supervisor().rigs()
+
+
+def test_members_that_came_later_are_passed_over() -> None:
+    supervisor = Desk(desk.job(novelty={"of": "another version"}), desk.rig(novelty=1))
+    assert supervisor.supervisor().job("j").job.kind == "grip"
+    assert supervisor.supervisor().rig("demo").state().name == "demo"
+
+
+def test_a_plan_is_asked_for_without_a_job() -> None:
+    supervisor = Desk(httpx.Response(200, json=desk.example(Plan)))
+    plan = supervisor.supervisor().rig("demo").plan("grip", force_mN=10.0)
+    assert isinstance(plan, Plan)
+    assert supervisor.asked[0].url.params["dry_run"] == "true"
+    assert "Idempotency-Key" not in supervisor.asked[0].headers
+
+
+def test_why_a_rig_cannot_start() -> None:
+    supervisor = Desk(desk.rig(), desk.rig(can_start=False, reasons=["latched: estop"]))
+    rig = supervisor.supervisor().rig("demo")
+    assert rig.can_start() == []
+    assert rig.can_start() == ["latched: estop"]
+
+
+def test_waiting_goes_through_a_restart_and_ends_in_time() -> None:
+    ended = desk.job(state="succeeded")
+    supervisor = Desk(desk.job(), desk.job(), LOST, REFUSED, REFUSED, ended)
+    job = supervisor.supervisor().job("j")
+    assert job.wait().state == "succeeded"
+    assert [request.url.params.get("wait") for request in supervisor.asked[1:]] == ["terminal"] * 5
+    assert job.wait().state == "succeeded"
+
+    def late(_request: httpx.Request) -> httpx.Response:
+        slow.now_s += 3.0
+        return desk.job()
+
+    slow = Desk(late, late, late)
+    with pytest.raises(WaitTimeoutError, match="is running after 4 s, and goes on"):
+        slow.supervisor().job("j").wait(4.0)
+    assert [request.url.params.get("timeout_s") for request in slow.asked] == [None, "4.0", "1.0"]
+
+
+def test_only_one_rig_needs_no_name() -> None:
+    one, two = desk.example(desk.Rig), desk.example(desk.Rig, name="left")
+    supervisor = Desk(
+        httpx.Response(200, json={"rigs": [one]}), httpx.Response(200, json={"rigs": [one, two]})
+    )
+    assert supervisor.supervisor().rig().name == "demo"
+    with pytest.raises(Exception, match="serves 2: demo, left"):
+        supervisor.supervisor().rig()
+
+
+def test_the_other_client_asks_the_same() -> None:
+    supervisor = Desk(LOST, desk.job(), desk.job(state="succeeded"))
+
+    async def run() -> str:
+        async with supervisor.async_supervisor() as connected:
+            rig = await connected.rig("demo")
+            job = await rig.start("grip", force_mN=15.0)
+            await job.wait()
+            return job.state
+
+    assert asyncio.run(run()) == "succeeded"
+    assert supervisor.paths()[:2] == ["POST /api/v1/jobs"] * 2
+    assert len({request.headers["Idempotency-Key"] for request in supervisor.asked[:2]}) == 1

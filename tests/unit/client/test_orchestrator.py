@@ -1,0 +1,109 @@
+"""The example of an orchestrator, against a supervisor of prepared answers."""
+
+import json
+import runpy
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from pincette import client
+from pincette.api.event_models import Event
+from pincette.api.job_models import Job
+
+from . import desk
+from .desk import Desk
+
+EXAMPLE = Path(__file__).parents[3] / "docs/examples/orchestrator.py"
+NAME = desk.example(Job)["id"]
+RIGS = httpx.Response(200, json={"rigs": [desk.example(desk.Rig)]})
+LET_GO = desk.job(state="succeeded", result={"outcome": "released", "peak_force_mN": 15.2})
+Run = Callable[..., tuple[int, Desk]]
+
+
+def held() -> httpx.Response:
+    return desk.stream(
+        desk.example(Event, number=1, kind="phase", body={"phase": "load"}),
+        desk.example(Event, number=2, kind="phase", body={"phase": "hold"}),
+    )
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch) -> Run:
+    def play(*answers: Any, words: tuple[str, ...] = ()) -> tuple[int, Desk]:
+        supervisor = Desk(*answers)
+
+        def reached(_url: str, **_settings: Any) -> client.Supervisor:
+            return supervisor.supervisor()
+
+        monkeypatch.setattr(client, "Supervisor", reached)
+        monkeypatch.setattr("time.sleep", supervisor.sleep)
+        monkeypatch.setattr(sys, "argv", [str(EXAMPLE), *words])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(str(EXAMPLE), run_name="__main__")
+        return int(str(ended.value.code)), supervisor
+
+    return play
+
+
+def test_a_part_is_picked_held_and_let_go(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    status, supervisor = run(RIGS, desk.job(), held(), desk.job(), LET_GO)
+    assert status == 0
+    assert "released, peak force 15.20 mN" in capsys.readouterr().out
+    body = json.loads(supervisor.asked[1].content)
+    assert (body["until_released"], body["force_mN"]) == (True, 15.0)
+    assert supervisor.asked[1].headers["Idempotency-Key"].endswith("-part-1")
+    assert json.loads(supervisor.asked[3].content) == {"type": "release"}
+    assert supervisor.slept_s == [1.0]
+
+
+def test_a_busy_rig_is_waited_for_and_a_broken_line_taken_up(run: Run) -> None:
+    busy, lost = desk.problem(409, "job-active"), httpx.ReadError("lost")
+    status, supervisor = run(RIGS, busy, lost, desk.job(), lost, held(), desk.job(), LET_GO)
+    assert status == 0
+    keys = {one.headers.get("Idempotency-Key") for one in supervisor.asked[1:4]}
+    assert len(keys) == 1
+
+
+def test_a_part_that_is_not_there_does_not_end_the_run(
+    run: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    failed = desk.job(state="failed", cause="no_contact: nothing was met")
+    status, _ = run(
+        *(RIGS, desk.job(), desk.stream(), failed, failed),
+        *(desk.job(), held(), desk.job(), LET_GO),
+        words=("--parts", "2"),
+    )
+    assert status == 1
+    said = capsys.readouterr()
+    assert "no_contact: nothing was met" in said.err
+    assert "released" in said.out
+
+
+def test_a_latched_rig_needs_a_person(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    status, supervisor = run(RIGS, desk.problem(409, "rig-latched"))
+    assert status == 4
+    assert "a person is needed: Title: detail" in capsys.readouterr().err
+    assert len(supervisor.asked) == 2
+
+
+def test_a_person_who_ends_it_leaves_the_part_held(run: Run) -> None:
+    asked: list[bytes] = []
+
+    def interrupted(_request: httpx.Request) -> httpx.Response:
+        raise KeyboardInterrupt
+
+    def stopping(request: httpx.Request) -> httpx.Response:
+        asked.append(request.content)
+        return desk.job(state="stopping")
+
+    with pytest.raises(KeyboardInterrupt):
+        run(RIGS, desk.job(), interrupted, stopping)
+    assert [json.loads(body) for body in asked] == [{"type": "stop"}]
+
+
+def test_it_is_short() -> None:
+    assert len(EXAMPLE.read_text(encoding="utf-8").splitlines()) <= 100

@@ -1,0 +1,113 @@
+"""Events without gap or double over lines that break, and files that arrive whole."""
+
+import asyncio
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from pincette.api.event_models import Event
+from pincette.api.job_models import Artifact
+from pincette.client import DamagedFileError, ForeignAnswerError, NoAnswerError, ProblemError
+
+from . import desk
+from .desk import Desk
+
+
+def event(number: int | None, **changes: Any) -> dict[str, Any]:
+    kind = "progress" if number is None else "state"
+    return desk.example(Event, number=number, kind=kind, **changes)
+
+
+def answers() -> Desk:
+    """A stream that breaks, a supervisor that restarts, a replay with doubles, an end."""
+    return Desk(
+        desk.job(),
+        desk.stream(event(7), event(None), event(8), broken=True),
+        httpx.ConnectError("refused"),
+        desk.stream(event(8), event(9)),
+        desk.job(state="running"),
+        desk.stream(event(10)),
+        desk.job(state="succeeded"),
+    )
+
+
+def test_a_stream_goes_on_where_it_broke() -> None:
+    supervisor = answers()
+    job = supervisor.supervisor().job("j")
+    assert [item.number for item in job.events()] == [7, None, 8, 9, 10]
+    streams = [one for one in supervisor.asked if one.url.path.endswith("/events")]
+    assert [one.headers["Last-Event-ID"] for one in streams] == ["0", "8", "8", "9"]
+    assert job.state == "succeeded"
+
+
+def test_the_other_client_reads_the_same() -> None:
+    supervisor = answers()
+
+    async def run() -> list[int | None]:
+        job = await supervisor.async_supervisor().job("j")
+        return [item.number async for item in job.events()]
+
+    assert asyncio.run(run()) == [7, None, 8, 9, 10]
+
+
+def test_events_of_a_rig_begin_at_the_newest_though_the_line_breaks_at_once() -> None:
+    newest = httpx.Response(200, json={"events": [], "newest": 41, "oldest": 1})
+    lost = httpx.ReadTimeout("silent")
+    supervisor = Desk(newest, desk.stream(broken=True), lost, desk.stream(event(42)))
+    events = supervisor.supervisor().rig("demo").events()
+    assert next(events).number == 42
+    ids = [one.headers.get("Last-Event-ID") for one in supervisor.asked]
+    assert ids == [None, "41", "41", "41"]
+
+
+def test_a_stream_that_stays_away_is_an_error() -> None:
+    supervisor = Desk(desk.job(), *[httpx.ConnectError("refused")] * 20)
+    job = supervisor.supervisor(patience_s=3.0).job("j")
+    with pytest.raises(NoAnswerError, match="/events: no answer"):
+        next(job.events())
+    assert supervisor.now_s <= 3.0
+
+
+def test_what_is_no_stream_is_said() -> None:
+    supervisor = Desk(desk.job(), httpx.Response(200, json={}), desk.problem(503, "too-many"))
+    job = supervisor.supervisor().job("j")
+    with pytest.raises(ForeignAnswerError, match="application/json, no events"):
+        next(job.events())
+    with pytest.raises(ProblemError) as refused:
+        next(job.events())
+    assert refused.value.code == "too-many"
+
+
+CONTENT = b"t_s,x_um\n0.0,1.0\n"
+
+
+def listed(sha256: str) -> httpx.Response:
+    file = desk.example(Artifact, name="samples.csv", sha256=sha256)
+    return httpx.Response(200, json={"artifacts": [file]})
+
+
+def test_a_file_arrives_whole(tmp_path: Path) -> None:
+    whole = listed(hashlib.sha256(CONTENT).hexdigest())
+    broken = desk.stream(broken=True)
+    supervisor = Desk(desk.job(), whole, broken, httpx.Response(200, content=CONTENT))
+    path = supervisor.supervisor().job("j").download("samples.csv", tmp_path / "out")
+    assert path == tmp_path / "out" / "samples.csv"
+    assert path.read_bytes() == CONTENT
+    assert [one.name for one in path.parent.iterdir()] == ["samples.csv"]
+
+
+def test_a_damaged_file_is_not_kept(tmp_path: Path) -> None:
+    supervisor = Desk(desk.job(), listed("0" * 64), httpx.Response(200, content=CONTENT))
+    with pytest.raises(DamagedFileError, match="the record states 0000"):
+        supervisor.supervisor().job("j").download("samples.csv", tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["../samples.csv", "/etc/hosts"])
+def test_a_name_with_a_folder_in_it_is_refused(tmp_path: Path, name: str) -> None:
+    supervisor = Desk(desk.job(), listed("0" * 64))
+    with pytest.raises(ValueError, match="is no name of a file"):
+        supervisor.supervisor().job("j").download(name, tmp_path)
