@@ -13,6 +13,7 @@ from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.results import archive
 from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.events import EventLog
 from pincette_supervisor.running.health import Health
 from pincette_supervisor.running.observer import Observer
 from pincette_supervisor.running.site import Site
@@ -48,7 +49,6 @@ def run(context: Context) -> None:
     try:
         store = Store(config.store)
         try:
-            store.interrupt_left_over(utc_now())
             _serve(context, config, listener, store)
         finally:
             store.close()
@@ -66,9 +66,11 @@ def _serve(
         observer = Observer(bus)
         health = Health(context.rig, bus, observer, store)
         model = RigModel(context.rig, config.models, store)
-        site = Site(model, bus, observer, health, store, config.records, archivist)
+        events = EventLog(store, context.rig.rig.name)
+        site = Site(model, bus, observer, health, store, events, config.records, archivist)
         conductor = Conductor(site)
         health.refresh()
+        conductor.recover(store.interrupt_left_over(utc_now()))
         server = uvicorn.Server(
             uvicorn.Config(
                 create_app(conductor, estop_pool),
@@ -89,6 +91,7 @@ def _serve(
             context.stop.wait()
         finally:
             conductor.close()
+            events.close()
             server.should_exit = True
             thread.join(STOP_S)
             health.close()

@@ -32,13 +32,19 @@ class Action(BaseModel):
     """An action that was asked for, kept with its job."""
 
     model_config = example(
-        type="release", requested_at="2026-03-01T12:00:09.250Z", by="127.0.0.1", seq=462
+        type="release",
+        requested_at="2026-03-01T12:00:09.250Z",
+        by="127.0.0.1",
+        applied_at="2026-03-01T12:00:09.291Z",
+        seq=462,
     )
 
     type: ActionType
     requested_at: str
     by: str
-    """Address it came from."""
+    """Who asked: the header ``X-Operator``, or the address it came from."""
+    applied_at: str | None = None
+    """When the supervisor learned that it has taken effect."""
     seq: int | None = None
     """Sample at which it took effect, once it has."""
 
@@ -51,11 +57,19 @@ class Progress(BaseModel):
         seq=445,
         elapsed_s=8.9,
         planned_s=16.4,
+        paused=False,
+        percent=54.3,
+        remaining_s=7.5,
+        x_r_um=39.88,
         x_um=39.9,
+        force_r_mN=20.0,
         force_mN=19.98,
         force_uncertainty_mN=0.41,
         voltage_V=2.49,
         held=True,
+        target=20.0,
+        current=19.98,
+        unit="mN",
         instruction="",
         weight_mN=None,
     )
@@ -64,12 +78,27 @@ class Progress(BaseModel):
     seq: int
     elapsed_s: float
     planned_s: float | None
-    """None where the hold has no end."""
+    """Without pauses; None where the hold has no end."""
+    paused: bool = False
+    percent: float | None = None
+    """Of the planned time that was played; None where the hold has no end."""
+    remaining_s: float | None = None
+    """Of the planned time; a pause leaves it as it is."""
+    x_r_um: float | None = None
+    """Reference of the position."""
     x_um: float | None
+    force_r_mN: float | None = None
+    """Reference of the contact force."""
     force_mN: float | None
     force_uncertainty_mN: float | None
     voltage_V: float | None
     held: bool
+    target: float | None = None
+    """What the phase is about, as it should be: the force while a part is held, else x."""
+    current: float | None = None
+    """The same as it is."""
+    unit: str = ""
+    """Of ``target`` and ``current``: mN or µm."""
     instruction: str = ""
     """What a person is to do before the action ``continue``; empty where nothing is waited for."""
     weight_mN: float | None = None
@@ -84,6 +113,8 @@ class Job(BaseModel):
         kind="grip",
         rig="demo",
         state="running",
+        revision=5,
+        position=None,
         cause="",
         request={"kind": "grip", "autostart": True},
         values={"force_mN": 20.0, "hold_s": 4.0},
@@ -91,17 +122,23 @@ class Job(BaseModel):
         progress=None,
         result=None,
         actions=[],
-        allowed_actions=["stop", "abort", "release"],
+        allowed_actions=["pause", "stop", "abort", "release"],
         created_at="2026-03-01T12:00:00.000Z",
         started_at="2026-03-01T12:00:00.210Z",
         ended_at=None,
         record=None,
+        record_complete=None,
+        record_detail="",
     )
 
     id: str
     kind: JobKind
     rig: str
     state: JobState
+    revision: int = 0
+    """Rises with every change but progress; the ETag is made of it."""
+    position: int | None = None
+    """Place in the queue of a job that waits for another one: 1 is the next."""
     cause: str
     """Why a job did not succeed, in words."""
     request: dict[str, Any]
@@ -119,14 +156,20 @@ class Job(BaseModel):
     ended_at: str | None
     record: str | None
     """Folder of the record on the supervisor's machine."""
+    record_complete: bool | None = None
+    """Whether the record has every sample of the job; None where it is not closed, or not made."""
+    record_detail: str = ""
+    """Why it is not complete."""
 
 
 class JobList(BaseModel):
     """Jobs, the newest first."""
 
-    model_config = example(jobs=[])
+    model_config = example(jobs=[], next=None)
 
     jobs: list[Job]
+    next: str | None = None
+    """What ``before`` must be for the jobs that follow; None where there are no more."""
 
 
 class Artifact(BaseModel):

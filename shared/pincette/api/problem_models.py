@@ -7,19 +7,26 @@ from pydantic import BaseModel, ConfigDict
 MEDIA_TYPE = "application/problem+json"
 TYPE = "urn:pincette:problem:"
 MEANINGS = {
+    400: ("bad-request", "the body is not JSON"),
     404: ("not-found", "no such rig, job or artifact"),
     409: (
         "job-active",
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
-        "estop-engaged, rig-latched (with cause), reset-refused, model-changed",
+        "part-held, queue-full, estop-engaged, rig-latched (with cause), reset-refused, "
+        "model-changed, trajectory-stale, recipe-limit",
     ),
     422: (
         "limit-violation",
         "invalid-request (with errors: pointer, message), limit-violation (with violations: "
         "pointer, quantity, value, limit, unit, at_s, message), calibration-unsupported (with "
-        "needed_hz, bandwidth_hz, parts) or impossible-model",
+        "needed_hz, bandwidth_hz, parts), impossible-model, no-prediction, or "
+        "idempotency-key-reused (with job)",
     ),
-    503: ("rig-not-ready", "rig-not-ready (with reasons), estop-unconfirmed or model-not-kept"),
+    503: (
+        "rig-not-ready",
+        "rig-not-ready (with reasons), estop-unconfirmed, model-not-kept, too-many-listeners, or "
+        "busy: ask again",
+    ),
 }
 
 

@@ -4,9 +4,9 @@ from typing import Literal
 
 from pydantic import BaseModel
 
-from pincette.api.job_models import example
+from pincette.api.job_models import JobKind, example
 
-RigAction = Literal["start_job", "estop", "reset"]
+RigAction = Literal["start_job", "estop", "reset", "resume_queue", "clear_queue"]
 
 
 class Program(BaseModel):
@@ -108,6 +108,36 @@ class Newest(BaseModel):
     voltage_V: float | None
 
 
+class Queue(BaseModel):
+    """Jobs that wait for the one that runs."""
+
+    model_config = example(length=2, halted="job 20260301-120000-1f0c failed: lost", capacity=16)
+
+    length: int
+    halted: str
+    """Why none of them starts by itself; empty where the next one does. A person resumes it."""
+    capacity: int
+
+
+class QueueRequest(BaseModel):
+    """What shall become of the queue."""
+
+    model_config = example(type="resume")
+
+    type: Literal["resume", "clear"]
+    """Go on with the next job, or stop all that wait."""
+
+
+class SafeToMove(BaseModel):
+    """Whether the stage that carries the gripper may move."""
+
+    model_config = example(value=False, reasons=["the arm moves: approach"])
+
+    value: bool
+    reasons: list[str]
+    """Why not."""
+
+
 class Rig(BaseModel):
     """A rig: its programs, whether it can start, and if not, why."""
 
@@ -123,9 +153,13 @@ class Rig(BaseModel):
         latch={"state": "idle", "cause": "", "clear": ""},
         newest=None,
         part="none",
+        safe_to_move={"value": True, "reasons": []},
         active_job=None,
+        queue={"length": 0, "halted": "", "capacity": 16},
         can_start=True,
+        startable=["grip", "track", "move", "hold", "release", "calibrate"],
         reasons=[],
+        warnings=[],
         allowed_actions=["start_job", "estop"],
     )
 
@@ -141,10 +175,18 @@ class Rig(BaseModel):
     latch: Latch
     newest: Newest | None
     part: Literal["none", "held", "unknown"]
+    """Whether the gripper holds a part, as the actuator was last told."""
+    safe_to_move: SafeToMove
     active_job: str | None
+    queue: Queue
     can_start: bool
+    """Whether any kind of job can start."""
+    startable: list[JobKind]
+    """Kinds of job that can start: while a part is held and no job holds it, hold and release."""
     reasons: list[str]
     """Why a job cannot start, in words."""
+    warnings: list[str]
+    """What a person should see to, though jobs can start."""
     allowed_actions: list[RigAction]
 
 

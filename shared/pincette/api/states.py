@@ -12,6 +12,9 @@ JobState = Literal[
     "preparing",
     "ready",
     "running",
+    "pausing",
+    "paused",
+    "resuming",
     "stopping",
     "aborting",
     "succeeded",
@@ -24,6 +27,10 @@ Event = Literal[
     "prepare",
     "prepared",
     "start",
+    "pause",
+    "rest",
+    "resume",
+    "go_on",
     "done",
     "fail",
     "stop",
@@ -33,9 +40,9 @@ Event = Literal[
     "confirm",
     "interrupt",
 ]
-ActionType = Literal["start", "stop", "abort", "release", "continue"]
+ActionType = Literal["start", "pause", "resume", "stop", "abort", "release", "continue"]
 Need = Literal["held", "waiting"]
-Beyond = Literal["", "program", "freeze"]
+Beyond = Literal["", "program", "letting_go", "freeze"]
 
 
 class TransitionError(Exception):
@@ -51,7 +58,7 @@ class State:
     deadline_s: float | None = None
     """Every state that ends in -ing has one; when it passes, the event is ``overdue``."""
     beyond: Beyond = ""
-    """What the deadline is added to: the planned duration, or the actuator's freeze and ramp."""
+    """What the deadline is added to; see ``BEYOND``."""
     actions: tuple[ActionType, ...] = ()
     """Those that have a need are offered only while it is met; see ``NEEDS``."""
 
@@ -61,14 +68,24 @@ class State:
         return not self.events
 
 
+_MOVING: Mapping[Event, JobState] = {
+    "fail": "failed",
+    "stop": "stopping",
+    "abort": "aborting",
+    "trip": "aborting",
+    "overdue": "aborting",
+    "interrupt": "interrupted",
+}
+"""What may befall every job whose program is loaded."""
+
 STATES: Mapping[JobState, State] = {
     "queued": State(
-        "accepted",
-        {"prepare": "preparing", "stop": "stopped", "abort": "aborted", "interrupt": "interrupted"},
+        "accepted; waits for its turn, also through a restart of the supervisor",
+        {"prepare": "preparing", "fail": "failed", "stop": "stopped", "abort": "aborted"},
         actions=("stop", "abort"),
     ),
     "preparing": State(
-        "the programs of the rig are asked whether they can",
+        "planned with the model in use; the programs of the rig are asked whether they can",
         {
             "prepared": "ready",
             "fail": "failed",
@@ -93,21 +110,40 @@ STATES: Mapping[JobState, State] = {
     ),
     "running": State(
         "the controller plays the program",
+        {"done": "succeeded", "pause": "pausing", **_MOVING},
+        deadline_s=30.0,
+        beyond="program",
+        actions=("pause", "stop", "abort", "release", "continue"),
+    ),
+    "pausing": State(
+        "the program plays on to its next safe point, where the references are at rest",
+        {"rest": "paused", "resume": "resuming", "done": "succeeded", **_MOVING},
+        deadline_s=30.0,
+        beyond="program",
+        actions=("resume", "stop", "abort", "release", "continue"),
+    ),
+    "paused": State(
+        "the references rest; the law goes on holding force and position, and guards go on",
         {
+            "resume": "resuming",
+            "go_on": "running",
             "done": "succeeded",
             "fail": "failed",
             "stop": "stopping",
             "abort": "aborting",
             "trip": "aborting",
-            "overdue": "aborting",
             "interrupt": "interrupted",
         },
-        deadline_s=30.0,
-        beyond="program",
-        actions=("stop", "abort", "release", "continue"),
+        actions=("resume", "stop", "abort", "release"),
+    ),
+    "resuming": State(
+        "the controller was asked to go on where it paused",
+        {"go_on": "running", "done": "succeeded", **_MOVING},
+        deadline_s=5.0,
+        actions=("stop", "abort"),
     ),
     "stopping": State(
-        "the controller was asked to stop; a held part stays held",
+        "the controller was asked to stop; a held part is kept unless on_stop says otherwise",
         {
             "confirm": "stopped",
             "fail": "failed",
@@ -117,6 +153,7 @@ STATES: Mapping[JobState, State] = {
             "interrupt": "interrupted",
         },
         deadline_s=30.0,
+        beyond="letting_go",
         actions=("abort",),
     ),
     "aborting": State(
@@ -137,12 +174,40 @@ STATES: Mapping[JobState, State] = {
     "interrupted": State("the supervisor ended while the job ran"),
 }
 
+EVENTS: Mapping[Event, str] = {
+    "prepare": "its turn has come",
+    "prepared": "every program can",
+    "start": "the action start, or autostart",
+    "pause": "the action pause",
+    "rest": "the controller says that the references rest",
+    "resume": "the action resume; before the pause is complete it takes the wish back",
+    "go_on": "the controller says that the program moves",
+    "done": "the last sample, with a good outcome",
+    "fail": "a bad outcome, or a program of the rig that does not answer",
+    "stop": "the action stop",
+    "abort": "the action abort",
+    "trip": "the actuator has tripped",
+    "overdue": "the deadline has passed",
+    "confirm": "the rig says that it is done",
+    "interrupt": "the supervisor ends, or has ended",
+}
+
+BEYOND: Mapping[Beyond, str] = {
+    "": "",
+    "program": "planned duration, without pauses",
+    "letting_go": "unload and retreat as planned, where on_stop asks for them",
+    "freeze": "the actuator's freeze and ramp",
+}
+"""What a deadline is added to, in words."""
+
 NEEDS: Mapping[ActionType, Need] = {"release": "held", "continue": "waiting"}
 """What must be the case for an action to be offered: a part is held, the program waits for a
 person."""
 
 HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
     "start": ("running",),
+    "pause": ("pausing", "paused"),
+    "resume": ("resuming", "running"),
     "stop": ("stopping", "stopped"),
     "abort": ("aborting", "aborted"),
     "release": (),
@@ -153,13 +218,14 @@ HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
 OUTCOMES: Mapping[str, str] = {
     "gripped": "the part was gripped, held and let go as planned",
     "tracked": "the part was gripped, the path tracked and the part let go as planned",
-    "released": "the part was gripped, held, and let go by the action release",
+    "released": "the part was held, and let go as asked for",
     "moved": "the motion was played to its end",
     "stopped": "the program was stopped",
     "no_contact": "no part was met where the plan expects one",
     "wrong_stiffness": "what was met is harder or softer than the part of the plan",
     "lost": "the part was lost while it was held",
     "overforce": "the force rose above its limit",
+    "contact": "the arm touched something on its way through free space",
     "overtravel": "the arm came to a position limit of the rig file; ask for less voltage",
     "zero_refused": "the force could not be zeroed before contact",
 }

@@ -114,6 +114,18 @@ def weighing(epoch: int, steps: Sequence[float], compliance_um_per_mN: float) ->
     return _moved(made)
 
 
+def numbered(tick: Tick, seq: int) -> Tick:
+    """The same sample with another number."""
+    return Tick(
+        replace(tick.position, seq=seq, t_s=seq * PERIOD_S),
+        replace(tick.estimate, seq=seq, applied_seq=seq - 1),
+        replace(tick.command, seq=seq),
+        replace(tick.telemetry, seq=seq),
+        replace(tick.applied, seq=seq),
+        replace(tick.truth, seq=seq),
+    )
+
+
 def _still(epoch: int, seq: int, phase: str, segment: int, x_um: float) -> Tick:
     """A sample at a voltage that rests."""
     tick = _tick(epoch, seq, phase, segment, 0.0, 0.0)

@@ -181,7 +181,7 @@ def test_a_job_waits_for_each_weight(desk: Desk) -> None:
     desk.reach(name, "running")
     for weight_mN in STEPS:
         job = waits(desk, name)
-        assert job["allowed_actions"] == ["stop", "abort", "continue"]
+        assert job["allowed_actions"] == ["pause", "stop", "abort", "continue"]
         assert job["progress"]["weight_mN"] == weight_mN
         assert job["progress"]["instruction"].endswith("then POST the action continue")
         assert job["progress"]["planned_s"] is None

@@ -3,112 +3,19 @@
 import asyncio
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
-import httpx
 import pytest
 from fastapi import FastAPI
 
 from pincette.config import RigFile
-from pincette_supervisor import problems
-from pincette_supervisor.journal.store import JobRow, Store
-from pincette_supervisor.rest import event_stream, routes_events
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.rest import event_stream
 from pincette_supervisor.running import listeners
-from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.events import EventLog
 
 from .rig import Desk
-
-GUARD_S = 20.0
-AT = "2026-03-01T12:00:00.000Z"
-
-
-@dataclass
-class Bench:
-    """The routes over a journal, with a word on which job has the rig."""
-
-    store: Store
-    log: EventLog
-    active: list[str] = field(default_factory=list[str])
-
-    def app(self, rig: RigFile) -> FastAPI:
-        bench = self
-
-        class Stub:
-            site = SimpleNamespace(store=bench.store, events=bench.log, rig=rig)
-
-            @property
-            def active(self) -> object:
-                return SimpleNamespace(id=bench.active[0]) if bench.active else None
-
-        app = FastAPI()
-        problems.install(app)
-        app.include_router(routes_events.routes(cast(Conductor, Stub())))
-        return app
-
-    def job(self, name: str, state: str) -> None:
-        row = JobRow(name, "grip", "demo", "queued", {}, {}, AT)
-        self.store.add(row)
-        self.store.change(name, state=state)
-
-
-class Stream:
-    """One request, whose answer is read while it comes."""
-
-    def __init__(self, app: FastAPI, path: str, **headers: str) -> None:
-        place, _, query = path.partition("?")
-        self._scope: dict[str, Any] = {
-            "type": "http",
-            "asgi": {"version": "3.0", "spec_version": "2.3"},
-            "method": "GET",
-            "path": place,
-            "raw_path": place.encode(),
-            "query_string": query.encode(),
-            "headers": [
-                (name.replace("_", "-").lower().encode(), value.encode())
-                for name, value in headers.items()
-            ],
-        }
-        self._app = app
-        self.status, self.headers = 0, dict[str, str]()
-        self._chunks: asyncio.Queue[str | None] = asyncio.Queue()
-        self._left = asyncio.Event()
-
-    async def __aenter__(self) -> "Stream":
-        self._task = asyncio.create_task(self._app(self._scope, self._receive, self._send))
-        return self
-
-    async def __aexit__(self, *_failure: object) -> None:
-        self._left.set()
-        await self._task
-
-    async def _receive(self) -> dict[str, Any]:
-        await self._left.wait()
-        return {"type": "http.disconnect"}
-
-    async def _send(self, message: Any) -> None:
-        if message["type"] == "http.response.start":
-            self.status = message["status"]
-            self.headers = {name.decode(): value.decode() for name, value in message["headers"]}
-        elif message["body"]:
-            await self._chunks.put(message["body"].decode())
-        if not message.get("more_body", True):
-            await self._chunks.put(None)
-
-    async def chunk(self) -> str | None:
-        async with asyncio.timeout(GUARD_S):
-            return await self._chunks.get()
-
-    async def event(self) -> dict[str, str]:
-        """The next event by its fields; comments are passed over, an end is empty."""
-        while (chunk := await self.chunk()) is not None:
-            fields = dict(line.split(": ", 1) for line in chunk.strip().split("\n"))
-            if "data" in fields:
-                return fields
-        return {}
+from .streams import Bench, Stream, events, get
 
 
 @pytest.fixture
@@ -121,25 +28,6 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 @pytest.fixture
 def app(bench: Bench, rig_file: RigFile) -> FastAPI:
     return bench.app(rig_file)
-
-
-def get(app: FastAPI, path: str, **headers: str) -> httpx.Response:
-    async def send() -> httpx.Response:
-        transport = httpx.ASGITransport(app)
-        async with httpx.AsyncClient(transport=transport, base_url="http://desk") as client:
-            return await client.get(path, headers=headers)
-
-    return asyncio.run(asyncio.wait_for(send(), GUARD_S))
-
-
-def events(text: str) -> list[tuple[str | None, str]]:
-    """Number and kind of each event of a whole stream."""
-    found: list[tuple[str | None, str]] = []
-    for block in text.split("\n\n"):
-        fields = dict(line.split(": ", 1) for line in block.split("\n") if ": " in line)
-        if "event" in fields:
-            found.append((fields.get("id"), fields["event"]))
-    return found
 
 
 def test_a_stream_goes_on_where_the_listener_was(bench: Bench, app: FastAPI) -> None:

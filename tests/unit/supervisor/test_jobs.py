@@ -11,26 +11,9 @@ from pincette.config import RigFile
 from pincette.records import folder
 
 from . import samples
+from .canned import IN_APPROACH, IN_HOLD
 from .rig import Desk
 from .samples import Tick
-
-IN_HOLD, IN_APPROACH = 350, 60
-
-
-def paused(desk: Desk, place: int) -> str:
-    """A job that plays up to a tick, and then waits for an action."""
-    desk.bus.pause_at = place
-    job = desk.grip()["id"]
-    desk.reach(job, "running")
-
-    async def played() -> None:
-        live = desk.conductor.active
-        assert live is not None
-        while live.progress is None or live.progress.seq < place - 1:
-            await asyncio.sleep(0)
-
-    asyncio.run(asyncio.wait_for(played(), 10.0))
-    return job
 
 
 def test_one_request_grips(desk: Desk) -> None:
@@ -48,9 +31,11 @@ def test_one_request_grips(desk: Desk) -> None:
 def test_the_record_is_complete_when_the_job_has_ended(desk: Desk) -> None:
     job = desk.ended(desk.grip()["id"])
     listed = desk.get(f"/jobs/{job['id']}/artifacts")["artifacts"]
-    others = ("track.png", "calibration.png", "burst.parquet")
-    names = [name for name in folder.MEDIA_TYPES if name not in others]
-    assert [entry["name"] for entry in listed] == names
+    files = {folder.SAMPLES, "grip.png", folder.REQUEST, folder.RESULT, folder.MANIFEST}
+    names = [entry["name"] for entry in listed]
+    assert files <= set(names)
+    assert not {"track.png", "calibration.png", folder.BURST} & set(names)
+    assert (job["record_complete"], job["record_detail"]) == (True, "")
     response = desk.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/grip.png")
     assert response.headers["content-type"] == "image/png"
     assert len(response.content) == next(e["bytes"] for e in listed if e["name"] == "grip.png")
@@ -114,7 +99,7 @@ def test_a_second_job_is_refused_while_one_is_active(desk: Desk) -> None:
 
 
 def test_a_stop_of_a_free_arm_is_confirmed_by_the_rig(desk: Desk) -> None:
-    job = paused(desk, IN_APPROACH)
+    job = desk.playing_to(IN_APPROACH)
     response = desk.post(f"/jobs/{job}/actions", {"type": "stop"})
     assert response.status_code == 202
     ended = desk.ended(job)
@@ -124,7 +109,7 @@ def test_a_stop_of_a_free_arm_is_confirmed_by_the_rig(desk: Desk) -> None:
 
 
 def test_a_stop_keeps_the_part_until_it_is_released(desk: Desk) -> None:
-    job = paused(desk, IN_HOLD)
+    job = desk.playing_to(IN_HOLD)
     desk.post(f"/jobs/{job}/actions", {"type": "stop"})
     stopped = desk.ended(job)
     assert stopped["state"] == "stopped"
@@ -144,7 +129,7 @@ def test_a_stop_keeps_the_part_until_it_is_released(desk: Desk) -> None:
 
 
 def test_a_part_that_a_fault_takes_after_a_stop_is_told_of(desk: Desk) -> None:
-    job = paused(desk, IN_HOLD)
+    job = desk.playing_to(IN_HOLD)
     desk.post(f"/jobs/{job}/actions", {"type": "stop"})
     assert desk.ended(job)["cause"] == ""
     live = desk.conductor.active
@@ -180,16 +165,16 @@ def test_a_release_in_the_hold_ends_the_job_well(desk: Desk) -> None:
 
 
 def test_a_release_without_a_part_is_no_action_of_the_state(desk: Desk) -> None:
-    job = paused(desk, IN_APPROACH)
+    job = desk.playing_to(IN_APPROACH)
     response = desk.post(f"/jobs/{job}/actions", {"type": "release"})
     assert response.status_code == 409
     problem = response.json()
     assert problem["type"] == "urn:pincette:problem:invalid-transition"
-    assert problem["allowed_actions"] == ["stop", "abort"]
+    assert problem["allowed_actions"] == ["pause", "stop", "abort"]
 
 
 def test_an_abort_latches_and_needs_a_reset(desk: Desk) -> None:
-    job = paused(desk, IN_APPROACH)
+    job = desk.playing_to(IN_APPROACH)
     assert desk.post(f"/jobs/{job}/actions", {"type": "abort"}).status_code == 202
     ended = desk.ended(job)
     assert ended["state"] == "aborted"
@@ -201,7 +186,7 @@ def test_an_abort_latches_and_needs_a_reset(desk: Desk) -> None:
 
 
 def test_an_emergency_stop_fails_the_job_and_names_itself(desk: Desk) -> None:
-    job = paused(desk, IN_APPROACH)
+    job = desk.playing_to(IN_APPROACH)
     response = desk.post("/rigs/demo/estop")
     assert response.status_code == 200
     assert response.json()["acknowledged"] is True
@@ -227,7 +212,7 @@ def test_a_bad_outcome_fails_the_job_and_is_its_cause(desk: Desk, outcome: str) 
 
 
 def test_a_trip_during_the_run_is_the_cause(desk: Desk) -> None:
-    job = paused(desk, IN_HOLD)
+    job = desk.playing_to(IN_HOLD)
     desk.bus.trip("command_age: no command for 51 ms, limit 50 ms")
     ended = desk.ended(job)
     assert ended["state"] == "failed"
@@ -256,7 +241,7 @@ def test_lockstep_names_the_program_that_was_killed(
     rig_file: RigFile, open_desk: Callable[..., Desk]
 ) -> None:
     desk = open_desk(rig_file, guard_s=0.05)
-    job = paused(desk, IN_HOLD)
+    job = desk.playing_to(IN_HOLD)
     desk.bus.kill("controller")
     ended = desk.ended(job)
     assert ended["state"] == "failed"
@@ -265,7 +250,7 @@ def test_lockstep_names_the_program_that_was_killed(
 
 
 def test_a_supervisor_that_ends_interrupts_its_job(desk: Desk) -> None:
-    job = paused(desk, IN_APPROACH)
+    job = desk.playing_to(IN_APPROACH)
     desk.conductor.close()
     row = desk.store.get(job)
     assert row is not None
@@ -274,7 +259,7 @@ def test_a_supervisor_that_ends_interrupts_its_job(desk: Desk) -> None:
 
 
 def test_waiting_ends_in_time_with_the_state_as_it_is(desk: Desk) -> None:
-    job = paused(desk, IN_APPROACH)
+    job = desk.playing_to(IN_APPROACH)
     waited = desk.get(f"/jobs/{job}", wait="terminal", timeout_s=0.01)
     assert waited["state"] == "running"
     assert waited["progress"]["phase"] == "approach"

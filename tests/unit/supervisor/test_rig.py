@@ -56,6 +56,17 @@ def test_an_emergency_stop_is_cleared_by_an_acknowledged_reset_only(desk: Desk) 
     assert desk.get("/rigs/demo")["can_start"] is True
 
 
+def test_who_stopped_and_who_reset_the_rig_is_told(desk: Desk) -> None:
+    who = {"X-Operator": "Ada"}
+    assert desk.call("POST", "/api/v1/rigs/demo/estop", headers=who).status_code == 200
+    desk.until(lambda: bool(desk.told("alarm")))
+    reset = {"json": {"acknowledge": True}, "headers": who}
+    assert desk.call("POST", "/api/v1/rigs/demo/reset", **reset).status_code == 200
+    (alarm, told) = desk.told("alarm", "rig")
+    assert (alarm.body["cause"], alarm.body["by"]) == ("estop", "Ada")
+    assert (told.body["reset"], told.body["by"]) == ("estop", "Ada")
+
+
 def test_an_emergency_stop_that_nobody_confirms_says_what_to_do(desk: Desk) -> None:
     desk.bus.silent.add("actuator")
     response = desk.post("/rigs/demo/estop")

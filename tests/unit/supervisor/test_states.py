@@ -5,6 +5,8 @@ from typing import get_args
 import pytest
 
 from pincette.api.states import (
+    BEYOND,
+    EVENTS,
     HOLDS,
     OUTCOMES,
     STATES,
@@ -16,7 +18,8 @@ from pincette.api.states import (
     next_state,
 )
 
-EVENTS: tuple[Event, ...] = get_args(Event)
+EVENT_NAMES: tuple[Event, ...] = get_args(Event)
+MOVING: tuple[JobState, ...] = ("preparing", "running", "pausing", "paused", "resuming")
 
 
 def reachable(start: JobState) -> set[JobState]:
@@ -50,13 +53,17 @@ def test_an_end_is_reached_from_every_state_and_left_from_none() -> None:
     assert ends == {"succeeded", "stopped", "aborted", "failed", "interrupted"}
     for state in STATES:
         assert reachable(state) & ends
-        if state not in ends:
+        if state not in ends and state != "queued":
             assert next_state(state, "interrupt") == "interrupted"
+
+
+def test_what_is_queued_waits_on_through_a_restart() -> None:
+    assert "interrupt" not in STATES["queued"].events
 
 
 @pytest.mark.parametrize("state", list(STATES))
 def test_each_event_leads_where_the_table_says_or_nowhere(state: JobState) -> None:
-    for event in EVENTS:
+    for event in EVENT_NAMES:
         if event in STATES[state].events:
             assert next_state(state, event) in STATES
         else:
@@ -69,6 +76,8 @@ def test_an_allowed_action_is_an_event_of_the_state_or_acts_on_a_held_part(
     state: JobState,
 ) -> None:
     free = allowed_actions(state, held=False)
+    if STATES[state].terminal:
+        assert free == []
     assert all(action in STATES[state].events for action in free)
     assert set(free) <= set(allowed_actions(state, held=True))
 
@@ -81,9 +90,43 @@ def test_a_part_can_be_released_from_the_hold_and_after_a_stop() -> None:
 
 def test_stop_and_abort_lead_to_states_in_which_they_hold() -> None:
     assert set(HOLDS) == set(get_args(ActionType))
-    for state in ("preparing", "running"):
+    for state in MOVING:
         assert next_state(state, "stop") in HOLDS["stop"]
         assert next_state(state, "abort") in HOLDS["abort"]
+
+
+def test_a_stop_of_a_pause_does_not_go_through_running() -> None:
+    assert next_state("paused", "stop") == "stopping"
+    assert "running" not in reachable("stopping")
+
+
+def test_a_pause_leads_back_to_where_it_came_from() -> None:
+    pause: tuple[tuple[Event, JobState], ...] = (
+        ("pause", "pausing"),
+        ("rest", "paused"),
+        ("resume", "resuming"),
+        ("go_on", "running"),
+    )
+    state: JobState = "running"
+    for event, expected in pause:
+        state = next_state(state, event)
+        assert state == expected
+
+
+@pytest.mark.parametrize("state", [state for state in STATES if not STATES[state].terminal])
+def test_a_job_can_be_aborted_or_stopped_wherever_it_moves(state: JobState) -> None:
+    offered = allowed_actions(state, held=True)
+    if state == "aborting":
+        assert offered == []
+    else:
+        assert "abort" in offered
+        assert ("stop" in offered) == (state != "stopping")
+
+
+def test_every_event_and_every_addition_to_a_deadline_has_words() -> None:
+    assert set(EVENTS) == set(EVENT_NAMES)
+    assert all(EVENTS.values())
+    assert {row.beyond for row in STATES.values()} == set(BEYOND)
 
 
 def test_outcomes_have_meanings() -> None:
@@ -94,4 +137,4 @@ def test_outcomes_have_meanings() -> None:
 def test_continue_is_offered_only_while_the_program_waits(state: JobState) -> None:
     assert "continue" not in allowed_actions(state, held=True)
     waiting = allowed_actions(state, held=False, waiting=True)
-    assert ("continue" in waiting) == (state == "running")
+    assert ("continue" in waiting) == (state in ("running", "pausing"))

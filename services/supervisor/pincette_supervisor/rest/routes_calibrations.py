@@ -9,7 +9,8 @@ from pincette.api.calibration_requests import CalibrationBody
 from pincette.api.job_models import Job
 from pincette.api.problem_models import responses
 from pincette.api.proposal_models import Proposal, ProposalAction, ProposalList
-from pincette_supervisor.rest.routes_jobs import take
+from pincette_supervisor.rest.headers import Key
+from pincette_supervisor.rest.routes_jobs import CREATED, Predict, take
 from pincette_supervisor.running.conductor import Conductor
 
 
@@ -17,23 +18,18 @@ def routes(conductor: Conductor) -> APIRouter:
     """Everything under ``/calibrations``."""
     router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
-    @router.post(
-        "",
-        status_code=201,
-        response_model=Job | CalibrationPlan,
-        responses={
-            200: {"model": CalibrationPlan, "description": "dry run: the plan"},
-            201: {"model": Job, "description": "taken; Location names its job"},
-            **responses(404, 409, 422, 503),
-        },
-    )
+    @router.post("", status_code=201, response_model=Job | CalibrationPlan, responses=CREATED)
     def create(  # pyright: ignore[reportUnusedFunction]
         body: CalibrationBody,
         response: Response,
         dry_run: Annotated[bool, Query(description="plan only")] = False,
+        predict: Predict = True,
+        idempotency_key: Key = None,
     ) -> object:
         """Take a calibration: the same as a job of the kind ``calibrate``."""
-        return take(conductor, body, response, dry_run=dry_run)
+        return take(
+            conductor, body, response, dry_run=dry_run, predict=predict, key=idempotency_key
+        )
 
     @router.get("", responses=responses(422))
     def proposals(  # pyright: ignore[reportUnusedFunction]

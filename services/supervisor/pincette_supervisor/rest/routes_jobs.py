@@ -4,11 +4,11 @@ Plain functions run in a pool of threads, so that neither the store nor a slow p
 holds up the event loop.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Query, Response
 from fastapi.concurrency import run_in_threadpool
-from fastapi.responses import FileResponse
+from fastapi.responses import FileResponse, StreamingResponse
 
 from pincette.api.calibration_models import CalibrationPlan
 from pincette.api.job_models import (
@@ -16,77 +16,161 @@ from pincette.api.job_models import (
     Artifact,
     ArtifactList,
     Job,
+    JobKind,
     JobList,
 )
+from pincette.api.motion_models import MotionPlan
 from pincette.api.plan_models import Plan
 from pincette.api.problem_models import responses
 from pincette.api.request_models import AnyJobRequest, Body
-from pincette.records import folder
+from pincette.api.states import JobState
+from pincette.records import csv_export, folder
 from pincette_supervisor import problems
+from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.headers import IfNoneMatch, Key, Who, etag, matched_revision
 from pincette_supervisor.running.conductor import Conductor
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
+AnyPlan = Plan | MotionPlan | CalibrationPlan
+REPLAYED = "Idempotency-Replayed"
+NAME_LENGTH = 100
+CSV = "samples.csv"
+Predict = Annotated[
+    bool, Query(description="of a dry run: play the plan on the model in use, and foretell")
+]
+TAGGED: dict[str, Any] = {
+    "ETag": {"description": "of the job's revision", "schema": {"type": "string"}}
+}
+CREATED: dict[int | str, dict[str, Any]] = {
+    200: {
+        "model": Job | AnyPlan,
+        "description": "dry run: the plan, feasible or not; or the job that the Idempotency-Key "
+        f"has created already, with the header {REPLAYED}",
+    },
+    201: {"model": Job, "description": "taken; Location names it"},
+    **responses(404, 409, 422, 503),
+}
+"""Answers to whoever creates a job."""
 
 
 def take(
-    conductor: Conductor, body: AnyJobRequest, response: Response, *, dry_run: bool
-) -> Job | Plan | CalibrationPlan:
-    """Take a job, or plan it only."""
+    conductor: Conductor,
+    body: AnyJobRequest,
+    response: Response,
+    *,
+    dry_run: bool,
+    predict: bool = True,
+    key: str | None = None,
+) -> Job | AnyPlan:
+    """Take a job, or plan it only, and foretell what playing the plan would come to."""
     if dry_run or body.dry_run:
         response.status_code = 200
-        return conductor.plan(body).plan
-    job = conductor.submit(body)
+        planned = conductor.plan(body)
+        return (conductor.foreteller.foretold(planned) if predict else planned).plan
+    job, replayed = conductor.create(body, key)
     response.headers["Location"] = f"/api/v1/jobs/{job.id}"
+    response.headers["ETag"] = etag(job.id, job.revision)
+    if replayed:
+        response.status_code = 200
+        response.headers[REPLAYED] = "true"
     return job
+
+
+def _label(text: str | None) -> tuple[str, str] | None:
+    if text is None:
+        return None
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise ProblemError(
+            422,
+            "invalid-request",
+            "The request cannot be used",
+            f"label = {text!r} has no value: write name=value",
+            errors=[{"parameter": "label", "message": f"label = {text!r}: write name=value"}],
+        )
+    return name, value
 
 
 def routes(conductor: Conductor) -> APIRouter:
     """Everything under ``/jobs``."""
     router = APIRouter(prefix="/jobs", tags=["jobs"])
 
-    @router.post(
-        "",
-        status_code=201,
-        response_model=Job | Plan | CalibrationPlan,
-        responses={
-            200: {
-                "model": Plan | CalibrationPlan,
-                "description": "dry run: the plan, feasible or not",
-            },
-            201: {"model": Job, "description": "taken; Location names it"},
-            **responses(404, 409, 422, 503),
-        },
-    )
+    @router.post("", status_code=201, response_model=Job | AnyPlan, responses=CREATED)
     def create(  # pyright: ignore[reportUnusedFunction]
         body: Body,
         response: Response,
         dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
+        predict: Predict = True,
+        idempotency_key: Key = None,
     ) -> object:
-        """Take a job, or with ``dry_run`` plan it only."""
-        return take(conductor, body, response, dry_run=dry_run)
+        """Take a job, or with ``dry_run`` plan it only.
 
-    @router.get("", responses=responses(422))
+        With ``queue`` a job waits for those before it, where another one has the rig.
+        """
+        return take(
+            conductor, body, response, dry_run=dry_run, predict=predict, key=idempotency_key
+        )
+
+    @router.get("", responses=responses(404, 422))
     def jobs(  # pyright: ignore[reportUnusedFunction]
         limit: Annotated[int, Query(ge=1, le=500)] = 50,
+        kind: JobKind | None = None,
+        state: JobState | None = None,
+        rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+        label: Annotated[str | None, Query(description="name=value", max_length=300)] = None,
+        before: Annotated[
+            str | None, Query(description="those taken before this job", max_length=NAME_LENGTH)
+        ] = None,
     ) -> JobList:
-        """Jobs, the newest first."""
-        return JobList(jobs=conductor.jobs(limit))
+        """Jobs, the newest first; those alone that are as named."""
+        found = conductor.jobs(
+            limit + 1, kind=kind, state=state, rig=rig, label=_label(label), before=before
+        )
+        more = len(found) > limit
+        return JobList(jobs=found[:limit], next=found[limit - 1].id if more else None)
 
-    @router.get("/{job}", responses=responses(404, 422))
+    @router.get(
+        "/{job}",
+        response_model=Job,
+        responses={
+            200: {"headers": TAGGED},
+            304: {"description": "the job still has the ETag that was sent", "headers": TAGGED},
+            **responses(404, 422),
+        },
+    )
     async def job_state(  # pyright: ignore[reportUnusedFunction]
         job: str,
+        response: Response,
         wait: Annotated[
-            Literal["terminal"] | None, Query(description="answer when the job has ended")
+            Literal["terminal", "change"] | None,
+            Query(description="answer when the job has ended, or is not as it was"),
+        ] = None,
+        since: Annotated[
+            int | None, Query(ge=0, description="with wait=change: the revision that is known")
         ] = None,
         timeout_s: Annotated[
             float,
             Query(ge=0, le=LONGEST_WAIT_S, allow_inf_nan=False, description="wait no longer"),
         ] = WAIT_S,
-    ) -> Job:
-        """One job; with ``wait`` the answer comes when it has ended, or in time as it is then."""
-        if wait is not None:
+        if_none_match: IfNoneMatch = None,
+    ) -> object:
+        """One job.
+
+        With ``wait`` the answer comes when it has ended (``terminal``), or when it is not as it
+        was at the revision of ``since`` or of ``If-None-Match`` (``change``), or in time as it is
+        then. Progress alone is no change.
+        """
+        known = matched_revision(job, if_none_match) if since is None else since
+        if wait == "terminal":
             await conductor.changes.wait(lambda: conductor.over(job), timeout_s)
-        return await run_in_threadpool(conductor.job, job)
+        elif wait == "change" and known is not None:
+            await conductor.changes.wait(lambda: conductor.differs(job, known), timeout_s)
+        found = await run_in_threadpool(conductor.job, job)
+        tag = etag(found.id, found.revision)
+        if matched_revision(job, if_none_match) == found.revision:
+            return Response(status_code=304, headers={"ETag": tag})
+        response.headers["ETag"] = tag
+        return found
 
     @router.post(
         "/{job}/actions",
@@ -97,11 +181,11 @@ def routes(conductor: Conductor) -> APIRouter:
         },
     )
     def act(  # pyright: ignore[reportUnusedFunction]
-        job: str, body: ActionRequest, request: Request, response: Response
+        job: str, body: ActionRequest, response: Response, who: Who
     ) -> Job:
-        """Start, stop, abort, release the part, or continue where the job waits for a person."""
-        by = request.client.host if request.client is not None else "unknown"
-        changed, holds = conductor.act(job, body.type, by)
+        """Start, pause, resume, stop, abort, release the part, or continue after a wait."""
+        changed, holds = conductor.act(job, body.type, who)
+        response.headers["ETag"] = etag(changed.id, changed.revision)
         if holds:
             response.status_code = 200
         return changed
@@ -113,13 +197,23 @@ def routes(conductor: Conductor) -> APIRouter:
         found = folder.artifacts(conductor.site.records / known.id)
         return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
 
-    @router.get("/{job}/artifacts/{name}", responses=responses(404), response_class=FileResponse)
-    def artifact(job: str, name: str) -> FileResponse:  # pyright: ignore[reportUnusedFunction]
-        """One file of a job's record."""
+    @router.get(
+        "/{job}/artifacts/{name}",
+        response_model=None,
+        response_class=FileResponse,
+        responses=responses(404),
+    )
+    def artifact(job: str, name: str) -> Response:  # pyright: ignore[reportUnusedFunction]
+        """One file of a job's record; ``samples.csv`` is made of ``samples.parquet`` as it goes."""
         known = conductor.job(job)
         path = conductor.site.records / known.id / name
+        samples = path.with_name(folder.SAMPLES)
+        if name == CSV and samples.is_file():
+            attached = {"Content-Disposition": f'attachment; filename="{known.id}.csv"'}
+            rows = csv_export.csv_rows(samples)
+            return StreamingResponse(rows, media_type=csv_export.MEDIA_TYPE, headers=attached)
         if name not in folder.MEDIA_TYPES or not path.is_file():
-            raise problems.not_found("artifact", name, list(folder.MEDIA_TYPES))
+            raise problems.not_found("artifact", name, [*folder.MEDIA_TYPES, CSV])
         return FileResponse(path, media_type=folder.MEDIA_TYPES[name], filename=name)
 
     return router

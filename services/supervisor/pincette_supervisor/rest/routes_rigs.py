@@ -3,13 +3,14 @@
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 
 from pincette.api.problem_models import responses
 from pincette.api.proposal_models import ModelAction, ModelView
-from pincette.api.rig_models import ResetRequest, Rig, RigList, Stopped
+from pincette.api.rig_models import QueueRequest, ResetRequest, Rig, RigList, Stopped
 from pincette_supervisor import problems
 from pincette_supervisor.model.model_view import model_view
+from pincette_supervisor.rest.headers import Who, sender
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.view import rig_view
 
@@ -26,25 +27,37 @@ def routes(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> APIRouter:
     @router.get("")
     def rigs() -> RigList:  # pyright: ignore[reportUnusedFunction]
         """The rigs this supervisor serves."""
-        return RigList(rigs=[rig_view(conductor.site, conductor.active)])
+        return RigList(rigs=[rig_view(conductor)])
 
     @router.get("/{rig}", responses=responses(404))
     def rig_state(rig: str) -> Rig:  # pyright: ignore[reportUnusedFunction]
         """One rig: programs, interlocks, limits, latch, and whether a job can start."""
         require(rig)
-        return rig_view(conductor.site, conductor.active)
+        return rig_view(conductor)
 
     @router.post("/{rig}/estop", responses=responses(404, 503))
-    async def estop(rig: str) -> Stopped:  # pyright: ignore[reportUnusedFunction]
+    async def estop(rig: str, request: Request) -> Stopped:  # pyright: ignore[reportUnusedFunction]
         """Stop at once: freeze a held part, ramp a free arm, latch. Always accepted; no body."""
         require(rig)
-        return await asyncio.get_running_loop().run_in_executor(estop_pool, conductor.estop)
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(estop_pool, conductor.latch.estop, sender(request))
 
     @router.post("/{rig}/reset", responses=responses(404, 409, 422, 503))
-    def reset(rig: str, _body: ResetRequest) -> Stopped:  # pyright: ignore[reportUnusedFunction]
-        """Clear the latch, once a person has seen the cause."""
+    def reset(  # pyright: ignore[reportUnusedFunction]
+        rig: str, _body: ResetRequest, who: Who
+    ) -> Stopped:
+        """Clear the latch, once a person has seen the cause; a held part stays held."""
         require(rig)
-        return conductor.reset()
+        return conductor.latch.reset(who)
+
+    @router.post("/{rig}/queue/actions", responses=responses(404, 409, 422, 503))
+    def order_queue(  # pyright: ignore[reportUnusedFunction]
+        rig: str, body: QueueRequest, who: Who
+    ) -> Rig:
+        """Let a halted queue go on, or stop all jobs that wait."""
+        require(rig)
+        conductor.order_queue(body.type, who)
+        return rig_view(conductor)
 
     @router.get("/{rig}/model", responses=responses(404))
     def model(rig: str) -> ModelView:  # pyright: ignore[reportUnusedFunction]

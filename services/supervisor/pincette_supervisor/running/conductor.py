@@ -1,35 +1,38 @@
-"""Takes jobs and actions, one job at a time, and says how they are."""
+"""Takes jobs, one after another, and says how they are."""
 
-import secrets
 import threading
-from datetime import UTC, datetime
-from typing import Literal, cast
+from typing import Literal
 
 from pincette.api.job_models import Job
 from pincette.api.proposal_models import ModelView, Proposal
 from pincette.api.request_models import AnyJobRequest
-from pincette.api.rig_models import Stopped
-from pincette.api.states import HOLDS, ActionType, TransitionError, allowed_actions
-from pincette.bus.protocol import BusError, RefusalError
-from pincette.messages import Act, Done, Trip
-from pincette.topics import ACT, TRIP
+from pincette.api.states import ActionType, JobState
+from pincette.bus.protocol import BusError
+from pincette.messages import Act
+from pincette.topics import ACT
 from pincette_supervisor import problems
-from pincette_supervisor.journal.store import JobRow, utc_now
+from pincette_supervisor.journal.store import JobRow, KeyTakenError
 from pincette_supervisor.model.model_view import use_model
 from pincette_supervisor.model.proposals import Calibrations
-from pincette_supervisor.planning.calibration_support import UnsupportedError
-from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.path_requests import FaultyRequestError
+from pincette_supervisor.planning.foretelling import Foreteller
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.running.job import Changes, LiveJob
+from pincette_supervisor.running import planner, refusals
+from pincette_supervisor.running.acting import Acting
+from pincette_supervisor.running.changes import Changes
+from pincette_supervisor.running.creating import fingerprint_of, new_row
+from pincette_supervisor.running.job import LiveJob
+from pincette_supervisor.running.job_queue import CAPACITY, Queue
 from pincette_supervisor.running.job_view import job_view
+from pincette_supervisor.running.latch import LatchKeeper
+from pincette_supervisor.running.left_over import settle
 from pincette_supervisor.running.run import Run
 from pincette_supervisor.running.site import Site
 
 JOIN_S = 4.0
 FREED_S = 1.0
 """In which a rig is free once its job has told its end."""
+KEPT_S = 15.0
+"""In which a job that only holds a part has handed it over, and its record is closed."""
 
 
 class Conductor:
@@ -39,10 +42,14 @@ class Conductor:
         self.site = site
         self.calibrations = Calibrations(site.store, site.model)
         self.changes = Changes()
-        self._lock = threading.Lock()
+        self.latch = LatchKeeper(site)
+        self.foreteller = Foreteller()
+        self.queue = Queue(site.store, site.events)
+        self._lock = threading.RLock()
+        self._acting = Acting(site)
         self._live: LiveJob | None = None
-        self._run: Run | None = None
         self._thread: threading.Thread | None = None
+        self._closing = False
 
     @property
     def active(self) -> LiveJob | None:
@@ -50,109 +57,125 @@ class Conductor:
         live = self._live
         return None if live is None or live.done.is_set() else live
 
+    def recover(self, left_over: list[str]) -> None:
+        """Take up what an earlier run of the supervisor has left; nothing moves by itself."""
+        settle(self.site, left_over)
+        with self._lock:
+            self.queue.load(self.site.rig.rig.name)
+
     def plan(self, request: AnyJobRequest) -> Planned:
         """Plan a job; raises ProblemError where the rig is another or the numbers make no plan."""
-        rig = self.site.rig
-        if request.rig is not None and request.rig != rig.rig.name:
-            raise problems.not_found("rig", request.rig, [rig.rig.name])
+        return planner.plan(self.site, request)
+
+    def submit(self, request: AnyJobRequest, key: str | None = None) -> Job:
+        """Take a job; see ``create``."""
+        return self.create(request, key)[0]
+
+    def create(self, request: AnyJobRequest, key: str | None = None) -> tuple[Job, bool]:
+        """Take a job; the flag says that its key has created it already.
+
+        Raises
+        ------
+        ProblemError
+            Where it cannot be taken, or the key came with another request.
+        """
+        fingerprint = fingerprint_of(request)
+        known = None if key is None else self.site.store.created(key)
+        if known is not None:
+            return self._replayed(known.job, known.fingerprint, fingerprint), True
+        request = planner.with_version(self.site, request)
+        planned = refusals.require_feasible(self.plan(request))
+        self._hand_over(planned)
         try:
-            return plan_job(request, self.site.model.in_use)
-        except FaultyRequestError as error:
-            fault = {"pointer": error.pointer, "message": str(error)}
-            raise ProblemError(
-                422,
-                "invalid-request",
-                "The request cannot be used",
-                str(error),
-                errors=[fault],
-            ) from error
-        except UnsupportedError as error:
-            raise problems.unsupported(error) from error
-        except ValueError as error:
-            raise ProblemError(
-                422, "invalid-request", "No plan can be made of this", str(error)
-            ) from error
+            with self._lock:
+                name = self._take(request, planned, key, fingerprint)
+        except KeyTakenError as error:
+            return self._replayed(error.job, error.fingerprint, fingerprint), True
+        return self.job(name), False
 
-    def submit(self, request: AnyJobRequest) -> Job:
-        """Take a job; raises ProblemError where it cannot be."""
-        planned = self.plan(request)
-        if not planned.plan.feasible:
-            violations = [item.model_dump() for item in planned.plan.violations]
-            raise ProblemError(
-                422,
-                "limit-violation",
-                "The plan breaks a limit of the rig",
-                "; ".join(item.message for item in planned.plan.violations),
-                violations=violations,
-            )
-        with self._lock:
-            self._require_free()
-            self._require_ready()
-            if planned.model is not self.site.model.in_use:
-                raise ProblemError(
-                    409,
-                    "model-changed",
-                    "Another model has come into use",
-                    "the job was planned with the model before; send it again",
-                )
-            stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-            row = JobRow(
-                id=f"{stamp}-{secrets.token_hex(2)}",
-                kind=request.kind,
-                rig=self.site.rig.rig.name,
-                state="queued",
-                request=request.model_dump(mode="json", exclude_unset=True),
-                plan={**planned.plan.model_dump(mode="json"), "values": planned.values},
-                created_at=utc_now(),
-            )
-            self.site.store.add(row)
-            self._live = LiveJob(
-                row, planned, self.site.store, self.changes, autostart=request.autostart
-            )
-            self._run = Run(self.site, self._live)
-            self._thread = threading.Thread(target=self._run.main, name=f"job {row.id}")
-            self._thread.start()
-        return self.job(row.id)
+    def _replayed(self, job: str, fingerprint: str, sent: str) -> Job:
+        if fingerprint != sent:
+            raise refusals.key_reused(job)
+        return self.job(job)
 
-    def _require_free(self) -> None:
+    def _hand_over(self, planned: Planned) -> None:
+        """Give a job that has ended a moment to free the rig, or have it hand over its part."""
+        self._await_end()
         active = self.active
-        if active is not None and active.terminal and not active.held:
-            active.done.wait(FREED_S)
-            active = self.active
-        if active is None:
-            return
-        doing = f"is {active.state}"
-        if active.terminal:
-            doing += ", holds a part: release it" if active.held else ", the arm is not at rest yet"
-        raise ProblemError(
-            409,
-            "job-active",
-            "Another job has the rig",
-            f"job {active.id} {doing}",
-            job=active.id,
-            allowed_actions=allowed_actions(active.state, held=active.held),
-        )
+        if active is not None and active.terminal and active.held and planned.begins_held:
+            try:
+                self.site.bus.ask(ACT, Act("keep"))
+            except BusError as error:
+                raise refusals.unanswered(error) from error
+            active.done.wait(KEPT_S)
 
-    def _require_ready(self) -> None:
-        health = self.site.health
-        health.refresh()
-        cause = health.latched()
-        if cause:
-            name = self.site.rig.rig.name
-            code = "estop-engaged" if cause == "estop" else "rig-latched"
-            raise ProblemError(
-                409,
-                code,
-                "The actuator is latched",
-                f"cause: {cause}; see that the rig is safe, then POST /api/v1/rigs/{name}/reset "
-                'with {"acknowledge": true}',
-                cause=cause,
-            )
-        reasons = self.site.reasons()
-        if reasons:
-            raise ProblemError(
-                503, "rig-not-ready", "The rig is not ready", "; ".join(reasons), reasons=reasons
-            )
+    def _take(
+        self, request: AnyJobRequest, planned: Planned, key: str | None, fingerprint: str
+    ) -> str:
+        waits = request.queue and (self.active is not None or len(self.queue) > 0)
+        if waits and len(self.queue) >= CAPACITY:
+            raise refusals.queue_full(len(self.queue))
+        if not waits:
+            if self.active is not None:
+                raise refusals.job_active(self.active)
+            refusals.require_ready(self.site, planned)
+            if planned.model is not self.site.model.in_use:
+                raise refusals.model_changed()
+        row = self.site.store.add(
+            new_row(request, planned, self.site.rig.rig.name), key, fingerprint
+        )
+        self.site.events.tell("state", row.id, state="queued", cause="", kind=row.kind)
+        if waits:
+            self.queue.add(row, request)
+        else:
+            self._begin(row, request, planned)
+        return row.id
+
+    def _begin(self, row: JobRow, request: AnyJobRequest, planned: Planned | None) -> None:
+        completed = planner.with_recipe(self.site, request)
+        live = LiveJob(row, completed, planned, self.site, self.changes)
+        self._live = live
+        self._thread = threading.Thread(target=self._live_through, args=[live], name=row.id)
+        self._thread.start()
+
+    def _live_through(self, live: LiveJob) -> None:
+        try:
+            Run(self.site, live, lambda asked: refusals.require_feasible(self.plan(asked))).main()
+        finally:
+            with self._lock:
+                if live.state != "succeeded" and not self._closing:
+                    self.queue.halt(f"job {live.id} {live.state}: {live.cause}".rstrip(": "))
+                live.finish()
+                self._go_on()
+
+    def _go_on(self) -> None:
+        """Let the next job of the queue begin, where the rig is free."""
+        if self._closing or self.active is not None:
+            return
+        entry = self.queue.next()
+        if entry is not None:
+            # It has the rig before it leaves the queue: whoever waits for it must not miss it.
+            self._begin(entry.row, entry.request, None)
+            self.queue.take(entry)
+
+    def order_queue(self, order: Literal["resume", "clear"], by: str) -> None:
+        """Let a halted queue go on, or stop all jobs that wait.
+
+        Raises
+        ------
+        ProblemError
+            Where the rig is not ready for the next job.
+        """
+        with self._lock:
+            if order == "clear":
+                self.queue.clear()
+            elif len(self.queue):
+                if self.active is None:
+                    refusals.require_ready(self.site, None)
+                self.queue.resume()
+                self._go_on()
+        self.site.events.tell("queue", action=order, by=by, length=len(self.queue))
+        self.changes.tell()
 
     def act(self, name: str, action: ActionType, by: str) -> tuple[Job, bool]:
         """Ask a job for an action; the flag says that what was asked for holds already.
@@ -162,91 +185,41 @@ class Conductor:
         ProblemError
             Where the job does not exist, or its state does not allow the action.
         """
+        with self._lock:
+            entry = self.queue.entry(name)
+            if entry is not None:
+                self._acting.on_queued(self.queue, entry, action, by)
+                self.changes.tell()
+                return self.job(name), False
         live = self.active
         if live is None or live.id != name:
-            row = self._row(name)
-            if row.state in HOLDS[action]:
-                return self.job(name), True
-            raise self._invalid(action, row.state, [])
-        state = live.state
-        waiting = live.waiting
-        allowed = allowed_actions(state, held=live.held, waiting=waiting is not None)
-        if state in HOLDS[action] and action not in allowed:
-            return self.job(name), True
-        if action not in allowed:
-            raise self._invalid(action, state, allowed)
-        live.asked(action, by)
-        try:
-            if action in ("release", "continue"):
-                self.site.bus.ask(ACT, Act(action))
-                if action == "continue" and waiting is not None:
-                    live.proceed(waiting)
-            elif not live.terminal and not live.move(action, only_from=state):
-                raise TransitionError(f"the job has just become {live.state}")
-            if action == "abort" and state in ("running", "stopping", "stopped"):
-                reply = self.site.bus.ask(TRIP, Trip("abort"), 1.0)
-                live.acted("abort", cast(Done, reply).seq)
-        except (RefusalError, TransitionError) as error:
-            raise self._invalid(action, live.state, allowed, str(error)) from error
-        except BusError as error:
-            raise ProblemError(
-                503, "rig-not-ready", "The rig does not answer", str(error), reasons=[str(error)]
-            ) from error
-        return self.job(name), False
-
-    def _invalid(
-        self, action: str, state: str, allowed: list[ActionType], why: str = ""
-    ) -> ProblemError:
-        detail = why or f"a job that is {state} cannot {action}"
-        return ProblemError(
-            409,
-            "invalid-transition",
-            "The job's state does not allow this action",
-            detail,
-            state=state,
-            allowed_actions=allowed,
-        )
+            holds = self._acting.on_ended(self._row(name), action)
+        else:
+            holds = self._acting.on_live(live, action, by)
+        return self.job(name), holds
 
     def decide(self, name: str, action: Literal["accept", "discard"]) -> Proposal:
         """Accept or discard what a calibration proposes; raises ProblemError."""
+        self._await_end()
         with self._lock:
             self._require_free()
             return self.calibrations.act(name, action)
 
     def use_model(self, version: int) -> ModelView:
         """Go over to a version of the model; raises ProblemError."""
+        self._await_end()
         with self._lock:
             self._require_free()
             return use_model(self.site.model, version)
 
-    def estop(self) -> Stopped:
-        """Trip the actuator at once; takes no lock and touches no disk."""
-        rig = self.site.rig.rig.name
-        try:
-            self.site.bus.ask(TRIP, Trip("estop"), 1.0)
-        except BusError as error:
-            raise ProblemError(
-                503,
-                "estop-unconfirmed",
-                "The actuator did not confirm the emergency stop",
-                f"{error}; switch the amplifier off by hand",
-            ) from error
-        return Stopped(rig=rig, cause="estop", acknowledged=True, detail="")
+    def _await_end(self) -> None:
+        active = self.active
+        if active is not None and active.terminal and not active.held:
+            active.done.wait(FREED_S)
 
-    def reset(self) -> Stopped:
-        """Clear the latch, since a person has seen the cause."""
-        _, cause = self.site.health.latch()
-        try:
-            self.site.health.reset()
-        except RefusalError as error:
-            raise ProblemError(
-                409, "reset-refused", "The actuator refuses to be reset", str(error)
-            ) from error
-        except BusError as error:
-            raise ProblemError(
-                503, "rig-not-ready", "The rig does not answer", str(error), reasons=[str(error)]
-            ) from error
-        return Stopped(rig=self.site.rig.rig.name, cause=cause, acknowledged=True, detail="")
+    def _require_free(self) -> None:
+        if self.active is not None:
+            raise refusals.job_active(self.active)
 
     def _row(self, name: str) -> JobRow:
         row = self.site.store.get(name)
@@ -258,24 +231,54 @@ class Conductor:
         """One job as it is; raises ProblemError where there is none of this name."""
         return self._view(self._row(name))
 
-    def jobs(self, limit: int) -> list[Job]:
-        """Jobs, the newest first."""
-        return [self._view(row) for row in self.site.store.newest(limit)]
+    def jobs(
+        self,
+        limit: int,
+        *,
+        kind: str | None = None,
+        state: JobState | None = None,
+        rig: str | None = None,
+        label: tuple[str, str] | None = None,
+        before: str | None = None,
+    ) -> list[Job]:
+        """Jobs, the newest first, those alone that are as named; raises ProblemError."""
+        rows = self.site.store.newest(
+            limit,
+            kind=kind,
+            state=state,
+            rig=rig,
+            label=label,
+            before_number=None if before is None else self._row(before).number,
+        )
+        return [self._view(row) for row in rows]
 
     def over(self, name: str) -> bool:
-        """Whether a job has come to an end, without a look at the store where it lives."""
+        """Whether a job has come to an end; looks at no store."""
+        if self.queue.entry(name) is not None:
+            return False
         live = self._live
         return live is None or live.id != name or live.terminal
 
+    def differs(self, name: str, revision: int) -> bool:
+        """Whether a job is not, or will not be, as it was at a revision; looks at no store."""
+        entry = self.queue.entry(name)
+        if entry is not None:
+            return entry.revision != revision
+        live = self._live
+        if live is None or live.id != name or live.done.is_set():
+            return True
+        return live.revision != revision
+
     def _view(self, row: JobRow) -> Job:
         live = self._live if self._live is not None and self._live.id == row.id else None
-        return job_view(row, live, self.site.records)
+        return job_view(row, live, self.queue.position(row.id), self.site.records)
 
     def close(self) -> None:
         """End: a job that runs becomes ``interrupted`` and the rig is asked to stop."""
-        run, live, thread = self._run, self._live, self._thread
-        if run is None or live is None or thread is None:
-            return
-        run.interrupted = True
-        live.wake.set()
-        thread.join(JOIN_S)
+        self._closing = True
+        live, thread = self._live, self._thread
+        if live is not None and thread is not None:
+            live.interrupted = True
+            live.wake.set()
+            thread.join(JOIN_S)
+        self.latch.close()

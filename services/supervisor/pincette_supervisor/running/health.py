@@ -20,6 +20,8 @@ FRESH_S = 0.5
 """How long an answer is good before the programs are asked again."""
 SENSOR_PERIODS, SENSOR_S = 10.0, 0.2
 """The sensor may be silent this long, whichever is longer."""
+PROGRAMS = (*LOOP, "recorder")
+"""Those that a job needs."""
 MET, CLEARED = "actuator_met", "actuator_boot_cleared"
 RESTARTED = "restart"
 
@@ -44,7 +46,7 @@ class Health:
         self._clock = clock
         self._too_slow = _too_slow(rig)
         self._asked_at = float("-inf")
-        self._pool = ThreadPoolExecutor(len(LOOP), thread_name_prefix="status")
+        self._pool = ThreadPoolExecutor(len(PROGRAMS), thread_name_prefix="status")
         self.statuses: dict[str, Status | str] = {}
         """For each service its answer, or why there is none."""
         self._armed: tuple[int, str] | None = None
@@ -55,7 +57,7 @@ class Health:
         """Ask all programs side by side, unless they have just answered."""
         if not force and self._clock() - self._asked_at < FRESH_S:
             return
-        self.statuses = dict(zip(LOOP, self._pool.map(self._ask, LOOP), strict=True))
+        self.statuses = dict(zip(PROGRAMS, self._pool.map(self._ask, PROGRAMS), strict=True))
         self._asked_at = self._clock()
         actuator = self.statuses["actuator"]
         if isinstance(actuator, Status) and self._trusted is None:
@@ -128,7 +130,7 @@ class Health:
                     f"runs with rig file {answer.digest}, the supervisor with {digest}: "
                     "start all programs with the same file"
                 )
-            elif self._armed and answer.epoch == self._armed[0]:
+            elif service in LOOP and self._armed and answer.epoch == self._armed[0]:
                 epoch_digest = self._armed[1]
                 if answer.calibration != epoch_digest:
                     found[service] = (
@@ -160,8 +162,13 @@ class Health:
         if self._too_slow:
             found.append(self._too_slow)
         state, cause = self.latch()
-        if state in ("frozen", "ramping"):
-            found.append(f"actuator: {state} ({cause}); wait until it is safe, then reset it")
+        if state == "frozen":
+            found.append(
+                f"actuator: frozen ({cause}); reset it to keep the part held, then hold or "
+                "release it by a job, or wait until it has been let go"
+            )
+        if state == "ramping":
+            found.append(f"actuator: ramping ({cause}); wait until it is safe, then reset it")
         return found
 
     def close(self) -> None:

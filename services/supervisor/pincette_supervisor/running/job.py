@@ -1,63 +1,33 @@
 """A job while it lives: its state, moved by events along the table, and who waits for it."""
 
-import asyncio
 import threading
-from collections.abc import Callable
-from time import monotonic
 
 from pincette.api.job_models import Progress
+from pincette.api.request_models import AnyJobRequest
 from pincette.api.states import STATES, ActionType, Event, JobState, next_state
-from pincette_supervisor.journal.store import ActionRow, JobRow, Store, utc_now
+from pincette.messages import JobNotice
+from pincette_supervisor.journal.store import ActionRow, JobRow, utc_now
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.running.changes import Changes
+from pincette_supervisor.running.site import Site
 
-
-class Changes:
-    """Wakes coroutines that wait for a job, from whichever thread changed it."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._waiting: set[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = set()
-
-    def tell(self) -> None:
-        """Wake all who wait."""
-        with self._lock:
-            for loop, event in self._waiting:
-                loop.call_soon_threadsafe(event.set)
-
-    async def wait(self, over: Callable[[], bool], timeout_s: float) -> None:
-        """Return when ``over`` is true, which is looked at after each change, or in time."""
-        event = asyncio.Event()
-        entry = (asyncio.get_running_loop(), event)
-        with self._lock:
-            self._waiting.add(entry)
-        try:
-            async with asyncio.timeout(timeout_s):
-                while not over():
-                    await event.wait()
-                    event.clear()
-        except TimeoutError:
-            return
-        finally:
-            with self._lock:
-                self._waiting.discard(entry)
+PLAYS = ("running", "pausing")
+"""States in which the program's time goes on."""
 
 
 class LiveJob:
     """The state of a job, shared by the run that moves it and the requests that act on it."""
 
     def __init__(
-        self,
-        row: JobRow,
-        planned: Planned,
-        store: Store,
-        changes: Changes,
-        *,
-        autostart: bool,
+        self, row: JobRow, request: AnyJobRequest, planned: Planned | None, site: Site, out: Changes
     ) -> None:
-        self.id = row.id
+        self.id, self.kind, self.request = row.id, row.kind, request
         self.planned = planned
-        self.autostart = autostart
+        """None until the turn of a job that was queued has come."""
         self.state: JobState = row.state
+        self.revision = row.revision
+        self.epoch = 0
+        """Of its samples; 0 before it is armed."""
         self.cause = ""
         self.held = False
         self.phase = ""
@@ -65,13 +35,25 @@ class LiveJob:
         self.waiting: int | None = None
         """Segment that waits for a person; told after the progress that says what for."""
         self._passed = -1
-        self.entered_at = monotonic()
+        self.moves = 0
+        """How often the state has changed."""
+        self.entered_at = site.clock()
+        self.played_s = 0.0
+        """Time in states in which the program plays, the present one left out."""
+        self.interrupted = False
+        """Set where the supervisor ends."""
         self.wake = threading.Event()
         self.done = threading.Event()
         """Nothing of this job moves any more; the rig is free."""
-        self._store, self._changes = store, changes
+        self._site, self._store, self._changes = site, site.store, out
         self._lock = threading.RLock()
         self._actions: list[tuple[int, ActionType]] = []
+
+    @property
+    def standing(self) -> tuple[JobState, int]:
+        """The state, and how often it has changed."""
+        with self._lock:
+            return self.state, self.moves
 
     @property
     def terminal(self) -> bool:
@@ -93,21 +75,60 @@ class LiveJob:
             self.cause = self.cause or cause
             now = utc_now()
             values: dict[str, object] = {"state": state, "cause": self.cause}
-            if state == "running":
+            if event == "start":
                 values["started_at"] = now
             if STATES[state].terminal:
                 values["ended_at"] = now
-            self._store.change(self.id, **values)
-            self.state, self.entered_at = state, monotonic()
+            self._change(**values)
+            moment = self._site.clock()
+            if self.state in PLAYS:
+                self.played_s += moment - self.entered_at
+            self.state, self.entered_at = state, moment
+            self.moves += 1
+            self._site.events.tell("state", self.id, state=state, cause=self.cause, event=event)
+            self.notify()
         self.wake.set()
         self._changes.tell()
         return True
+
+    def _change(self, **values: object) -> None:
+        with self._lock:
+            self.revision = self._store.change(self.id, **values)
+
+    def _revise(self, **values: object) -> None:
+        self._change(**values)
+        self._changes.tell()
+
+    def notify(self) -> None:
+        """Tell the bus where the job is."""
+        notice = JobNotice(
+            job=self.id,
+            kind=self.kind,
+            epoch=self.epoch,
+            state=self.state,
+            phase=self.phase,
+            cause=self.cause[:200],
+            held=self.held,
+            at=utc_now(),
+        )
+        self._site.bus.publish(notice)
 
     def end(self, event: Event, cause: str = "") -> None:
         """Move to an end; a stop or an abort that came in between is confirmed instead."""
         with self._lock:
             if not self.terminal:
                 self.move(event if event in STATES[self.state].events else "confirm", cause)
+
+    def adopt(self, planned: Planned) -> None:
+        """Take the plan that is played."""
+        self.planned = planned
+        plan = {**planned.plan.model_dump(mode="json"), "values": planned.values}
+        self._revise(plan=plan)
+
+    def arm(self, epoch: int) -> None:
+        """Note the epoch of its samples."""
+        self.epoch = epoch
+        self._revise(epoch=str(epoch))
 
     def blame(self, cause: str) -> None:
         """Keep the first cause of a failure."""
@@ -116,36 +137,56 @@ class LiveJob:
     def amend(self, cause: str) -> None:
         """Add what befell a job after its end."""
         self.cause = f"{self.cause}; {cause}" if self.cause else cause
-        self._store.change(self.id, cause=self.cause)
+        self._revise(cause=self.cause)
 
-    def wait_at(self, segment: int | None) -> None:
-        """Note the segment that waits for a person; one that was passed waits no more."""
-        self.waiting = None if segment is None or segment <= self._passed else segment
+    def share(self, progress: Progress, *, phase: str, held: bool, waiting: int | None) -> None:
+        """Let requests see how far the run is."""
+        self.progress = progress
+        before = (self.held, self.waiting)
+        self.waiting = None if waiting is None or waiting <= self._passed else waiting
+        self.held = held
+        if (held, self.waiting) != before:
+            self._revise()
+        if phase != self.phase:
+            self.phase = phase
+            self._site.events.tell("phase", self.id, phase=phase, seq=progress.seq, held=held)
+            self.notify()
 
     def proceed(self, segment: int) -> None:
         """Note that a person has said to go on from a segment."""
         self._passed = max(self._passed, segment)
         if self.waiting == segment:
             self.waiting = None
+            self._revise()
+
+    def keep_plan(self, plan: dict[str, object]) -> None:
+        """Keep more about the job, beside its plan."""
+        self._revise(plan=plan)
 
     def keep_result(self, result: dict[str, object]) -> None:
         """Keep what came of it, before the state says that it has ended."""
-        self._store.change(self.id, result=result)
+        self._revise(result=result)
 
     def asked(self, action: ActionType, by: str) -> None:
         """Keep an action with the job."""
         row = ActionRow(action, utc_now(), by)
         with self._lock:
             self._actions.append((self._store.add_action(self.id, row), action))
+            self._revise()
+        self._site.events.tell("action", self.id, type=action, by=by, applied=False, seq=None)
 
-    def acted(self, action: str, seq: int) -> None:
+    def acted(self, action: str, seq: int | None) -> None:
         """Note the sample at which the oldest open action of a kind took effect."""
         with self._lock:
+            if action == "resume":  # what it takes back will not act any more
+                self._actions = [entry for entry in self._actions if entry[1] != "pause"]
             for entry in self._actions:
                 if entry[1] == action:
-                    self._store.action_took_effect(self.id, entry[0], seq)
+                    self._store.action_took_effect(self.id, entry[0], seq, utc_now())
                     self._actions.remove(entry)
-                    return
+                    self._revise()
+                    break
+        self._site.events.tell("action", self.id, type=action, applied=True, seq=seq)
 
     def wait(self, timeout_s: float) -> None:
         """Wait until something has been asked for, or in time."""

@@ -8,15 +8,19 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Protocol
 
-from pincette.bus.protocol import Bus
+from pincette.bus.protocol import BusError, LatestBus
 from pincette.messages import Message
-from pincette.topics import TOPICS, Topic
+from pincette.topics import APPLIED, JOB, POSITION, TELEMETRY, TOPICS, Topic
 
 KEPT = 4_000_000
 """Messages a collection can hold; about three hours at 50 Hz. What comes after is counted."""
 
 
-class WatchedBus(Bus, Protocol):
+SAID = (POSITION, APPLIED, TELEMETRY)
+"""What a supervisor that starts anew must know of a loop that says nothing while it is idle."""
+
+
+class WatchedBus(LatestBus, Protocol):
     """A bus that tells which programs come and go."""
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
@@ -53,12 +57,25 @@ class Observer:
 
     def __init__(self, bus: WatchedBus, clock: Callable[[], float] = monotonic) -> None:
         self.clock = clock
-        self._newest: dict[str, tuple[Message, float]] = {}
+        self._newest: dict[str, tuple[Message, float | None]] = {}
+        """With the time at which it came; None of what was said before anybody listened here."""
         self._alive: dict[str, bool] = {}
         self._collection: Collection | None = None
         for topic in TOPICS:
+            if topic == JOB:
+                continue  # what the supervisor itself tells
             bus.subscribe(topic, self._take)
         bus.watch(self._turn)
+        for topic in SAID:
+            self._catch_up(bus, topic)
+
+    def _catch_up(self, bus: WatchedBus, topic: Topic) -> None:
+        try:
+            message = bus.latest(topic)
+        except BusError:
+            return  # a program that hangs; who asks for its status hears of it
+        if message is not None:
+            self._newest.setdefault(topic.name, (message, None))
 
     def _take(self, topic: Topic, message: Message) -> None:
         self._newest[topic.name] = (message, self.clock())
@@ -75,9 +92,9 @@ class Observer:
         return None if entry is None else entry[0]
 
     def age_s(self, topic: Topic) -> float | None:
-        """Seconds since the newest message of a topic came."""
+        """Seconds since the newest message of a topic came; None where none has come yet."""
         entry = self._newest.get(topic.name)
-        return None if entry is None else self.clock() - entry[1]
+        return None if entry is None or entry[1] is None else self.clock() - entry[1]
 
     def alive(self, program: str) -> bool:
         """Whether a program's token is seen."""

@@ -1,7 +1,5 @@
 """Who of the rig has gone silent, in words."""
 
-from time import monotonic
-
 from pincette.topics import APPLIED, LOOP
 from pincette_supervisor.running.site import Site
 from pincette_supervisor.running.tracker import Tracker
@@ -26,7 +24,7 @@ def silent_words(site: Site, tracker: Tracker, heard_at: float, asked_at: float)
     """
     killed = gone_words(site)
     if site.rig.lockstep:
-        stood_s = monotonic() - max(heard_at, asked_at)
+        stood_s = site.clock() - max(heard_at, asked_at)
         if killed and stood_s > min(GONE_S, site.guard_s):
             return killed
         if stood_s > site.guard_s:
@@ -34,7 +32,7 @@ def silent_words(site: Site, tracker: Tracker, heard_at: float, asked_at: float)
         return ""
     limit_s = max(STALE_S, STALE_PERIODS * site.rig.rig.period_s)
     age_s = site.observer.age_s(APPLIED)
-    if (age_s is None or age_s > limit_s) and monotonic() - asked_at > limit_s:
+    if (age_s is None or age_s > limit_s) and site.clock() - asked_at > limit_s:
         silent = f"actuator: silent for more than {limit_s:g} s"
         return f"{killed}; {silent}" if killed else silent
     return ""

@@ -1,12 +1,15 @@
 """Where jobs run: the rig with the model in use, its bus, and what is kept of both."""
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 
 from pincette.config import RigFile
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.running.events import EventLog
 from pincette_supervisor.running.health import Health
 from pincette_supervisor.running.observer import Observer, WatchedBus
 
@@ -20,11 +23,14 @@ class Site:
     observer: Observer
     health: Health
     store: Store
+    events: EventLog
     records: Path
     archivist: Executor
     """Where records are made; see ``archive.archivist``."""
     guard_s: float = 5.0
     """Lockstep: how long the loop may stand still, by the clock on the wall."""
+    clock: Callable[[], float] = monotonic
+    """What deadlines are held to."""
 
     @property
     def rig(self) -> RigFile:
@@ -32,7 +38,7 @@ class Site:
         return self.model.rig
 
     def reasons(self) -> list[str]:
-        """Why no job can start, the actuator's latch apart."""
+        """Why no job can start, the actuator's latch and a held part apart."""
         found = self.health.reasons()
         if self.model.trouble:
             found.append(f"model: {self.model.trouble}")

@@ -33,14 +33,20 @@ class Tracker:
         self.segment = -1
         """Number of the program's segment."""
         self.stop_acted = False
+        self.paused = False
+        self.told_seq = -1
+        """Number of the controller's newest sample."""
         self.acted: list[tuple[str, int]] = []
         """Actions that have taken effect since this list was last emptied, with their seq."""
+        self._rested = 0
+        """Samples that were paused."""
         self._lockstep = lockstep
         self._epoch, self._period_s, self._planned_s = epoch, period_s, planned_s
         self._seqs: dict[str, int] = dict.fromkeys(LOOP, -1)
         self._position: Position | None = None
         self._estimate: Estimate | None = None
         self._applied: Applied | None = None
+        self._telemetry: Telemetry | None = None
 
     def take(self, messages: Iterable[Message]) -> bool:
         """Follow what has come; False where none of it belongs to this epoch."""
@@ -71,7 +77,10 @@ class Tracker:
             self._view(sample)
 
     def _view(self, sample: Telemetry) -> None:
+        self._telemetry = sample
         self.phase, self.held, self.segment = sample.phase, sample.held, sample.segment
+        self.paused, self.told_seq = sample.paused, sample.seq
+        self._rested += sample.paused
         self.outcome = sample.outcome or self.outcome
         for word in sample.acted.split():
             self.acted.append((word, sample.seq))
@@ -85,6 +94,11 @@ class Tracker:
             (program for program, seq in zip(LOOP, seqs, strict=True) if seq < seqs[0]), LOOP[0]
         )
 
+    @property
+    def last_seq(self) -> int:
+        """Number of the newest sample whose tick has ended; -1 before the first."""
+        return self._seqs["actuator"]
+
     def ending(self) -> str:
         """How the program ended, in the controller's code."""
         return self.outcome or ("released" if self.released else "unfinished")
@@ -95,24 +109,41 @@ class Tracker:
 
     def progress(self, wait: Wait | None = None) -> Progress:
         """Where the run is, by its newest samples, and what it waits for."""
-        position, estimate, applied = self._position, self._estimate, self._applied
+        position, applied, told = self._position, self._applied, self._telemetry
         seq = -1 if position is None else position.seq
-        zeroed = estimate is not None and estimate.valid and estimate.zero_age_s is not None
+        x_um = position.x_um if position is not None and position.valid else None
+        force_mN, uncertainty_mN = self._force()
+        played_s, planned_s = (seq + 1 - self._rested) * self._period_s, self._planned_s
+        pressing = self.held and force_mN is not None
+        x_r_um, force_r_mN = (None, None) if told is None else (told.x_r_um, told.force_r_mN)
         return Progress(
             phase=self.phase,
             seq=seq,
             elapsed_s=(seq + 1) * self._period_s,
-            planned_s=self._planned_s,
-            x_um=position.x_um if position is not None and position.valid else None,
-            force_mN=estimate.force_mN if zeroed and estimate is not None else None,
-            force_uncertainty_mN=(
-                estimate.force_uncertainty_mN if zeroed and estimate is not None else None
-            ),
+            planned_s=planned_s,
+            paused=self.paused,
+            percent=None if not planned_s else min(100.0, 100.0 * played_s / planned_s),
+            remaining_s=None if planned_s is None else max(0.0, planned_s - played_s),
+            x_r_um=x_r_um,
+            x_um=x_um,
+            force_r_mN=force_r_mN,
+            force_mN=force_mN,
+            force_uncertainty_mN=uncertainty_mN,
             voltage_V=None if applied is None else applied.voltage_V,
             held=self.held,
+            target=force_r_mN if pressing else x_r_um,
+            current=force_mN if pressing else x_um,
+            unit="mN" if pressing else "µm",
             instruction="" if wait is None else wait.instruction,
             weight_mN=None if wait is None else wait.weight_mN,
         )
+
+    def _force(self) -> tuple[float | None, float | None]:
+        """The newest force and its uncertainty, once it has a zero."""
+        estimate = self._estimate
+        if estimate is None or not estimate.valid or estimate.zero_age_s is None:
+            return None, None
+        return estimate.force_mN, estimate.force_uncertainty_mN
 
 
 def outcome_words(outcome: str) -> str:

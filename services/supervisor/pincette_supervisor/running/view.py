@@ -1,7 +1,9 @@
 """What is known of the rig, put together for REST."""
 
-from typing import Literal, cast
+from datetime import UTC, datetime
+from typing import cast, get_args
 
+from pincette.api.job_models import JobKind
 from pincette.api.rig_models import (
     Interlock,
     Latch,
@@ -9,62 +11,103 @@ from pincette.api.rig_models import (
     ModelInUse,
     Newest,
     Program,
+    Queue,
     Rig,
     RigAction,
 )
 from pincette.messages import Applied, Estimate, Position, Status, Telemetry
 from pincette.topics import APPLIED, ESTIMATE, LOOP, POSITION, TELEMETRY, TOPICS
+from pincette_supervisor.running import job_queue
+from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.health import PROGRAMS
 from pincette_supervisor.running.job import LiveJob
+from pincette_supervisor.running.part import held_words, part, plays
+from pincette_supervisor.running.safe_to_move import safe_to_move
 from pincette_supervisor.running.site import Site
 
 TOPIC_OF_PROGRAM = {topic.producer: topic for topic in reversed(TOPICS) if topic.producer in LOOP}
-PLAYING_S = 1.0
+KINDS: tuple[JobKind, ...] = get_args(JobKind)
+HOLDING: tuple[JobKind, ...] = ("hold", "release")
+"""Jobs that may begin with a part in the gripper."""
 
 
-def rig_view(site: Site, active: LiveJob | None) -> Rig:
+def rig_view(conductor: Conductor) -> Rig:
     """The rig as it is; asks the programs unless they have just answered or a job runs."""
+    site, active, queue = conductor.site, conductor.active, conductor.queue
     health, rig = site.health, site.rig
     if active is None or active.terminal:
         health.refresh()
     state, cause = health.latch()
     latched = health.latched()
-    reasons = site.reasons()
+    faults = site.reasons()
     if latched:
-        reasons.append(f"actuator: latched ({latched}); reset it once the cause is gone")
-    if active is not None:
-        doing = "holds a part" if active.terminal else f"is {active.state}"
-        reasons.append(f"job {active.id} {doing}")
-    elif _foreign(site, state):
-        reasons.append("actuator: armed for another program than a job of this supervisor")
-    actions: list[RigAction] = ["estop"] if reasons else ["start_job", "estop"]
-    if latched:
-        actions.append("reset")
+        faults.append(f"actuator: latched ({latched}); reset it once the cause is gone")
+    reasons = [*faults, *_taken(site, active)]
+    startable = [] if faults else _startable(site, active)
     return Rig(
         name=rig.rig.name,
         time=rig.rig.time,
         period_s=rig.rig.period_s,
         digest=site.digest,
         model=ModelInUse(**site.model.in_use.stamp),
-        programs=[_program(site, name) for name in LOOP],
+        programs=[_program(site, name) for name in PROGRAMS],
         interlocks=_interlocks(site, latched),
         limits=_limits(site),
         latch=Latch(
             state=state,
             cause=latched or cause,
-            clear=f"POST /api/v1/rigs/{rig.rig.name}/reset" if latched else "",
+            clear=f"POST /api/v1/rigs/{rig.rig.name}/reset" if _resettable(site) else "",
         ),
         newest=_newest(site),
-        part=_part(site, state),
+        part=part(site),
+        safe_to_move=safe_to_move(site, active),
         active_job=None if active is None else active.id,
+        queue=Queue(length=len(queue), halted=queue.halted, capacity=job_queue.CAPACITY),
         can_start=not reasons,
+        startable=startable,
         reasons=reasons,
-        allowed_actions=actions,
+        warnings=_warnings(site),
+        allowed_actions=_actions(conductor, startable),
     )
 
 
-def _foreign(site: Site, state: str) -> bool:
-    age_s = site.observer.age_s(APPLIED)
-    return state == "armed" and age_s is not None and age_s < PLAYING_S
+def _taken(site: Site, active: LiveJob | None) -> list[str]:
+    """Who has the rig, or the part that is in the gripper."""
+    if active is not None:
+        doing = "holds a part" if active.terminal else f"is {active.state}"
+        return [f"job {active.id} {doing}"]
+    if plays(site):
+        return ["actuator: armed for another program than a job of this supervisor"]
+    words = held_words(site)
+    return [words] if words else []
+
+
+def _startable(site: Site, active: LiveJob | None) -> list[JobKind]:
+    """Kinds of job that can start while no program has a fault."""
+    if active is not None:
+        return [*HOLDING] if active.terminal and active.held else []
+    if part(site) == "held":
+        return [*HOLDING]
+    return [] if plays(site) else [*KINDS]
+
+
+def _resettable(site: Site) -> bool:
+    return bool(site.health.latched()) or site.health.latch()[0] == "frozen"
+
+
+def _actions(conductor: Conductor, startable: list[JobKind]) -> list[RigAction]:
+    actions: list[RigAction] = ["start_job", "estop"] if startable else ["estop"]
+    if _resettable(conductor.site):
+        actions.append("reset")
+    if conductor.queue.halted:
+        actions.append("resume_queue")
+    if len(conductor.queue):
+        actions.append("clear_queue")
+    return actions
+
+
+def _warnings(site: Site) -> list[str]:
+    return site.model.warnings(datetime.now(UTC))
 
 
 def _program(site: Site, name: str) -> Program:
@@ -74,7 +117,7 @@ def _program(site: Site, name: str) -> Program:
         name=name,
         alive=site.observer.alive(name),
         version=None if status is None else status.version,
-        age_s=site.observer.age_s(TOPIC_OF_PROGRAM[name]),
+        age_s=site.observer.age_s(TOPIC_OF_PROGRAM[name]) if name in TOPIC_OF_PROGRAM else None,
         epoch=None if status is None else status.epoch,
         missed=None if status is None else status.missed,
         refused=None if status is None else status.refused,
@@ -146,10 +189,3 @@ def _newest(site: Site) -> Newest | None:
         zero_age_s=None if known is None else known.zero_age_s,
         voltage_V=None if applied is None else applied.voltage_V,
     )
-
-
-def _part(site: Site, state: str) -> Literal["none", "held", "unknown"]:
-    applied = cast("Applied | None", site.observer.newest(APPLIED))
-    if applied is None or state in ("unknown", "ramping", "latched"):
-        return "unknown"
-    return "held" if applied.part_held else "none"

@@ -1,0 +1,269 @@
+"""The page of the states of a job and its drawing, both from the table that the program uses."""
+
+from collections.abc import Iterable, Mapping
+from html import escape
+from typing import Any
+
+from pincette.api.states import BEYOND, EVENTS, HOLDS, NEEDS, STATES, Event, JobState
+
+WIDTH, HEIGHT = 980, 452
+BOX = (112, 40)
+PLACES: Mapping[JobState, tuple[int, int]] = {
+    "queued": (90, 190),
+    "preparing": (90, 270),
+    "ready": (90, 350),
+    "running": (420, 270),
+    "pausing": (560, 180),
+    "paused": (420, 90),
+    "resuming": (280, 180),
+    "stopping": (560, 350),
+    "aborting": (560, 420),
+    "succeeded": (880, 180),
+    "stopped": (880, 350),
+    "aborted": (880, 420),
+    "failed": (880, 90),
+    "interrupted": (880, 30),
+}
+"""Middle of each box."""
+PLAYS: tuple[JobState, ...] = ("running", "pausing", "paused", "resuming")
+STILL: tuple[JobState, ...] = ("queued", "preparing", "ready")
+FRAMES: Mapping[str, tuple[int, int, int, int]] = {
+    "nothing has moved": (20, 135, 140, 300),
+    "the program plays": (205, 40, 430, 268),
+}
+EVERYWHERE: tuple[JobState, ...] = ("failed", "interrupted")
+"""Ends that are told in words, since they follow from nearly every state."""
+INK, FAINT, END, LABEL = "#1f2a33", "#8a97a3", "#eef3f6", "#47545f"
+
+HEAD = """\
+# The life of a job
+
+Generated from `pincette.api.states` by `make docs`; a test compares the two. The supervisor, this
+page and the tests read the same table, so that what is not here cannot happen.
+
+![States of a job as boxes, the events between them as arrows](../images/job-states.svg)
+
+"""
+RULES = """\
+## What to rely on
+
+- A job is a resource with a state. Losing the connection to the supervisor loses no job.
+- A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which
+  leads to `aborting`, and from there to `failed`: no job hangs.
+- `pause` acts at the next safe point, where the references are at rest. From then on they stay,
+  the law goes on holding force and position, and the guards go on. No deadline runs in
+  `paused`.
+- `stop` from `paused` does not go through `running`: the controller is asked for the stop
+  alone, and nothing moves.
+- A stop keeps a held part, unless the request says `"on_stop": "release"` (unload, and rest
+  there) or `"retract"` (unload, and go back). An abort freezes the voltage for the rig file's
+  `freeze_s`, unless the request says `"on_abort": "ramp"`.
+- A stopped job that holds a part keeps the rig. Its action `release` lets the part go; a job of
+  the kind `hold` or `release` takes the part over.
+- After a trip with a part held, the actuator is frozen. A reset then keeps the voltage and the
+  part, and only jobs of the kinds `hold` and `release` can start.
+- With `"queue": true` a job waits while another has the rig. The next one is planned again with
+  the model in use when its turn comes. A job that ends otherwise than `succeeded`, and a
+  restart of the supervisor, halt the queue until a person resumes it: `POST
+  /api/v1/rigs/{rig}/queue/actions` with `{"type": "resume"}` or `{"type": "clear"}`.
+- A supervisor that is killed leaves its job `interrupted` and the program playing. When it
+  starts again, it asks the controller once to stop; a held part stays held. Nothing goes on by
+  itself.
+"""
+
+
+def jobs_page() -> str:
+    """The page, as Markdown."""
+    states = [("state", "meaning", "leads to", "deadline", "actions")]
+    states += [
+        (f"`{name}`", row.meaning, _leads(row.events), _deadline(name), _ticked(row.actions))
+        for name, row in STATES.items()
+    ]
+    events = [("event", "what it is"), *((f"`{name}`", said) for name, said in EVENTS.items())]
+    actions = [("action", "offered only while", "holds already in")]
+    actions += [
+        (
+            f"`{name}`",
+            {"held": "a part is held", "waiting": "the program waits"}.get(need, ""),
+            held,
+        )
+        for name, need, held in (
+            (name, NEEDS.get(name, ""), _ticked(states)) for name, states in HOLDS.items()
+        )
+    ]
+    return (
+        HEAD
+        + f"{_everywhere('fail')} {_everywhere('interrupt')}\n\n"
+        + "## States\n\n"
+        + _table(states)
+        + "## Events\n\n"
+        + _table(events)
+        + "## Actions\n\n"
+        + "An action is stored with who asked for it, when, and the sample at which it acted.\n"
+        + "Where the state is already what it asks for, the answer is 200 instead of 202.\n\n"
+        + _table(actions)
+        + RULES
+    )
+
+
+def _everywhere(event: Event) -> str:
+    """From where an event leads, in words."""
+    ends = {row.events[event] for row in STATES.values() if event in row.events}
+    lacking = [name for name, row in STATES.items() if not row.terminal and event not in row.events]
+    (end,) = ends
+    but = f" but {_ticked(lacking)}" if lacking else ""
+    return f"`{event}` leads to `{end}` from every state that is no end{but}."
+
+
+def _leads(events: Mapping[Event, JobState]) -> str:
+    return "<br>".join(f"`{event}` → `{state}`" for event, state in events.items()) or "an end"
+
+
+def _deadline(name: JobState) -> str:
+    row = STATES[name]
+    if row.deadline_s is None:
+        return ""
+    beyond = BEYOND[row.beyond]
+    return f"{row.deadline_s:g} s" + (f" + {beyond}" if beyond else "")
+
+
+def _ticked(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _table(rows: list[tuple[str, ...]]) -> str:
+    first, *rest = ("| " + " | ".join(row) + " |\n" for row in rows)
+    return first + "|" + " --- |" * len(rows[0]) + "\n" + "".join(rest) + "\n"
+
+
+def states_drawing() -> str:
+    """The states as boxes and the events as arrows, as SVG."""
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" '
+        f'width="{WIDTH}" height="{HEIGHT}" font-family="system-ui, sans-serif" role="img">',
+        "<title>States of a job</title>",
+        '<defs><marker id="tip" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" '
+        f'markerHeight="7" orient="auto"><path d="M0 1 L9 5 L0 9 z" fill="{INK}"/></marker></defs>',
+        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="#ffffff"/>',
+        *(_frame(name, *place) for name, place in FRAMES.items()),
+        *(_arrow(start, end, words) for start, end, words in _inner()),
+        *_outer(),
+        *(_box(name) for name in STATES),
+        "</svg>",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _inner() -> list[tuple[JobState, JobState, str]]:
+    """Arrows from one box to another: where no frame tells it for all its boxes."""
+    found: dict[tuple[JobState, JobState], list[str]] = {}
+    for name, row in STATES.items():
+        for event, end in row.events.items():
+            told = name in (*PLAYS, *STILL) and end not in (*PLAYS, *STILL)
+            if not told and end not in EVERYWHERE:
+                found.setdefault((name, end), []).append(event)
+    return [(start, end, ", ".join(words)) for (start, end), words in found.items()]
+
+
+def _outer() -> list[str]:
+    """Arrows from a frame: what each of its boxes knows, or but for a few."""
+    x, y, width, height = FRAMES["the program plays"]
+    right, low = x + width, y + height
+    left, top = FRAMES["nothing has moved"][0], FRAMES["nothing has moved"][1]
+    side, foot = left + FRAMES["nothing has moved"][2], top + FRAMES["nothing has moved"][3]
+    return [
+        _line(right, 180, _edge("succeeded")[0], 180, _events(PLAYS, "succeeded")),
+        _line(560, low, 560, 330, _events(PLAYS, "stopping"), beside=True),
+        _path(
+            f"M{right} 250 H{right + 60} V{_edge('aborting')[1]} H{_edge('aborting')[0] + BOX[0]}",
+            right + 66,
+            300,
+            _events(PLAYS, "aborting"),
+            anchor="start",
+        ),
+        _path(
+            f"M{side} 350 H{_edge('stopping')[0]}", 250, 343, _events(STILL, "stopping"), faint=True
+        ),
+        _path(
+            f"M{side} 420 H{_edge('aborting')[0]}", 250, 413, _events(STILL, "aborting"), faint=True
+        ),
+        f'<text x="{left}" y="{foot + 13}" font-size="11" fill="{LABEL}">'
+        "queued and ready end at once</text>",
+        f'<text x="812" y="64" font-size="12" text-anchor="end" fill="{LABEL}">'
+        "from nearly everywhere</text>",
+    ]
+
+
+def _events(states: tuple[JobState, ...], end: JobState) -> str:
+    words: list[str] = []
+    for state in states:
+        words += [e for e, to in STATES[state].events.items() if to == end and e not in words]
+    return ", ".join(words)
+
+
+def _edge(name: JobState) -> tuple[int, int]:
+    """The middle of a box's left side."""
+    x, y = PLACES[name]
+    return x - BOX[0] // 2, y
+
+
+def _arrow(start: JobState, end: JobState, words: str) -> str:
+    (x0, y0), (x1, y1) = PLACES[start], PLACES[end]
+    (sx, sy), (ex, ey) = _rim(x0, y0, x1, y1), _rim(x1, y1, x0, y0)
+    return _line(sx, sy, ex, ey, words, beside=abs(x1 - x0) < 20)
+
+
+def _rim(x: int, y: int, to_x: int, to_y: int) -> tuple[int, int]:
+    """Where the line from the middle of a box to a point leaves it."""
+    half_x, half_y = BOX[0] / 2, BOX[1] / 2
+    share = min(
+        half_x / abs(to_x - x) if to_x != x else 1e9, half_y / abs(to_y - y) if to_y != y else 1e9
+    )
+    return round(x + share * (to_x - x)), round(y + share * (to_y - y))
+
+
+def _line(x0: int, y0: int, x1: int, y1: int, words: str, *, beside: bool = False) -> str:
+    course = f"M{x0} {y0} L{x1} {y1}"
+    if beside:
+        return _path(course, x0 + 6, y0 + min(40, (y1 - y0) // 2) + 4, words, anchor="start")
+    # Of a level arrow off the middle, where another one may cross.
+    x = x0 + 2 * (x1 - x0) // 3 if y0 == y1 else (x0 + x1) // 2
+    return _path(course, x, (y0 + y1) // 2 - 6 * (y0 == y1) + 4 * (y0 != y1), words)
+
+
+def _path(
+    course: str, x: int, y: int, words: str, *, anchor: str = "middle", faint: bool = False
+) -> str:
+    ink = FAINT if faint else INK
+    return (
+        f'<path d="{course}" fill="none" stroke="{ink}" stroke-width="1.4" '
+        'marker-end="url(#tip)"/>'
+        f'<text x="{x}" y="{y}" font-size="12" text-anchor="{anchor}" fill="{LABEL}" '
+        f'stroke="#ffffff" stroke-width="4" paint-order="stroke">{escape(words)}</text>'
+    )
+
+
+def _frame(name: str, x: int, y: int, width: int, height: int) -> str:
+    return (
+        f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="14" fill="none" '
+        f'stroke="{FAINT}" stroke-dasharray="5 5"/>'
+        f'<text x="{x + 14}" y="{y + 20}" font-size="12" fill="{LABEL}">{escape(name)}</text>'
+    )
+
+
+def _box(name: JobState) -> str:
+    (x, y), (width, height) = PLACES[name], BOX
+    end = STATES[name].terminal
+    return (
+        f'<rect x="{x - width // 2}" y="{y - height // 2}" width="{width}" height="{height}" '
+        f'rx="{height // 2 if end else 7}" fill="{END if end else "#ffffff"}" stroke="{INK}" '
+        'stroke-width="1.6"/>'
+        f'<text x="{x}" y="{y + 5}" font-size="15" text-anchor="middle" fill="{INK}">{name}</text>'
+    )
+
+
+PAGES: dict[str, Any] = {
+    "explanations/jobs.md": jobs_page,
+    "images/job-states.svg": states_drawing,
+}
+"""By place below docs."""

@@ -1,0 +1,221 @@
+"""The last minute of a rig, sample by sample, for whoever looks on; never inside the loop.
+
+Sinks run in threads of the bus, so they only put values into rows. A listener has a place in the
+ring of rows and no queue: one that is slow finds fewer points, and learns how many it has missed.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from math import ceil
+from time import monotonic
+
+from pincette.api.live_models import LiveBatch
+from pincette.bus.protocol import Bus
+from pincette.messages import Applied, Estimate, Message, Position, Telemetry
+from pincette.topics import APPLIED, ESTIMATE, POSITION, TELEMETRY, Topic
+
+KEPT_S, KEPT_PER_S = 60.0, 60.0
+"""How much is kept: this long, and of a faster rig every second, third … sample."""
+KEPT = int(KEPT_S * KEPT_PER_S)
+EVENT_POINTS, HISTORY_POINTS = 60, 1200
+"""Most points of one reading: of later ones, and of the first, which brings the past."""
+LATE_TICKS = 8
+"""A row waits this long for what belongs to it, and is told as it is then."""
+LISTENERS_MAX = 16
+COLUMNS = (
+    "x_um",
+    "x_r_um",
+    "force_mN",
+    "force_r_mN",
+    "force_uncertainty_mN",
+    "voltage_V",
+    "sliding_um",
+)
+
+
+class FullError(Exception):
+    """As many listen as may."""
+
+
+@dataclass(slots=True)
+class Row:
+    """What has come with one number of one epoch."""
+
+    epoch: int
+    seq: int
+    at_s: float
+    t_s: float
+    number: int = -1
+    """Place among all rows that were ever told."""
+    whole: bool = False
+    """Whether the controller has told its view; a row without goes on as the one before it."""
+    armed: bool = True
+    """Whether the actuator follows commands, as far as it has said."""
+    playing: bool = False
+    phase: str = ""
+    x_um: float | None = None
+    x_r_um: float | None = None
+    force_mN: float | None = None
+    force_r_mN: float | None = None
+    force_uncertainty_mN: float | None = None
+    voltage_V: float | None = None
+    sliding_um: float | None = None
+
+
+class Live:
+    """Joins the samples of a rig by number, and keeps the newest of them."""
+
+    def __init__(
+        self, bus: Bus, rig: str, period_s: float, clock: Callable[[], float] = monotonic
+    ) -> None:
+        self.rig, self.clock = rig, clock
+        self._stride = max(1, ceil(1.0 / (KEPT_PER_S * period_s) - 1e-9))
+        self._lock = threading.Lock()
+        self._open: dict[int, Row] = {}
+        """Rows of the newest epoch that still wait for something, by seq."""
+        self._epoch: int | None = None
+        self._told: deque[Row] = deque(maxlen=KEPT)
+        self._count = 0
+        self._listeners = 0
+        self.closed = False
+        """Set where the supervisor ends: no listener is told more."""
+        for topic in (POSITION, ESTIMATE, TELEMETRY, APPLIED):
+            bus.subscribe(topic, self._take)
+
+    def _take(self, _topic: Topic, message: Message) -> None:
+        if not isinstance(message, Position | Estimate | Telemetry | Applied):
+            return
+        if message.seq % self._stride:
+            return
+        with self._lock:
+            if isinstance(message, Position):
+                self._begin(message)
+                return
+            row = self._open.get(message.seq)
+            if row is None or row.epoch != message.epoch:
+                return
+            _fill(row, message)
+            if row.whole and row.voltage_V is not None:
+                self._tell(message.seq)
+
+    def _begin(self, position: Position) -> None:
+        """Open the row of a sample; of another epoch nothing more is to be expected."""
+        if position.epoch != self._epoch:
+            if self._open:
+                self._tell(max(self._open))
+            self._epoch = position.epoch
+        self._tell(position.seq - LATE_TICKS * self._stride)
+        row = Row(position.epoch, position.seq, self.clock(), position.t_s)
+        row.x_um = position.x_um if position.valid else None
+        self._open[position.seq] = row
+
+    def _tell(self, seq: int) -> None:
+        """Close every row up to a number, in order."""
+        for key in sorted(key for key in self._open if key <= seq):
+            row = self._open.pop(key)
+            before = self._told[-1] if self._told else row
+            if not row.whole and row.armed and before.epoch == row.epoch:
+                row.playing, row.phase = before.playing, before.phase
+            row.number = self._count
+            self._count += 1
+            self._told.append(row)
+
+    def read(self, place: int, most: int) -> tuple[int, int, list[Row]]:
+        """Rows from a place on, thinned to about ``most``.
+
+        Returns
+        -------
+        place, dropped, rows
+            Where to read on; how many rows were gone already; the rows, the newest among them.
+        """
+        with self._lock:
+            fresh: list[Row] = []
+            for row in reversed(self._told):
+                if row.number < place:
+                    break
+                fresh.append(row)
+            count = self._count
+        step = max(1, ceil(len(fresh) / most))
+        return count, count - place - len(fresh), fresh[::step][::-1]
+
+    def listen(self) -> "Listener":
+        """Begin to listen; raises FullError where as many do as may."""
+        with self._lock:
+            if self._listeners >= LISTENERS_MAX:
+                raise FullError(f"{self._listeners} listen already, and no more may")
+            self._listeners += 1
+            oldest = self._told[0].number if self._told else self._count
+        return Listener(self, oldest)
+
+    def leave(self) -> None:
+        """Make room for another listener."""
+        with self._lock:
+            self._listeners -= 1
+
+
+def _fill(row: Row, message: Estimate | Telemetry | Applied) -> None:
+    if isinstance(message, Estimate):
+        if message.valid and message.zero_age_s is not None:
+            row.force_mN = message.force_mN
+            row.force_uncertainty_mN = message.force_uncertainty_mN
+    elif isinstance(message, Applied):
+        row.voltage_V, row.armed = message.voltage_V, message.state == "armed"
+    else:
+        row.whole, row.playing = True, message.playing
+        if message.playing:
+            row.phase = message.phase
+            row.x_r_um, row.force_r_mN = message.x_r_um, message.force_r_mN
+            row.sliding_um = message.sliding_um
+
+
+class Listener:
+    """A place among the rows of a rig."""
+
+    def __init__(self, live: Live, place: int) -> None:
+        self.live, self._place = live, place
+        self._most = HISTORY_POINTS
+        self._spoke_at: float | None = None
+
+    def batches(self, silence_s: float) -> list[LiveBatch]:
+        """What has come since the last call; after a silence an empty batch, as a sign of life."""
+        self._place, dropped, rows = self.live.read(self._place, self._most)
+        self._most = EVENT_POINTS
+        now_s = self.live.clock()
+        if not rows:
+            if self._spoke_at is not None and now_s - self._spoke_at < silence_s:
+                return []
+            found = [_batch(self.live.rig, now_s, [])]
+        else:
+            found = [_batch(self.live.rig, now_s, group) for group in _alike(rows)]
+        self._spoke_at = now_s
+        return [found[0].model_copy(update={"dropped": dropped}), *found[1:]]
+
+
+def _alike(rows: list[Row]) -> Iterator[list[Row]]:
+    """Rows in groups of one epoch and one phase."""
+    for _, group in groupby(rows, key=lambda row: (row.epoch, row.playing, row.phase)):
+        yield list(group)
+
+
+def _batch(rig: str, now_s: float, rows: list[Row]) -> LiveBatch:
+    first = rows[0] if rows else Row(0, 0, now_s, 0.0)
+    return LiveBatch(
+        rig=rig,
+        epoch=first.epoch,
+        playing=first.playing,
+        phase=first.phase,
+        now_s=now_s,
+        dropped=0,
+        seq=[row.seq for row in rows],
+        at_s=[round(row.at_s, 4) for row in rows],
+        t_s=[round(row.t_s, 6) for row in rows],
+        **{name: [_short(getattr(row, name)) for row in rows] for name in COLUMNS},
+    )
+
+
+def _short(value: float | None) -> float | None:
+    """A value as far as a screen can show it: to 0.1 nm, 0.1 µN and 0.1 mV."""
+    return None if value is None else round(value, 4)

@@ -1,0 +1,291 @@
+"""A rig that plays canned samples as soon as it is armed."""
+
+import json
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from pincette.bus.protocol import Answerer, BusError, RefusalError, Sink
+from pincette.config import RigFile, parse_calibration
+from pincette.messages import (
+    Act,
+    Applied,
+    Arm,
+    Done,
+    Finish,
+    JobNotice,
+    Load,
+    Message,
+    Position,
+    Record,
+    Recorded,
+    Reset,
+    Status,
+    StatusRequest,
+    Trip,
+)
+from pincette.records import folder
+from pincette.records.columns import columns
+from pincette.topics import TOPIC_OF, Question, Topic
+from pincette_supervisor.running.health import PROGRAMS
+
+from . import samples
+
+IN_HOLD, IN_APPROACH = 350, 60
+"""Ticks of the canned grip."""
+
+
+class CannedRig:
+    """The bus of a rig whose services answer at once and play a canned grip within the arming.
+
+    ``pause_at`` names the tick before which the playing waits: for an action, or for good.
+    ``pauses`` are the ticks before which it waits for the action continue.
+    Where ``rests`` is false, a pause begins when ``rest`` is called; where ``freezes`` is true, a
+    trip keeps a held part until ``thaw`` or a reset; where ``deaf`` is true, the controller takes
+    every action and does nothing.
+    """
+
+    def __init__(self, rig: RigFile) -> None:
+        self.rig = rig
+        self.digests: dict[str, str] = dict.fromkeys(PROGRAMS, rig.digest())
+        self.instances: dict[str, int] = dict.fromkeys(PROGRAMS, 1)
+        self.silent: set[str] = set()
+        self.latch = "boot"
+        self.epoch = 0
+        self.asked: list[str] = []
+        self.ticks: list[samples.Tick] = []
+        self.edit: Callable[[list[samples.Tick]], list[samples.Tick]] = list
+        self.pause_at: int | None = None
+        self.pauses: list[int] = []
+        self.calibration = ""
+        """Digest of the model that it was armed with."""
+        self.place = 0
+        self.acts: list[str] = []
+        """What the controller was asked for, in order."""
+        self.trips: list[Trip] = []
+        self.notices: list[JobNotice] = []
+        self.rests, self.freezes, self.deaf = True, False, False
+        self.paused = False
+        self.part_held = False
+        """What the actuator keeps beyond the end of a program."""
+        self.detail = ""
+        """The actuator's own words."""
+        self.record: Record | None = None
+        self.records = Path()
+        self.incomplete = ""
+        """Why the record will not be complete."""
+        self.frozen = False
+        self._last: Applied | None = None
+        self.turn = threading.RLock()
+        """Held while the rig does something; a test holds it where it looks twice."""
+        self._sinks: dict[Topic, list[Sink]] = {}
+        self._latest: dict[Topic, Message] = {}
+        self._watchers: list[Callable[[str, bool], None]] = []
+
+    def publish(self, message: Message) -> None:
+        topic = TOPIC_OF[type(message)]
+        if isinstance(message, JobNotice):
+            self.notices.append(message)
+        self._latest[topic] = message
+        for sink in self._sinks.get(topic, ()):
+            sink(topic, message)
+
+    def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:  # noqa: ARG002
+        return self._latest.get(topic)
+
+    def subscribe(self, topic: Topic, sink: Sink) -> None:
+        self._sinks.setdefault(topic, []).append(sink)
+
+    def serve(self, question: Question, answerer: Answerer) -> None:
+        raise NotImplementedError(f"{question} {answerer}")
+
+    def watch(self, sink: Callable[[str, bool], None]) -> None:
+        self._watchers.append(sink)
+        for program in (*PROGRAMS, "rig"):
+            sink(program, True)
+
+    def kill(self, program: str) -> None:
+        """A program vanishes."""
+        self.silent.add(program)
+        for sink in self._watchers:
+            sink(program, False)
+
+    def idle(self) -> None:
+        """What a rig in real time says while nothing plays."""
+        self.publish(Position(self.epoch, 0, 0.0, 0.01, valid=True))
+        self.publish(self._applied("latched" if self.latch else "idle", self.latch))
+
+    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+        service = question.service
+        if service in self.silent:
+            raise BusError(f"nobody answers {service}/{question.name} within {timeout_s:g} s")
+        if not isinstance(request, StatusRequest):
+            self.asked.append(f"{service}/{question.name}")
+        with self.turn:
+            return self._answer(service, request)
+
+    def _answer(self, service: str, request: Message) -> Message:
+        match request:
+            case StatusRequest():
+                digest, instance = self.digests[service], self.instances[service]
+                said = self.detail if service == "actuator" else ""
+                return Status(
+                    service, "0.1.0", instance, digest, self.epoch, 0, 0, 0, said, self.calibration
+                )
+            case Record():
+                self.record = request
+            case Finish():
+                return self._finish(request)
+            case Arm():
+                self._arm(service, request)
+            case Reset():
+                self.latch = ""
+                self.part_held = self.part_held and self.frozen
+                self.frozen = False
+                self.publish(replace(self._applied("idle", ""), final=True))
+            case Trip():
+                seq = self.place
+                self.trips.append(request)
+                self.trip(request.cause)
+                return Done(seq)
+            case Act():
+                seq = self.place
+                self.acts.append(request.action)
+                self._act(request.action)
+                return Done(seq)
+            case Load():
+                pass
+            case _:
+                raise AssertionError(request)
+        return Done(self.place)
+
+    def _arm(self, service: str, request: Arm) -> None:
+        if service == "actuator" and self.latch:
+            raise RefusalError(f"the actuator is latched ({self.latch}): reset it first")
+        if service != "sensor":
+            return
+        self.epoch, self.place = request.epoch, 0
+        self.paused = self.part_held = False
+        self._last = None
+        self.calibration = parse_calibration(request.calibration).digest
+        self.ticks = self.edit(samples.grip(request.epoch))
+        self.play(self.pauses[0] if self.pauses else self.pause_at)
+
+    def play(self, until: int | None = None) -> None:
+        """Send canned ticks up to a place, or to the end."""
+        with self.turn:
+            end = len(self.ticks) if until is None else until
+            while self.place < end:
+                tick = self.ticks[self.place]
+                self._last = tick.applied
+                for message in tick.messages():
+                    self.publish(message)
+                self.place += 1
+
+    def trip(self, cause: str) -> None:
+        """The actuator ramps and latches; what was canned is not played."""
+        self.latch = cause
+        held = self.place > 0 and self.ticks[self.place - 1].telemetry.held
+        self.place = len(self.ticks)
+        if self.freezes and held:
+            self.frozen = self.part_held = True
+            self.publish(self._applied("frozen", cause))
+            return
+        self.thaw()
+
+    def thaw(self) -> None:
+        """The actuator ramps, and is latched then."""
+        self.frozen = self.part_held = False
+        self.publish(self._applied("ramping", self.latch))
+        self.publish(replace(self._applied("latched", self.latch), final=True))
+
+    def _applied(self, state: str, cause: str) -> Applied:
+        last = self._last or samples.grip(self.epoch)[0].applied
+        return replace(last, state=state, cause=cause, part_held=self.part_held, answered=False)
+
+    def _act(self, action: str) -> None:
+        if self.place >= len(self.ticks):
+            raise RefusalError(f"nothing plays: {action} has nothing to act on")
+        if self.deaf:
+            return
+        tick = self.ticks[self.place]
+        held, outcome = tick.telemetry.held, tick.telemetry.outcome
+        match action:
+            case "continue":
+                self._continue(tick)
+            case "pause" if self.rests:
+                self.rest()
+            case "pause":
+                pass
+            case "resume":
+                self._say(tick, "resume", None)
+                self.play(max(self.pause_at or len(self.ticks), self.place + 1))
+            case "keep":
+                self._keep(tick)
+            case "stop" | "let_go" | "retract":
+                self._say(tick, "stop", "stopped")
+                self.play(self.place + 1 if held and action == "stop" else None)
+            case _ if not held:
+                raise RefusalError("no part is held: release has nothing to let go")
+            case _:
+                self._say(tick, action, outcome)
+                self.play()
+
+    def _say(self, tick: samples.Tick, word: str, outcome: str | None) -> None:
+        """Let an action act at the coming tick, and an outcome be said from there on."""
+        self.paused = False
+        self.ticks[self.place] = replace(tick, telemetry=replace(tick.telemetry, acted=word))
+        if outcome is not None:
+            self.ticks[self.place :] = [
+                replace(later, telemetry=replace(later.telemetry, outcome=outcome))
+                for later in self.ticks[self.place :]
+            ]
+
+    def rest(self) -> None:
+        """The references rest: one more sample like the one before, which is paused."""
+        last = self.ticks[max(self.place - 1, 0)]
+        said = replace(last.telemetry, acted="pause", paused=True)
+        self.ticks.insert(self.place, replace(last, telemetry=said))
+        self.ticks[self.place :] = [
+            samples.numbered(tick, seq)
+            for seq, tick in enumerate(self.ticks[self.place :], self.place)
+        ]
+        self.pause_at = None if self.pause_at is None else self.pause_at + 1
+        self.paused = True
+        self.play(self.place + 1)
+
+    def lose(self) -> None:
+        """A guard ends the pause: the program goes its way back."""
+        tick = self.ticks[self.place]
+        self._say(tick, "", "lost")
+        self.play()
+
+    def _keep(self, tick: samples.Tick) -> None:
+        """End with the part held."""
+        self.part_held = True
+        self.ticks[self.place :] = []
+        self.publish(replace(tick.applied, state="idle", final=True, part_held=True))
+
+    def _finish(self, request: Finish) -> Recorded:
+        """Close the record as the recorder does: with a table of the samples."""
+        assert self.record is not None
+        assert (self.record.job, self.record.epoch) == (request.job, request.epoch)
+        played = [message for tick in self.ticks[: self.place] for message in tick.messages()]
+        about = {key: str(value) for key, value in json.loads(self.record.about).items()}
+        where = self.records / request.job
+        where.mkdir(parents=True, exist_ok=True)
+        table = columns(played, self.rig.rig.period_s)
+        folder.write_samples(where / folder.SAMPLES, table, about)
+        complete = not self.incomplete
+        return Recorded(request.job, len(played), 0, complete, self.incomplete)
+
+    def _continue(self, tick: samples.Tick) -> None:
+        if self.place not in self.pauses:
+            raise RefusalError("the program waits for nobody: continue has nothing to go on with")
+        acted = replace(tick.telemetry, acted="continue")
+        self.ticks[self.place] = replace(tick, telemetry=acted)
+        self.play(next((place for place in self.pauses if place > self.place), None))
+
+    def close(self) -> None:
+        pass

@@ -1,0 +1,262 @@
+"""Samples joined while they come: in order, each once, bounded, whatever the bus does to them."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from pydantic import ValidationError
+
+from pincette.api.live_models import LiveBatch
+from pincette.bus.memory import MemoryBus
+from pincette.config import RigFile
+from pincette.messages import Message, Position, Telemetry
+from pincette_supervisor.running.live import (
+    EVENT_POINTS,
+    HISTORY_POINTS,
+    KEPT,
+    LATE_TICKS,
+    LISTENERS_MAX,
+    FullError,
+    Listener,
+    Live,
+)
+
+from . import samples
+from .rig import Desk
+
+PERIOD_S = samples.PERIOD_S
+
+
+class Scene:
+    """A rig that says what it is told to, and a clock that goes by one period a tick."""
+
+    def __init__(self, period_s: float = PERIOD_S) -> None:
+        self.bus = MemoryBus()
+        self.now_s = 100.0
+        self.live = Live(self.bus, "demo", period_s, lambda: self.now_s)
+
+    def say(self, messages: Iterable[Message]) -> None:
+        for message in messages:
+            self.bus.publish(message)
+        while self.bus.pump():
+            pass
+
+    def play(self, ticks: Iterable[samples.Tick]) -> None:
+        for tick in ticks:
+            self.now_s += PERIOD_S
+            self.say(tick.messages())
+
+    def idle(self, first: int, count: int, epoch: int = 7) -> None:
+        """Position and voltage alone, as between two jobs."""
+        applied = samples.grip(epoch)[0].applied
+        for seq in range(first, first + count):
+            self.now_s += PERIOD_S
+            position = Position(epoch, seq, seq * PERIOD_S, 0.01, valid=True)
+            self.say((position, replace(applied, seq=seq)))
+
+
+@pytest.fixture
+def scene() -> Scene:
+    return Scene()
+
+
+def heard(listener: Listener) -> list[LiveBatch]:
+    return listener.batches(1.0)
+
+
+def seqs(batches: list[LiveBatch]) -> list[int]:
+    return [seq for batch in batches for seq in batch.seq]
+
+
+def test_samples_are_joined_by_number_and_parted_by_phase(scene: Scene) -> None:
+    listener = scene.live.listen()
+    ticks = samples.grip()[:60]
+    scene.play(ticks)
+    batches = heard(listener)
+    assert [batch.phase for batch in batches] == ["zero", "approach"]
+    assert seqs(batches) == [tick.position.seq for tick in ticks]
+    last, tick = batches[-1], ticks[-1]
+    assert last.playing
+    assert last.epoch == tick.position.epoch
+    assert last.x_um[-1] == pytest.approx(tick.position.x_um, abs=1e-4)
+    assert last.x_r_um[-1] == pytest.approx(tick.telemetry.x_r_um, abs=1e-4)
+    assert last.force_mN[-1] == pytest.approx(tick.estimate.force_mN, abs=1e-4)
+    assert last.force_r_mN[-1] == pytest.approx(tick.telemetry.force_r_mN, abs=1e-4)
+    assert last.voltage_V[-1] == pytest.approx(tick.applied.voltage_V, abs=1e-4)
+    assert last.sliding_um[-1] == pytest.approx(tick.telemetry.sliding_um, abs=1e-4)
+    assert all(batch.dropped == 0 for batch in batches)
+
+
+def test_what_was_told_is_not_told_again(scene: Scene) -> None:
+    listener = scene.live.listen()
+    ticks = samples.grip()
+    scene.play(ticks[:10])
+    first = seqs(heard(listener))
+    scene.play(ticks[10:25])
+    assert seqs(heard(listener)) == list(range(10, 25))
+    assert first == list(range(10))
+    assert heard(listener) == []
+
+
+def test_the_order_within_a_tick_does_not_matter(scene: Scene) -> None:
+    listener = scene.live.listen()
+    for tick in samples.grip()[:20]:
+        scene.say((tick.position, tick.applied, tick.estimate, tick.telemetry))
+    batches = heard(listener)
+    assert seqs(batches) == list(range(20))
+    assert None not in batches[0].x_r_um
+
+
+def test_a_sample_without_the_controllers_view_is_told_late_and_keeps_the_phase(
+    scene: Scene,
+) -> None:
+    listener = scene.live.listen()
+    ticks = samples.grip()[: 6 + LATE_TICKS]
+    for tick in ticks:
+        said = [m for m in tick.messages() if not (isinstance(m, Telemetry) and m.seq == 3)]
+        scene.say(said)
+    batches = heard(listener)
+    assert seqs(batches) == sorted(seqs(batches))
+    assert [batch.phase for batch in batches] == ["zero"]
+    assert batches[0].x_r_um[3] is None
+    assert batches[0].voltage_V[3] is not None
+
+
+def test_what_follows_the_end_of_a_program_has_no_phase(scene: Scene) -> None:
+    listener = scene.live.listen()
+    ticks = samples.grip()[:5]
+    scene.play(ticks)
+    after = range(5, 5 + 3 * LATE_TICKS)
+    idle = replace(ticks[-1].applied, state="frozen")
+    for seq in after:
+        position = replace(ticks[-1].position, seq=seq)
+        scene.say((position, replace(idle, seq=seq)))
+    batches = heard(listener)
+    assert [batch.phase for batch in batches] == ["zero", ""]
+    assert [batch.playing for batch in batches] == [True, False]
+    assert batches[0].seq == list(range(5))
+
+
+def test_an_idle_rig_has_position_and_voltage_alone(scene: Scene) -> None:
+    listener = scene.live.listen()
+    scene.idle(0, 3 * LATE_TICKS)
+    batches = heard(listener)
+    assert len(seqs(batches)) >= 2 * LATE_TICKS
+    assert not batches[0].playing
+    assert batches[0].phase == ""
+    assert batches[0].x_um[0] == 0.01
+    assert batches[0].voltage_V[0] is not None
+    assert set(batches[0].force_mN) == set(batches[0].x_r_um) == {None}
+
+
+def test_what_is_not_valid_is_not_shown(scene: Scene) -> None:
+    listener = scene.live.listen()
+    tick = samples.grip()[0]
+    blind = replace(tick.position, valid=False, x_um=0.0, fault="no target")
+    scene.say((blind, replace(tick.estimate, zero_age_s=None), tick.telemetry, tick.applied))
+    (batch,) = heard(listener)
+    assert batch.x_um == [None]
+    assert batch.force_mN == [None]
+
+
+def test_a_new_epoch_begins_a_new_batch(scene: Scene) -> None:
+    listener = scene.live.listen()
+    scene.play(samples.grip(7)[:5])
+    scene.play(samples.grip(8)[:5])
+    batches = heard(listener)
+    assert [batch.epoch for batch in batches] == [7, 8]
+    assert [batch.seq for batch in batches] == [list(range(5)), list(range(5))]
+    assert batches[1].at_s[0] > batches[0].at_s[-1]
+
+
+def test_a_fresh_listener_gets_the_past_thinned(scene: Scene) -> None:
+    scene.idle(0, KEPT)
+    batches = heard(scene.live.listen())
+    found = seqs(batches)
+    assert HISTORY_POINTS / 2 < len(found) <= HISTORY_POINTS
+    assert found[-1] >= KEPT - 2 * LATE_TICKS
+    assert found[0] < KEPT / 100
+    assert batches[0].dropped == 0
+
+
+def test_a_slow_listener_gets_fewer_points_and_the_count_of_those_it_missed(
+    scene: Scene,
+) -> None:
+    listener = scene.live.listen()
+    scene.idle(0, 100)
+    heard(listener)
+    scene.idle(100, 2 * KEPT)
+    batches = heard(listener)
+    assert len(seqs(batches)) <= EVENT_POINTS
+    assert batches[0].dropped == KEPT
+    assert sum(batch.dropped for batch in batches[1:]) == 0
+
+
+def test_a_fast_rig_is_thinned_at_the_door() -> None:
+    scene = Scene(period_s=0.001)
+    listener = scene.live.listen()
+    scene.idle(0, 1000)
+    found = seqs(heard(listener))
+    steps = {after - before for before, after in pairwise(found)}
+    assert steps == {17}
+
+
+def test_silence_is_told_once_a_while(scene: Scene) -> None:
+    listener = scene.live.listen()
+    (sign,) = heard(listener)
+    assert sign.seq == []
+    scene.now_s += 0.5
+    assert heard(listener) == []
+    scene.now_s += 0.6
+    assert [batch.seq for batch in heard(listener)] == [[]]
+
+
+def test_no_more_than_a_few_may_listen(scene: Scene) -> None:
+    for _ in range(LISTENERS_MAX):
+        scene.live.listen()
+    with pytest.raises(FullError, match="16 listen already"):
+        scene.live.listen()
+    scene.live.leave()
+    scene.live.listen()
+
+
+def test_columns_that_are_no_numbers_are_refused() -> None:
+    with pytest.raises(ValidationError):
+        LiveBatch.model_validate({"rig": "demo", "seq": ["one"]})
+
+
+def test_an_unknown_rig_is_a_problem(desk: Desk) -> None:
+    answer = desk.call("GET", "/api/v1/rigs/other/live")
+    assert answer.status_code == 404
+    assert "no rig 'other'; there are demo" in answer.json()["detail"]
+
+
+def test_the_page_names_the_rig_and_lets_nothing_in(desk: Desk) -> None:
+    page = desk.call("GET", "/")
+    assert page.status_code == 200
+    assert 'action="/api/v1/rigs/demo/estop"' in page.text
+    assert "{{" not in page.text
+    policy = page.headers["content-security-policy"]
+    assert policy.startswith("default-src 'self';")
+    assert "unsafe" not in policy
+    assert "<script>" not in page.text
+    assert " style=" not in page.text
+
+
+@pytest.mark.parametrize("name", ["main.js", "estop.js", "page.css", "panels.css", "icon.svg"])
+def test_every_file_of_the_page_is_served(desk: Desk, name: str) -> None:
+    answer = desk.call("GET", f"/page/{name}")
+    assert answer.status_code == 200
+    assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+@pytest.mark.parametrize("name", ["none.js", "index.html", "..%2Fconfig.py", "%2e%2e/config.py"])
+def test_nothing_else_is_served(desk: Desk, name: str) -> None:
+    assert desk.call("GET", f"/page/{name}").status_code == 404
+
+
+def test_a_rigs_name_is_no_markup(rig_file: RigFile, open_desk: Callable[..., Desk]) -> None:
+    named = rig_file.rig.model_copy(update={"name": 'a"><script>'})
+    desk = open_desk(rig_file.model_copy(update={"rig": named}))
+    assert "<script>" not in desk.call("GET", "/").text

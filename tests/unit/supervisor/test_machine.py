@@ -1,0 +1,190 @@
+"""The table of states, walked at random over REST: no sequence of calls leaves it."""
+
+import tempfile
+import tomllib
+from pathlib import Path
+from typing import get_args
+from unittest.mock import patch
+
+import hypothesis.strategies as st
+from hypothesis import HealthCheck, settings
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+
+from pincette.api.states import STATES, ActionType, JobState, next_state
+from pincette.config import parse_rig
+
+from .conftest import DEMO
+from .rig import Desk
+
+ACTIONS: tuple[ActionType, ...] = get_args(ActionType)
+BEGIN = 40
+"""Tick up to which a job plays by itself."""
+PICTURE = "pincette_supervisor.results.archive.picture"
+
+
+def _no_picture(*_given: object, **_named: object) -> bytes:
+    """Drawing takes longer than all the rest."""
+    return b""
+
+
+class Bench(RuleBasedStateMachine):
+    """A person who does anything at any time, and a rig that may fail."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.folder = tempfile.TemporaryDirectory()
+        tables = tomllib.loads(DEMO.read_text(encoding="utf-8"))
+        tables["rig"]["time"] = "lockstep"
+        self.desk = Desk(parse_rig(tables), Path(self.folder.name), guard_s=1e6)
+        self.desk.bus.pause_at, self.desk.bus.freezes = BEGIN, True
+        self.drawing = patch(PICTURE, _no_picture)
+        self.drawing.start()
+        self.jobs: list[str] = []
+
+    @rule(queue=st.booleans(), autostart=st.booleans())
+    def create(self, queue: bool, autostart: bool) -> None:
+        self.desk.bus.pause_at = BEGIN
+        body = {"kind": "grip", "autostart": autostart, "queue": queue}
+        response = self.desk.post("/jobs", body)
+        assert response.status_code in (201, 409, 503), response.text
+        if response.status_code == 201:
+            self.jobs.append(response.json()["id"])
+
+    @precondition(lambda self: bool(self.jobs))
+    @rule(action=st.sampled_from(ACTIONS), which=st.integers(0, 3))
+    def act(self, action: ActionType, which: int) -> None:
+        job = self.jobs[-1 - which % len(self.jobs)]
+        before = self.desk.get(f"/jobs/{job}")
+        asked = len(self.desk.bus.acts)
+        response = self.desk.act(job, action)
+        assert response.status_code in (200, 202, 409), response.text
+        if action not in before["allowed_actions"]:
+            assert response.status_code in (200, 409)
+        if (before["state"], action, response.status_code) == ("paused", "stop", 202):
+            self.desk.until(lambda: len(self.desk.bus.acts) > asked)
+            assert self.desk.bus.acts[asked:] == ["stop"]
+
+    @rule(ticks=st.sampled_from((10, 200, 700)))
+    def play(self, ticks: int) -> None:
+        bus = self.desk.bus
+        with bus.turn:
+            if bus.place < len(bus.ticks) and not bus.paused:
+                bus.play(min(bus.place + ticks, len(bus.ticks)))
+
+    @rule(rests=st.booleans())
+    def safe_points_come(self, rests: bool) -> None:
+        bus = self.desk.bus
+        with bus.turn:
+            waits = "pausing" in self._states() and not bus.paused
+            bus.rests = rests
+            if waits and rests and bus.place < len(bus.ticks):
+                bus.rest()
+
+    @rule()
+    def fault(self) -> None:
+        bus = self.desk.bus
+        with bus.turn:
+            if 0 < bus.place < len(bus.ticks):
+                bus.trip("device: no answer")
+
+    @precondition(lambda self: self.desk.bus.frozen)
+    @rule()
+    def thaw(self) -> None:
+        self.desk.bus.thaw()
+
+    @rule()
+    def estop(self) -> None:
+        assert self.desk.post("/rigs/demo/estop").status_code == 200
+
+    @rule()
+    def reset(self) -> None:
+        assert self.desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
+
+    @rule(order=st.sampled_from(("resume", "clear")))
+    def order_queue(self, order: str) -> None:
+        response = self.desk.post("/rigs/demo/queue/actions", {"type": order})
+        assert response.status_code in (200, 409, 503), response.text
+
+    @invariant()
+    def no_job_leaves_the_table(self) -> None:
+        self.desk.until(self._settled)
+        states: dict[str | None, JobState] = {}
+        for row in self.desk.told("state"):
+            state, event = row.body["state"], row.body.get("event")
+            before = states.get(row.job)
+            if before is None:
+                assert state == "queued"
+            elif event is None:
+                assert state in STATES[before].events.values()
+            else:
+                assert next_state(before, event) == state
+            states[row.job] = state
+
+    @invariant()
+    def at_most_one_job_has_the_rig(self) -> None:
+        self.desk.until(self._settled)
+        queued = [state for state in self._states() if state == "queued"]
+        alive = [state for state in self._states() if not STATES[state].terminal]
+        assert len(alive) - len(queued) <= 1
+        assert len(queued) == len(self.desk.conductor.queue)
+
+    def _states(self) -> list[JobState]:
+        found = [self.desk.store.get(job) for job in self.jobs]
+        return [row.state for row in found if row is not None]
+
+    def _settled(self) -> bool:
+        """Whether nothing goes on by itself."""
+        live, bus = self.desk.conductor.active, self.desk.bus
+        if live is None:
+            queue = self.desk.conductor.queue
+            return not len(queue) or bool(queue.halted)
+        if live.terminal:
+            return live.held
+        quiet = {
+            "ready": not live.request.autostart,
+            "running": live.progress is not None
+            and live.progress.seq == bus.place - 1
+            and bus.place < len(bus.ticks),
+            "pausing": not bus.rests,
+            "paused": bus.paused,
+            "aborting": bus.frozen,
+        }
+        return quiet.get(live.state, False)
+
+    def teardown(self) -> None:
+        try:
+            self._every_stop_ends()
+        finally:
+            self.drawing.stop()
+            self.desk.close()
+            self.folder.cleanup()
+
+    def _every_stop_ends(self) -> None:
+        self.desk.until(self._settled)
+        for job in reversed(self.jobs):
+            if "stop" in self.desk.get(f"/jobs/{job}")["allowed_actions"]:
+                self.desk.act(job, "stop")
+            if self.desk.bus.frozen:
+                self.desk.bus.thaw()
+            state = self.desk.ended(job)["state"]
+            assert STATES[state].terminal
+
+
+def test_no_sequence_of_calls_leaves_the_table() -> None:
+    run_state_machine_as_test(
+        Bench,
+        settings=settings(
+            max_examples=10,
+            stateful_step_count=12,
+            deadline=None,
+            derandomize=True,
+            database=None,
+            suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+        ),
+    )
