@@ -8,7 +8,7 @@ COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gen
   --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo up test lint paper bench soak pins docs clean
+.PHONY: help venv browser demo up test lint paper bench soak pins docs clean
 
 help: ## this list
 	@echo "pincette: position and force control of a piezoelectric microgripper"
@@ -30,13 +30,16 @@ venv:
 	  "Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
 	exit 1
 
+browser: venv
+	@$(BIN)/python requirements/browser.py
+
 demo: venv ## a simulated rig grips a bead; nothing else is needed
 	@$(BIN)/pincette demo $(ARGS)
 
 up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 	@$(BIN)/pincette up $(ARGS)
 
-test: lint ## lint, then all tests but the slow ones: what CI runs
+test: lint browser ## lint, then all tests but the slow ones: what CI runs
 	@echo "== pytest"
 	@$(BIN)/pytest $(TEST_FLAGS) $(ARGS)
 
@@ -69,6 +72,7 @@ pins: venv ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 
 docs: venv ## write what is generated: docs/reference and deploy/openapi.json
 	@$(BIN)/python docs/generate.py
+	@$(BIN)/python docs/generate_cli.py
 	@$(BIN)/python -m pincette_supervisor.rest.openapi deploy/openapi.json
 
 clean: ## remove .venv, caches and measurements; records under data/ stay

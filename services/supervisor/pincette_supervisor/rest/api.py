@@ -10,13 +10,24 @@ from fastapi.responses import JSONResponse
 from pincette import __version__
 from pincette.api.calibration_models import CalibrationResult
 from pincette.api.problem_models import Problem
-from pincette.api.result_models import GripResult, TrackResult
+from pincette.api.result_models import GripResult, MotionResult, TrackResult
 from pincette_supervisor import problems
-from pincette_supervisor.rest import routes_calibrations, routes_jobs, routes_rigs
+from pincette_supervisor.rest import (
+    routes_calibrations,
+    routes_documents,
+    routes_events,
+    routes_jobs,
+    routes_live,
+    routes_page,
+    routes_recipes,
+    routes_rigs,
+    routes_trajectories,
+)
+from pincette_supervisor.rest.bodies import complete_bodies
 from pincette_supervisor.running.conductor import Conductor
 
 BASE = "/api/v1"
-MODELS = (Problem, GripResult, TrackResult, CalibrationResult)
+MODELS = (Problem, GripResult, TrackResult, MotionResult, CalibrationResult)
 """Models the OpenAPI document shows although no route names them."""
 
 
@@ -35,6 +46,12 @@ def create_app(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> FastAPI:
     app.include_router(routes_rigs.routes(conductor, estop_pool), prefix=BASE)
     app.include_router(routes_jobs.routes(conductor), prefix=BASE)
     app.include_router(routes_calibrations.routes(conductor), prefix=BASE)
+    app.include_router(routes_recipes.routes(conductor), prefix=BASE)
+    app.include_router(routes_trajectories.routes(conductor), prefix=BASE)
+    app.include_router(routes_live.routes(conductor), prefix=BASE)
+    app.include_router(routes_events.routes(conductor), prefix=BASE)
+    app.include_router(routes_page.routes(conductor))
+    app.include_router(routes_documents.routes())
     _probes(app, conductor)
     plain: Callable[[], dict[str, Any]] = app.openapi
 
@@ -60,6 +77,7 @@ def _complete(document: dict[str, Any]) -> None:
         for operation in operations.values():
             if "HTTPValidationError" in str(operation["responses"].get("422")):
                 del operation["responses"]["422"]
+    complete_bodies(document)
 
 
 def _probes(app: FastAPI, conductor: Conductor) -> None:

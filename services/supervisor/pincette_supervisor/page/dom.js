@@ -1,0 +1,44 @@
+// Elements made of text nodes alone: what comes over the wire never becomes markup.
+
+/** An element with attributes, listeners (functions under "onclick" …) and children. */
+export function h(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (typeof value === "function") element.addEventListener(name.slice(2), value);
+    else if (name in element && typeof value !== "string") element[name] = value;
+    else element.setAttribute(name, value === true ? "" : String(value));
+  }
+  element.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  return element;
+}
+
+export const byId = (id) => document.getElementById(id);
+
+/** Set a text only where it differs, so that a screen reader is not told it again. */
+export function setText(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+const shown = new WeakMap();
+
+/** Show children unless they would say the same as before; what had the focus keeps it. */
+export function show(parent, content, make) {
+  const key = JSON.stringify(content);
+  if (shown.get(parent) === key) return;
+  shown.set(parent, key);
+  const focused = parent.contains(document.activeElement) ? document.activeElement.id : "";
+  const open = new Set([...parent.querySelectorAll("details[open]")].map((each) => each.id));
+  parent.replaceChildren(...[make()].flat().filter(Boolean));
+  for (const details of parent.querySelectorAll("details")) {
+    if (open.has(details.id)) details.open = true;
+  }
+  if (focused) byId(focused)?.focus({ preventScroll: true });
+}
+
+/** A word with a mark and a tone, so that colour is never the only sign. */
+export function chip(text, tone) {
+  const mark = { good: "●", bad: "■", warn: "▲", busy: "▶", muted: "○" }[tone] ?? "";
+  return h("span", { class: "chip", "data-tone": tone },
+    h("span", { class: "mark", "aria-hidden": "true" }, mark), text);
+}

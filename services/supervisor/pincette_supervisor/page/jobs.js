@@ -1,0 +1,130 @@
+// The list of jobs, and one of them with its result, its pictures and its files.
+
+import { BASE, get } from "./api.js";
+import { forceOf, outcomeOf } from "./current.js";
+import { byId, chip, h, show } from "./dom.js";
+import { clock, number, plain, toneOfState, withUnit } from "./words.js";
+
+const FIGURES = [
+  ["contact_x_um", "Contact at", "µm", 2],
+  ["contact_stiffness_mN_per_um", "Contact stiffness", "mN/µm", 3],
+  ["force_target_mN", "Force wanted", "mN", 2],
+  ["force_held_mN", "Force held", "mN", 2],
+  ["peak_force_mN", "Peak force", "mN", 2],
+  ["final_force_mN", "Final force", "mN", 2],
+  ["force_uncertainty_mN", "Force uncertainty", "mN", 2],
+  ["zero_age_s", "Age of the zero", "s", 1],
+  ["rmse_position_um", "Position error, r.m.s.", "µm", 3],
+  ["rmse_force_mN", "Force error, r.m.s.", "mN", 3],
+  ["x_um", "Position", "µm", 2],
+  ["voltage_V", "Voltage", "V", 3],
+  ["missed_ticks", "Missed ticks", "", 0],
+  ["dropped_messages", "Dropped messages", "", 0],
+];
+
+export class Jobs {
+  constructor({ choose }) {
+    this.choose = choose;
+    this.jobs = [];
+    this.chosen = null;
+    this.artifacts = null;
+    byId("panel-jobs").append(h("div", { id: "job-detail" }), h("div", { id: "job-list" }));
+  }
+
+  async refresh() {
+    const { jobs } = await get("/jobs?limit=30");
+    this.jobs = jobs;
+    this.render();
+    await this.refreshChosen();
+    return jobs;
+  }
+
+  async open(id) {
+    this.chosen = id;
+    this.artifacts = null;
+    this.render();
+    await this.refreshChosen();
+    byId("job-title")?.focus();
+  }
+
+  /** The chosen job may be older than the list; its files come once it has ended. */
+  async refreshChosen() {
+    if (!this.chosen) return;
+    if (!this.jobs.some((job) => job.id === this.chosen)) {
+      this.jobs = [...this.jobs, await get(`/jobs/${this.chosen}`)];
+    }
+    const job = this.jobs.find((each) => each.id === this.chosen);
+    if (job?.ended_at && this.artifacts?.job !== job.id) {
+      const { artifacts } = await get(`/jobs/${job.id}/artifacts`);
+      this.artifacts = { job: job.id, list: artifacts };
+    }
+    this.render();
+  }
+
+  render() {
+    const rows = this.jobs.map((job) => [job.id, job.kind, job.state, outcomeOf(job), forceOf(job),
+      clock(job.created_at), job.position ?? null]);
+    show(byId("job-list"), [rows, this.chosen], () => this.table());
+    const job = this.jobs.find((each) => each.id === this.chosen);
+    show(byId("job-detail"), [job ? { ...job, progress: null } : null, this.artifacts],
+      () => (job ? this.detail(job) : []));
+  }
+
+  table() {
+    if (!this.jobs.length) return h("p", { class: "muted" }, "No job has been taken yet.");
+    const head = ["Time", "Job", "State", "Force"];
+    return h("table", { class: "list jobs" },
+      h("caption", { class: "unseen" }, "Jobs, the newest first"),
+      h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
+      h("tbody", {}, ...this.jobs.map((job) => this.row(job))));
+  }
+
+  row(job) {
+    const outcome = outcomeOf(job);
+    const place = job.position ? ` ${job.position}` : "";
+    return h("tr", { class: job.id === this.chosen ? "chosen" : "" },
+      h("td", {}, h("button", { type: "button", class: "link", id: `open-${job.id}`,
+        "aria-label": `Show ${plain(job.kind)} of ${clock(job.created_at)}`,
+        "aria-pressed": String(job.id === this.chosen),
+        onclick: () => this.choose(job.id) }, clock(job.created_at))),
+      h("td", {}, plain(job.values?.calibration ?? job.kind)),
+      h("td", {}, chip(plain(job.state) + place, toneOfState(job.state)),
+        outcome ? h("span", { class: "muted block" }, outcome) : null),
+      h("td", { class: "figures" }, forceOf(job)));
+  }
+
+  detail(job) {
+    const result = job.result ?? {};
+    const files = this.artifacts?.job === job.id ? this.artifacts.list : [];
+    const pictures = files.filter((file) => file.media_type === "image/png");
+    const place = (file) => `${BASE}/jobs/${job.id}/artifacts/${encodeURIComponent(file.name)}`;
+    const facts = FIGURES.filter(([name]) => typeof result[name] === "number").map(
+      ([name, label, unit, decimals]) => h("div", {}, h("dt", {}, label),
+        h("dd", {}, withUnit(result[name], unit, decimals))));
+    return h("article", { class: "detail", "aria-labelledby": "job-title" },
+      h("h3", { id: "job-title", tabindex: "-1" }, `${plain(job.kind)} ${job.id}`),
+      h("p", {}, chip(plain(job.state), toneOfState(job.state)), " ", outcomeOf(job)),
+      job.cause ? h("p", { class: "cause" }, job.cause) : null,
+      job.record_detail ? h("p", { class: "cause" }, `Record: ${job.record_detail}`) : null,
+      facts.length ? h("dl", { class: "figures-list" }, ...facts) : null,
+      ...pictures.map((file) => h("a", { href: place(file), target: "_blank", rel: "noopener" },
+        h("img", { src: place(file), class: "picture", loading: "lazy",
+          alt: `${plain(job.kind)}: position, force and voltage over time` }))),
+      this.actions(job),
+      files.length ? h("ul", { class: "files", "aria-label": "Files of the record" },
+        ...files.map((file) => h("li", {}, h("a", { href: place(file), target: "_blank",
+          rel: "noopener" }, file.name), h("span", { class: "muted" }, size(file.bytes))))) : null);
+  }
+
+  actions(job) {
+    if (!job.actions.length) return null;
+    return h("details", { id: "job-actions" }, h("summary", {}, `Actions (${job.actions.length})`),
+      h("ul", { class: "plain" }, ...job.actions.map((each) => h("li", {},
+        `${clock(each.requested_at)} ${each.type} by ${each.by}`
+        + (each.seq === null ? "" : `, acted at sample ${each.seq}`)))));
+  }
+}
+
+function size(bytes) {
+  return bytes < 1e6 ? `${number(bytes / 1e3, 1)} kB` : `${number(bytes / 1e6, 1)} MB`;
+}

@@ -1,0 +1,81 @@
+// The samples of the last minute, in columns; the oldest make room for the newest.
+
+export const COLUMNS = ["x_um", "x_r_um", "force_mN", "force_r_mN", "force_uncertainty_mN",
+  "voltage_V", "sliding_um"];
+const CAPACITY = 8192;
+
+export class Recent {
+  constructor() {
+    this.columns = new Map(COLUMNS.map((name) => [name, new Float64Array(CAPACITY)]));
+    this.at = new Float64Array(CAPACITY);
+    this.phases = new Array(CAPACITY).fill("");
+    this.clear();
+  }
+
+  clear() {
+    this.count = 0;
+    this.dropped = 0;
+    this.now_s = null;
+    this.version = (this.version ?? 0) + 1;
+  }
+
+  /** Take a batch; what is not newer than what there is has come twice. */
+  push(batch) {
+    let newest = this.count ? this.at[(this.count - 1) % CAPACITY] : -Infinity;
+    for (let i = 0; i < batch.seq.length; i += 1) {
+      if (batch.at_s[i] <= newest) continue;
+      newest = batch.at_s[i];
+      const place = this.count % CAPACITY;
+      this.at[place] = newest;
+      this.phases[place] = batch.playing ? batch.phase : "";
+      for (const [name, column] of this.columns) column[place] = batch[name][i] ?? NaN;
+      this.count += 1;
+    }
+    this.now_s = Math.max(batch.now_s, newest);
+    this.dropped += batch.dropped;
+    this.version += 1;
+  }
+
+  /** Index of the first sample that is not older than a time; indices grow with time. */
+  since(at_s) {
+    let low = Math.max(0, this.count - CAPACITY);
+    let high = this.count;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.at[middle % CAPACITY] < at_s) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  time(index) {
+    return this.at[index % CAPACITY];
+  }
+
+  phase(index) {
+    return this.phases[index % CAPACITY];
+  }
+
+  value(name, index) {
+    return this.columns.get(name)[index % CAPACITY];
+  }
+
+  /** The newest value there is of a quantity; NaN where the last second has none. */
+  latest(name, within_s = 1) {
+    const oldest = this.since((this.now_s ?? 0) - within_s);
+    for (let index = this.count - 1; index >= oldest; index -= 1) {
+      if (Number.isFinite(this.value(name, index))) return this.value(name, index);
+    }
+    return NaN;
+  }
+
+  /** The sample nearest to a time, or null where none is near. */
+  nearest(at_s, within_s = 0.5) {
+    const after = this.since(at_s);
+    const candidates = [after - 1, after].filter(
+      (index) => index >= Math.max(0, this.count - CAPACITY) && index < this.count);
+    candidates.sort((a, b) => Math.abs(this.time(a) - at_s) - Math.abs(this.time(b) - at_s));
+    const best = candidates[0];
+    return best !== undefined && Math.abs(this.time(best) - at_s) <= within_s ? best : null;
+  }
+}

@@ -1,0 +1,52 @@
+"""The page a person at the bench sees, and its files; nothing in it comes from elsewhere."""
+
+from html import escape
+from pathlib import Path
+
+from fastapi import APIRouter
+from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+
+from pincette_supervisor import problems
+from pincette_supervisor.running.conductor import Conductor
+
+FOLDER = Path(__file__).resolve().parents[1] / "page"
+MEDIA_TYPES = {
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; base-uri 'none'; object-src 'none'; "
+    "form-action 'self'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-cache",
+}
+PLACE_OF_RIG = "{{rig}}"
+
+
+def routes(conductor: Conductor) -> APIRouter:
+    """``/`` and everything under ``/page``."""
+    router = APIRouter(include_in_schema=False)
+
+    @router.get("/")
+    def page() -> HTMLResponse:  # pyright: ignore[reportUnusedFunction]
+        """The page; the rig's name stands in it, so that the e-stop needs no answer first."""
+        text = (FOLDER / "index.html").read_text(encoding="utf-8")
+        name = escape(conductor.site.rig.rig.name, quote=True)
+        return HTMLResponse(text.replace(PLACE_OF_RIG, name), headers=HEADERS)
+
+    @router.get("/favicon.ico")
+    def icon() -> Response:  # pyright: ignore[reportUnusedFunction]
+        """Where a browser looks for an icon by itself."""
+        return RedirectResponse("/page/icon.svg", headers=HEADERS)
+
+    @router.get("/page/{name}")
+    def asset(name: str) -> FileResponse:  # pyright: ignore[reportUnusedFunction]
+        """A script, a style or a drawing."""
+        path = FOLDER / name
+        if path.suffix not in MEDIA_TYPES or path.parent != FOLDER or not path.is_file():
+            raise problems.not_found("file", name)
+        return FileResponse(path, media_type=MEDIA_TYPES[path.suffix], headers=HEADERS)
+
+    return router

@@ -1,0 +1,127 @@
+"""A real browser at the page of a rig; it notes what the page says and asks for."""
+
+import shutil
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Literal
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+
+from pincette.config import RigFile
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+DESK = {"width": 1280, "height": 800}
+TABLET = {"width": 820, "height": 1180}
+
+
+@dataclass
+class Visit:
+    """A page, what it logged, and every address it asked."""
+
+    page: Page
+    origin: str
+    errors: list[str] = field(default_factory=list[str])
+    addresses: list[str] = field(default_factory=list[str])
+
+    def text(self, place: str) -> str:
+        """What a part of the page says; empty where there is no such part."""
+        found = self.page.locator(place)
+        return found.first.inner_text().strip() if found.count() else ""
+
+    def until(self, place: str, words: str, timeout_s: float = 20.0) -> None:
+        """Wait until a part of the page has said some words."""
+        self.until_true(
+            lambda: words in self.text(place), f"{place} never said {words!r}", timeout_s
+        )
+
+    def until_true(self, there: Callable[[], bool], words: str, timeout_s: float = 20.0) -> None:
+        """Wait until something is the case."""
+        deadline = monotonic() + timeout_s
+        while not there():
+            if monotonic() > deadline:
+                raise TimeoutError(
+                    f"{words} within {timeout_s:g} s; {self.page.inner_text('body')}"
+                )
+            self.page.wait_for_timeout(50)
+
+    def foreign(self) -> list[str]:
+        """Addresses that are not the server's."""
+        return [address for address in self.addresses if not address.startswith(self.origin)]
+
+
+def origin_of(rig: RigFile) -> str:
+    """Where the page of a rig is."""
+    return f"http://{rig.supervisor.host}:{rig.supervisor.port}"
+
+
+def find_browser() -> str:
+    """Path of a browser; skips the test where there is none."""
+    path = next((path for name in NAMES if (path := shutil.which(name))), None)
+    if path is None:
+        pytest.skip(f"no browser on this machine ({', '.join(NAMES)})")
+    return path
+
+
+@contextmanager
+def open_browser() -> Generator[Browser]:
+    """A browser that shows nothing on a screen, with a profile of its own."""
+    path = find_browser()
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=path, headless=True, args=list(FLAGS))
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def visit(context: BrowserContext, origin: str) -> Visit:
+    """Open the page of a rig and wait until it knows the rig."""
+    page = context.new_page()
+    seen = Visit(page, origin)
+    page.on("console", lambda message: _note(seen, message.type, message.text))
+    page.on("pageerror", lambda error: seen.errors.append(str(error)))
+    page.on("request", lambda request: seen.addresses.append(request.url))
+    page.goto(f"{origin}/")
+    seen.until("#connection", "connected")
+    page.wait_for_selector("#fact-start")
+    return seen
+
+
+def _note(seen: Visit, kind: str, text: str) -> None:
+    if kind in ("error", "warning"):
+        seen.errors.append(f"{kind}: {text}")
+
+
+def keep_picture(seen: Visit, folder: Path, name: Literal["idle", "gripping", "fault"]) -> Path:
+    """Save what the page looks like."""
+    folder.mkdir(parents=True, exist_ok=True)
+    sleep(0.3)
+    path = folder / f"page-{name}.png"
+    seen.page.screenshot(path=path, animations="disabled")
+    return path
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of ``rgb(r, g, b)``, as WCAG 2 has it."""
+    channels = [float(part) / 255.0 for part in colour.split("(")[1].rstrip(")").split(",")[:3]]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    """Contrast of two colours, 1 to 21."""
+    high, low = sorted((luminance(one), luminance(other)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
