@@ -77,10 +77,12 @@ class Keeper:
                 self.take()
                 wrong = record.tables()
                 return "; ".join(wrong)[:MOST_TEXT] if wrong else Done(0)
-            playing = record.over_seq is None
-            if playing and self._clock_s() - record.alive_at_s < QUIET_S:
-                return f"job {record.job} is being recorded, and its loop plays"
-            self._close(f"job {request.job} began before anybody had finished this one")
+            self.take()  # the word that the arming is over may have come, and wait its turn
+            if self.record is record:
+                playing = record.over_seq is None
+                if playing and self._clock_s() - record.alive_at_s < QUIET_S:
+                    return f"job {record.job} is being recorded, and its loop plays"
+                self._close(f"job {request.job} began before anybody had finished this one")
         try:
             return self._open(request, about, period_s)
         except OSError as error:

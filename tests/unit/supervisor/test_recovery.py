@@ -131,6 +131,11 @@ def test_it_is_safe_to_move_the_stage_in_a_steady_hold_and_at_rest_only(desk: De
     desk.bus.play()
     desk.ended(job)
     assert safe() == (True, [])
+    desk.bus.trip("command_age")
+    desk.until(lambda: desk.conductor.site.health.latch()[0] == "latched")
+    value, (reason,) = safe()
+    assert not value
+    assert "latched (command_age)" in reason
 
 
 def test_whoever_listens_hears_states_phases_and_the_result(desk: Desk) -> None:

@@ -29,6 +29,8 @@ def _unsafe(site: Site, active: LiveJob | None) -> str:
     if state == "frozen":
         hold_s = site.rig.safety.freeze_s
         return f"the actuator is frozen ({cause}) and ramps {hold_s:g} s after the fault"
+    if latched := site.health.latched():
+        return f"the actuator is latched ({latched}): see where the part is, then reset it"
     if active is not None and active.state in ABOUT_TO:
         return f"job {active.id} is {active.state}"
     if state != "armed":

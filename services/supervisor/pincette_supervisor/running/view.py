@@ -76,10 +76,12 @@ def _taken(site: Site, active: LiveJob | None) -> list[str]:
     if active is not None:
         doing = "holds a part" if active.terminal else f"is {active.state}"
         return [f"job {active.id} {doing}"]
+    words = held_words(site)
+    if words:
+        return [words]
     if plays(site):
         return ["actuator: armed for another program than a job of this supervisor"]
-    words = held_words(site)
-    return [words] if words else []
+    return []
 
 
 def _startable(site: Site, active: LiveJob | None) -> list[JobKind]:
