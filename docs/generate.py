@@ -1,20 +1,20 @@
-"""Write the pages of docs/reference that are derived from the code: `make docs`."""
+"""Write the pages that are derived from the code: `make docs`."""
 
-import ast
-import inspect
-import re
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+import runpy
+from dataclasses import fields
 from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pincette import topics
+from pincette.asyncapi.document import document
+from pincette.asyncapi.fields import notes, reachable, summary
 from pincette.messages import Document
+from pincette.records.units import unit_of
 
-REFERENCE = Path(__file__).resolve().parent / "reference"
+ROOT = Path(__file__).resolve().parents[1]
+REFERENCE = ROOT / "docs" / "reference"
 
-UNITS = {"_mN_per_um": "mN/µm", "_um": "µm", "_mN": "mN", "_V": "V", "_s": "s"}
 PLAIN = {
     float: "number",
     int: "whole number",
@@ -26,7 +26,8 @@ PLAIN = {
 HEAD = """\
 # Keys
 
-Generated from `pincette.topics` by `make docs`; a test compares the two.
+Generated from `pincette.topics` by `make docs`; a test compares the two. The same for programs is
+[deploy/asyncapi.json](../../deploy/asyncapi.json), which the supervisor serves at `/asyncapi.json`.
 
 Every key begins with `{root}/` and the name of the rig. A payload is one MessagePack map that
 has every field below, by name, and no other; nil stands for Python's None. Forces are compressive
@@ -40,7 +41,7 @@ def keys_page() -> str:
     kinds = [topic.message for topic in topics.TOPICS]
     kinds += [kind for item in topics.QUESTIONS for kind in (item.request, item.reply)]
     parts = [HEAD.format(root=topics.ROOT), _topics(), _questions(), _others()]
-    parts.extend(_record(kind) for kind in _reachable(kinds))
+    parts.extend(_record(kind) for kind in reachable(kinds))
     return "".join(parts).rstrip() + "\n"
 
 
@@ -55,12 +56,13 @@ def _topics() -> str:
             f"`{topics.key('{rig}', topic)}`",
             _link(topic.message),
             topic.producer,
-            "every tick" if topic.per_tick else "where asked for",
+            "every tick" if topic.per_tick else "when there is something to say",
             topic.summary,
         )
         for topic in topics.TOPICS
     ]
-    return "## Topics\n\n" + _table(("key", "message", "from", "when", "what"), *rows)
+    text = "A query without a payload, on the key of a topic, brings its newest message.\n\n"
+    return "## Topics\n\n" + text + _table(("key", "message", "from", "when", "what"), *rows)
 
 
 def _questions() -> str:
@@ -83,43 +85,17 @@ def _others() -> str:
     return f"## Liveliness\n\nEvery running program holds the token `{key}`.\n\n## Messages\n\n"
 
 
-def _reachable(kinds: list[Any]) -> Iterator[type]:
-    """The messages, each followed by the records its fields carry, once each."""
-    seen: set[type] = set()
-    while kinds:
-        kind = kinds.pop(0)
-        if is_dataclass(kind) and isinstance(kind, type) and kind not in seen:
-            seen.add(kind)
-            yield kind
-            kinds[:0] = get_type_hints(kind).values()
-        else:
-            kinds[:0] = get_args(kind)
-
-
 def _record(kind: type) -> str:
-    title, summary = kind.__name__, (inspect.getdoc(kind) or "").split("\n\n")[0]
-    hints, notes = get_type_hints(kind), _notes(kind)
+    hints, texts = get_type_hints(kind), notes(kind)
     names = [field.name for field in fields(kind)]
-    rows = [(f"`{name}`", _type(hints[name]), _unit(name), notes.get(name, "")) for name in names]
-    head = f"### {title}\n\n{_markdown(summary)}\n\n"
+    rows = [
+        (f"`{name}`", _type(hints[name]), unit_of(name), _cell(texts.get(name, "")))
+        for name in names
+    ]
+    head = f"### {kind.__name__}\n\n{_cell(summary(kind))}\n\n"
     return head + (
         _table(("field", "type", "unit", "meaning"), *rows) if rows else "An empty map.\n\n"
     )
-
-
-def _notes(kind: type) -> dict[str, str]:
-    """The text under each field in the source."""
-    (tree,) = ast.parse(inspect.getsource(kind)).body
-    assert isinstance(tree, ast.ClassDef)
-    notes: dict[str, str] = {}
-    for field, after in zip(tree.body, tree.body[1:], strict=False):
-        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
-            match after:
-                case ast.Expr(value=ast.Constant(value=str(text))):
-                    notes[field.target.id] = _markdown(" ".join(text.split()))
-                case _:
-                    pass
-    return notes
 
 
 def _type(hint: Any) -> str:
@@ -135,26 +111,27 @@ def _type(hint: Any) -> str:
     return _link(hint)
 
 
-def _unit(name: str) -> str:
-    return next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), "")
-
-
 def _link(kind: type) -> str:
     return f"[{kind.__name__}](#{kind.__name__.lower()})"
 
 
-def _markdown(text: str) -> str:
-    return re.sub(r"``", "`", text).replace("|", r"\|")
+def _cell(text: str) -> str:
+    return text.replace("|", r"\|")
 
 
-PAGES = {REFERENCE / "keys.md": keys_page}
+JOB_STATES = runpy.run_path(str(ROOT / "docs" / "job_states.py"))["PAGES"]
+PAGES = {
+    REFERENCE / "keys.md": keys_page,
+    ROOT / "deploy" / "asyncapi.json": document,
+    **{ROOT / "docs" / place: page for place, page in JOB_STATES.items()},
+}
 
 
 def main() -> None:
     """Write every page."""
     for path, page in PAGES.items():
         path.write_text(page(), encoding="utf-8")
-        print(path.relative_to(REFERENCE.parents[1]))
+        print(path.relative_to(ROOT))
 
 
 if __name__ == "__main__":

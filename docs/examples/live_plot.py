@@ -1,0 +1,74 @@
+"""Plot position, force and voltage of a rig as they come; needs zenoh, msgpack and matplotlib.
+
+Close the window to end it; with ``--png FILE`` it draws once, after the time to be shown.
+"""
+# pyright: basic
+
+import argparse
+import queue
+import time
+
+import matplotlib
+import msgpack
+import zenoh
+
+PANELS = {
+    "position in µm": {"x_um": "measured", "x_r_um": "reference"},
+    "force in mN": {"force_mN": "estimated", "force_r_mN": "reference"},
+    "voltage in V": {"applied_V": "applied"},
+}
+
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--router", default="tcp/127.0.0.1:7447")
+parser.add_argument("--rig", default="demo")
+parser.add_argument("--seconds", type=float, default=10.0, help="how much is shown")
+parser.add_argument("--png", help="draw into this file, once, without a window")
+given = parser.parse_args()
+if given.png:
+    matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402  (once the backend is chosen)
+
+arrived = queue.SimpleQueue()
+rows = {}
+"""What position, estimate and telemetry say of a sample, joined by its number."""
+
+figure, axes = plt.subplots(len(PANELS), sharex=True, layout="constrained")
+curves = {}
+for panel, (label, fields) in zip(axes, PANELS.items(), strict=True):
+    for field, name in fields.items():
+        (curves[field],) = panel.plot([], [], label=name)
+    panel.set_ylabel(label)
+    panel.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+axes[-1].set_xlabel("time in s")
+
+
+def draw():
+    """Show the newest seconds of the newest arming, whose time begins anew."""
+    while not arrived.empty():
+        message = msgpack.unpackb(arrived.get().payload.to_bytes())
+        rows.setdefault((message["epoch"], message["seq"]), {}).update(message)
+    epoch = max(rows, default=(0, 0))[0]
+    newest_s = max((row.get("t_s", 0.0) for (e, _), row in rows.items() if e == epoch), default=0.0)
+    for number, row in list(rows.items()):
+        if number[0] < epoch or row.get("t_s", newest_s) < newest_s - given.seconds:
+            del rows[number]
+    shown = [row for _, row in sorted(rows.items()) if "t_s" in row]
+    for field, curve in curves.items():
+        points = [(row["t_s"], row[field]) for row in shown if field in row]
+        curve.set_data(*zip(*points, strict=True) if points else ((), ()))
+    for panel in axes:
+        panel.relim()
+        panel.autoscale()
+
+
+config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{given.router}"]}}}}')
+with zenoh.open(config) as session:
+    for topic in ("position", "estimate", "telemetry"):
+        session.declare_subscriber(f"pincette/v1/{given.rig}/{topic}", arrived.put)
+    while not given.png and plt.fignum_exists(figure.number):
+        draw()
+        plt.pause(0.1)
+    if given.png:
+        time.sleep(given.seconds)
+        draw()
+        figure.savefig(given.png)

@@ -1,0 +1,181 @@
+"""The AsyncAPI document of the bus: ``python -m pincette.asyncapi.document FILE``.
+
+It is told from the rig's side: the rig sends samples, and receives questions.
+"""
+
+import json
+import sys
+from functools import cache
+from pathlib import Path
+
+from pincette import __version__
+from pincette.asyncapi.fields import reachable, summary
+from pincette.asyncapi.schemas import Json, record_schema
+from pincette.codec import ENCODING
+from pincette.config.rig_file import Bus
+from pincette.topics import QUESTIONS, ROOT, TOPICS, Question, Topic, key, live_key, question_key
+
+ASYNCAPI = "3.0.0"
+WIRE = ROOT.rpartition("/")[2]
+"""Version of keys and payloads; a change that breaks a listener raises it."""
+ABOUT = (
+    "What the programs of a rig publish and answer over Zenoh. A payload is one MessagePack map "
+    "that has every field of its schema, by name, and no other; nil stands for null. Units are "
+    "in the names: µm, mN, V, s. Forces are compressive and positive. Everything derived from "
+    "sample k carries its `seq` and the `epoch` of the arming."
+)
+PARAMETERS: Json = {
+    "rig": {"description": "Name of the rig, as in its rig file.", "examples": ["demo"]},
+    "program": {"description": "Name of the program.", "examples": ["sensor"]},
+}
+QUERY: Json = {
+    "name": "Query",
+    "summary": "A Zenoh query without a payload, on the key of the topic.",
+    "payload": {"type": "null"},
+}
+REFUSAL: Json = {
+    "name": "Refusal",
+    "summary": "An error reply of Zenoh: why the program will not.",
+    "contentType": "text/plain",
+    "payload": {"type": "string"},
+}
+
+
+@cache
+def document() -> str:
+    """The document as text."""
+    return json.dumps(tree(), indent=2, ensure_ascii=False) + "\n"
+
+
+def tree() -> Json:
+    """The document as data."""
+    kinds = [topic.message for topic in TOPICS]
+    kinds += [kind for item in QUESTIONS for kind in (item.request, item.reply)]
+    messages = {kind.__name__: _message(kind) for kind in kinds}
+    channels = {topic.name: _topic(topic) for topic in TOPICS}
+    channels |= {_name(item): _question(item) for item in QUESTIONS}
+    operations = {f"send_{topic.name}": _send(topic) for topic in TOPICS}
+    operations |= {f"latest_{topic.name}": _latest(topic) for topic in TOPICS}
+    operations |= {_name(item): _answer(item) for item in QUESTIONS}
+    return {
+        "asyncapi": ASYNCAPI,
+        "info": {
+            "title": "pincette: keys and messages",
+            "version": __version__,
+            "description": ABOUT,
+            "license": {"name": "Apache-2.0"},
+            "x-pincette-wire": WIRE,
+        },
+        "defaultContentType": ENCODING,
+        "servers": {"router": _router()},
+        "channels": channels | {"live": _live()},
+        "operations": operations,
+        "components": {
+            "messages": messages | {"Query": QUERY, "Refusal": REFUSAL},
+            "schemas": {kind.__name__: record_schema(kind) for kind in reachable(kinds)},
+            "parameters": PARAMETERS,
+        },
+    }
+
+
+def _router() -> Json:
+    bus = Bus()
+    return {
+        "host": "{host}:{port}",
+        "protocol": "zenoh",
+        "description": "The rig's router, which serves tools beside the loop's direct links; "
+        "a tool joins it as a client.",
+        "variables": {"host": {"default": bus.host}, "port": {"default": str(bus.port)}},
+    }
+
+
+def _message(kind: type) -> Json:
+    name = kind.__name__
+    payload = {"$ref": f"#/components/schemas/{name}"}
+    return {"name": name, "summary": summary(kind), "payload": payload}
+
+
+def _name(question: Question) -> str:
+    return f"{question.service}_{question.name}"
+
+
+def _refer(*path: str) -> Json:
+    return {"$ref": "#/" + "/".join(path)}
+
+
+def _parameters(*names: str) -> Json:
+    return {name: _refer("components", "parameters", name) for name in names}
+
+
+def _held(**messages: str) -> Json:
+    """The messages of a channel."""
+    return {role: _refer("components", "messages", name) for role, name in messages.items()}
+
+
+def _topic(topic: Topic) -> Json:
+    often = "every tick" if topic.per_tick else "when there is something to say"
+    stalled = "delayed for a bounded time" if topic.reliable else "dropped, except in lockstep"
+    return {
+        "address": key("{rig}", topic),
+        "summary": topic.summary,
+        "description": f"From `{topic.producer}`, {often}; where a link stalls, {stalled}.",
+        "parameters": _parameters("rig"),
+        "messages": _held(sample=topic.message.__name__, query="Query"),
+    }
+
+
+def _question(question: Question) -> Json:
+    request, reply = question.request.__name__, question.reply.__name__
+    return {
+        "address": question_key("{rig}", question),
+        "summary": question.summary,
+        "description": f"A Zenoh query that `{question.service}` answers.",
+        "parameters": _parameters("rig"),
+        "messages": _held(request=request, reply=reply, refusal="Refusal"),
+    }
+
+
+def _live() -> Json:
+    return {
+        "address": live_key("{rig}", "{program}"),
+        "summary": "which programs run",
+        "description": "No message: a Zenoh liveliness token that a program holds while it runs. "
+        "A program that hangs keeps its token.",
+        "parameters": _parameters("rig", "program"),
+    }
+
+
+def _operation(action: str, channel: str, text: str, *roles: str) -> Json:
+    place = _refer("channels", channel)
+    messages = [_refer("channels", channel, "messages", role) for role in roles]
+    return {"action": action, "channel": place, "summary": text, "messages": messages}
+
+
+def _reply(channel: str, *roles: str) -> Json:
+    messages = [_refer("channels", channel, "messages", role) for role in roles]
+    return {"channel": _refer("channels", channel), "messages": messages}
+
+
+def _send(topic: Topic) -> Json:
+    return _operation("send", topic.name, topic.summary, "sample")
+
+
+def _latest(topic: Topic) -> Json:
+    text = f"the newest message of {topic.name}; no reply before the first"
+    operation = _operation("receive", topic.name, text, "query")
+    return operation | {"reply": _reply(topic.name, "sample")}
+
+
+def _answer(question: Question) -> Json:
+    name = _name(question)
+    operation = _operation("receive", name, question.summary, "request")
+    return operation | {"reply": _reply(name, "reply", "refusal")}
+
+
+def main() -> None:
+    """Write the document to the file that is named."""
+    Path(sys.argv[1]).write_text(document(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

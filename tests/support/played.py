@@ -1,0 +1,65 @@
+"""A rig that plays a canned grip over and over, for tools that listen on the real bus."""
+
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
+
+from pincette.bus.links import client_ends, router_ends
+from pincette.bus.zenoh_bus import ZenohBus, serve_router
+from tests.support.rigs import free_ports
+from tests.unit.supervisor import samples
+
+RIG = "played"
+TICK_S = 0.005
+UP_S = 5.0
+
+
+@dataclass(frozen=True)
+class Played:
+    """Where the rig is, and what it says in each tick of each epoch but for the epoch itself."""
+
+    port: int
+    ticks: list[samples.Tick]
+
+    @property
+    def router(self) -> str:
+        """Where a tool joins."""
+        return f"tcp/127.0.0.1:{self.port}"
+
+
+@contextmanager
+def played_rig() -> Generator[Played]:
+    """A router, and a grip behind it that begins anew, in an epoch of its own, when it ends."""
+    port = free_ports(1)
+    end, up = threading.Event(), threading.Event()
+
+    def route() -> None:
+        up.set()
+        end.wait()
+
+    def play() -> None:
+        bus = ZenohBus(client_ends("127.0.0.1", port), RIG, "played")
+        try:
+            for epoch in count(1):
+                for tick in samples.grip(epoch):
+                    if end.wait(TICK_S):
+                        return
+                    for message in tick.messages():
+                        bus.publish(message)
+        finally:
+            bus.close()
+
+    ends = router_ends("127.0.0.1", port)
+    threads = [threading.Thread(target=serve_router, args=(ends, RIG, route))]
+    threads[0].start()
+    assert up.wait(UP_S)
+    threads.append(threading.Thread(target=play))
+    threads[1].start()
+    try:
+        yield Played(port, samples.grip())
+    finally:
+        end.set()
+        for thread in reversed(threads):
+            thread.join()

@@ -1,0 +1,122 @@
+"""Whatever is sent to the supervisor, it answers as its OpenAPI document says, and never fails."""
+
+# The package leaves the types of its generic classes open.
+# pyright: reportUnknownVariableType=false
+
+import json
+from collections.abc import Generator
+from typing import Any, cast
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+from hypothesis.errors import Unsatisfiable
+from schemathesis import GenerationMode
+from schemathesis.checks import not_a_server_error
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
+
+from pincette_supervisor.rest.openapi import document
+from tests.support.rigs import demo_rig
+from tests.unit.supervisor.rig import Desk
+
+SEED = 20131
+EXAMPLES = 20
+PATIENCE_S = 0.05
+"""Longest a request may wait for a job that stands still."""
+LONGEST_S, ALLOWED_S = 20.0, 3600.0
+"""Durations are made short: an hour's plan takes seconds, and says nothing more."""
+CHECKS = (
+    not_a_server_error,
+    status_code_conformance,
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+)
+ENDLESS = "/live"
+"""Streams without a form that ends; ``test_live`` reads them."""
+OPERATIONS = [
+    (method, path)
+    for path, methods in json.loads(document())["paths"].items()
+    for method in methods
+    if not path.endswith(ENDLESS)
+]
+Known = dict[str, list[str]]
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Generator[Desk]:
+    desk = Desk(demo_rig(time="lockstep"), tmp_path_factory.mktemp("desk"))
+    yield desk
+    desk.close()
+
+
+@pytest.fixture(scope="module")
+def described(desk: Desk) -> Any:
+    return schemathesis.openapi.from_asgi("/openapi.json", desk.app)
+
+
+@pytest.fixture(scope="module")
+def known(desk: Desk) -> Known:
+    """What is there to be named: a guess would never find it."""
+    grip = desk.grip()["id"]
+    desk.ended(grip)
+    calibration = desk.calibrated()["id"]
+    return {
+        "job": [grip, calibration],
+        "calibration": [calibration],
+        "rig": [desk.get("/rigs")["rigs"][0]["name"]],
+        "name": ["samples.parquet", "manifest.json", "grip.png"],
+    }
+
+
+def aim(case: Any, data: st.DataObject, known: Known) -> None:
+    """Name what is there, mostly, and wait for nothing for long."""
+    for name in cast("dict[str, Any]", case.path_parameters or {}):
+        if name in known and data.draw(st.integers(0, 3), label="known"):
+            case.path_parameters[name] = data.draw(st.sampled_from(known[name]), label=name)
+    query = cast("dict[str, Any]", case.query or {})
+    if isinstance(query.get("timeout_s"), int | float):
+        query["timeout_s"] = min(query["timeout_s"], PATIENCE_S)
+    elif "wait" in query and "timeout_s" not in query:
+        query["timeout_s"] = PATIENCE_S
+    if case.operation.path.endswith("/events") and query.get("format", "sse") == "sse":
+        query["format"] = "json"  # a stream has no end
+    case.query = query
+    if isinstance(case.body, dict):
+        body = cast("dict[str, Any]", case.body)
+        for name, value in body.items():
+            if name.endswith("_s") and isinstance(value, float) and LONGEST_S < value <= ALLOWED_S:
+                body[name] = LONGEST_S
+
+
+@pytest.mark.parametrize("mode", GenerationMode, ids=lambda mode: mode.value)
+@pytest.mark.parametrize(("method", "path"), OPERATIONS)
+def test_every_answer_is_documented(
+    described: Any, known: Known, method: str, path: str, mode: GenerationMode
+) -> None:
+    cases = described[path][method].as_strategy(generation_mode=mode)
+
+    @seed(SEED)
+    @settings(
+        max_examples=EXAMPLES,
+        deadline=None,
+        database=None,
+        phases=[Phase.generate],
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+    )
+    @given(case=cases, data=st.data())
+    def answers(case: Any, data: st.DataObject) -> None:
+        aim(case, data, known)
+        case.call_and_validate(checks=CHECKS)
+
+    try:
+        answers()
+    except Unsatisfiable:
+        assert mode is GenerationMode.NEGATIVE, "nothing can be asked"
+        pytest.skip("nothing in this request can be wrong")

@@ -1,0 +1,167 @@
+"""The examples of the documents, each run as a reader runs it: in a process of its own."""
+
+import csv
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Generator
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any, cast
+
+import matplotlib.image
+import pyarrow.parquet as parquet
+import pytest
+
+from tests.support.checkout import ROOT, environment, run
+from tests.support.grips import SHORT
+from tests.support.played import RIG, Played, played_rig
+from tests.support.rigs import demo_rig
+from tests.support.running import RunningRig, running_rig
+
+EXAMPLES = ROOT / "docs/examples"
+FREE_OF_US = ("csv_export", "latest", "live_plot", "record_csv", "subscribe")
+FOREIGN = {"matplotlib", "msgpack", "zenoh"}
+LONGEST = 80
+PATIENCE_S = 30.0
+BLUE = 0.3
+"""By how much there is more blue than red in matplotlib's first colour."""
+
+
+@pytest.fixture(scope="module")
+def played() -> Generator[Played]:
+    with played_rig() as rig:
+        yield rig
+
+
+def command(name: str, *arguments: str) -> list[str]:
+    return [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments]
+
+
+def listening(name: str, played: Played, *arguments: str) -> list[str]:
+    return command(name, "--router", played.router, "--rig", RIG, *arguments)
+
+
+def done(words: list[str], folder: Path) -> str:
+    """What a command says that ends well."""
+    ended = run(words, folder, PATIENCE_S)
+    assert ended.returncode == 0, ended.stdout
+    return ended.stdout
+
+
+@pytest.mark.parametrize("name", FREE_OF_US)
+def test_an_example_is_short_and_needs_nothing_of_pincette(name: str) -> None:
+    text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
+    assert len(text.splitlines()) < LONGEST
+    needed = set(re.findall(r"^(?:import|from) (\w+)", text, re.MULTILINE))
+    assert needed - sys.stdlib_module_names <= FOREIGN
+
+
+def test_no_example_is_left_out() -> None:
+    told = (ROOT / "docs/how-to/listen.md").read_text(encoding="utf-8")
+    assert {path.stem for path in EXAMPLES.glob("*.py")} - {"orchestrator"} == set(FREE_OF_US)
+    assert all(f"examples/{name}.py" in told for name in FREE_OF_US)
+
+
+def test_latest_prints_every_topic_once(played: Played, tmp_path: Path) -> None:
+    said = done(listening("latest", played), tmp_path)
+    seen = re.findall(r"^(\w+) +(\w+) +", said, re.MULTILINE)
+    assert len(seen) == len(set(seen))
+    assert {topic for topic, _ in seen} == {
+        "position",
+        "estimate",
+        "command",
+        "telemetry",
+        "applied",
+        "truth",
+    }
+    assert ("estimate", "force_uncertainty_mN") in seen
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def assert_is_what_was_played(rows: list[dict[str, str]], played: Played) -> None:
+    for row in rows:
+        tick = played.ticks[int(row["seq"])]
+        assert float(row["t_s"]) == tick.position.t_s
+        assert float(row["x_um"]) == tick.estimate.x_um
+        assert float(row["force_mN"]) == tick.estimate.force_mN
+        assert float(row["voltage_V"]) == tick.applied.voltage_V
+
+
+def test_csv_has_each_sample_whole(played: Played, tmp_path: Path) -> None:
+    said = done(listening("csv_export", played, "--count", "60", "--file", "rig.csv"), tmp_path)
+    assert said == "60 rows, 0 incomplete ones left out\n"
+    rows = rows_of(tmp_path / "rig.csv")
+    assert len(rows) == 60
+    assert_is_what_was_played(rows, played)
+    numbers = [(int(row["epoch"]), int(row["seq"])) for row in rows]
+    assert numbers == sorted(set(numbers))
+
+
+def test_csv_ends_with_ctrl_c(played: Played, tmp_path: Path) -> None:
+    path = tmp_path / "rig.csv"
+    process = subprocess.Popen(
+        listening("csv_export", played, "--file", str(path)),
+        env=environment(),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = monotonic() + PATIENCE_S
+    while not path.exists() or len(rows_of(path)) < 10:
+        assert process.poll() is None
+        assert monotonic() < deadline
+        sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, said
+    rows = rows_of(path)
+    assert said == f"{len(rows)} rows, 0 incomplete ones left out\n"
+    assert_is_what_was_played(rows, played)
+
+
+def test_a_plot_has_its_curves(played: Played, tmp_path: Path) -> None:
+    picture = tmp_path / "rig.png"
+    done(listening("live_plot", played, "--png", str(picture), "--seconds", "1"), tmp_path)
+    pixels = cast(Any, matplotlib.image.imread(picture))[:, :, :3]
+    coloured = pixels[:, :, 2] - pixels[:, :, 0] > BLUE
+    height = round(0.3 * len(coloured))  # of a panel; the rest is the label of the time below
+    for panel in range(3):
+        columns = coloured[panel * height : (panel + 1) * height].any(axis=0)
+        assert columns.sum() > 0.5 * len(columns), f"panel {panel} has no curve"
+
+
+@pytest.fixture(scope="module")
+def gripped(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    """A rig in lockstep that has gripped once."""
+    rig = demo_rig(SHORT, time="lockstep")
+    with running_rig(rig, tmp_path_factory.mktemp("gripped")) as running:
+        assert running.ended(running.start_grip())["state"] == "succeeded"
+        yield running
+
+
+def test_a_record_is_handed_over_as_csv(gripped: RunningRig, tmp_path: Path) -> None:
+    api = str(gripped.client.base_url).rstrip("/")
+    job = gripped.get("/jobs")["jobs"][0]["id"]
+    said = done(command("record_csv", "--api", api, "--file", "job.csv"), tmp_path)
+    assert said == f"{job}: job.csv\n"
+    table = cast(Any, parquet).read_table(gripped.data / "jobs" / job / "samples.parquet")
+    rows = rows_of(tmp_path / "job.csv")
+    assert list(rows[0]) == table.column_names
+    for name in ("t_s", "x_um", "force_mN", "voltage_V"):
+        assert [float(row[name]) for row in rows] == table[name].to_pylist()
+    assert "# force_mN [mN]" in (tmp_path / "job.csv").read_text(encoding="utf-8")
+
+
+def test_a_record_that_is_not_there_is_refused_in_words(
+    gripped: RunningRig, tmp_path: Path
+) -> None:
+    api = str(gripped.client.base_url).rstrip("/")
+    ended = run(command("record_csv", "none", "--api", api), tmp_path, PATIENCE_S)
+    assert ended.returncode == 1
+    assert "none" in ended.stdout
+    assert "Traceback" not in ended.stdout
