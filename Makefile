@@ -4,6 +4,10 @@ PYTHON ?=
 ARGS ?=
 BIN := .venv/bin
 TEST_FLAGS := -m "not slow"
+VIRTUAL := tests/unit tests/integration tests/replay
+REAL := tests/project tests/contract tests/system
+# pytest's exit status where ARGS leave no test
+NO_TEST := 5
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
   --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 
@@ -40,8 +44,10 @@ up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 	@$(BIN)/pincette up $(ARGS)
 
 test: lint browser ## lint, then all tests but the slow ones: what CI runs
-	@echo "== pytest"
-	@$(BIN)/pytest $(TEST_FLAGS) $(ARGS)
+	@echo "== pytest, in virtual time: on every core"
+	@$(BIN)/pytest $(TEST_FLAGS) -n logical --dist loadfile $(ARGS) $(VIRTUAL) || [ $$? -eq $(NO_TEST) ]
+	@echo "== pytest, in real time: one after another"
+	@$(BIN)/pytest $(TEST_FLAGS) $(ARGS) $(REAL) || [ $$? -eq $(NO_TEST) ]
 
 lint: venv ## style, types and the direction of imports
 	@echo "== ruff check"

@@ -84,7 +84,8 @@ def reset_when_it_answers(rig: RunningRig) -> None:
     path = f"/rigs/{rig.rig.rig.name}/reset"
     deadline = monotonic() + 4.0 * RETRY_S
     while (answer := rig.post(path, {"acknowledge": True})).status_code == 409:
-        assert rig.rig.output.url in answer.json()["detail"]
+        # A module that is reached may still answer late, to what it was told before.
+        assert any(name in answer.json()["detail"] for name in (rig.rig.output.url, "I-7024"))
         assert monotonic() < deadline, answer.text
         sleep(0.05)
     answer.raise_for_status()

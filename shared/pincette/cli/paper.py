@@ -39,7 +39,8 @@ def paper(path: Path, folder: Path, rigs: int) -> int:
     except StudyError as error:
         raise CliError(f"the study could not be finished: {error}") from error
     _tell(summary, console)
-    console.print(f"report: {folder / 'index.html'}, numbers: {folder / 'paper.json'}")
+    report, numbers = folder / "index.html", folder / "paper.json"
+    console.print(f"report: {report}, numbers: {numbers}", soft_wrap=True)
     return 0
 
 

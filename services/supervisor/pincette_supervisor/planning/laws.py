@@ -11,6 +11,9 @@ from pincette.control.laws.law import LawSettings, Scheme, default_settings
 from pincette.control.stability.assessment import Assessment
 from pincette_supervisor.planning.path_requests import FaultyRequestError
 
+SPECTRAL_RADIUS = "spectral radius"
+"""Quantity of the violation that a loop which is not stable enough makes."""
+
 
 class ChosenLaw(NamedTuple):
     """A law, where its gains come from, and how stable its loop is at the worst."""
@@ -33,7 +36,7 @@ class ChosenLaw(NamedTuple):
         judged = self.assessment
         return Violation(
             pointer="/gains",
-            quantity="spectral radius",
+            quantity=SPECTRAL_RADIUS,
             value=judged.radius,
             limit=judged.limit_radius,
             unit="",

@@ -12,6 +12,7 @@ from pincette.api.states import GOOD_OUTCOMES
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
 from pincette_supervisor.model.rig_model import ModelInUse
 from pincette_supervisor.planning.identified_arm import Instruments
+from pincette_supervisor.planning.laws import SPECTRAL_RADIUS
 from pincette_supervisor.planning.margins import margins, peaks, violations
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
@@ -35,9 +36,16 @@ def played(planned: Planned) -> Rehearsal:
 
 
 def with_prediction(planned: Planned, rehearsal: Rehearsal) -> Planned:
-    """A plan with what its rehearsal foretells; a limit that it breaks makes it infeasible."""
+    """A plan with what its rehearsal foretells; a limit that it breaks makes it infeasible.
+
+    The plan names its own violations first; of a loop that is not stable, which is no matter of
+    place and time, it says so last.
+    """
     prediction = predict(planned, rehearsal)
-    broken = [*planned.plan.violations, *prediction.violations]
+    broken = sorted(
+        [*planned.plan.violations, *prediction.violations],
+        key=lambda violation: violation.quantity == SPECTRAL_RADIUS,
+    )
     foretold = {"prediction": prediction, "violations": broken, "feasible": not broken}
     return replace(planned, plan=planned.plan.model_copy(update=foretold))
 
