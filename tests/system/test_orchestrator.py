@@ -103,6 +103,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
         yield running
 
 
+@pytest.mark.slow
 def test_a_hundred_grips_in_a_row(rig: RunningRig, figures: list[str]) -> None:
     begun = monotonic()
     cell = Orchestrator(rig)
