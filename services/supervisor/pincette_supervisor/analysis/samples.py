@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pincette.messages import Burst, Message
+from pincette.messages import Message
+from pincette.records.bursts import joined
 from pincette.records.columns import Columns
 from pincette_supervisor.results.figures import Series, series
 
@@ -97,24 +98,8 @@ class Acquisition:
 
 
 def acquisition(messages: Iterable[Message]) -> Acquisition | None:
-    """Join the bursts of one epoch; None without one.
-
-    Raises
-    ------
-    ValueError
-        Where one between them never came, or was out of the sensor's range.
-    """
-    bursts = {message.seq: message for message in messages if isinstance(message, Burst)}
-    if not bursts:
+    """Join the bursts of one epoch; None without one. Raises as ``joined`` does."""
+    found = joined(messages)
+    if found is None:
         return None
-    for seq in range(min(bursts), max(bursts) + 1):
-        if seq not in bursts:
-            raise ValueError(f"the acquisition of sample {seq} never came")
-        if not bursts[seq].valid:
-            raise ValueError(f"the acquisition of sample {seq} was out of the sensor's range")
-    ordered = [bursts[seq] for seq in sorted(bursts)]
-    return Acquisition(
-        ordered[0].rate_hz,
-        np.concatenate([np.asarray(burst.x_um, dtype=np.float64) for burst in ordered]),
-        np.concatenate([np.asarray(burst.drive_V, dtype=np.float64) for burst in ordered]),
-    )
+    return Acquisition(found.rate_hz, np.asarray(found.x_um), np.asarray(found.drive_V))
