@@ -36,7 +36,8 @@ from tests.support.running import RunningRig
 from tests.support.stalls import StallRecorder, again_after_a_stall
 from tests.support.witness import Witness
 
-ROUNDS = 10
+ROUNDS = (4, pytest.param(20, marks=pytest.mark.slow))
+"""Each as often, at chance places within a period; for every commit and for the soak."""
 WAKE_EARLY_S = 0.15
 """A hung controller goes on while the voltage of a held part is still frozen."""
 WAKE_LATE_S = 0.8
@@ -82,6 +83,7 @@ def check_words(rig: RunningRig, job: str) -> None:
     assert silence[0] in problem["detail"]
 
 
+@pytest.mark.parametrize("rounds", ROUNDS)
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
 @pytest.mark.parametrize("fault", ["killed", "hung"])
 @again_after_a_stall(make_ready)
@@ -92,6 +94,7 @@ def test_without_the_controller_the_actuator_makes_the_rig_safe(
     figures: list[str],
     fault: str,
     held: bool,
+    rounds: int,
 ) -> None:
     make_ready(rig)
     chance = random.Random(f"{fault} {held}")
@@ -99,7 +102,7 @@ def test_without_the_controller_the_actuator_makes_the_rig_safe(
     late = refusals = 0
     safe_s = SAFE_S + (rig.rig.safety.freeze_s if held else 0.0)
     try:
-        for count in range(ROUNDS):
+        for count in range(rounds):
             job = hold(rig, seen, stalls) if held else approach(rig, seen, stalls)
             wait_for_any_phase(chance, rig.rig.rig.period_s)
             begun = monotonic()
