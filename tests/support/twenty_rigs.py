@@ -206,7 +206,7 @@ that of the contact from 2 to 20 mN.
 
 `make soak` does the same with every program in a process of its own, over REST, with hands at one
 and the same bench from the first calibration to the grip, and holds each deviation to 2 %, that of
-ζ to 20 %; `make test` does so for one rig of each pair.
+ζ to 20 %; `make test` does so for one rig of the fast pair.
 
 ## Fast pair: analog input and output with buffers
 

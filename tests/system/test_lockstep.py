@@ -28,6 +28,8 @@ OTHER_LAW = TrackJobRequest(
     kind="track", autostart=True, load_s=1.0, frequency_hz=1.0, cycles=1, scheme="dsmifc"
 )
 LONG_HOLD_S = 600.0
+HUNG = ("sensor", "actuator")
+"""Who begins a tick and who ends it, for every commit; the others for the soak."""
 STANDSTILL_S = 1.0
 """Longer than a link in real time is waited for."""
 SEED = 20131
@@ -92,7 +94,9 @@ def test_a_killed_program_ends_the_run_with_its_name(tmp_path: Path, name: str) 
     assert name in ended["cause"]
 
 
-@pytest.mark.parametrize("name", LOOP)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in HUNG else pytest.mark.slow) for name in LOOP]
+)
 def test_a_hung_program_ends_the_run_with_its_name(tmp_path: Path, name: str) -> None:
     rig = demo_rig(time="lockstep")
     with running_rig(rig, tmp_path) as running:

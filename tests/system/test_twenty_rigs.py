@@ -13,9 +13,8 @@ def check(rows: Sequence[Row]) -> None:
     assert {row.seed: row.misses for row in rows if row.misses} == {}
 
 
-@pytest.mark.parametrize("pair", PAIRS)
-def test_an_unknown_rig_is_brought_up(pair: str) -> None:
-    check(list(runs(pair, [1])))
+def test_an_unknown_rig_is_brought_up() -> None:
+    check(list(runs("fast", [1])))
 
 
 @pytest.mark.slow
