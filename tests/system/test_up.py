@@ -11,7 +11,7 @@ from tests.support.checkout import await_text, until_interrupted
 from tests.support.commands import PINCETTE, assert_nothing_is_left, processes_of
 from tests.support.rigs import demo_rig, rig_toml
 
-PROGRAMS = {"router", "rig", *LOOP, "supervisor"}
+PROGRAMS = {"recorder", "router", "rig", *LOOP, "supervisor"}
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])

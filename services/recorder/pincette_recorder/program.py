@@ -137,7 +137,7 @@ def run(context: Context) -> None:
         thread.start()
         try:
             bus.announce("recorder")
-            context.ready(f"keeps records in {config.records}")
+            context.ready("keeps every sample of a job")
             context.stop.wait()
         finally:
             recorder.stop()
