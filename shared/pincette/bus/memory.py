@@ -22,7 +22,7 @@ class MemoryBus:
         self._latest[topic] = message
         self._queue.append((topic, message))
 
-    def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:  # noqa: ARG002
+    def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:  # noqa: ARG002  it waits for nobody
         """Return what was published last; see LatestBus."""
         return self._latest.get(topic)
 
