@@ -17,7 +17,6 @@ import zenoh
 
 from pincette.bus.zenoh_bus import open_session
 from pincette.instruments.link import open_link
-from pincette.runtime.priority import come_first
 from pincette.topics import LOOP
 from tests.bench.shape import SIZES, ends, hop_key, start_key
 
@@ -26,7 +25,6 @@ REQUESTS = {"sensor": b"MS,01", "actuator": b"#010+01.000"}
 
 def main(role: str, port: int, url: str) -> None:
     """Hand on until standard input closes."""
-    come_first()
     session = open_session(ends(port, role), role)
     link = open_link(url, baud=115200, timeout_s=5.0) if role in REQUESTS else None
     queue: SimpleQueue[int] = SimpleQueue()

@@ -1,7 +1,6 @@
 """The recorder program: takes what the bus brings, answers questions, keeps the folder in order."""
 
 import logging
-import os
 import queue
 import secrets
 import threading
@@ -13,6 +12,7 @@ from pincette import __version__
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.messages import Finish, Message, Record, Status
 from pincette.runtime.context import Context
+from pincette.runtime.priority import stand_back
 from pincette.topics import FINISH, RECORD, STATUS, TOPICS, Question
 from pincette_recorder import mending, retention
 from pincette_recorder.config import RecorderConfig, configure
@@ -20,7 +20,6 @@ from pincette_recorder.intake import Intake
 from pincette_recorder.keeper import Keeper, Reply
 
 log = logging.getLogger(__name__)
-NICENESS = 10
 LOOK_S = 0.05
 """How often what has come is written."""
 TIDY_S = 600.0
@@ -127,8 +126,7 @@ class Recorder:
 def run(context: Context) -> None:
     """Record until told to stop."""
     config = configure(context.rig, context.data)
-    # Asked before the bus is joined: only threads that begin afterwards inherit it.
-    os.nice(NICENESS)
+    stand_back()
     bus = context.open_bus()
     try:
         recorder = Recorder(config, bus)

@@ -25,7 +25,8 @@ def run(context: Context) -> None:
         Where a port is taken.
     """
     config = configure(context.rig)
-    come_first()
+    if not context.rig.lockstep:
+        come_first()
     bus = context.open_bus()
 
     def tell(seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:

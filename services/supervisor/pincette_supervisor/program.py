@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import uvicorn
 
 from pincette.runtime.context import Context
+from pincette.runtime.priority import stand_back
 from pincette_supervisor.config import SupervisorConfig, configure
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.model.rig_model import RigModel
@@ -46,6 +47,7 @@ def run(context: Context) -> None:
     """Serve REST until told to stop."""
     config = configure(context.rig, context.data)
     listener = bind(config.host, config.port)
+    stand_back()
     try:
         store = Store(config.store)
         try:

@@ -100,7 +100,8 @@ def loop_services() -> dict[str, AnyService]:
 
 
 def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
-    come_first()
+    if not rig.lockstep:  # which keeps no clock, and would take the whole machine
+        come_first()
     services = loop_services()
     service = services[name]
     node = Node(service, rig, open_device(service, rig), secrets.randbits(48))

@@ -3,11 +3,14 @@
 from pincette.bus.links import router_ends
 from pincette.bus.zenoh_bus import serve_router
 from pincette.runtime.context import Context
+from pincette.runtime.priority import come_first
 
 
 def PROGRAM(context: Context) -> None:
     """Route until stopped."""
     bus = context.rig.bus
+    if not context.rig.lockstep:
+        come_first()
     ends = router_ends(bus.host, bus.port, lockstep=context.rig.lockstep)
 
     def wait() -> None:
