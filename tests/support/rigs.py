@@ -1,6 +1,7 @@
 """Variants of the demo rig: other ports, the other kind of time, other values."""
 
 import json
+import secrets
 import socket
 from pathlib import Path
 from typing import Any, cast
@@ -11,15 +12,18 @@ from pincette.sim.instruments.traits import resolved
 
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
 Tree = dict[str, Any]
+PORTS = range(16000, 32000)
 
 
 def free_ports(count: int) -> int:
-    """First of ``count`` adjacent ports that nobody uses at the moment."""
+    """First of ``count`` adjacent ports that nobody uses at the moment.
+
+    They lie below those that systems give to outgoing connections, which would take one between
+    this look and the start of the program that is to listen there.
+    """
     while True:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            first = cast(int, probe.getsockname()[1])
-        if first + count < 65500 and all(_is_free(first + offset) for offset in range(count)):
+        first = PORTS.start + secrets.randbelow(len(PORTS) - count)
+        if all(_is_free(first + offset) for offset in range(count)):
             return first
 
 
