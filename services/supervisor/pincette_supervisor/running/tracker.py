@@ -6,7 +6,7 @@ from typing import cast
 from pincette.api.job_models import Progress
 from pincette.api.states import OUTCOMES
 from pincette.messages import Applied, Estimate, Message, Position, Sample, Telemetry, Truth
-from pincette.topics import LOOP, TOPIC_OF
+from pincette.topics import APPLIED, LOOP, TOPIC_OF, TOPICS, Topic
 from pincette_supervisor.planning.planned import Wait
 from pincette_supervisor.results.result import TRIPPED
 
@@ -15,6 +15,7 @@ CAUSES = {
     "estop": "estop: an emergency stop was asked for",
     "restart": "restart: the actuator was started anew",
 }
+EVERY_TICK = [topic for topic in TOPICS if topic.per_tick and topic.producer in LOOP]
 
 
 class Tracker:
@@ -42,7 +43,7 @@ class Tracker:
         """Samples that were paused."""
         self._lockstep = lockstep
         self._epoch, self._period_s, self._planned_s = epoch, period_s, planned_s
-        self._seqs: dict[str, int] = dict.fromkeys(LOOP, -1)
+        self._seqs: dict[Topic, int] = dict.fromkeys(EVERY_TICK, -1)
         self._position: Position | None = None
         self._estimate: Estimate | None = None
         self._applied: Applied | None = None
@@ -62,8 +63,9 @@ class Tracker:
         return len(self.messages) > before
 
     def _follow(self, sample: Sample) -> None:
-        producer = TOPIC_OF[type(sample)].producer
-        self._seqs[producer] = max(self._seqs[producer], sample.seq)
+        topic = TOPIC_OF[type(sample)]
+        if topic in self._seqs:
+            self._seqs[topic] = max(self._seqs[topic], sample.seq)
         if isinstance(sample, Position):
             self._position = sample
         elif isinstance(sample, Estimate):
@@ -89,15 +91,23 @@ class Tracker:
 
     def silent(self) -> str:
         """The program whose number lags: the first, in the order of a tick."""
-        seqs = [self._seqs[program] for program in LOOP]
+        seqs = [
+            max(seq for topic, seq in self._seqs.items() if topic.producer == program)
+            for program in LOOP
+        ]
         return next(
             (program for program, seq in zip(LOOP, seqs, strict=True) if seq < seqs[0]), LOOP[0]
         )
 
     @property
+    def complete(self) -> bool:
+        """Whether all has come of the last tick that ended: every topic has a way of its own."""
+        return min(self._seqs.values()) >= self.last_seq
+
+    @property
     def last_seq(self) -> int:
         """Number of the newest sample whose tick has ended; -1 before the first."""
-        return self._seqs["actuator"]
+        return self._seqs[APPLIED]
 
     def ending(self) -> str:
         """How the program ended, in the controller's code."""

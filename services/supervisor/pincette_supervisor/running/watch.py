@@ -15,6 +15,8 @@ from pincette_supervisor.running.tracker import Tracker, outcome_words
 
 LOOK_S = 0.02
 """How often the run looks at what has come."""
+LATE_S = 0.5
+"""How long the last samples of a run may come after the one that ended it."""
 PROGRESS_S = 0.2
 """How often progress is told at most."""
 TRIPPABLE: tuple[JobState, ...] = ("running", "pausing", "paused", "resuming", "stopping")
@@ -48,7 +50,7 @@ class Watch:
             if tracker.take(self._collection.drain()):
                 self._heard_at = self._site.clock()
                 self._share()
-            if tracker.over:
+            if tracker.over and not self._comes_more():
                 self._conclude()
                 return
             if job.interrupted:
@@ -57,6 +59,13 @@ class Watch:
             if self._given_up():
                 return
             job.wait(LOOK_S)
+
+    def _comes_more(self) -> bool:
+        """Whether samples of the last tick are on their way: in lockstep none of them is lost."""
+        if self._tracker.trip_cause or self._tracker.complete:
+            return False
+        limit_s = self._site.guard_s if self._rig.lockstep else LATE_S
+        return self._site.clock() - self._heard_at < limit_s
 
     def _share(self) -> None:
         """Let requests and listeners see how far the run is."""
