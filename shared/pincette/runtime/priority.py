@@ -39,8 +39,8 @@ def come_first() -> None:
 
 
 def stand_back() -> None:
-    """Ask to run after everything that has a tick to keep."""
-    _niceness(LAST)
+    """Ask to run after everything that has a tick to keep; where it is called, a thread."""
+    _niceness(max(LAST, os.getpriority(os.PRIO_PROCESS, 0)))
 
 
 def _niceness(wanted: int) -> bool:

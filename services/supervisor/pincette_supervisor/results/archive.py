@@ -1,8 +1,5 @@
 """From the samples of a job to its folder and its result."""
 
-import os
-import sys
-import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -24,22 +21,13 @@ from pincette_supervisor.results.motion_result import motion_result
 from pincette_supervisor.results.result import grip_result
 from pincette_supervisor.results.track_result import track_result
 
-NICENESS = 10
 MOTIONS = ("move", "hold", "release")
 """Kinds of job that meet no part on their own."""
 
 
 def archivist() -> ThreadPoolExecutor:
-    """One thread that makes records, and lets every other program of the machine go first.
-
-    The loop may still hold a part while a record is drawn, and must not wait for it.
-    """
-    return ThreadPoolExecutor(1, thread_name_prefix="archive", initializer=_step_back)
-
-
-def _step_back() -> None:
-    if sys.platform == "linux":  # where a thread has a priority of its own
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+    """One thread that makes records, one after another."""
+    return ThreadPoolExecutor(1, thread_name_prefix="archive")
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,6 @@ class Tracker:
     ) -> None:
         self.messages: list[Message] = []
         self.trip_cause = ""
-        self.over = False
         self.outcome = ""
         self.released = False
         self.held = False
@@ -39,6 +38,8 @@ class Tracker:
         """Number of the controller's newest sample."""
         self.acted: list[tuple[str, int]] = []
         """Actions that have taken effect since this list was last emptied, with their seq."""
+        self._final_seq: int | None = None
+        """Number of the sample that ended the arming; an idle loop in real time goes on."""
         self._rested = 0
         """Samples that were paused."""
         self._lockstep = lockstep
@@ -74,7 +75,8 @@ class Tracker:
             self._applied = sample
             if sample.state in TRIPPED and not self.trip_cause:
                 self.trip_cause = sample.cause or "unknown"
-            self.over = self.over or sample.final
+            if sample.final and self._final_seq is None:
+                self._final_seq = sample.seq
         elif isinstance(sample, Telemetry):
             self._view(sample)
 
@@ -100,9 +102,14 @@ class Tracker:
         )
 
     @property
+    def over(self) -> bool:
+        """Whether the actuator has said that the arming is over."""
+        return self._final_seq is not None
+
+    @property
     def complete(self) -> bool:
-        """Whether all has come of the last tick that ended: every topic has a way of its own."""
-        return min(self._seqs.values()) >= self.last_seq
+        """Whether all has come of the last tick of the run: every topic has a way of its own."""
+        return self._final_seq is not None and min(self._seqs.values()) >= self._final_seq
 
     @property
     def last_seq(self) -> int:

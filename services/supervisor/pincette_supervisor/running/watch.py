@@ -36,6 +36,7 @@ class Watch:
         )
         self._heard_at = self._asked_at = site.clock()
         """When the rig was last heard of, and when it was last asked for something."""
+        self._over_at: float | None = None
         self._told_at = float("-inf")
         self._asked_in = -1
         """Count of the job's moves when the controller was last asked for something."""
@@ -64,8 +65,10 @@ class Watch:
         """Whether samples of the last tick are on their way: in lockstep none of them is lost."""
         if self._tracker.trip_cause or self._tracker.complete:
             return False
-        limit_s = self._site.guard_s if self._rig.lockstep else LATE_S
-        return self._site.clock() - self._heard_at < limit_s
+        now = self._site.clock()
+        if self._over_at is None:
+            self._over_at = now
+        return now - self._over_at < (self._site.guard_s if self._rig.lockstep else LATE_S)
 
     def _share(self) -> None:
         """Let requests and listeners see how far the run is."""
