@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from pincette.config import RigFile
-from pincette.messages import Telemetry
 from pincette.records import folder
 
 from . import samples
@@ -236,25 +235,6 @@ def test_lockstep_names_the_program_that_is_silent(
     job = desk.ended(desk.grip()["id"])
     assert job["state"] == "failed"
     assert job["cause"] == "estimator is silent: no progress for 0.05 s"
-
-
-def test_a_last_word_that_comes_late_is_waited_for(desk: Desk) -> None:
-    late: list[Telemetry] = []
-
-    def overtaken(ticks: list[Tick]) -> list[Tick]:
-        # Each program has a way of its own: the actuator's end is here before the outcome is.
-        late.append(ticks[-1].telemetry)
-        earlier = [replace(tick.telemetry, outcome="") for tick in ticks[:-1]]
-        said = [*earlier, earlier[-1]]
-        return [replace(tick, telemetry=view) for tick, view in zip(ticks, said, strict=True)]
-
-    desk.bus.edit = overtaken
-    job = desk.grip()["id"]
-    live = desk.conductor.active
-    assert live is not None
-    desk.until(lambda: live.progress is not None and live.progress.seq == late[0].seq)
-    desk.bus.publish(late[0])
-    assert desk.ended(job)["state"] == "succeeded"
 
 
 def test_lockstep_names_the_program_that_was_killed(
