@@ -102,6 +102,8 @@ class Service(Generic[R, C, S, I]):
     """In real time, step at least this often, in control periods."""
     adopt: Callable[[C, S, float], S] | None = None
     """Begin from the voltage that the instrument puts out, whoever set it."""
+    carried: tuple[str, ...] = ()
+    """Fields of the state that an arming takes over from before, for what its outputs depend on."""
     wind_down: Callable[[C, S, float], tuple[S, bool]] | None = None
     """Begin, or go on, to bring the instrument to rest before the program ends; true at rest."""
 

@@ -196,5 +196,6 @@ SERVICE: Service[RigFile, ActuatorConfig, State, Inputs] = Service(
     instrument="voltage_output",
     wake_periods=WAKE_PERIODS,
     adopt=adopt,
+    carried=("voltage_V", "part_held", "refused"),
     wind_down=wind_down,
 )

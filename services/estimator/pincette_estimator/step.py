@@ -272,4 +272,5 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
     start=start,
     step=step,
     answer=answer,
+    carried=("response", "to_and_fro", "highest_V", "known_V"),
 )

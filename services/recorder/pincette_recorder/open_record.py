@@ -6,13 +6,25 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
 
-from pincette.messages import Applied, JobNotice, Message, Sample, Telemetry, Truth
+from pincette.messages import (
+    Applied,
+    Command,
+    Estimate,
+    JobNotice,
+    Message,
+    Position,
+    Sample,
+    Telemetry,
+    Truth,
+)
 from pincette.records import mcap_reading
 from pincette.records.losses import lost
 from pincette.records.mcap_file import NAME, McapFile
 from pincette.records.tables import write_tables
 
 log = logging.getLogger(__name__)
+MADE = (Position, Estimate, Command, Telemetry, Applied)
+"""What a loop that plays says of every sample."""
 
 
 class OpenRecord:
@@ -82,9 +94,9 @@ class OpenRecord:
             self._give_up(error)
 
     def has(self, seq: int) -> bool:
-        """Whether a sample has come as far as it goes: to the telemetry and to the actuator."""
+        """Whether all that is made of a sample has come, each by a link of its own."""
         last = seq if self.over_seq is None else min(seq, self.over_seq)
-        return all(self._newest.get(kind, -2) >= last for kind in (Applied, Telemetry))
+        return all(self._newest.get(kind, -2) >= last for kind in MADE)
 
     def reached(self, seq: int) -> bool:
         """Whether anything of a sample has come; where a program has died there is no more."""

@@ -1,29 +1,25 @@
-"""``pincette replay``: a recorded job through one service alone, compared bit by bit."""
+"""``pincette replay``: a recorded job through its services again, compared bit by bit."""
 
 import argparse
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, cast
 
-from pincette import plugins
+from pincette import __version__, plugins
 from pincette.cli.exit_status import Exit
 from pincette.cli.options import Words, does, machine
-from pincette.cli.output import emit
+from pincette.cli.output import emit, screen
 from pincette.cli.rest import CliError
-from pincette.config import Calibration, ConfigError, parse_rig
-from pincette.messages import Arm, Document, Message, Sample
+from pincette.cli.tables import table
+from pincette.config import ConfigError, RigFile, parse_rig
+from pincette.messages import Asked, Message, Sample
 from pincette.records.mcap_reading import Recording, read
-from pincette.runtime.node import Node
+from pincette.runtime.replay.comparison import Difference, Findings
+from pincette.runtime.replay.service_alone import replay as repeat
+from pincette.runtime.replay.steps import STEPS
 
-REMEMBERS = (
-    "  the service remembers what came before: name the records since it was started, oldest first"
-)
-ABOUT = "play a recorded job through one service, and say where it gives anything else"
-SERVICES = ("estimator",)
-"""Those that need no more than a record holds."""
-RECORD, RIG, MODEL = "job.mcap", "rig.json", "model.json"
+ABOUT = "play a recorded job through its services again; say where one gives anything else"
+RECORD, RIG = "job.mcap", "rig.json"
 
 
 def add(word: Words) -> None:
@@ -34,107 +30,91 @@ def add(word: Words) -> None:
         nargs="+",
         type=Path,
         metavar="RECORD",
-        help="folder of a job, or its job.mcap; several in the order in which they were played",
+        help="folder of a job, or its job.mcap",
     )
-    one.add_argument("--service", choices=SERVICES, default="estimator", help="%(default)s")
+    one.add_argument("--service", choices=list(STEPS), help="this one alone; all if not given")
     does(one, replay)
 
 
 def replay(given: argparse.Namespace) -> int:
-    """Compare records one after the other; the exit status is 1 where a sample differs."""
-    found: list[dict[str, Any]] = []
-    node: Node | None = None
+    """Repeat records; the exit status is 1 where an output differs, or cannot be repeated."""
+    names = [given.service] if given.service else list(STEPS)
+    found: dict[str, list[Findings]] = {}
     for path in given.records:
         recording = opened(path)
-        node = node or started(recording, given.service)
-        compared, differences = compare(node, recording)
-        found.append({"record": str(path), "samples": compared, "differences": differences})
+        rig, messages = rig_of(recording, path), epoch_of(recording)
+        services = [plugins.load(plugins.SERVICES, name) for name in names]
+        found[str(path)] = [repeat(service, rig, messages) for service in services]
         if not given.json:
-            print(f"{path}: {given.service}, {told(compared, differences)}")
+            show(path, recording, found[str(path)])
     if given.json:
-        emit(found)
-    return Exit.FAILED if any(one["differences"] for one in found) else Exit.DONE
-
-
-def told(compared: int, differences: list[dict[str, Any]]) -> str:
-    """What a comparison says, with the first sample that differs."""
-    if not differences:
-        return f"{compared} samples, the same to the last bit"
-    first = differences[0]
-    lines = [f"{len(differences)} of {compared} samples differ; the first is {first['seq']}:"]
-    lines += [
-        f"  {name}: {recorded!r} recorded, {repeated!r} repeated"
-        for name, (recorded, repeated) in first["fields"].items()
-    ]
-    if first["seq"] == 0:
-        lines.append(REMEMBERS)
-    return "\n".join(lines)
+        emit(
+            [
+                {"record": path, "services": [asdict(one) for one in services]}
+                for path, services in found.items()
+            ]
+        )
+    same = all(one.same for services in found.values() for one in services)
+    return Exit.DONE if same else Exit.FAILED
 
 
 def opened(path: Path) -> Recording:
-    """Read a record; raises CliError where it cannot be, or holds too little."""
+    """Read a record; raises CliError where it cannot be."""
     file = path / RECORD if path.is_dir() else path
     try:
-        recording = read(file)
+        return read(file)
     except (OSError, ValueError) as error:
         raise CliError(f"{file} cannot be read: {error}") from error
+
+
+def rig_of(recording: Recording, path: Path) -> RigFile:
+    """The rig file that a record was made with; raises CliError where it holds none."""
     if RIG not in recording.attachments:
-        raise CliError(f"{file} holds no {RIG}: what it was made with is not known")
-    return recording
-
-
-def started(recording: Recording, name: str) -> Node:
-    """A service with the rig file of a record; samples are joined by number, as in lockstep."""
+        raise CliError(f"{path} holds no {RIG}: what it was made with is not known")
     try:
-        rig = parse_rig(json.loads(recording.attachments[RIG]))
+        return parse_rig(json.loads(recording.attachments[RIG]))
     except (ConfigError, ValueError) as error:
-        raise CliError(f"{RIG} of the record: {error}") from error
-    paced = rig.rig.model_copy(update={"time": "lockstep"})
-    return Node(plugins.load(plugins.SERVICES, name), rig.model_copy(update={"rig": paced}))
+        raise CliError(f"{path}: {RIG} in it: {error}") from error
 
 
-def compare(node: Node, recording: Recording) -> tuple[int, list[dict[str, Any]]]:
-    """Play a record; the number of samples compared, and each that differs."""
-    epoch, calibration = int(recording.about["epoch"]), Document(_calibration(recording))
-    reply, _ = node.ask(Arm(epoch, 1, node.digest, calibration), 0.0)
-    if isinstance(reply, str):
-        raise CliError(f"the {node.service.name} refuses the record: {reply}")
-    outputs = {topic.message for topic in node.service.outputs}
-    said = [cast(Sample, item) for item in recording.messages if type(item) in outputs]
-    recorded = {(type(sample), sample.seq): sample for sample in said}
-    differences: list[dict[str, Any]] = []
-    compared = 0
-    for repeated in _played(node, recording.messages):
-        expected = recorded.get((type(repeated), repeated.seq))
-        if expected is None:
-            continue
-        compared += 1
-        if expected != repeated:
-            differences.append({"seq": repeated.seq, "fields": _apart(expected, repeated)})
-    if not compared:
-        raise CliError(f"the record holds nothing that the {node.service.name} has said")
-    return compared, differences
+def epoch_of(recording: Recording) -> list[Message]:
+    """Messages of the epoch that was recorded."""
+    epoch = recording.about.get("epoch")
+    told = [item for item in recording.messages if isinstance(item, Sample | Asked)]
+    return [item for item in told if epoch is None or str(item.epoch) == epoch]
 
 
-def _calibration(recording: Recording) -> str:
-    stored = recording.attachments.get(MODEL)
-    if stored is None:
+def show(path: Path, recording: Recording, found: list[Findings]) -> None:
+    """Print a table of services, and why one was not repeated."""
+    console = screen()
+    console.print(str(path), markup=False, soft_wrap=True)
+    rows = table("service", "steps", "identical", "different", "first difference", right=())
+    for one in found:
+        counts = [str(count) for count in (one.steps, one.identical, one.different)]
+        rows.add_row(one.service, *counts, words(one.first))
+    console.print(rows)
+    for one in found:
+        if one.stopped:
+            _say(f"{one.service}: not repeated from here on: {one.stopped}")
+        if one.clocked:
+            _say(f"{one.service}: {one.clocked} outputs by its clock alone, which is not recorded")
+    made = recording.about.get("pincette", __version__)
+    if made != __version__ and not all(one.same for one in found):
+        _say(f"recorded by pincette {made}, repeated by {__version__}")
+
+
+def words(difference: Difference | None) -> str:
+    """Where a service gives anything else."""
+    if difference is None:
         return ""
-    model = json.loads(stored)
-    return Calibration(values=model["values"], sources=model["sources"]).text()
+    where = f"{difference.topic} {difference.seq}"
+    if not difference.field:
+        return f"{where} is not said again"
+    return (
+        f"{where}, {difference.field}: {difference.recorded!r} recorded, "
+        f"{difference.replayed!r} repeated"
+    )
 
 
-def _played(node: Node, messages: Sequence[Message]) -> Iterator[Sample]:
-    inputs = {item.topic.message for item in node.service.inputs}
-    for message in messages:
-        if type(message) not in inputs:
-            continue
-        node.accept(message, 0.0)
-        while node.due(0.0):
-            yield from cast("tuple[Sample, ...]", node.fire(0.0))
-
-
-def _apart(one: Message, other: Message) -> dict[str, tuple[Any, Any]]:
-    names = [field.name for field in fields(one)]
-    pairs = {name: (getattr(one, name), getattr(other, name)) for name in names}
-    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+def _say(text: str) -> None:
+    screen().print(f"  {text}", markup=False, soft_wrap=True)

@@ -7,6 +7,7 @@ of the arming it belongs to. A message is invalid until somebody says that it is
 from pincette.messages.questions import (
     Act,
     Arm,
+    Asked,
     Document,
     Done,
     Finish,
@@ -15,6 +16,8 @@ from pincette.messages.questions import (
     Record,
     Recorded,
     Reset,
+    RigFileRequest,
+    RigFileTold,
     Status,
     StatusRequest,
     Trip,
@@ -43,6 +46,7 @@ Message = (
     | Telemetry
     | Truth
     | JobNotice
+    | Asked
     | Arm
     | Load
     | Act
@@ -54,6 +58,8 @@ Message = (
     | Recorded
     | StatusRequest
     | Status
+    | RigFileRequest
+    | RigFileTold
     | Done
 )
 Sample = Position | Burst | Estimate | Command | Applied | Telemetry
@@ -66,6 +72,7 @@ __all__ = [
     "Act",
     "Applied",
     "Arm",
+    "Asked",
     "Burst",
     "Command",
     "Document",
@@ -80,6 +87,8 @@ __all__ = [
     "Record",
     "Recorded",
     "Reset",
+    "RigFileRequest",
+    "RigFileTold",
     "Sample",
     "Status",
     "StatusRequest",

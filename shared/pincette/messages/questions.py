@@ -67,6 +67,29 @@ class Reset:
 
 
 @dataclass(frozen=True, slots=True)
+class Asked:
+    """A question that a program of the loop has taken, with all that a replay needs of it.
+
+    One of ``arm`` to ``reset`` is there. A program that was loaded is told with the arming.
+    """
+
+    epoch: int
+    """That holds since."""
+    seq: int
+    """The newest sample that the program had stepped with; -1 before the first."""
+    service: str
+    topic: str
+    """Topic of that sample."""
+    arm: Arm | None = None
+    load: Load | None = None
+    act: Act | None = None
+    trip: Trip | None = None
+    reset: Reset | None = None
+    carried: Document = Document("")
+    """What the program brings into the epoch from those before, as JSON."""
+
+
+@dataclass(frozen=True, slots=True)
 class Order:
     """Operate a simulated rig: what a person at the bench does, or a fault that befalls it.
 
@@ -136,6 +159,20 @@ class Status:
     detail: str
     calibration: str = ""
     """Digest of the model in use; empty: that of the rig file."""
+
+
+@dataclass(frozen=True, slots=True)
+class RigFileRequest:
+    """Ask a program of the loop which rig file it works with."""
+
+
+@dataclass(frozen=True, slots=True)
+class RigFileTold:
+    """The rig file that a program works with, whole."""
+
+    text: Document
+    """As JSON."""
+    digest: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,11 @@ def _schema(kind: type[M]) -> Schema[M]:
     file = descriptor_pb2.FileDescriptorProto(
         name=f"{PACKAGE}/{kind.__name__}.proto", package=PACKAGE, syntax="proto3"
     )
-    _describe(kind, file.message_type.add())
+    described = file.message_type.add()
+    _describe(kind, described, PACKAGE)
+    if _alike(described):
+        file.syntax = "proto2"
+        _without_proto3(described)
     pool = descriptor_pool.DescriptorPool()
     pool.Add(file)
     full_name = f"{PACKAGE}.{kind.__name__}"
@@ -91,8 +95,9 @@ def _needed(field: "Field[Any]") -> bool:
     return field.default is MISSING and field.default_factory is MISSING
 
 
-def _describe(kind: type, into: descriptor_pb2.DescriptorProto) -> None:
+def _describe(kind: type, into: descriptor_pb2.DescriptorProto, within: str) -> None:
     into.name = kind.__name__
+    full_name = f"{within}.{kind.__name__}"
     hints = get_type_hints(kind)
     for number, field in enumerate(fields(kind), start=1):
         hint, optional, repeated = _plain(hints[field.name])
@@ -101,8 +106,9 @@ def _describe(kind: type, into: descriptor_pb2.DescriptorProto) -> None:
         if is_dataclass(hint):
             nested = cast(type, hint)
             entry.type = _Proto.TYPE_MESSAGE
-            entry.type_name = f".{PACKAGE}.{kind.__name__}.{nested.__name__}"
-            _describe(nested, into.nested_type.add())
+            entry.type_name = f".{full_name}.{nested.__name__}"
+            if nested.__name__ not in [there.name for there in into.nested_type]:
+                _describe(nested, into.nested_type.add(), full_name)
             continue
         entry.type = _SCALARS[hint]
         if optional:
@@ -110,6 +116,25 @@ def _describe(kind: type, into: descriptor_pb2.DescriptorProto) -> None:
             entry.proto3_optional = True
             entry.oneof_index = len(into.oneof_decl)
             into.oneof_decl.add(name=f"_{field.name}")
+
+
+def _alike(described: descriptor_pb2.DescriptorProto) -> bool:
+    """Whether two names differ by underscores and capitals alone, as ``cycles`` and ``cycle_s``.
+
+    Their names in JSON would be the same to some tools, which then refuse proto3.
+    """
+    names = [field.name.replace("_", "").lower() for field in described.field]
+    return len(set(names)) < len(names) or any(_alike(inner) for inner in described.nested_type)
+
+
+def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
+    """Make optional fields those of proto2, where every field is one."""
+    for field in described.field:
+        field.ClearField("proto3_optional")
+        field.ClearField("oneof_index")
+    described.ClearField("oneof_decl")
+    for inner in described.nested_type:
+        _without_proto3(inner)
 
 
 def _plain(hint: Any) -> tuple[Any, bool, bool]:
@@ -129,11 +154,12 @@ def _writer(kind: type) -> Callable[[Any], dict[str, Any]]:
     """From a message to what its Protobuf class is made of."""
     hints = get_type_hints(kind)
     plain: list[str] = []
-    nested: list[tuple[str, Callable[[Any], dict[str, Any]]]] = []
+    nested: list[tuple[str, Callable[[Any], Any]]] = []
     for field in fields(kind):
-        hint = _plain(hints[field.name])[0]
+        hint, _, repeated = _plain(hints[field.name])
         if is_dataclass(hint):
-            nested.append((field.name, _writer(cast(type, hint))))
+            inner = _writer(cast(type, hint))
+            nested.append((field.name, _each(inner) if repeated else inner))
         else:
             plain.append(field.name)
 
@@ -145,6 +171,10 @@ def _writer(kind: type) -> Callable[[Any], dict[str, Any]]:
         return tree
 
     return write
+
+
+def _each(inner: Callable[[Any], dict[str, Any]]) -> Callable[[Any], list[dict[str, Any]]]:
+    return lambda items: [inner(item) for item in items]
 
 
 def _reader(kind: type, there: Collection[str] | None = None) -> Callable[[Any], Any]:
@@ -162,6 +192,8 @@ def _taker(name: str, hint: Any) -> Callable[[Any], Any]:
     inner, optional, repeated = _plain(hint)
     if is_dataclass(inner):
         read = _reader(cast(type, inner))
+        if repeated:
+            return lambda proto: tuple([read(item) for item in getattr(proto, name)])
         if optional:
             return lambda proto: read(getattr(proto, name)) if proto.HasField(name) else None
         return lambda proto: read(getattr(proto, name))

@@ -12,6 +12,7 @@ from pincette import __version__
 from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse_calibration
 from pincette.instruments.protocols import VoltageOutput
 from pincette.messages import Applied, Arm, Message, Reset, Sample, Status, StatusRequest
+from pincette.runtime.asking import Notes
 from pincette.runtime.instrument import Device, Instrument
 from pincette.runtime.timing import too_slow
 from pincette.service import AnyService, ForInstrument, Input, RefusedError
@@ -65,6 +66,7 @@ class Node:
             item.topic.message: {} for item in self._joins
         }
         self._pending: deque[Pending] = deque()
+        self._notes = Notes(service)
         self._blank = (None,) * (len(self._columns) + self._instrument)
 
     def accept(self, message: Message, now: float) -> None:
@@ -119,6 +121,7 @@ class Node:
         sample = pending.sample
         if sample is None:
             return self.tick(pending.since)
+        self._notes.newest = sample
         values: list[Any] = list(self._blank)
         values[self._columns.index(type(sample)) + self._instrument] = sample
         for item in self._joins:
@@ -171,9 +174,11 @@ class Node:
     def ask(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
         """Answer a question: the reply, or the text of a refusal, and what is to be published.
 
-        In lockstep it is the time of the last tick, whatever the clock on the wall says.
+        In lockstep it is the time of the last tick, whatever the clock on the wall says, and 0 s
+        where an epoch begins.
         """
-        now = self._now if self.lockstep else now
+        if self.lockstep:
+            now = 0.0 if isinstance(request, Arm) else self._now
         if isinstance(request, StatusRequest):
             return self._status(), ()
         config = self.config
@@ -186,19 +191,21 @@ class Node:
             return str(error), ()
         if isinstance(request, Arm):
             self.config, self.calibration = config, parse_calibration(request.calibration)
+            self._now = now
             self._pending.clear()
             for waiting in self._waiting.values():
                 for place in [place for place in waiting if place[0] != request.epoch]:
                     del waiting[place]
             if self._paced and self.lockstep:
                 self._pending.append(Pending(None, 0.0))
+        noted = self._notes.taken(request, self.config, self.state)
         if outputs and isinstance(outputs[0], ForInstrument):
             fault = self._device.put_out(outputs[0])
             if fault:
-                return fault, ()
+                return fault, noted
         elif found_V is not None and self.service.adopt is not None:
             self.state = self.service.adopt(self.config, self.state, found_V)
-        return reply, _published(outputs)
+        return reply, (*_published(outputs), *noted)
 
     def _may_arm(self, request: Arm) -> Any:
         """Return what the service works with in the epoch asked for; raises RefusedError."""

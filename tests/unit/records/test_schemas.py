@@ -11,7 +11,7 @@ from pincette.messages import Estimate, Message
 from pincette.records import schemas
 from pincette.records.schemas import SCHEMAS
 from pincette.topics import TOPICS
-from tests.support.recorded import loop, name_of, notice
+from tests.support.recorded import asked, loop, name_of, notice
 
 
 def _bits(message: Message) -> list[Any]:
@@ -19,7 +19,9 @@ def _bits(message: Message) -> list[Any]:
     return [struct.pack("<d", value) if type(value) is float else value for value in values]
 
 
-@pytest.mark.parametrize("message", [*loop(4), notice()], ids=lambda m: f"{type(m).__name__}")
+@pytest.mark.parametrize(
+    "message", [*loop(4), notice(), asked()], ids=lambda m: f"{type(m).__name__}"
+)
 def test_a_message_comes_back_bit_for_bit(message: Message) -> None:
     schema = SCHEMAS[name_of(message)]
     back = schema.unpack(schema.pack(message))

@@ -1,0 +1,1 @@
+"""Recorded epochs through one service alone."""

@@ -1,0 +1,93 @@
+"""A rig in one process that plays several jobs, each recorded as a recorder would."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pincette.config import RigFile
+from pincette.control.planning.program import Program
+from pincette.messages import Act, Applied, Asked, Message, Reset, Sample, Telemetry, Trip
+from pincette.records.mcap_file import McapFile
+from pincette.records.mcap_reading import Recording, read
+from pincette.runtime.arming import arm
+from pincette.runtime.composed import ComposedLoop
+from pincette.topics import ACT, RESET, TOPICS, TRIP, Topic
+
+START_NS = 1_763_740_800_000_000_000
+Watch = Callable[["Desk", Telemetry | Applied], None]
+
+
+class Desk:
+    """A rig, and a person who acts by what it says."""
+
+    def __init__(self, rig: RigFile) -> None:
+        self.rig = rig
+        self.loop = ComposedLoop(rig)
+        self.voltage_V = self.x_um = 0.0
+        self.held = False
+        self._said: list[Message] = []
+        self._watch: Watch = nobody
+        for topic in TOPICS:
+            self.loop.bus.subscribe(topic, self._take)
+        self.reset()
+
+    def _take(self, _topic: Topic, message: Message) -> None:
+        self._said.append(message)
+        if isinstance(message, Applied):
+            self.voltage_V, self.held = message.voltage_V, message.part_held
+        if isinstance(message, Telemetry | Applied):
+            self._watch(self, message)
+
+    def play(
+        self, program: Program, epoch: int, watch: "Watch | None" = None, calibration: str = ""
+    ) -> list[Message]:
+        """Arm, let it run to its end, and return what was said of that epoch."""
+        self._watch = watch or nobody
+        self._said.clear()
+        digest = self.rig.digest()
+        arm(self.loop.bus, program, epoch=epoch, digest=digest, calibration=calibration)
+        while self.loop.bus.pump():
+            pass
+        told = [item for item in self._said if isinstance(item, Sample | Asked)]
+        return [item for item in told if item.epoch == epoch]
+
+    def act(self, action: str) -> None:
+        """Ask the controller."""
+        self.loop.bus.ask(ACT, Act(action))
+
+    def trip(self) -> None:
+        """Ask the actuator for its safe state."""
+        self.loop.bus.ask(TRIP, Trip("estop"))
+
+    def reset(self) -> None:
+        """Clear the latch."""
+        self.loop.bus.ask(RESET, Reset(acknowledge=True))
+
+
+def nobody(_desk: Desk, _message: Telemetry | Applied) -> None:
+    """Look at nothing."""
+
+
+def at(phase: str, tick: int, do: Callable[[Desk], None]) -> Watch:
+    """Do something at a tick of a phase, of whichever segment."""
+
+    def watch(desk: Desk, message: Telemetry | Applied) -> None:
+        if isinstance(message, Telemetry) and message.playing:
+            here = message.phase, message.segment_tick
+            if here == (phase, tick):
+                do(desk)
+
+    return watch
+
+
+def recorded(folder: Path, rig: RigFile, messages: list[Message], epoch: int) -> Recording:
+    """The messages once they have been in a record, with the rig file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "job.mcap"
+    period_s = rig.rig.period_s
+    about = {"job": folder.name, "epoch": str(epoch), "period_s": repr(period_s)}
+    file = McapFile(path, rig.rig.name, about=about, start_ns=START_NS, period_s=period_s)
+    file.attach("rig.json", "application/json", rig.model_dump_json().encode(), START_NS)
+    for place, message in enumerate(messages):
+        file.add(message, START_NS + place)
+    file.finish({"complete": "true", "detail": "", "dropped": "0", "messages": str(len(messages))})
+    return read(path)

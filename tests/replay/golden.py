@@ -1,0 +1,35 @@
+"""Makes the record that is kept in the tree: a second grip, let go by hand, of the demo rig.
+
+    python -m tests.replay.golden
+
+It is made anew only where a service is meant to give something else, or a record to hold something
+else; that older records can be read must not end with it.
+"""
+
+import sys
+from pathlib import Path
+
+from pincette.api.request_models import GripJobRequest
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.replay.desk import Desk, at, recorded
+from tests.support.rigs import demo_rig
+
+FOLDER = Path(__file__).parent / "golden"
+EPOCH = 2
+
+
+def make(folder: Path) -> None:
+    """Play, and write ``job.mcap``."""
+    desk = Desk(demo_rig(time="lockstep"))
+    short = GripJobRequest(kind="grip", hold_s=0.2, load_s=0.3)
+    desk.play(plan_job(short, desk.rig).program, 1)
+    held = GripJobRequest(kind="grip", until_released=True, load_s=0.3)
+    let_go = at("hold", 5, lambda desk: desk.act("release"))
+    messages = desk.play(plan_job(held, desk.rig).program, EPOCH, let_go)
+    recorded(folder, desk.rig, messages, EPOCH)
+
+
+if __name__ == "__main__":
+    (FOLDER / "job.mcap").unlink(missing_ok=True)
+    make(FOLDER)
+    sys.stdout.write(f"{FOLDER / 'job.mcap'}\n")

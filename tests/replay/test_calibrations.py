@@ -1,0 +1,45 @@
+"""Calibrations are repeated as other jobs are: with a person's hands, and with a played wave."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pincette import plugins
+from pincette.config import read_rig
+from pincette.messages import Asked, Burst, Command, Message
+from pincette.runtime.composed import ComposedLoop
+from pincette.runtime.replay.service_alone import replay
+from pincette.runtime.replay.steps import STEPS
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.support.calibrating import REQUEST, Bystander, opened_benches
+from tests.support.rigs import DEMO, Tree, at_own_ports
+
+AWAY: Tree = {"rig": {"time": "lockstep"}, "simulation": {"bead": False}}
+SLOW, FAST = DEMO, DEMO.parent / "fast.toml"
+
+
+@pytest.mark.parametrize(
+    ("path", "wishes"),
+    [
+        (SLOW, {"calibration": "compliance", "weights_mN": [0.0, 5.0, 10.0, 20.0]}),
+        (SLOW, {"calibration": "contact_stiffness"}),
+        (FAST, {"calibration": "frequency_response", "duration_s": 2.0}),
+    ],
+    ids=["hands", "press", "sweep"],
+)
+def test_a_calibration_is_repeated(path: Path, wishes: dict[str, Any]) -> None:
+    changes = {} if wishes["calibration"] == "contact_stiffness" else AWAY
+    rig = at_own_ports(read_rig(path), {"rig": {"time": "lockstep"}, **changes})
+    planned = plan_job(REQUEST.validate_python({"kind": "calibrate", **wishes}), rig)
+    with opened_benches() as benches:
+        loop = ComposedLoop(rig)
+        Bystander(loop, benches[-1], planned)
+        played = loop.play(planned.program)
+    said: list[Message] = [item for item in played if not isinstance(item, Asked) or item.epoch]
+    swept = any(isinstance(item, Command) and item.sweep for item in said)
+    assert swept == (path is FAST) == any(isinstance(item, Burst) for item in said)
+    for one in STEPS:
+        found = replay(plugins.load(plugins.SERVICES, one), rig, said)
+        assert (found.different, found.first, found.stopped) == (0, None, "")
+        assert found.identical > 20

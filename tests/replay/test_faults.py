@@ -1,0 +1,37 @@
+"""Grips that an instrument spoils: also what the actuator made of it is repeated."""
+
+import pytest
+
+from pincette import plugins
+from pincette.messages import Asked, Message
+from pincette.runtime.replay.service_alone import replay
+from pincette.runtime.replay.steps import DEVICE, STEPS
+from tests.support.rigs import Tree
+from tests.support.scripted import T, a_rig, play
+
+APPROACH_S, HOLD_S = 20 * T, 110 * T
+FAULTS: dict[str, Tree] = {
+    "garbage": {"at_s": APPROACH_S, "target": "sensor", "what": "garbage", "for_s": 2 * T},
+    "blind": {"at_s": HOLD_S, "target": "sensor", "what": "off"},
+    "stuck": {"at_s": APPROACH_S, "target": "sensor", "what": "stuck"},
+    "intermittent": {"at_s": 0.0, "target": "sensor", "what": "intermittent", "value": 0.05},
+    "no output, free": {"at_s": APPROACH_S, "target": "output", "what": "off"},
+    "no output, held": {"at_s": HOLD_S, "target": "output", "what": "off"},
+    "part lost": {"at_s": HOLD_S, "target": "part", "what": "lose"},
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_spoilt_grip_is_repeated(name: str) -> None:
+    fault = FAULTS[name]
+    played = play(fault)
+    of_epoch: list[Message] = [
+        item for item in played.messages if not isinstance(item, Asked) or item.epoch
+    ]
+    if fault["target"] == "output":
+        assert played.trip is not None
+        assert played.trip.cause.startswith(DEVICE)
+    for one in STEPS:
+        found = replay(plugins.load(plugins.SERVICES, one), a_rig(fault), of_epoch)
+        assert (found.different, found.first, found.stopped) == (0, None, "")
+        assert found.identical > 20

@@ -1,0 +1,122 @@
+"""Real time, where samples are late or lost: each step is repeated with what it had then."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from pincette import plugins
+from pincette.api.request_models import GripJobRequest
+from pincette.cli.replay import epoch_of
+from pincette.messages import Applied, Arm, Asked, Command, Estimate, Load, Message, Position, Reset
+from pincette.runtime.composed import ComposedLoop
+from pincette.runtime.node import Node
+from pincette.runtime.replay.service_alone import replay
+from pincette.runtime.replay.steps import STEPS
+from pincette.runtime.replay.tape import Tape
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.replay.desk import recorded
+from tests.support.rigs import demo_rig
+
+RIG = demo_rig()
+LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
+PROGRAM = plan_job(GripJobRequest(kind="grip", hold_s=0.4, load_s=0.5), RIG).program
+PERIOD_S = RIG.rig.period_s
+NO_PARTNER = {40, 41, 90, 200}
+"""Ticks whose estimate is made before the voltage of the tick before has come."""
+PASSED_OVER = {60, 150}
+"""Ticks whose estimate never reaches the controller."""
+TWICE = {75, 120, 300}
+"""Ticks that are answered by the clock, and then by their command, which the next one misses."""
+
+
+class Loop:
+    """Three services in real time, on positions that were recorded and a clock that is made."""
+
+    def __init__(self) -> None:
+        self.said: list[Message] = []
+        self.nodes = {
+            name: Node(plugins.load(plugins.SERVICES, name), RIG, Tape()) for name in STEPS
+        }
+        arm = Arm(1, 1, RIG.digest())
+        for name, question in (
+            ("actuator", Reset(acknowledge=True)),
+            ("controller", Load(PROGRAM)),
+            *((name, arm) for name in STEPS),
+        ):
+            reply, outputs = self.nodes[name].ask(question, 0.0)
+            assert not isinstance(reply, str), reply
+            self._say(outputs)
+        (self.partner,) = [item for item in self.said if isinstance(item, Applied) and item.epoch]
+
+    def _say(self, outputs: Iterable[Message]) -> list[Message]:
+        told = list(outputs)
+        self.said += told
+        return told
+
+    def _step(self, name: str, message: Message, now: float) -> list[Message]:
+        self.nodes[name].accept(message, now)
+        return self._say(self.nodes[name].fire(now)) if self.nodes[name].due(now) else []
+
+    def tick(self, position: Position) -> None:
+        """Sample k through all three."""
+        k, now = position.seq, position.seq * PERIOD_S
+        self._say([position])
+        self._step("actuator", position, now)
+        estimator = self.nodes["estimator"]
+        if k not in NO_PARTNER:
+            estimator.accept(self.partner, now)
+        estimator.accept(position, now)
+        assert estimator.due(now) == (k not in NO_PARTNER)
+        late = now + 0.3 * PERIOD_S
+        (estimate,) = self._say(estimator.fire(late))
+        estimator.accept(self.partner, late)
+        commands = [] if k in PASSED_OVER else self._step("controller", estimate, late)
+        answers: list[Message] = []
+        if k in TWICE or k in PASSED_OVER:
+            answers += self._say(self.nodes["actuator"].wake(now + 0.8 * PERIOD_S))
+        for command in commands:
+            if isinstance(command, Command):
+                answers += self._step("actuator", command, now + 0.9 * PERIOD_S)
+        (self.partner, *_) = [item for item in answers if isinstance(item, Applied)]
+
+
+def messages() -> list[Message]:
+    loop = Loop()
+    for message in ComposedLoop(LOCKSTEP).play(PROGRAM):
+        if isinstance(message, Position):
+            loop.tick(message)
+    return [item for item in loop.said if not isinstance(item, Asked) or item.epoch]
+
+
+def test_every_step_is_repeated_with_the_samples_that_it_had(tmp_path: Path) -> None:
+    said = messages()
+    degraded = {item.seq for item in said if isinstance(item, Estimate) and item.degraded}
+    assert degraded == NO_PARTNER
+    again = epoch_of(recorded(tmp_path, RIG, said, 1))
+    found = {name: replay(plugins.load(plugins.SERVICES, name), RIG, again) for name in STEPS}
+    for one in found.values():
+        assert (one.different, one.first, one.stopped) == (0, None, "")
+    ticks = len([item for item in said if isinstance(item, Position)])
+    assert found["estimator"].identical == ticks > 300
+    assert found["controller"].steps == ticks - len(PASSED_OVER)
+    unanswered = [item for item in said if isinstance(item, Applied) and not item.answered]
+    assert found["actuator"].clocked == len([item for item in unanswered if item.seq >= 0])
+    assert found["actuator"].clocked >= len(TWICE | PASSED_OVER | NO_PARTNER)
+    assert found["actuator"].identical > ticks // 2
+
+
+def test_where_all_of_a_sample_is_lost_nothing_can_follow(tmp_path: Path) -> None:
+    said = [item for item in messages() if getattr(item, "seq", -1) not in range(100, 110)]
+    again = epoch_of(recorded(tmp_path, RIG, said, 1))
+    for name in STEPS:
+        found = replay(plugins.load(plugins.SERVICES, name), RIG, again)
+        assert found.stopped == "position 100 is not in the record"
+        assert found.different == 0
+        assert found.steps >= 98
+
+
+def test_an_estimate_that_is_lost_was_made_all_the_same(tmp_path: Path) -> None:
+    said = [item for item in messages() if not (isinstance(item, Estimate) and item.seq == 100)]
+    again = epoch_of(recorded(tmp_path, RIG, said, 1))
+    found = replay(plugins.load(plugins.SERVICES, "estimator"), RIG, again)
+    assert found.same
+    assert found.steps == found.identical + 1
