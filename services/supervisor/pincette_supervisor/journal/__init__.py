@@ -1,1 +1,6 @@
 """What is kept beyond a restart."""
+
+import logging
+
+# It tells of its plug-ins as it is imported, which is nothing that an operator's log is read for.
+logging.getLogger("alembic").setLevel(logging.WARNING)

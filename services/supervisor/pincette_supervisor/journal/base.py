@@ -23,7 +23,9 @@ class Base:
         self._path = path
         self._closed = False
         # SQLite lets those who wait to write try by turns; a lock serves them one after another.
-        self._turn = threading.Lock()
+        self._turn = threading.RLock()
+        self._written: Connection | None = None
+        """The transaction of whoever has the turn."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._engine = open_engine(path)
         self._writer = for_writing(self._engine)
@@ -66,6 +68,8 @@ class Base:
     def writing(self) -> Generator[Connection]:
         """A transaction that is kept wholly or not at all, one at a time.
 
+        Within another of the same thread it is part of that one.
+
         Raises
         ------
         StoreError
@@ -75,8 +79,12 @@ class Base:
         """
         with self._turn:
             self._require_open()
+            if self._written is not None:
+                yield self._written
+                return
             try:
                 with self._writer.begin() as connection:
+                    self._written = connection
                     yield connection
             except DBAPIError as error:
                 raise self._failed(error) from error
@@ -84,6 +92,8 @@ class Base:
                 if isinstance(error.orig, ValueError):
                     raise error.orig from error
                 raise
+            finally:
+                self._written = None
 
     def _require_open(self) -> None:
         if self._closed:

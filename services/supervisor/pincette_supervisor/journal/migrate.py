@@ -1,6 +1,5 @@
 """Brings a journal of any age to the tables of this program, or leaves it as it was."""
 
-import logging
 from pathlib import Path
 
 from alembic import command
@@ -28,8 +27,6 @@ def migrate(connection: Connection) -> None:
     ForeignSchemaError
         Where a newer program has written the journal.
     """
-    # Which database it speaks to is nothing that an operator's log is read for.
-    logging.getLogger("alembic").setLevel(logging.WARNING)
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
     config.attributes["connection"] = connection

@@ -3,7 +3,7 @@
 Never called from the event loop: a slow disk must not hold up a stop.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import Connection, Select, and_, func, insert, select, update
@@ -33,6 +33,7 @@ __all__ = [
     "utc_now",
 ]
 
+LEFT_OVER = "the supervisor ended while the job ran"
 CHANGING = ("state", "cause", "plan", "result", "started_at", "ended_at", "epoch")
 
 
@@ -50,23 +51,19 @@ class Store(Base):
     def interrupt_left_over(self, at: str) -> list[str]:
         """Mark jobs that an earlier run of the supervisor left unfinished; returns their names.
 
-        What is queued has not begun, and stays queued.
+        What is queued has not begun, and stays queued. Nobody listens yet: their events are kept,
+        and told to whoever asks for the past.
         """
         kept = ["queued", *(name for name, state in STATES.items() if state.terminal)]
-        left = JOBS.c.state.not_in(kept)
+        left = select(JOBS.c.id, JOBS.c.rig).where(JOBS.c.state.not_in(kept))
+        body = {"state": "interrupted", "cause": LEFT_OVER, "event": "interrupt"}
         with self.writing() as base:
-            names = list(base.scalars(select(JOBS.c.id).where(left).order_by(JOBS.c.number)))
-            base.execute(
-                update(JOBS)
-                .where(left)
-                .values(
-                    state="interrupted",
-                    ended_at=at,
-                    cause="the supervisor ended while the job ran",
-                    revision=JOBS.c.revision + 1,
-                )
-            )
-        return names
+            found = base.execute(left.order_by(JOBS.c.number)).all()
+            for name, rig in found:
+                values = {"state": "interrupted", "cause": LEFT_OVER, "ended_at": at}
+                _revise(base, name, values)
+                event_rows.add(base, at, rig, name, "state", body)
+        return [name for name, _ in found]
 
     def add(self, job: JobRow, key: str | None = None, fingerprint: str = "") -> JobRow:
         """Keep a new job, and the key it was created with; returns it with its number.
@@ -231,7 +228,7 @@ def _keep_key(base: Connection, key: str, fingerprint: str, job: JobRow) -> None
     )
 
 
-def _revise(base: Connection, name: str, values: dict[str, object]) -> int:
+def _revise(base: Connection, name: str, values: Mapping[str, object]) -> int:
     changed = base.execute(
         update(JOBS).where(JOBS.c.id == name).values(**values, revision=JOBS.c.revision + 1)
     )

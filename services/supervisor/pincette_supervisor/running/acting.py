@@ -36,9 +36,9 @@ class Acting:
         allowed = allowed_actions("queued", held=False)
         if action not in allowed:
             raise invalid_action(action, "queued", allowed)
-        now = utc_now()
-        self._site.store.add_action(entry.row.id, ActionRow(action, now, by, applied_at=now))
-        self._site.events.tell("action", entry.row.id, type=action, by=by, applied=True, seq=None)
+        now, name = utc_now(), entry.row.id
+        with self._site.events.telling("action", name, type=action, by=by, applied=True, seq=None):
+            self._site.store.add_action(name, ActionRow(action, now, by, applied_at=now))
         queue.remove(entry, ENDS[action])
 
     def on_ended(self, row: JobRow, action: ActionType) -> bool:

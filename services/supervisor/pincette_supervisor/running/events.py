@@ -1,7 +1,8 @@
 """Events of a rig: kept in the journal and numbered, and told to all who listen."""
 
 import asyncio
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable, Generator
+from contextlib import contextmanager
 from typing import Any, cast
 
 from pincette.api.event_models import Event, EventKind, PassingKind
@@ -32,9 +33,26 @@ class EventLog:
         StoreError
             Where it cannot be kept; nobody is told then.
         """
+        with self.telling(kind, job, **body):
+            pass
+
+    @contextmanager
+    def telling(
+        self, kind: EventKind, /, job: str | None = None, **body: Any
+    ) -> Generator[list[Callable[[], None]]]:
+        """Change the journal, and tell of it: change and event are kept both or not at all.
+
+        Nothing but the journal may be asked within; see ``tell``. Gives a list for what is to be
+        done once both are kept, before anybody hears of it.
+        """
         with self.listeners.order:
-            at = utc_now()
-            number = self._store.add_event(at, self.rig, job, kind, body)
+            done: list[Callable[[], None]] = []
+            with self._store.writing():
+                yield done
+                at = utc_now()
+                number = self._store.add_event(at, self.rig, job, kind, body)
+            for deed in done:
+                deed()
             self.listeners.put(EventRow(number, at, self.rig, job, kind, body))
 
     def progress(self, job: str, body: dict[str, Any]) -> None:

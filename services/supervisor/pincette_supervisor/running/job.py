@@ -1,7 +1,11 @@
 """A job while it lives: its state, moved by events along the table, and who waits for it."""
 
 import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import partial
 
+from pincette.api.event_models import EventKind
 from pincette.api.job_models import Progress
 from pincette.api.request_models import AnyJobRequest
 from pincette.api.states import STATES, ActionType, Event, JobState, next_state
@@ -11,6 +15,7 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.running.changes import Changes
 from pincette_supervisor.running.site import Site
 
+Telling = AbstractContextManager[list[Callable[[], None]]]
 PLAYS = ("running", "pausing")
 """States in which the program's time goes on."""
 
@@ -79,24 +84,29 @@ class LiveJob:
                 values["started_at"] = now
             if STATES[state].terminal:
                 values["ended_at"] = now
-            self._change(**values)
-            moment = self._site.clock()
-            if self.state in PLAYS:
-                self.played_s += moment - self.entered_at
-            self.state, self.entered_at = state, moment
-            self.moves += 1
-            self._site.events.tell("state", self.id, state=state, cause=self.cause, event=event)
+            with self._telling("state", state=state, cause=self.cause, event=event) as kept:
+                revision = self._store.change(self.id, **values)
+                # Who hears of it may act at once, and who sees it here finds it in the journal.
+                kept.append(partial(self._enter, state, revision))
             self.notify()
         self.wake.set()
         self._changes.tell()
         return True
 
-    def _change(self, **values: object) -> None:
-        with self._lock:
-            self.revision = self._store.change(self.id, **values)
+    def _enter(self, state: JobState, revision: int) -> None:
+        self.revision = revision
+        moment = self._site.clock()
+        if self.state in PLAYS:
+            self.played_s += moment - self.entered_at
+        self.state, self.entered_at = state, moment
+        self.moves += 1
+
+    def _telling(self, kind: EventKind, **body: object) -> Telling:
+        return self._site.events.telling(kind, self.id, **body)
 
     def _revise(self, **values: object) -> None:
-        self._change(**values)
+        with self._lock:
+            self.revision = self._store.change(self.id, **values)
         self._changes.tell()
 
     def notify(self) -> None:
@@ -171,22 +181,23 @@ class LiveJob:
         """Keep an action with the job."""
         row = ActionRow(action, utc_now(), by)
         with self._lock:
-            self._actions.append((self._store.add_action(self.id, row), action))
+            with self._telling("action", type=action, by=by, applied=False, seq=None):
+                number = self._store.add_action(self.id, row)
+            self._actions.append((number, action))
             self._revise()
-        self._site.events.tell("action", self.id, type=action, by=by, applied=False, seq=None)
 
     def acted(self, action: str, seq: int | None) -> None:
         """Note the sample at which the oldest open action of a kind took effect."""
         with self._lock:
             if action == "resume":  # what it takes back will not act any more
                 self._actions = [entry for entry in self._actions if entry[1] != "pause"]
-            for entry in self._actions:
-                if entry[1] == action:
+            entry = next((entry for entry in self._actions if entry[1] == action), None)
+            with self._telling("action", type=action, applied=True, seq=seq):
+                if entry is not None:
                     self._store.action_took_effect(self.id, entry[0], seq, utc_now())
-                    self._actions.remove(entry)
-                    self._revise()
-                    break
-        self._site.events.tell("action", self.id, type=action, applied=True, seq=seq)
+            if entry is not None:
+                self._actions.remove(entry)
+                self._revise()
 
     def wait(self, timeout_s: float) -> None:
         """Wait until something has been asked for, or in time."""

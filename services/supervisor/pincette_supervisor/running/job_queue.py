@@ -99,8 +99,8 @@ class Queue:
         return names
 
     def _end(self, row: JobRow, state: JobState, cause: str) -> None:
-        self._store.change(row.id, state=state, cause=cause, ended_at=utc_now())
-        self._events.tell("state", row.id, state=state, cause=cause)
+        with self._events.telling("state", row.id, state=state, cause=cause):
+            self._store.change(row.id, state=state, cause=cause, ended_at=utc_now())
 
     def _moved_up(self) -> None:
         """Whose place has changed is another representation."""

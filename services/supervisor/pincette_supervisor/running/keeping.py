@@ -54,7 +54,8 @@ class Keeper:
         row = site.store.get(job.id)
         if row is None:
             return ""
-        recorded = self._close(row, tracker.last_seq) if over else self.begin(row) or GOES_ON
+        last_seq = tracker.last_seq if tracker.messages else recording.NOTHING
+        recorded = self._close(row, last_seq) if over else self.begin(row) or GOES_ON
         take = Take(self._epoch, tracker.messages, collection.dropped)
         calibrates = planned.plan.kind == "calibrate"
         gather = calibration_record.gather if calibrates else archive.gather
@@ -66,6 +67,10 @@ class Keeper:
             job.blame(f"the record is incomplete: {error}")
         self._told = {name: record.tree[name] for name in FIGURES if name in record.tree}
         return record.fault
+
+    def give_up(self, row: JobRow) -> None:
+        """Have the record of a loop that could not be armed closed."""
+        self._close(row, recording.NOTHING)
 
     def _close(self, row: JobRow, last_seq: int) -> Recorded | str:
         """Have the record closed; what it lacks never fails the job."""

@@ -17,6 +17,8 @@ BEGIN_S = 5.0
 FINISH_S = 10.0
 FINISH_PER_SAMPLE_S = 6e-4
 """Making the tables takes longer where there is more to put into them."""
+NOTHING = -2
+"""Number of the last sample of a loop that has said nothing: arming is -1."""
 
 
 def begin(bus: Bus, job: str, epoch: int, about: Mapping[str, str]) -> str:

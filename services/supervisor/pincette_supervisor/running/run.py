@@ -115,7 +115,7 @@ class Run:
         return False
 
     def _arm(self, planned: Planned, keeper: Keeper) -> bool:
-        site, job, model = self._site, self._job, planned.model
+        site, job, model = self._site, self._job, planned.armed
         row = site.store.get(job.id)
         if row is None:
             return False
@@ -131,9 +131,11 @@ class Run:
                 digest=model.rig_file_digest,
                 calibration=model.calibration.text(),
             )
-        except RefusalError as error:
+        except BusError as error:
+            keeper.give_up(row)
             # An abort that came while the rig was being armed has latched the actuator.
-            job.end("fail" if job.state == "running" else "confirm", str(error))
+            ending = isinstance(error, RefusalError) and job.state in ("stopping", "aborting")
+            job.end("confirm" if ending else "fail", str(error))
             return False
         site.health.note_armed(job.epoch, model.digest)
         job.acted("start", 0)

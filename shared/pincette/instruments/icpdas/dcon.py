@@ -5,10 +5,13 @@ from dataclasses import dataclass
 
 from pincette.instruments.protocols import InstrumentError, Link
 
+NAME, NOTHING = re.compile(rb".+"), re.compile(rb"")
 VALUE = re.compile(rb"[+-]\d{2}\.\d{3}")
 LINE_BYTES = len(b"#012+05.000") + 1
 REPLY_BYTES = len(b">") + 1
 CHECKSUM_BYTES = 2
+TRIES = 4
+"""How often a question is asked whose answer is none of its own: a slow module's late one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +25,7 @@ class DconModule:
 
     def identify(self) -> None:
         """Ask for the module's name, so that a wrong address is found before anything moves."""
-        self.ordered(b"$", b"M", "name")
+        self.ordered(b"$", b"M", "name", NAME)
 
     def put_out(self, voltage_V: float) -> None:
         """Set the channel; raises InstrumentError."""
@@ -33,17 +36,32 @@ class DconModule:
 
     def read_V(self) -> float:
         """Return what the channel puts out; raises InstrumentError."""
-        reply = self.ask(b"$%02X8%d" % (self.address, self.channel))
+        reply = self._answer(b"$%02X8%d" % (self.address, self.channel), VALUE)
         if reply[:3] != b"!%02X" % self.address or VALUE.fullmatch(reply[3:]) is None:
             raise InstrumentError(f"I-7024: {reply[:40]!r} carries no voltage", "garbled")
         return float(reply[3:])
 
-    def ordered(self, kind: bytes, order: bytes, what: str) -> bytes:
-        """Send ``kind AA order``, answered by ``!AA`` and what is returned; may raise."""
-        reply = self.ask(kind + b"%02X" % self.address + order)
+    def ordered(
+        self, kind: bytes, order: bytes, what: str, form: re.Pattern[bytes] = NOTHING
+    ) -> bytes:
+        """Send ``kind AA order``, answered by ``!AA`` and what is returned; may raise.
+
+        ``form`` is that of the answer. What is ordered may be said again without harm.
+        """
+        reply = self._answer(kind + b"%02X" % self.address + order, form)
         if not reply.startswith(b"!%02X" % self.address):
             raise self._refusal(what, reply)
         return reply[3:]
+
+    def _answer(self, body: bytes, form: re.Pattern[bytes]) -> bytes:
+        """Ask until the answer is one to this; the last one, whatever it is."""
+        reply, head = b"", b"!%02X" % self.address
+        for _ in range(TRIES):
+            reply = self.ask(body)
+            own = reply.startswith(head) and form.fullmatch(reply[len(head) :])
+            if own or reply == b"?%02X" % self.address:
+                break
+        return reply
 
     def ask(self, body: bytes) -> bytes:
         """Exchange one line, with its checksum where there is one; raises InstrumentError."""

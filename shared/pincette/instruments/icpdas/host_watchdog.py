@@ -114,7 +114,7 @@ class HostWatchdog:
         self._module.ordered(b"~", b"1", "clearing the trip")
 
     def _has_tripped(self) -> bool:
-        status = self._module.ordered(b"~", b"0", "status")
+        status = self._module.ordered(b"~", b"0", "status", STATUS)
         if STATUS.fullmatch(status) is None:
             raise InstrumentError(f"I-7024: {status[:40]!r} is no status", "garbled")
         return bool(int(status, 16) & TRIPPED)

@@ -1,0 +1,31 @@
+"""The life of a job explored on the simulated rig: whatever is done, no job leaves the table."""
+
+import pytest
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis.stateful import run_state_machine_as_test
+
+from tests.support.explorer import Explorer
+
+
+def explore(examples: int, steps: int) -> None:
+    run_state_machine_as_test(
+        Explorer,
+        settings=settings(
+            max_examples=examples,
+            stateful_step_count=steps,
+            deadline=None,
+            derandomize=True,
+            phases=[Phase.generate],  # to make it smaller takes minutes, and it is short enough
+            database=None,
+            suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+        ),
+    )
+
+
+def test_no_sequence_of_calls_and_faults_leaves_the_table() -> None:
+    explore(20, 30)
+
+
+@pytest.mark.slow
+def test_no_long_sequence_of_calls_and_faults_leaves_the_table() -> None:
+    explore(100, 50)

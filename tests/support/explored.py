@@ -1,0 +1,198 @@
+"""A supervisor at a virtual rig to which anything may be done, and what must be the case then."""
+
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from hypothesis.stateful import RuleBasedStateMachine, invariant
+
+from pincette.api.request_models import AnyJobRequest, ReleaseJobRequest
+from pincette.api.states import STATES, ActionType, Event, JobState, next_state
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.running import deadlines, policies
+from tests.support.grips import SHORT
+from tests.support.office import Office
+from tests.support.rigs import demo_rig, merged
+from tests.support.steps import KilledError
+from tests.support.virtual_rig import VirtualRig
+
+REFUSED = (409, 422, 503)
+"""What the OpenAPI document admits for a job that cannot be taken, or an action that cannot."""
+RIG = merged(SHORT, {"simulation": {"scripts": True}})
+ENDS = {state for state, row in STATES.items() if row.terminal}
+RELEASE = ReleaseJobRequest(kind="release", autostart=True)
+ENDING_S = 10.0
+"""In which a job that lets go of its part is over, and a stopped arm at rest."""
+SLACK_TICKS = 3
+"""Ticks after which a supervisor that looks at each has noticed that a deadline has passed."""
+
+
+class Explored(RuleBasedStateMachine):
+    """The rig, its supervisor, and all that holds whatever is done to them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        self.data = Path(self.folder.name)
+        self.rig = VirtualRig(demo_rig(RIG, time="lockstep"), self.data)
+        self.office = Office(self.rig, self.data)
+        self.ended: dict[str, JobState] = {}
+
+    def restart(self, *, in_order: bool = False) -> None:
+        """Another supervisor takes the place of the one that has ended or was killed."""
+        if in_order and not self.office.steps.killed:
+            self.office.end()
+        else:
+            self.office.kill()
+        self.office = Office(self.rig, self.data)
+
+    @invariant()
+    def the_journal_agrees_with_the_table(self) -> None:
+        states: dict[str, JobState] = {}
+        told = self.office.store.events_after(0, limit=100_000)
+        assert [row.number for row in told] == list(range(1, len(told) + 1))
+        for row in told:
+            if row.kind != "state" or row.job is None:
+                continue
+            state: JobState = row.body["state"]
+            event: Event | None = row.body.get("event")
+            before = states.get(row.job)
+            if before is None:
+                assert state == "queued"
+            elif event is None:
+                assert state in STATES[before].events.values()
+            else:
+                assert next_state(before, event) == state
+            states[row.job] = state
+        assert {row.id: row.state for row in self.rows()} == states
+
+    @invariant()
+    def no_thread_dies(self) -> None:
+        assert self.office.faults == []
+
+    @invariant()
+    def an_end_is_an_end(self) -> None:
+        for row in self.rows():
+            assert self.ended.get(row.id, row.state) == row.state
+            if row.state in ENDS:
+                self.ended[row.id] = row.state
+
+    @invariant()
+    def one_job_has_the_rig(self) -> None:
+        alive = [row for row in self.rows() if row.state not in ENDS]
+        queued = [row for row in alive if row.state == "queued"]
+        assert len(alive) - len(queued) <= 1
+        assert len(queued) == len(self.office.conductor.queue)
+
+    @invariant()
+    def no_state_lasts_beyond_its_deadline(self) -> None:
+        live = self.office.conductor.active
+        if live is None:
+            return
+        policy = policies.on_stop(live.request)
+        limit_s = deadlines.limit_s(live.state, live.planned, self.rig.rig, policy)
+        if limit_s is not None and live.state != "running":
+            slack_s = SLACK_TICKS * self.rig.rig.rig.period_s
+            assert self.rig.now_s - live.entered_at <= limit_s + slack_s, live.state
+
+    def teardown(self) -> None:
+        try:
+            self.office.store.writes_left = None
+            self.the_journal_agrees_with_the_table()
+            self._every_stop_ends()
+            self.the_journal_agrees_with_the_table()
+            self.an_end_is_an_end()
+        finally:
+            if not self.office.steps.killed:
+                self.office.end()
+            self.rig.close()
+            self.folder.cleanup()
+
+    def _every_stop_ends(self) -> None:
+        """Stop all, and let go what is held; then nothing plays any more."""
+        for target in ("sensor", "output"):
+            self.rig.order(target, "heal", None, None)
+        self.office.conductor.order_queue("clear", "test")
+        live = self.office.conductor.active
+        if live is not None and not live.terminal:
+            self.ask(self.row(live.id), "stop")
+            self.pass_until_it_ends(live.id)
+        assert {row.state for row in self.rows()} <= ENDS
+        if live is not None and not live.done.wait(ENDING_S):
+            assert live.held
+            self.ask(self.row(live.id), "release")
+            assert live.done.wait(ENDING_S)
+        if self.rig.applied and self.rig.applied[-1].part_held:
+            # Of a job whose supervisor was killed: only another one can let go.
+            self.tried(lambda: self.office.conductor.create(RELEASE))
+            live = self.office.conductor.active
+            assert live is None or live.done.wait(ENDING_S), live.state
+        assert self._falls_silent(), self.rig.applied[-1]
+
+    def _falls_silent(self) -> bool:
+        """Whether the loop comes to rest: in lockstep one that does not play says nothing."""
+        until_s = self.rig.now_s + ENDING_S
+        while self.rig.now_s < until_s:
+            said = len(self.rig.applied)
+            self.office.steps.pass_()
+            if len(self.rig.applied) == said:
+                return True
+        return False
+
+    def pass_until_it_ends(self, job: str) -> None:
+        live = self.office.conductor.active
+        assert live is not None
+        deadline_s = self.rig.now_s + self._longest_s(live.request, live.planned)
+        while not self.office.conductor.over(job):
+            assert self.rig.now_s <= deadline_s, f"still {self.row(job).state}"
+            self.tried(self.office.steps.pass_)
+
+    def _longest_s(self, request: AnyJobRequest, planned: Planned | None) -> float:
+        """How long a stop may take, with an abort that comes of it."""
+        policy = policies.on_stop(request)
+        limits_s = [
+            deadlines.limit_s(state, planned, self.rig.rig, policy) or 0.0
+            for state in ("stopping", "aborting")
+        ]
+        return sum(limits_s) + SLACK_TICKS * self.rig.rig.rig.period_s
+
+    def ask(self, row: JobRow, action: ActionType) -> None:
+        """Ask for an action; what the table does not offer is refused, and changes nothing."""
+        conductor = self.office.conductor
+
+        def act() -> None:
+            allowed = conductor.job(row.id).allowed_actions
+            _, holds = conductor.act(row.id, action, "test")
+            assert holds or action in allowed
+
+        self.tried(act)
+
+    def tried(self, deed: Callable[[], object]) -> None:
+        """Do something that may be refused, and that the supervisor may not survive."""
+        refusal: ProblemError | None = None
+        with suppress(KilledError):
+            try:
+                deed()
+            except ProblemError as problem:
+                refusal = problem
+            self.office.steps.settle()
+        assert refusal is None or refusal.status in REFUSED, refusal
+        if self.office.steps.killed:
+            self.restart()
+
+    def rows(self) -> list[JobRow]:
+        """All jobs, the newest first."""
+        return self.office.store.newest(1000)
+
+    def row(self, job: str) -> JobRow:
+        row = self.office.store.get(job)
+        assert row is not None
+        return row
+
+    def state(self) -> JobState | None:
+        """Of the job that has the rig."""
+        live = self.office.conductor.active
+        return None if live is None else live.state

@@ -1,0 +1,203 @@
+"""A supervisor at a virtual rig: what it does by itself happens step by step, when a test lets it.
+
+It can be killed wherever the thread of a job rests, and after any of its writes.
+"""
+
+import threading
+from collections.abc import Callable, Generator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from sqlalchemy import Connection
+
+from pincette.bus.protocol import Answerer, BusError, Sink
+from pincette.messages import Message
+from pincette.topics import Question, Topic
+from pincette_supervisor.journal.store import Store, utc_now
+from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.results import archive
+from pincette_supervisor.running import conductor as conducting
+from pincette_supervisor.running import latch
+from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.events import EventLog
+from pincette_supervisor.running.health import PROGRAMS, Health
+from pincette_supervisor.running.observer import Observer
+from pincette_supervisor.running.site import Site
+from tests.support.steps import GUARD_S, AtOnce, KilledError, SteppedJob, Steps
+from tests.support.virtual_rig import VirtualRig
+
+
+class Line:
+    """The bus as one supervisor has it: silent once that one is killed."""
+
+    def __init__(self, steps: Steps) -> None:
+        self._steps, self._rig = steps, steps.rig
+        self.asked: list[Message] = []
+        """What a job's thread or a person asked for, in order."""
+
+    def publish(self, message: Message) -> None:
+        with self._rig.turn:
+            self._rig.bus.publish(message)
+
+    def subscribe(self, topic: Topic, sink: Sink) -> None:
+        def hear(topic: Topic, message: Message) -> None:
+            if not self._steps.killed:
+                sink(topic, message)
+
+        with self._rig.turn:
+            self._rig.bus.subscribe(topic, hear)
+
+    def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
+        with self._rig.turn:
+            return self._rig.bus.latest(topic, timeout_s)
+
+    def serve(self, question: Question, answerer: Answerer) -> None:
+        raise NotImplementedError(f"{question} {answerer}")
+
+    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+        self._steps.rest()
+        if self._steps.killed:
+            raise BusError(f"killed before {question.name} was asked within {timeout_s:g} s")
+        self.asked.append(request)
+        return self._rig.ask(question, request)
+
+    def watch(self, sink: Callable[[str, bool], None]) -> None:
+        for program in (*PROGRAMS, "rig"):
+            sink(program, True)
+
+    def close(self) -> None:
+        """Nothing to leave."""
+
+
+class MortalStore(Store):
+    """A journal with which the supervisor is killed after so many writes."""
+
+    def __init__(self, path: Path, steps: Steps) -> None:
+        self._steps = steps
+        self.writes_left: int | None = None
+        self._depth = 0
+        super().__init__(path)
+
+    @contextmanager
+    def writing(self) -> Generator[Connection]:
+        if self._steps.killed:
+            raise KilledError
+        with self._turn:
+            with super().writing() as connection:
+                self._depth += 1
+                try:
+                    yield connection
+                finally:
+                    self._depth -= 1
+            if self.writes_left is not None and self._depth == 0:
+                self.writes_left -= 1
+                if self.writes_left < 0:
+                    self._steps.killed = True
+                    raise KilledError
+
+
+class SteppedHealth(Health):
+    """A job rests before it asks all programs how they are."""
+
+    steps: Steps
+
+    def refresh(self, *, force: bool = False) -> None:
+        self.steps.rest()
+        super().refresh(force=force)
+
+
+def _no_picture(*_given: object, **_named: object) -> bytes:
+    """Drawing takes longer than all the rest."""
+    return b""
+
+
+class _Threading:
+    """The module, with threads of its own."""
+
+    def __init__(self, thread: Callable[..., threading.Thread]) -> None:
+        self.Thread = thread
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(threading, name)
+
+
+class Office:
+    """One supervisor, from its start to its end, on the data that another may have left."""
+
+    def __init__(self, rig: VirtualRig, data: Path) -> None:
+        self.rig, self.steps = rig, Steps(rig)
+        steps = self.steps
+        self.faults: list[BaseException] = []
+        """Of which threads of jobs have died."""
+        self.line = Line(steps)
+        self.store = MortalStore(data / "supervisor.sqlite", steps)
+
+        def now_s() -> float:
+            return rig.now_s
+
+        self.observer = Observer(self.line, now_s)
+        self.health = SteppedHealth(rig.rig, self.line, self.observer, self.store, now_s)
+        self.health.steps = steps
+        self.events = EventLog(self.store, rig.rig.rig.name)
+        site = Site(
+            model=RigModel(rig.rig, data / "models", self.store),
+            bus=self.line,
+            observer=self.observer,
+            health=self.health,
+            store=self.store,
+            events=self.events,
+            records=data / "jobs",
+            archivist=AtOnce(),
+            clock=now_s,
+        )
+        with patch.object(latch, "ThreadPoolExecutor", AtOnce):
+            self.conductor = Conductor(site)
+        self._patches = ExitStack()
+        for target, name, stepped in (
+            (conducting, "LiveJob", self._live_job),
+            (conducting, "threading", _Threading(self._thread)),
+            (archive, "picture", _no_picture),
+        ):
+            self._patches.enter_context(patch.object(target, name, stepped))
+        self.health.refresh()
+        self.conductor.recover(self.store.interrupt_left_over(utc_now()))
+
+    def _thread(self, **given: Any) -> threading.Thread:
+        run = given.pop("target")
+
+        def until_killed(*args: Any) -> None:
+            try:
+                run(*args)
+            except BaseException as error:  # noqa: BLE001  whatever it is, the test looks at it
+                if not self.steps.killed:
+                    self.faults.append(error)
+
+        thread = threading.Thread(target=until_killed, **given)
+        self.steps.threads.add(thread)
+        return thread
+
+    def _live_job(self, *args: Any) -> SteppedJob:
+        return SteppedJob(*args, steps=self.steps)
+
+    def kill(self) -> None:
+        """End without a word."""
+        self.steps.killed = True
+        self._leave()
+
+    def end(self) -> None:
+        """End in order: a job that lives is interrupted."""
+        self.steps.free = True
+        self.conductor.close()
+        self._leave()
+
+    def _leave(self) -> None:
+        for thread in self.steps.threads:
+            thread.join(GUARD_S)
+            assert not thread.is_alive()
+        self._patches.close()
+        self.conductor.latch.close()
+        self.conductor.release()
+        self.events.close()
+        self.store.close()

@@ -1,0 +1,118 @@
+"""The threads of a supervisor's jobs, step by step: each rests until a test lets it look.
+
+A job's thread rests where it waits for something to come and before it asks for something. A test
+lets time pass, and acts in between.
+"""
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from time import monotonic, sleep
+from typing import Any, TypeVar
+
+from pincette_supervisor.running.job import LiveJob
+from tests.support.virtual_rig import VirtualRig
+
+GUARD_S, LOOK_S = 30.0, 0.001
+"""By the clock on the wall: a thread that does not come to rest has hung."""
+
+
+T = TypeVar("T")
+
+
+class KilledError(BaseException):
+    """The supervisor is no more; nothing that it would still do may have an effect."""
+
+
+class Steps:
+    """Where the threads of jobs rest."""
+
+    def __init__(self, rig: VirtualRig) -> None:
+        self.rig = rig
+        self.killed = self.free = False
+        """Free: nobody rests any more, and time passes by itself."""
+        self.threads: set[threading.Thread] = set()
+        self._turn = threading.Condition()
+        self._resting: set[int] = set()
+        self._looks = 0
+
+    def rest(self) -> None:
+        """Wait for the next look, where a job's thread asks; raises KilledError."""
+        thread = threading.current_thread()
+        if self.killed:
+            raise KilledError
+        if thread not in self.threads:
+            return
+        if self.free:
+            self.rig.tick()
+            return
+        with self._turn:
+            self._resting.add(thread.ident or 0)
+            looks = self._looks
+            while self._looks == looks and not self.killed and not self.free:
+                self._turn.wait(LOOK_S)
+            self._resting.discard(thread.ident or 0)
+        if self.killed:
+            raise KilledError
+
+    def look(self) -> None:
+        """Let every thread that rests go on to its next rest, or to its end."""
+        self.settle()
+        with self._turn:
+            self._looks += 1
+            self._resting.clear()
+            self._turn.notify_all()
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait until all threads rest or have ended."""
+        begun_at = monotonic()
+        while any(t.is_alive() and t.ident not in self._resting for t in tuple(self.threads)):
+            assert monotonic() - begun_at < GUARD_S, "a job's thread hangs"
+            sleep(LOOK_S / 10)
+
+    def pass_(self, ticks: int = 1) -> None:
+        """Let time pass, and the supervisor look at each tick of it."""
+        for _ in range(ticks):
+            self.rig.tick()
+            self.look()
+
+
+class Done(threading.Event):
+    """Whoever waits for it lets virtual time pass."""
+
+    def __init__(self, steps: Steps) -> None:
+        super().__init__()
+        self._steps = steps
+
+    def wait(self, timeout: float | None = None) -> bool:
+        until_s = self._steps.rig.now_s + (timeout or 0.0)
+        while not self.is_set() and self._steps.rig.now_s < until_s and not self._steps.free:
+            self._steps.pass_()
+        return self.is_set()
+
+
+class SteppedJob(LiveJob):
+    """A job that rests where it waits."""
+
+    def __init__(self, *args: Any, steps: Steps) -> None:
+        super().__init__(*args)
+        self.done, self._steps = Done(steps), steps
+
+    def wait(self, timeout_s: float) -> None:  # noqa: ARG002  it waits for a look
+        self._steps.rest()
+
+
+class AtOnce(Executor):
+    """Does in the caller's thread what is submitted, so that the same comes of the same calls."""
+
+    def __init__(self, *_given: object, **_named: object) -> None:
+        super().__init__()
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **named: Any) -> Future[T]:
+        future: Future[T] = Future()
+        try:
+            future.set_result(fn(*args, **named))
+        except BaseException as error:  # noqa: BLE001  the future's caller is told of it
+            future.set_exception(error)
+        return future

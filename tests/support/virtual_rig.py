@@ -1,0 +1,130 @@
+"""A simulated rig, its services and a recorder in one process and in virtual time, tick by tick."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from unittest.mock import patch
+
+from pincette.bus.memory import MemoryBus
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.config import RigFile
+from pincette.messages import Applied, Finish, Message, Order, Record, Status, Telemetry, Truth
+from pincette.runtime import composed
+from pincette.runtime.composed import ComposedLoop
+from pincette.runtime.devices import devices_on
+from pincette.runtime.instrument import Device
+from pincette.runtime.rig_orders import serve_orders
+from pincette.sim.bench import open_bench
+from pincette.sim.script.script import script_of
+from pincette.topics import (
+    APPLIED,
+    FINISH,
+    ORDER,
+    RECORD,
+    STATUS,
+    TELEMETRY,
+    TOPICS,
+    Question,
+    Topic,
+)
+from pincette_recorder.config import configure
+from pincette_recorder.intake import Intake
+from pincette_recorder.keeper import Keeper
+
+LATE_S = 0.1
+"""Step in which the recorder's time goes on while somebody waits for its answer."""
+WAITS = 100
+
+
+class VirtualRig:
+    """The loop as it is, on a bus that may be asked from any thread; time passes by ``tick``."""
+
+    def __init__(self, rig: RigFile, data: Path) -> None:
+        self.rig = rig
+        self.now_s = 0.0
+        self.turn = threading.RLock()
+        """Held while the loop does something."""
+        self.telemetry: list[Telemetry] = []
+        self.applied: list[Applied] = []
+        script = script_of(rig)
+
+        def devices(rig_file: RigFile, publish: Callable[[Truth], None]) -> dict[str, Device]:
+            def truth(seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:
+                publish(Truth(seq, x_um, force_mN, voltage_V))
+
+            return devices_on(open_bench(rig_file, lambda: 0.0, truth, script), rig_file)
+
+        with patch.object(composed, "simulated_devices", devices):
+            self.bus: MemoryBus = ComposedLoop(rig).bus
+        serve_orders(self.bus, script)
+        for topic in (TELEMETRY, APPLIED):
+            self.bus.subscribe(topic, self._hear)
+        self._late_s = 0.0
+        intake = Intake(self._now_ns)
+        self.keeper = Keeper(configure(rig, data), intake, self._recorder_s, self._now_ns)
+        for topic in TOPICS:
+            self.bus.subscribe(topic, intake.take)
+        self.bus.serve(STATUS["recorder"], self._recorder_status)
+        self.bus.serve(RECORD, self._record)
+
+    def _hear(self, _topic: Topic, said: Message) -> None:
+        if isinstance(said, Telemetry):
+            self.telemetry.append(said)
+        elif isinstance(said, Applied):
+            self.applied.append(said)
+
+    def _recorder_s(self) -> float:
+        return self.now_s + self._late_s
+
+    def _now_ns(self) -> int:
+        return round(self._recorder_s() * 1e9)
+
+    def _recorder_status(
+        self, _question: Question, _request: Message, reply: Callable[[Message | str], None]
+    ) -> None:
+        reply(Status("recorder", "", 1, self.rig.digest(), 0, 0, 0, 0, ""))
+
+    def _record(
+        self, _question: Question, request: Message, reply: Callable[[Message | str], None]
+    ) -> None:
+        assert isinstance(request, Record)
+        reply(self.keeper.begin(request))
+
+    def tick(self) -> None:
+        """Let one period pass: of the loop, where it plays, and of everybody's clock."""
+        with self.turn:
+            ticks = len(self.applied)
+            while len(self.applied) == ticks and self.bus.pump():
+                pass
+            self.now_s += self.rig.rig.period_s
+            self.keeper.take()
+
+    def ask(self, question: Question, request: Message) -> Message:
+        """Ask, from any thread; the recorder takes the time that it needs."""
+        with self.turn:
+            if question == FINISH:
+                return self._finished(request)
+            return self.bus.ask(question, request)
+
+    def _finished(self, request: Message) -> Message:
+        assert isinstance(request, Finish)
+        replies: list[Message | str] = []
+        self.keeper.finish(request, replies.append)
+        for _ in range(WAITS):
+            if replies:
+                break
+            self._late_s += LATE_S
+            self.keeper.take()
+        if not replies:
+            raise BusError("the recorder does not answer")
+        if isinstance(replies[0], str):
+            raise RefusalError(replies[0])
+        return replies[0]
+
+    def order(self, target: str, what: str, value: float | None, for_s: float | None) -> None:
+        """Do something to the rig."""
+        self.ask(ORDER, Order(target, what, value, 0.0, for_s))
+
+    def close(self) -> None:
+        """Close the record that is open."""
+        self.keeper.close()

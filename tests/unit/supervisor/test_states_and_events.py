@@ -1,0 +1,140 @@
+"""A job's state and the event that tells it are written together: no kill comes between them."""
+
+import threading
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Connection
+
+from pincette.config import RigFile
+from pincette_supervisor.journal.store import ActionRow, EventRow, JobRow, Store, utc_now
+from pincette_supervisor.running.events import EventLog
+
+from .canned import IN_HOLD
+from .rig import Desk
+
+AT = "2026-03-01T12:00:00.000Z"
+ROW = JobRow("a", "grip", "demo", "queued", {"kind": "grip"}, {}, AT)
+
+
+class Witness:
+    """Looks at the journal after every write, as the next supervisor would."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.looks = 0
+        self.odd: list[str] = []
+        self._writing = Store.writing
+        self._inner = threading.local()
+
+        def watched(store: Store) -> AbstractContextManager[Connection]:
+            return self._watched(store)
+
+        patch.setattr(Store, "writing", watched)
+
+    @contextmanager
+    def _watched(self, store: Store) -> Generator[Connection]:
+        within = getattr(self._inner, "within", False)
+        self._inner.within = True
+        try:
+            with self._writing(store) as base:
+                yield base
+        finally:
+            self._inner.within = within
+        if not within:
+            self._look(store)
+
+    def _look(self, store: Store) -> None:
+        self.looks += 1
+        # The later one first: a state that another thread writes meanwhile has its event.
+        rows = store.newest(100)
+        told = store.events_after(0, limit=10_000)
+        for row in rows:
+            mine = [event for event in told if event.job == row.id]
+            states = [event.body["state"] for event in mine if event.kind == "state"]
+            if row.state not in states:
+                self.odd.append(f"nothing told that {row.id} is {row.state}")
+            asked = sum(event.kind == "action" and "by" in event.body for event in mine)
+            if len(row.actions) > asked:
+                self.odd.append(f"an action on {row.id} was not told")
+
+
+def test_no_write_leaves_a_state_or_an_action_that_no_event_tells(
+    rig_file: RigFile, open_desk: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    witness = Witness(monkeypatch)
+    desk = open_desk(rig_file)
+    job = desk.playing_to(IN_HOLD)
+    waits = [desk.post("/jobs", {"kind": "grip", "queue": True}).json()["id"] for _ in range(3)]
+    desk.acted(waits[0], "stop")
+    desk.acted(job, "stop")
+    desk.ended(job)
+    desk.acted(job, "release")
+    desk.freed(job)
+    assert desk.post("/rigs/demo/queue/actions", {"type": "clear"}).status_code == 200
+    left = desk.playing_to(IN_HOLD)
+    assert desk.store.interrupt_left_over(utc_now()) == [left]
+    assert witness.looks > 30
+    assert witness.odd == []
+
+
+def test_a_change_that_fails_is_not_told(tmp_path: Path) -> None:
+    store = Store(tmp_path / "jobs.sqlite")
+    log = EventLog(store, "demo")
+    with pytest.raises(LookupError), log.telling("state", "a", state="running"):
+        store.change("a", state="running")
+    assert store.newest_event() == 0
+    store.close()
+
+
+def test_a_change_that_cannot_be_told_is_not_made(tmp_path: Path) -> None:
+    store = Store(tmp_path / "jobs.sqlite")
+    log = EventLog(store, "demo")
+    store.add(ROW)
+
+    def fail() -> None:
+        with log.telling("result", "a", x_um=float("nan")):
+            store.change("a", state="failed")
+            store.add_action("a", ActionRow("stop", AT, "me"))
+
+    with pytest.raises(ValueError, match="JSON"):
+        fail()
+    row = store.get("a")
+    assert row is not None
+    assert (row.state, row.actions, row.revision) == ("queued", (), 1)
+    store.close()
+
+
+def test_memory_follows_the_write_and_comes_before_whoever_listens(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = Store(tmp_path / "jobs.sqlite")
+    log = EventLog(store, "demo")
+    order: list[str] = []
+
+    def hear(_event: EventRow) -> None:
+        order.append("told")
+
+    monkeypatch.setattr(log.listeners, "put", hear)
+    with log.telling("state", "a", state="running") as kept:
+        kept.append(lambda: order.append(f"event {store.newest_event()} is kept"))
+        order.append(f"event {store.newest_event()} was the last")
+    assert order == ["event 0 was the last", "event 1 is kept", "told"]
+    store.close()
+
+
+def test_a_write_within_another_is_part_of_it(tmp_path: Path) -> None:
+    store = Store(tmp_path / "jobs.sqlite")
+
+    def fail() -> None:
+        with store.writing():
+            store.add(ROW)
+            store.change("b", state="failed")
+
+    with pytest.raises(LookupError):
+        fail()
+    assert store.get("a") is None
+    store.add(ROW)
+    assert store.get("a") is not None
+    store.close()
