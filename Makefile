@@ -6,7 +6,7 @@ BIN := .venv/bin
 TEST_FLAGS := -m "not slow"
 VIRTUAL := tests/unit tests/integration tests/replay
 REAL := tests/project tests/contract tests/system
-# pytest's exit status where ARGS leave no test
+# pytest's exit status where ARGS leave no test; one half may have none
 NO_TEST := 5
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
   --no-header --no-annotate --no-emit-index-url --no-emit-find-links
@@ -45,9 +45,12 @@ up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 
 test: lint browser ## lint, then all tests but the slow ones: what CI runs
 	@echo "== pytest, in virtual time: on every core"
-	@$(BIN)/pytest $(TEST_FLAGS) -n logical --dist loadfile $(ARGS) $(VIRTUAL) || [ $$? -eq $(NO_TEST) ]
-	@echo "== pytest, in real time: one after another"
-	@$(BIN)/pytest $(TEST_FLAGS) $(ARGS) $(REAL) || [ $$? -eq $(NO_TEST) ]
+	@$(BIN)/pytest $(TEST_FLAGS) -n logical --dist loadfile $(ARGS) $(VIRTUAL); virtual=$$?; \
+	test $$virtual -eq 0 -o $$virtual -eq $(NO_TEST) || exit $$virtual; \
+	echo "== pytest, in real time: one after another"; \
+	$(BIN)/pytest $(TEST_FLAGS) $(ARGS) $(REAL); real=$$?; \
+	test $$real -eq 0 -o $$real -eq $(NO_TEST) || exit $$real; \
+	test $$virtual -eq 0 -o $$real -eq 0 || { echo "ARGS='$(ARGS)' leave no test" >&2; exit $(NO_TEST); }
 
 lint: venv ## style, types and the direction of imports
 	@echo "== ruff check"

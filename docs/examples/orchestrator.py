@@ -2,8 +2,8 @@
 
     python docs/examples/orchestrator.py --parts 3 --force-mN 15
 
-Ends with 0 where every part was gripped and let go, with 1 where one was not, and with 4 where a
-person must see to the rig first.
+Ends with 0 where every part was gripped and let go, with 1 where one was not, with 4 where a person
+must see to the rig first, and with 130 on Ctrl-C, which stops the job and keeps its part held.
 """
 
 import argparse
@@ -11,9 +11,9 @@ import sys
 import time
 from uuid import uuid4
 
-from pincette.client import JobHandle, NoAnswerError, ProblemError, RigHandle, Supervisor
+from pincette.client import ClientError, JobHandle, ProblemError, RigHandle, Supervisor
 
-DONE, FAILED, PERSON_NEEDED = 0, 1, 4
+DONE, FAILED, PERSON_NEEDED, INTERRUPTED = 0, 1, 4, 130
 BUSY_S = 2.0
 """How long to wait while another job has the rig."""
 
@@ -53,14 +53,23 @@ def work(part: str, duration_s: float) -> None:
     time.sleep(duration_s)
 
 
+def let_go(job: JobHandle) -> None:
+    """Release the part and wait for the end; one that was lost has ended its job by itself."""
+    try:
+        job.release()
+    except ProblemError as problem:
+        if problem.code != "invalid-transition":
+            raise
+    job.wait(timeout_s=60.0)
+
+
 def handle(rig: RigHandle, part: str, force_mN: float, work_s: float) -> str:
     """Pick, hold and release one part; returns what came of it, in words."""
     job = start(rig, part, force_mN)
     try:
         await_hold(job)
         work(part, work_s)
-        job.release()
-        job.wait(timeout_s=60.0)
+        let_go(job)
     except KeyboardInterrupt:
         job.stop()  # what is held stays held: a person decides what becomes of it
         raise
@@ -70,6 +79,19 @@ def handle(rig: RigHandle, part: str, force_mN: float, work_s: float) -> str:
     return f"{found['outcome']}, peak force {found['peak_force_mN']:.2f} mN, job {job.id}"
 
 
+def handle_all(rig: RigHandle, parts: int, force_mN: float, work_s: float) -> int:
+    """Handle parts one after the other; returns how many were not gripped, or lost."""
+    failed, run = 0, uuid4().hex[:8]
+    for number in range(1, parts + 1):
+        part = f"{run}-part-{number}"
+        try:
+            print(f"{part}: {handle(rig, part, force_mN, work_s)}")
+        except PartError as error:
+            failed += 1
+            print(f"{part}: {error}", file=sys.stderr)
+    return failed
+
+
 def main() -> int:
     """Handle some parts; the exit status is for the cell's controller."""
     words = argparse.ArgumentParser()
@@ -77,20 +99,17 @@ def main() -> int:
     words.add_argument("--parts", type=int, default=1)
     words.add_argument("--force-mN", type=float, default=15.0, dest="force_mN")
     words.add_argument("--work-s", type=float, default=1.0)
+    words.add_argument("--patience-s", type=float, default=30.0)
     given = words.parse_args()
-    failed, run = 0, uuid4().hex[:8]
-    with Supervisor(given.url, patience_s=30.0, operator="orchestrator example") as supervisor:
-        rig = supervisor.rig()
-        for number in range(1, given.parts + 1):
-            part = f"{run}-part-{number}"
-            try:
-                print(f"{part}: {handle(rig, part, given.force_mN, given.work_s)}")
-            except PartError as error:
-                failed += 1
-                print(f"{part}: {error}", file=sys.stderr)
-            except (ProblemError, NoAnswerError) as error:
-                print(f"{part}: a person is needed: {error}", file=sys.stderr)
-                return PERSON_NEEDED
+    try:
+        with Supervisor(given.url, patience_s=given.patience_s, operator="cell 1") as supervisor:
+            rig = supervisor.rig()
+            failed = handle_all(rig, given.parts, given.force_mN, given.work_s)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except ClientError as error:
+        print(f"a person is needed: {error}", file=sys.stderr)
+        return PERSON_NEEDED
     return FAILED if failed else DONE
 
 

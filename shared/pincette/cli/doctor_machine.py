@@ -1,10 +1,12 @@
-"""What a rig needs of the machine: Python, packages, room, ports."""
+"""What a rig needs of the machine: Python, packages, room, priority, ports."""
 
+import os
 import re
 import shutil
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any, cast
@@ -12,9 +14,10 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from pincette.cli.doctor_finding import Finding
+from pincette.cli.doctor_finding import Finding, noted
 from pincette.config import RigFile
 from pincette.runtime.fleet import FleetError, check_ports
+from pincette.runtime.priority import FIFO, FIRST
 from pincette.topics import LOOP
 
 FREE_MIB = 200
@@ -22,11 +25,13 @@ ASK_S = 2.0
 
 
 def machine(data: Path) -> Iterator[Finding]:
-    """Python, packages and disk."""
+    """Python, packages, disk and priority."""
     python = ".".join(str(part) for part in sys.version_info[:3])
     yield Finding(sys.version_info >= (3, 11), f"Python {python}", "install Python 3.11 or newer")
     yield from packages(requires("pincette") or [])
     yield disk(data)
+    if sys.platform == "linux":
+        yield priority()
 
 
 def packages(requirements: list[str]) -> Iterator[Finding]:
@@ -53,12 +58,42 @@ def disk(data: Path) -> Finding:
     )
 
 
+def priority() -> Finding:
+    """Whether the loop gets the fixed priority that it asks for in real time, or what instead."""
+    # On Linux a thread has a priority of its own, and this one ends with it.
+    with ThreadPoolExecutor(1) as pool:
+        got = pool.submit(_asked).result()
+    fixed = f"fixed priority (SCHED_FIFO {FIFO}) permitted"
+    if got == "fixed":
+        return Finding(True, f"priority: {fixed}: yes")
+    instead = f"niceness {FIRST}" if got == "niceness" else "normal priority"
+    return noted(
+        f"priority: {fixed}: no; the loop gets {instead}, and a busy machine delays its ticks",
+        f"permit it: `rtprio {FIFO}` in limits.d, LimitRTPRIO={FIFO} in systemd, or ulimits in "
+        "compose; docs/how-to/real-time.md says how",
+    )
+
+
+def _asked() -> str:
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO))
+    except OSError:
+        try:
+            os.setpriority(os.PRIO_PROCESS, 0, FIRST)
+        except OSError:
+            return ""
+        return "niceness"
+    return "fixed"
+
+
 def shared_places(rig: RigFile) -> Iterator[Finding]:
     """Ports and lines that the rig file gives to two of its parts."""
     users: dict[str, list[str]] = defaultdict(list)
-    for offset, name in enumerate(("the router", *LOOP)):
+    for offset, name in enumerate(LOOP, 1):
         users[str(rig.bus.port + offset)].append(name)
-    users[str(rig.supervisor.port)].append("the supervisor")
+    if not rig.joins:
+        users[str(rig.bus.port)].append("the router")
+        users[str(rig.supervisor.port)].append("the supervisor")
     for name, url in (("the sensor", rig.sensor.url), ("the output", rig.output.url)):
         place = urlsplit(url)
         if place.scheme == "grpc":

@@ -33,8 +33,12 @@ def held() -> httpx.Response:
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch) -> Run:
-    def play(*answers: Any, words: tuple[str, ...] = ()) -> tuple[int, Desk]:
+    def play(
+        *answers: Any, words: tuple[str, ...] = (), kept: list[Desk] | None = None
+    ) -> tuple[int, Desk]:
         supervisor = Desk(*answers)
+        if kept is not None:
+            kept.append(supervisor)
 
         def reached(_url: str, **_settings: Any) -> client.Supervisor:
             return supervisor.supervisor()
@@ -100,10 +104,34 @@ def test_a_person_who_ends_it_leaves_the_part_held(run: Run) -> None:
         asked.append(request.content)
         return desk.job(state="stopping")
 
-    with pytest.raises(KeyboardInterrupt):
-        run(RIGS, desk.job(), interrupted, stopping)
+    status, _ = run(RIGS, desk.job(), interrupted, stopping)
+    assert status == 130
     assert [json.loads(body) for body in asked] == [{"type": "stop"}]
 
 
+def test_a_part_that_is_lost_on_the_way_is_one_part_less(
+    run: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    over = desk.problem(409, "invalid-transition")
+    lost = desk.job(state="failed", cause="lost: nothing presses any more")
+    status, _ = run(RIGS, desk.job(), held(), over, lost)
+    assert status == 1
+    assert "lost: nothing presses any more" in capsys.readouterr().err
+
+
+def test_a_part_that_is_not_let_go_in_time_needs_a_person(
+    run: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def late(_request: httpx.Request) -> httpx.Response:
+        supervisor[0].now_s += 61.0
+        return desk.job()
+
+    supervisor: list[Desk] = []
+    answers = (RIGS, desk.job(), held(), desk.job(), late)
+    status, _ = run(*answers, kept=supervisor)
+    assert status == 4
+    assert "goes on" in capsys.readouterr().err
+
+
 def test_it_is_short() -> None:
-    assert len(EXAMPLE.read_text(encoding="utf-8").splitlines()) <= 100
+    assert len(EXAMPLE.read_text(encoding="utf-8").splitlines()) <= 120

@@ -3,12 +3,16 @@
 import hashlib
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import played, with_prediction
 from pincette_supervisor.planning.rehearsal import Rehearsal
 from pincette_supervisor.problems import ProblemError
 
+Play = Callable[[Planned], Rehearsal]
+FORETOLD = ("grip", "track", "move")
+"""Kinds of job that are not taken where a limit is foretold to be broken."""
 KEPT = 8
 WAITING = 8
 """Callers that wait for their turn, at most: they are threads that others need too."""
@@ -17,7 +21,8 @@ WAITING = 8
 class Foreteller:
     """Plays plans on the model they were made with; safe to use from several threads."""
 
-    def __init__(self) -> None:
+    def __init__(self, play: Play = played) -> None:
+        self._play = play
         self._turn = threading.Lock()
         self._room = threading.BoundedSemaphore(WAITING)
         self._kept: OrderedDict[str, Rehearsal] = OrderedDict()
@@ -38,8 +43,7 @@ class Foreteller:
                 f"{WAITING} predictions wait already, the most: ask again in a moment",
             )
         try:
-            with self._turn:
-                return self._played(planned)
+            return self._in_turn(planned)
         finally:
             self._room.release()
 
@@ -58,14 +62,33 @@ class Foreteller:
                 422, "no-prediction", "The plan cannot be played on the model in use", str(error)
             ) from error
 
+    def checked(self, planned: Planned) -> Planned:
+        """A plan before a job is made of it: where playing it breaks a limit, with what that says.
+
+        A part that is held must be let go whatever is foretold, and a calibration is there to find
+        the model that would foretell it: neither is played. However many look ahead, a job that
+        is to begin waits for the one that is being played alone.
+        """
+        if planned.plan.kind not in FORETOLD:
+            return planned
+        try:
+            foretold = with_prediction(planned, self._in_turn(planned))
+        except ValueError:  # nothing of it can be played, and so nothing is foretold
+            return planned
+        return planned if foretold.plan.feasible else foretold
+
+    def _in_turn(self, planned: Planned) -> Rehearsal:
+        with self._turn:
+            return self._played(planned)
+
     def _played(self, planned: Planned) -> Rehearsal:
-        model = planned.model
+        model = planned.armed
         stands = None if planned.present is None else planned.present.voltage_V
         whose = planned.program, planned.values, stands, model.rig_file_digest, model.digest
         key = hashlib.sha256(repr(whose).encode()).hexdigest()
         found = self._kept.pop(key, None)
         if found is None:
-            found = played(planned)
+            found = self._play(planned)
         self._kept[key] = found
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)

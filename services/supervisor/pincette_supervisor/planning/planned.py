@@ -34,10 +34,18 @@ class Planned:
     values: dict[str, Any]
     """As they are stored and sent."""
     model: ModelInUse
+    """The model in use when it was planned."""
     waits: Mapping[int, Wait] = field(default_factory=dict[int, Wait])
     """By the number of the segment that waits."""
     present: Present | None = None
     """Where the rig stood as it was planned; None: nobody had told."""
+    expecting: ModelInUse | None = None
+    """That model with what a recipe expects of its object; None: no recipe says anything of it."""
+
+    @property
+    def armed(self) -> ModelInUse:
+        """What the programs of the loop are armed with, and what is foretold rests on."""
+        return self.expecting or self.model
 
     @property
     def planned_s(self) -> float | None:

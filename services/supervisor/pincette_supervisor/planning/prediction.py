@@ -52,7 +52,7 @@ def with_prediction(planned: Planned, rehearsal: Rehearsal) -> Planned:
 
 def predict(planned: Planned, rehearsal: Rehearsal) -> Prediction:
     """What a rehearsal of a plan says; raises ValueError where nothing of it could be played."""
-    samples, rig = rehearsal.samples, planned.model.rig
+    samples, rig = rehearsal.samples, planned.armed.rig
     if not samples.t_s:
         raise ValueError(f"nothing of the plan can be played: {rehearsal.cut}")
     complete = not rehearsal.cut
@@ -126,10 +126,10 @@ def _pointer(plan: Plan | MotionPlan | CalibrationPlan, quantity: str, phase: st
 
 def _rests_on(planned: Planned, instruments: Instruments) -> list[str]:
     """What a prediction takes for granted, in words."""
-    model = planned.model
+    model = planned.armed
     words = [f"arm: {_values(model, ARM)}", f"free response: {_free_response(model)}"]
     if _meets_a_part(planned):
-        words.append(f"part: {_part(planned)}; rigid, and where it is expected")
+        words.append(f"part: {_values(model, PART)}; rigid, and where it is expected")
     else:
         words.append("part: none in the way")
     words.append(
@@ -137,14 +137,6 @@ def _rests_on(planned: Planned, instruments: Instruments) -> list[str]:
         f"lag of {1e3 * instruments.lag_s:.1f} ms, as their drivers state; no noise"
     )
     return words
-
-
-def _part(planned: Planned) -> str:
-    expected: dict[str, float] = planned.values.get("part", {})
-    if not expected:
-        return _values(planned.model, PART)
-    own = ", ".join(f"{name} = {value:g}" for name, value in expected.items())
-    return f"{_values(planned.model, PART)}, but by the recipe {own}"
 
 
 def _values(model: ModelInUse, quantities: tuple[str, ...]) -> str:

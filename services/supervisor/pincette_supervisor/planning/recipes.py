@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from pincette.api.recipe_models import PartExpectation
 from pincette.api.request_base import StartRequest
 from pincette.api.request_models import AnyJobRequest, GripJobRequest, TrackJobRequest
-from pincette.config.rig_file import Part
+from pincette.config import Calibration, calibrated
 from pincette_supervisor.journal.recipes import RecipeRow
 from pincette_supervisor.model.rig_model import ModelInUse
 from pincette_supervisor.planning.job_plans import plan_job
@@ -120,15 +120,28 @@ def plan_with_recipe(
     recipe = _recipe(request, lookup)
     if recipe is None:
         return plan_job(request, model, present)
-    expected, part = model, recipe.values.get("part")
-    if part:
-        tree = {**model.rig.part.model_dump(), **part}
-        rig = model.rig.model_copy(update={"part": Part.model_validate(tree)})
-        expected = replace(model, rig=rig)
-    planned = plan_job(completed(request, lookup), expected, present)
+    part = recipe.values.get("part")
+    expecting = _expecting(model, part, recipe.reference) if part else None
+    planned = plan_job(completed(request, lookup), expecting or model, present)
     stamp = {"name": recipe.name, "version": recipe.version, "digest": recipe.digest}
-    values = {**planned.values, "recipe": stamp, **({"part": part} if part else {})}
-    return replace(planned, model=model, values=values)
+    values = {**planned.values, "model": model.stamp, "recipe": stamp}
+    if part:
+        values["part"] = part
+    return replace(planned, model=model, expecting=expecting, values=values)
+
+
+def _expecting(model: ModelInUse, part: Mapping[str, float], recipe: str) -> ModelInUse:
+    """The model with what a recipe expects of its object, for one job."""
+    values = {f"part.{name}": value for name, value in part.items()}
+    used = model.calibration
+    return replace(
+        model,
+        rig=calibrated(model.rig, Calibration(values=values)),
+        calibration=Calibration(
+            values={**used.values, **values},
+            sources={**used.sources, **dict.fromkeys(values, f"recipe {recipe}")},
+        ),
+    )
 
 
 def _recipe(request: AnyJobRequest, lookup: Lookup) -> RecipeRow | None:

@@ -14,8 +14,8 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
 from pincette_supervisor.planning.stage import Samples, Stage
 
-LONGEST_S = 120.0
-"""Of a plan, that is played."""
+LONGEST_S, LONGEST_SAMPLES = 120.0, 30_000
+"""Of a plan, that is played: whichever is shorter."""
 ENDLESS_S = 0.3
 """How long a segment without end is played, as its plan draws it."""
 
@@ -50,14 +50,12 @@ def rehearse(planned: Planned, present: Present, *, part: bool) -> Rehearsal:
     Parameters
     ----------
     part
-        Whether the part of the rig file is there.
+        Whether the part is there, as the rig file or a recipe has it.
     """
-    rig = planned.model.rig
+    rig = planned.armed.rig
     rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"time": "lockstep"})})
     instruments, period_s = stated_instruments(rig), rig.rig.period_s
-    # What a recipe expects of the object is where it is; the services know the rig file alone.
-    expected = rig.part.model_copy(update=planned.values.get("part", {}))
-    arm = identified_arm(rig, instruments, present.stand_V(rig), expected if part else None)
+    arm = identified_arm(rig, instruments, present.stand_V(rig), rig.part if part else None)
     if present.x_um is not None and not planned.begins_held:
         arm = arm.at(present.x_um)
     stage = Stage(rig, arm, planned.program)
@@ -69,7 +67,8 @@ def rehearse(planned: Planned, present: Present, *, part: bool) -> Rehearsal:
 
 def _played(stage: Stage, planned: Planned, period_s: float) -> tuple[str, bool]:
     """Play to the end; returns why no more was played, and whether a part was released."""
-    longest, prompted, released = int(LONGEST_S / period_s + 0.5), -1, False
+    longest = min(int(LONGEST_S / period_s + 0.5), LONGEST_SAMPLES)
+    prompted, released = -1, False
     for seq in range(longest):
         cut = stage.tick(seq)
         if cut or stage.ended:
@@ -86,4 +85,4 @@ def _played(stage: Stage, planned: Planned, period_s: float) -> tuple[str, bool]
             cut = stage.act("release" if released else "continue")
             if cut:
                 return cut, False
-    return f"{LONGEST_S:g} s are foretold at most", released
+    return f"{longest * period_s:g} s are foretold at most", released

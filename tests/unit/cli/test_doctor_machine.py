@@ -1,0 +1,52 @@
+"""What doctor says of the priority that the loop asks for."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from pincette.cli.doctor_machine import machine, priority
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is asked for")
+
+
+def refuse(*_wish: object) -> None:
+    raise PermissionError
+
+
+def take(*_wish: object) -> None:
+    """As a system does that permits it."""
+
+
+def test_a_fixed_priority_that_is_permitted_is_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_setscheduler", take)
+    finding = priority()
+    assert finding.mark == "well"
+    assert finding.what == "priority: fixed priority (SCHED_FIFO 10) permitted: yes"
+
+
+@pytest.mark.parametrize(
+    ("niceness", "instead"), [(take, "niceness -10"), (refuse, "normal priority")]
+)
+def test_one_that_is_not_is_noted_with_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, niceness: object, instead: str
+) -> None:
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(os, "setpriority", niceness)
+    finding = priority()
+    assert finding.mark == "note"
+    assert f"permitted: no; the loop gets {instead}" in finding.what
+    assert "LimitRTPRIO=10" in finding.remedy
+
+
+def test_asking_changes_nothing_of_the_program_that_asks(tmp_path: Path) -> None:
+    before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
+    found = [finding.what for finding in machine(tmp_path)]
+    assert (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)) == before
+    assert len([what for what in found if what.startswith("priority: ")]) == 1
+
+
+def test_the_page_it_names_is_there() -> None:
+    page = Path(__file__).parents[3] / "docs/how-to/real-time.md"
+    assert "LimitRTPRIO=10" in page.read_text(encoding="utf-8")

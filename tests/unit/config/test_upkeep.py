@@ -1,0 +1,32 @@
+"""Serial numbers and due dates as the guide writes them into a rig file."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from pincette.config import parse_rig, read_rig
+from tests.support.rigs import merged
+
+ROOT = Path(__file__).parents[3]
+RIGS = ROOT / "deploy/rigs"
+
+
+def test_the_guides_entries_are_understood() -> None:
+    guide = (ROOT / "docs/how-to/calibrate.md").read_text(encoding="utf-8")
+    (entries,) = re.findall(r"^```toml\n(.*?)^```", guide, re.MULTILINE | re.DOTALL)
+    own = tomllib.loads((RIGS / "demo.toml").read_text(encoding="utf-8"))
+    rig = parse_rig(merged(own, tomllib.loads(entries)))
+    assert rig.serial_numbers == {"sensor": "1540122", "output": "A-0311"}
+    assert rig.calibration.valid_days == 365.0
+    assert rig.digest() == read_rig(RIGS / "demo.toml").digest()
+
+
+@pytest.mark.parametrize("name", ["demo", "bring-up", "fast"])
+def test_a_rig_file_says_what_can_be_written_into_it(name: str, tmp_path: Path) -> None:
+    text = (RIGS / f"{name}.toml").read_text(encoding="utf-8")
+    assert "serial_number" in text
+    path = tmp_path / "rig.toml"
+    path.write_text(re.sub(r"^# (\[calibration\]|valid_days)", r"\1", text, flags=re.MULTILINE))
+    assert read_rig(path).calibration.valid_days == 365.0
