@@ -2,7 +2,8 @@
 
 A sample goes out at real-time priority and is dropped, not blocked, when a link stalls; in
 lockstep it is sent reliably, since there every service answers every tick. What is told seldom is
-always sent reliably. The newest message of every topic can be queried on the topic's own key.
+sent reliably, unless whoever tells it must not be delayed by it. The newest message of every topic
+can be queried on the topic's own key.
 """
 
 from dataclasses import dataclass
@@ -22,11 +23,13 @@ class Topic:
     producer: str
     summary: str
     per_tick: bool = True
+    urgent: bool = False
+    """Told by a program that must not wait for a link, however seldom."""
 
     @property
     def reliable(self) -> bool:
         """Whether a stalled link delays it, for a bounded time, rather than losing it."""
-        return not self.per_tick
+        return not (self.per_tick or self.urgent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +52,18 @@ COMMAND = Topic("command", messages.Command, "controller", "voltage asked for")
 APPLIED = Topic("applied", messages.Applied, "actuator", "voltage applied, state and cause")
 TELEMETRY = Topic("telemetry", messages.Telemetry, "controller", "references and sliding function")
 TRUTH = Topic("truth", messages.Truth, "rig", "what a simulated rig knows; for the record only")
+ASKED = Topic(
+    "asked",
+    messages.Asked,
+    "every program of the loop",
+    "questions taken; for the record only",
+    per_tick=False,
+    urgent=True,
+)
 
 JOB = Topic("job", messages.JobNotice, "supervisor", "a job's state and phase", per_tick=False)
 
-TOPICS = (POSITION, BURST, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH, JOB)
+TOPICS = (POSITION, BURST, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH, ASKED, JOB)
 TOPIC_OF: dict[type[Message], Topic] = {topic.message: topic for topic in TOPICS}
 
 LOOP = ("sensor", "estimator", "controller", "actuator")
@@ -76,7 +87,24 @@ STATUS = {
     )
     for name in (*LOOP, "recorder")
 }
-QUESTIONS = (LOAD, ACT, TRIP, RESET, ORDER, RECORD, FINISH, *ARM.values(), *STATUS.values())
+RIG_FILE = {
+    name: Question(
+        "rig_file", name, messages.RigFileRequest, messages.RigFileTold, "the rig file it has"
+    )
+    for name in LOOP
+}
+QUESTIONS = (
+    LOAD,
+    ACT,
+    TRIP,
+    RESET,
+    ORDER,
+    RECORD,
+    FINISH,
+    *ARM.values(),
+    *STATUS.values(),
+    *RIG_FILE.values(),
+)
 
 
 def key(rig: str, topic: Topic) -> str:
@@ -92,3 +120,9 @@ def question_key(rig: str, question: Question) -> str:
 def live_key(rig: str, program: str) -> str:
     """Key expression of a program's liveliness token."""
     return f"{ROOT}/{rig}/live/{program}"
+
+
+def alive_of(token: str) -> tuple[str, str]:
+    """Rig and program of a liveliness token; see ``live_key``."""
+    rig, _, program = token.removeprefix(f"{ROOT}/").split("/")
+    return rig, program

@@ -16,8 +16,9 @@ from pincette.bus.protocol import BusError, LatestBus, RefusalError
 from pincette.bus.zenoh_bus import ZenohBus, open_session, serve_router
 from pincette.codec import ENCODING, encode
 from pincette.messages import Burst, Done, JobNotice, Message, Position, StatusRequest, Trip
+from pincette.runtime.rig_file import ask_rig_file, read_told, serve_rig_file
 from pincette.topics import BURST, JOB, POSITION, STATUS, TRIP, Question, Topic, key
-from tests.support.rigs import free_ports
+from tests.support.rigs import demo_rig, free_ports
 
 WAIT_S = 5.0
 ANSWER_S = 0.9
@@ -246,3 +247,25 @@ class TestZenohBus(BusContract):
         assert got == [SAMPLE]
         assert second.refused == 1
         assert "x_um" in second.refusal
+
+    def test_programs_of_every_rig_are_seen_and_tell_their_rig_file(
+        self, ends: Ends, buses: tuple[LatestBus, LatestBus]
+    ) -> None:
+        watcher, file = buses[0], demo_rig()
+        assert isinstance(watcher, ZenohBus)
+        turns: list[tuple[str, str, bool]] = []
+        watcher.watch_everywhere(lambda rig, program, alive: turns.append((rig, program, alive)))
+        program = ZenohBus(ends, "other", "sensor")
+        serve_rig_file(program, file, "sensor")
+        program.announce("sensor")
+        self.settle(buses, lambda: ("other", "sensor", True) in turns)
+        assert ("other", "sensor") in watcher.alive_everywhere()
+        assert ("contract", "settled") in watcher.alive_everywhere()
+        assert "sensor" not in watcher.alive()
+        asker = ZenohBus(ends, "other", "asker")
+        assert read_told(ask_rig_file(asker, "sensor")) == file
+        with pytest.raises(BusError, match="nobody answers actuator/rig_file"):
+            ask_rig_file(asker, "actuator")
+        asker.close()
+        program.close()
+        self.settle(buses, lambda: ("other", "sensor", False) in turns)

@@ -14,7 +14,7 @@ import pytest
 from pincette.messages import Estimate, Message
 from pincette.records import mcap_reading
 from pincette.records.tables import write_tables
-from tests.support.recorded import loop, write
+from tests.support.recorded import asked, loop, write
 
 pandas: Any = untyped_pandas
 parquet: Any = untyped_parquet
@@ -31,7 +31,7 @@ def record(tmp_path: Path) -> Path:
             return replace(message, force_mN=FORCE_MN)
         return message
 
-    write(tmp_path / "job.mcap", [plain(message) for message in loop(20)])
+    write(tmp_path / "job.mcap", [asked(), *(plain(message) for message in loop(20))])
     return tmp_path
 
 
@@ -51,7 +51,7 @@ def test_reruns_converter_shows_decoded_fields(record: Path, tmp_path: Path) -> 
     shown = _rerun("rrd", "print", "-vvv", target, home=tmp_path)
     assert "pincette.Estimate:message" in shown
     assert shown.count(f"force_mN: {FORCE_MN}") == 20
-    for name in ("Position", "Command", "Applied", "Telemetry", "Truth", "Burst"):
+    for name in ("Position", "Command", "Applied", "Telemetry", "Truth", "Burst", "Asked"):
         assert f"pincette.{name}:message" in shown
 
 
@@ -59,7 +59,7 @@ def test_rerun_finds_nothing_wrong_with_the_file(record: Path, tmp_path: Path) -
     shown = _rerun("mcap", "check", record / "job.mcap", home=tmp_path)
     verdicts = [line.split() for line in shown.splitlines() if line.split()[-1:] == ["—"]]
     assert sorted(words[3] for words in verdicts if words[0] == "ok") == sorted(
-        ["position", "burst", "estimate", "command", "applied", "telemetry", "truth"]
+        ["position", "burst", "estimate", "command", "applied", "telemetry", "truth", "asked"]
     )
 
 

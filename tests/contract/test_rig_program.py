@@ -1,20 +1,15 @@
 """The rig program: both instruments at the urls of the rig file, and the truth for the record."""
 
-import threading
-from collections.abc import Callable
 from pathlib import Path
-from typing import cast
 
 import pytest
 
-from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile, read_rig
 from pincette.instruments.icpdas_i7024 import open_output
 from pincette.instruments.keyence_lkg import open_sensor
 from pincette.messages import Truth
-from pincette.runtime.context import Context
 from pincette_rig import PROGRAM
-from tests.support.rig_program import DeafBus, offered
+from tests.support.rig_program import DeafBus, context_of, offered
 
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
 
@@ -28,10 +23,6 @@ def _rig_file(tmp_path: Path, pace: str) -> RigFile:
             "output": demo.output.model_copy(update={"url": str(tmp_path / "output")}),
         }
     )
-
-
-def _context(rig: RigFile, bus: DeafBus, ready: Callable[[str], None], data: Path) -> Context:
-    return Context(rig, data, lambda: cast(ZenohBus, bus), ready, threading.Event())
 
 
 @pytest.mark.parametrize("pace", ["lockstep", "real"])
@@ -56,4 +47,4 @@ def test_it_offers_both_instruments_until_stopped(tmp_path: Path, pace: str) -> 
 def test_it_needs_a_simulation(tmp_path: Path) -> None:
     real = _rig_file(tmp_path, "real").model_copy(update={"simulation": None})
     with pytest.raises(ConfigError, match=r"rig 'demo' has no \[simulation\]"):
-        PROGRAM(_context(real, DeafBus(), lambda _line: None, tmp_path))
+        PROGRAM(context_of(real, DeafBus(), bool, tmp_path))

@@ -4,7 +4,6 @@ import asyncio
 import json
 import re
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
@@ -22,7 +21,7 @@ from pincette.messages import Act, Applied, Load, Position
 from pincette.topics import QUESTIONS, ROOT, TOPICS, key, question_key
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.rigs import Rigs
 from tests.support.rigs import demo_rig
 
 COMMITTED = Path(__file__).parents[2] / "deploy" / "asyncapi.json"
@@ -71,10 +70,9 @@ def test_committed_document_is_what_the_topics_say() -> None:
 
 def test_it_is_served() -> None:
     async def read() -> httpx.Response:
-        with ThreadPoolExecutor(1) as pool:
-            transport = httpx.ASGITransport(create_app(cast(Conductor, None), pool))
-            async with httpx.AsyncClient(transport=transport, base_url="http://desk") as client:
-                return await client.get("/asyncapi.json")
+        transport = httpx.ASGITransport(create_app(cast(Rigs, None)))
+        async with httpx.AsyncClient(transport=transport, base_url="http://desk") as client:
+            return await client.get("/asyncapi.json")
 
     answer = asyncio.run(read())
     assert answer.headers["content-type"] == "application/json"

@@ -10,7 +10,9 @@ import pytest
 
 from pincette.config import read_rig
 from pincette.runtime.fleet import ports
+from pincette.runtime.priority import FIFO
 from pincette.runtime.process import programs
+from pincette.topics import LOOP
 
 HOLDS_THE_NETWORK = "loopback"
 
@@ -49,6 +51,20 @@ def test_nothing_is_published_beyond_this_machine(compose: str, services: dict[s
     assert "ports:" in services[HOLDS_THE_NETWORK]
 
 
+def test_what_ticks_may_be_given_its_fixed_priority(root: Path) -> None:
+    over = (root / "deploy/real-time.yml").read_text(encoding="utf-8")
+    assert f"  router: &ticks\n    ulimits: {{ rtprio: {FIFO} }}\n" in over
+    given = re.findall(r"^  (\w+): [&*]ticks$", over, re.MULTILINE)
+    assert sorted(given) == sorted([*LOOP, "rig", "router"])
+
+
+def test_records_go_into_one_volume(compose: str, services: dict[str, str]) -> None:
+    assert compose.endswith("volumes:\n  data:\n")
+    writing = {name for name, text in services.items() if "--data, /data" in text}
+    assert writing == {"recorder", "supervisor"}
+    assert {name for name, text in services.items() if 'volumes: ["data:/data"]' in text} == writing
+
+
 def test_one_service_builds_the_image(compose: str) -> None:
     assert compose.count("build:") == 1
     assert compose.count("image: pincette\n") == 2
@@ -58,13 +74,14 @@ def _ran(command: list[str], folder: Path) -> bool:
     return subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode == 0
 
 
-def test_the_file_is_valid(root: Path) -> None:
+def test_the_files_are_valid(root: Path) -> None:
     if shutil.which("docker") is None or not _ran(["docker", "compose", "version"], root):
         # An engine may come without this plug-in; what else the file must be is tested without it.
-        pytest.skip("no docker compose here: docker-compose.yml is not validated")
-    command = ["docker", "compose", "config", "--quiet"]
-    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+        pytest.skip("no docker compose here: its files are not validated")
+    for over in ([], ["-f", "docker-compose.yml", "-f", "deploy/real-time.yml"]):
+        command = ["docker", "compose", *over, "config", "--quiet"]
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("name", ["run", "build"])

@@ -9,7 +9,7 @@ from time import monotonic, sleep
 from typing import Literal
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, sync_playwright
 
 from pincette.config import RigFile
 
@@ -24,7 +24,7 @@ FLAGS = (
     "--disable-sync",
 )
 DESK = {"width": 1280, "height": 800}
-TABLET = {"width": 820, "height": 1180}
+TABLETS = ({"width": 1024, "height": 768}, {"width": 768, "height": 1024})
 
 
 @dataclass
@@ -87,17 +87,31 @@ def open_browser() -> Generator[Browser]:
             browser.close()
 
 
-def visit(context: BrowserContext, origin: str) -> Visit:
+def visit(context: BrowserContext, origin: str, query: str = "") -> Visit:
     """Open the page of a rig and wait until it knows the rig."""
     page = context.new_page()
     seen = Visit(page, origin)
     page.on("console", lambda message: _note(seen, message.type, message.text))
     page.on("pageerror", lambda error: seen.errors.append(str(error)))
     page.on("request", lambda request: seen.addresses.append(request.url))
-    page.goto(f"{origin}/")
+    page.goto(f"{origin}/{query}")
     seen.until("#connection", "connected")
     page.wait_for_selector("#fact-start")
     return seen
+
+
+@contextmanager
+def looked_at(browser: Browser, rig: RigFile, query: str = "") -> Generator[Visit]:
+    """The page of a rig at a desk; in the end nothing came from elsewhere or went wrong."""
+    context = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
+    try:
+        seen = visit(context, origin_of(rig), query)
+        yield seen
+        assert seen.addresses
+        assert seen.foreign() == []
+        assert [error for error in seen.errors if "409" not in error] == []
+    finally:
+        context.close()
 
 
 def _note(seen: Visit, kind: str, text: str) -> None:

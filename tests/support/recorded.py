@@ -2,15 +2,20 @@
 
 import random
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path as FilePath
 
+from pincette.control.laws.law import LawSettings
+from pincette.control.planning.paths import Knot, Path
+from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.planning.sweep import Sweep
 from pincette.messages import (
     Applied,
+    Asked,
     Burst,
     Command,
     Estimate,
     JobNotice,
+    Load,
     Message,
     Position,
     Telemetry,
@@ -117,7 +122,19 @@ def notice(state: str = "running") -> JobNotice:
     return JobNotice("j-1", "grip", EPOCH, state, "hold", "", held=True, at="2026-03-01T12:00:00Z")
 
 
-def write(path: Path, messages: list[Message], *, finish: bool = True) -> McapFile:
+def asked() -> Asked:
+    """What the controller was given to play, with a path whose names are much alike."""
+    path = Path("force", "sinusoid", mean=10.0, amplitude=-0.0, cycle_s=0.5, cycles=2)
+    held = Segment("hold", "path", path.duration_s, path=path)
+    knots = (Knot(0.0, 1.0, 0.0), Knot(1.0, 0.1 + 0.2, 0.0))
+    moved = Segment("move", "path", 1.0, path=Path("position", "waypoints", knots=knots))
+    guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
+    laws = (LawSettings(), LawSettings("dsmifc"))
+    load = Load(Program((held, moved), guards, 2.17, laws))
+    return Asked(EPOCH, -1, "controller", "", load=load)
+
+
+def write(path: FilePath, messages: list[Message], *, finish: bool = True) -> McapFile:
     """A record of these messages."""
     file = McapFile(path, "demo", about=ABOUT, start_ns=START_NS, period_s=PERIOD_S)
     for place, message in enumerate(messages):

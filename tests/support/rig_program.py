@@ -37,13 +37,25 @@ class DeafBus:
         self.closed = True
 
 
+def context_of(rig: RigFile, bus: DeafBus, ready: Callable[[], object], folder: Path) -> Context:
+    """What the program is given."""
+
+    def join(rig: str | None = None, *, lockstep: bool | None = None) -> ZenohBus:
+        assert (rig, lockstep) == (None, None)
+        return cast(ZenohBus, bus)
+
+    def say(_line: str) -> None:
+        ready()
+
+    return Context(rig, folder, join, say, threading.Event())
+
+
 @contextmanager
 def offered(rig: RigFile, folder: Path) -> Generator[DeafBus]:
     """Offer a rig's instruments for as long as it takes."""
     bus, ready = DeafBus(), threading.Event()
-    context = Context(
-        rig, folder, lambda: cast(ZenohBus, bus), lambda _line: ready.set(), threading.Event()
-    )
+
+    context = context_of(rig, bus, ready.set, folder)
     thread = threading.Thread(target=PROGRAM, args=(context,))
     thread.start()
     try:

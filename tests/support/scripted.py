@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 from pincette.config import RigFile
 from pincette.control.planning.program import Guards, Program, Segment
-from pincette.messages import Applied, Estimate, Message, Position, Telemetry, Truth
+from pincette.messages import Applied, Asked, Estimate, Message, Position, Telemetry, Truth
 from pincette.runtime import composed
 from pincette.runtime.composed import ComposedLoop
 from pincette.runtime.devices import devices_on, simulated_bench
@@ -45,6 +45,11 @@ class Played:
 
     messages: list[Message]
     rig: SimulatedRig
+
+    @cached_property
+    def told(self) -> list[Message]:
+        """All but what was asked, which names the rig file and with it its ports."""
+        return [message for message in self.messages if not isinstance(message, Asked)]
 
     @cached_property
     def positions(self) -> list[Position]:

@@ -2,24 +2,24 @@
 
 import socket
 import threading
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import uvicorn
 
+from pincette.config import RigFile
 from pincette.runtime.context import Context
 from pincette.runtime.priority import stand_back
 from pincette_supervisor.config import SupervisorConfig, configure
 from pincette_supervisor.journal.store import Store, utc_now
-from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.planning.prediction import played
+from pincette_supervisor.planning.worker import Worker
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.results import archive
 from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.running.events import EventLog
-from pincette_supervisor.running.health import Health
-from pincette_supervisor.running.observer import Observer
-from pincette_supervisor.running.site import Site
+from pincette_supervisor.running.listeners import Listeners
+from pincette_supervisor.running.rig_finder import RigFinder
+from pincette_supervisor.running.rigs import Rigs
+from pincette_supervisor.running.taking_up import Household
 
-ESTOP_THREADS = 4
 STOP_S = 5.0
 
 
@@ -61,43 +61,71 @@ def run(context: Context) -> None:
 def _serve(
     context: Context, config: SupervisorConfig, listener: socket.socket, store: Store
 ) -> None:
-    bus = context.open_bus()
-    estop_pool = ThreadPoolExecutor(ESTOP_THREADS, thread_name_prefix="estop")
-    archivist = archive.archivist()
+    listeners = Listeners()
+    worker = Worker()
+    household = Household(
+        store, listeners, context.data, context.open_bus, partial(worker.run, played)
+    )
+    left_over = _by_rig(store, store.interrupt_left_over(utc_now()))
+
+    def take_up(rig: RigFile) -> Conductor:
+        return household.take_up(rig, left_over.pop(rig.rig.name, ()))
+
+    everywhere = context.open_bus()
     try:
-        observer = Observer(bus)
-        health = Health(context.rig, bus, observer, store)
-        model = RigModel(context.rig, config.models, store)
-        events = EventLog(store, context.rig.rig.name)
-        site = Site(model, bus, observer, health, store, events, config.records, archivist)
-        conductor = Conductor(site)
-        health.refresh()
-        conductor.recover(store.interrupt_left_over(utc_now()))
-        server = uvicorn.Server(
-            uvicorn.Config(
-                create_app(conductor, estop_pool),
-                log_config=None,
-                log_level="warning",
-                access_log=False,
-                lifespan="off",
-                timeout_graceful_shutdown=2,
-            )
-        )
-        # In a thread of its own the server leaves signals to the program's start-up.
-        thread = threading.Thread(target=server.run, args=([listener],), name="rest")
-        thread.start()
+        rigs = Rigs(take_up(context.rig))
+        finder = RigFinder(rigs, context.open_bus, take_up)
         try:
-            while thread.is_alive() and not server.started:
-                context.stop.wait(0.02)
-            context.ready(f"serves at http://{config.host}:{config.port}/api/v1")
-            context.stop.wait()
+            finder.begin(everywhere)
+            _answer(context, config, listener, rigs, listeners, finder)
         finally:
-            conductor.close()
-            events.close()
-            server.should_exit = True
-            thread.join(STOP_S)
-            health.close()
+            finder.close()
+            rigs.release()
     finally:
-        estop_pool.shutdown(wait=False, cancel_futures=True)
-        archivist.shutdown(cancel_futures=True)
-        bus.close()
+        everywhere.close()
+        worker.close()
+
+
+def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
+    """Names of jobs by their rig, in the same order."""
+    found: dict[str, list[str]] = {}
+    for name in jobs:
+        row = store.get(name)
+        if row is not None:
+            found.setdefault(row.rig, []).append(name)
+    return found
+
+
+def _answer(
+    context: Context,
+    config: SupervisorConfig,
+    listener: socket.socket,
+    rigs: Rigs,
+    listeners: Listeners,
+    finder: RigFinder,
+) -> None:
+    """Serve REST until told to stop."""
+    server = uvicorn.Server(
+        uvicorn.Config(
+            create_app(rigs),
+            log_config=None,
+            log_level="warning",
+            access_log=False,
+            lifespan="off",
+            timeout_graceful_shutdown=2,
+        )
+    )
+    # In a thread of its own the server leaves signals to the program's start-up.
+    thread = threading.Thread(target=server.run, args=([listener],), name="rest")
+    thread.start()
+    try:
+        while thread.is_alive() and not server.started:
+            context.stop.wait(0.02)
+        context.ready(f"serves at http://{config.host}:{config.port}/api/v1")
+        context.stop.wait()
+    finally:
+        finder.close()
+        rigs.close()
+        listeners.close()
+        server.should_exit = True
+        thread.join(STOP_S)

@@ -216,3 +216,13 @@ class Stopped(BaseModel):
     acknowledged: bool
     """Whether the actuator has confirmed."""
     detail: str
+
+
+class StoppedList(BaseModel):
+    """How an emergency stop of every rig was taken: each has confirmed."""
+
+    model_config = example(
+        rigs=[{"rig": "demo", "cause": "estop", "acknowledged": True, "detail": ""}]
+    )
+
+    rigs: list[Stopped]

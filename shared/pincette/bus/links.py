@@ -29,6 +29,12 @@ def endpoint(host: str, port: int, program: str) -> str:
     return f"tcp/{host}:{port + offset}"
 
 
+def address_of(endpoint: str) -> tuple[str, int]:
+    """Host and port of an endpoint; see ``endpoint``."""
+    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    return host.strip("[]"), int(port)
+
+
 def router_ends(host: str, port: int, *, lockstep: bool = False) -> Ends:
     """The router's place."""
     return Ends("router", listen=(endpoint(host, port, "router"),), patient=lockstep)
@@ -59,11 +65,21 @@ def consumers(name: str, services: Mapping[str, AnyService], *, lockstep: bool) 
 
 
 def peer_ends(
-    host: str, port: int, name: str, services: Mapping[str, AnyService], *, lockstep: bool
+    host: str,
+    port: int,
+    name: str,
+    services: Mapping[str, AnyService],
+    *,
+    lockstep: bool,
+    router_at: tuple[str, int] | None = None,
 ) -> Ends:
-    """A service's place: it listens, and connects to the partners that come before it."""
+    """A service's place: it listens, and connects to the partners that come before it.
+
+    The router is ``router_at``, or at ``host`` and ``port`` where that is None.
+    """
     partners = producers(services[name], lockstep=lockstep)
     partners |= consumers(name, services, lockstep=lockstep)
+    router = endpoint(*(router_at or (host, port)), "router")
     earlier = [other for other in LOOP[: LOOP.index(name)] if other in partners]
-    connect = tuple(endpoint(host, port, other) for other in ("router", *earlier))
+    connect = (router, *(endpoint(host, port, other) for other in earlier))
     return Ends("peer", (endpoint(host, port, name),), connect, patient=lockstep)

@@ -15,7 +15,7 @@ from pincette.bus.links import Ends
 from pincette.bus.protocol import Answerer, BusError, RefusalError, Sink
 from pincette.codec import ENCODING, CodecError, decode, encode
 from pincette.messages import Message
-from pincette.topics import TOPIC_OF, Question, Topic, key, live_key, question_key
+from pincette.topics import TOPIC_OF, Question, Topic, alive_of, key, live_key, question_key
 
 LEASE_MS = 500
 QUEUE = 16
@@ -101,22 +101,31 @@ class ZenohBus:
 
     def alive(self) -> set[str]:
         """Programs whose token is seen from here."""
-        found: set[str] = set()
-        for reply in self._session.liveliness().get(live_key(self._rig, "*"), timeout=1.0):
-            if reply.ok is not None:
-                found.add(str(reply.ok.key_expr).rsplit("/", 1)[1])
-        return found
+        return {program for _, program in self._alive(self._rig)}
+
+    def alive_everywhere(self) -> set[tuple[str, str]]:
+        """Rigs and programs whose token is seen from here, of every rig on the router."""
+        return self._alive("*")
+
+    def _alive(self, rig: str) -> set[tuple[str, str]]:
+        replies = self._session.liveliness().get(live_key(rig, "*"), timeout=1.0)
+        return {alive_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
         """Tell ``sink`` of every program that comes or goes."""
+        self._watch(self._rig, lambda _rig, program, alive: sink(program, alive))
 
+    def watch_everywhere(self, sink: Callable[[str, str, bool], None]) -> None:
+        """Tell ``sink`` of rig and program whenever one comes (true) or goes (false)."""
+        self._watch("*", sink)
+
+    def _watch(self, rig: str, sink: Callable[[str, str, bool], None]) -> None:
         def deliver(sample: zenoh.Sample) -> None:
-            sink(str(sample.key_expr).rsplit("/", 1)[1], sample.kind == zenoh.SampleKind.PUT)
+            found, program = alive_of(str(sample.key_expr))
+            sink(found, program, sample.kind == zenoh.SampleKind.PUT)
 
         self._declared.append(
-            self._session.liveliness().declare_subscriber(
-                live_key(self._rig, "*"), deliver, history=True
-            )
+            self._session.liveliness().declare_subscriber(live_key(rig, "*"), deliver, history=True)
         )
 
     def declare(self, topic: Topic) -> None:
@@ -206,7 +215,10 @@ class ZenohBus:
         trouble = "is it running?"
         for reply in cast("Any", replies):
             if reply.ok is not None:
-                return decode(question.reply, reply.ok.payload.to_bytes())
+                try:
+                    return decode(question.reply, reply.ok.payload.to_bytes())
+                except CodecError as error:
+                    raise BusError(f"{self._rig}: {place}: {error}") from error
             text = reply.err.payload.to_bytes().decode(errors="replace")
             if text != "Timeout":
                 raise RefusalError(text)

@@ -9,7 +9,7 @@ from pincette.cli.exit_status import Exit
 from pincette.cli.job_acts import job_of
 from pincette.cli.options import Words, addressed, does, job_named
 from pincette.cli.output import emit, screen
-from pincette.cli.rest import rig_of
+from pincette.cli.rest import reached
 from pincette.cli.show import show_result
 from pincette.cli.tables import STATE_COLOURS, clock, table
 
@@ -30,9 +30,14 @@ def add(word: Words) -> None:
 
 def list_jobs(given: argparse.Namespace) -> int:
     """List jobs, a line each."""
-    filters = {"state": given.state, "kind": given.of_kind, "label": given.label}
+    filters = {
+        "rig": given.at,
+        "state": given.state,
+        "kind": given.of_kind,
+        "label": given.label,
+    }
     wanted = {name: value for name, value in filters.items() if value is not None}
-    jobs = [handle.job for handle in rig_of(given).jobs(given.limit, **wanted)]
+    jobs = [handle.job for handle in reached(given).jobs(given.limit, **wanted)]
     if given.json:
         emit(jobs)
         return Exit.DONE
@@ -40,13 +45,21 @@ def list_jobs(given: argparse.Namespace) -> int:
     if not jobs:
         console.print("no such job" if wanted else "no job yet; `pincette job grip` starts one")
         return Exit.DONE
-    rows = table("job", "kind", "state", "outcome", "begun", right=())
+    several = len({job.rig for job in jobs}) > 1
+    rows = table(
+        "job", *(["rig"] if several else []), "kind", "state", "outcome", "begun", right=()
+    )
     for job in jobs:
         colour = STATE_COLOURS.get(job.state, "default")
         result = job.result or {}
         begun = clock(job.started_at or job.created_at)
         rows.add_row(
-            job.id, job.kind, f"[{colour}]{job.state}[/]", str(result.get("outcome", "")), begun
+            job.id,
+            *([job.rig] if several else []),
+            job.kind,
+            f"[{colour}]{job.state}[/]",
+            str(result.get("outcome", "")),
+            begun,
         )
     console.print(rows)
     return Exit.DONE

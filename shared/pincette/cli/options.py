@@ -43,11 +43,21 @@ def rigged(word: argparse.ArgumentParser, *, data: bool = False) -> argparse.Arg
 
 def addressed(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
     """Let a word be told where the supervisor is, and which of its rigs is meant."""
+    return machine(at(url(word), "name of the rig, where there are several"))
+
+
+def url(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Let a word be told where the supervisor is."""
     word.add_argument(
         "--url", default=DEFAULT_URL, help="of the supervisor; %(default)s if not given"
     )
-    word.add_argument("--at", metavar="RIG", help="name of the rig, where there are several")
-    return machine(word)
+    return word
+
+
+def at(word: argparse.ArgumentParser, text: str) -> argparse.ArgumentParser:
+    """Let a word be told which rig is meant."""
+    word.add_argument("--at", metavar="RIG", help=text)
+    return word
 
 
 def machine(word: argparse.ArgumentParser) -> argparse.ArgumentParser:

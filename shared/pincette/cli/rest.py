@@ -4,7 +4,7 @@ import argparse
 import os
 
 from pincette.cli.exit_status import Exit
-from pincette.client import RigHandle, Supervisor
+from pincette.client import RigHandle, Supervisor, WhichRigError
 from pincette.client.call import OPERATOR_MAX
 
 DEFAULT_URL = "http://127.0.0.1:8000"
@@ -34,8 +34,11 @@ def operator() -> str | None:
 
 
 def rig_of(given: argparse.Namespace) -> RigHandle:
-    """The rig of ``--at``, else the only one."""
-    return reached(given).rig(given.at)
+    """The rig of ``--at``, else the only one; raises CliError where there are several."""
+    try:
+        return reached(given).rig(given.at)
+    except WhichRigError as error:
+        raise CliError(f"{error} with --at", Exit.USAGE) from error
 
 
 def silence(url: str | None, error: Exception) -> str:

@@ -72,7 +72,7 @@ def give(rig_path: Path, words: list[str], after_s: float, for_s: float | None) 
     if rig.simulation is None:
         raise CliError(f"rig {rig.rig.name!r} is real: do at its bench what you want done")
     try:
-        bus = ZenohBus(client_ends(rig.bus.host, rig.bus.port), rig.rig.name, "orders")
+        bus = ZenohBus(client_ends(*rig.bus.router_at), rig.rig.name, "orders")
     except BusError as error:
         raise CliError(f"{error}\nIs the rig up? `pincette up` starts it") from error
     try:

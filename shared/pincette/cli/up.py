@@ -96,7 +96,10 @@ def up(rig_path: Path, data: Path) -> int:
 
 
 def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
-    console.print(f"rig [bold]{rig.rig.name}[/bold] is up at {_address(rig)}; Ctrl-C ends it")
+    served = ", served" if rig.joins else ""
+    console.print(
+        f"rig [bold]{rig.rig.name}[/bold] is up{served} at {_address(rig)}; Ctrl-C ends it"
+    )
     gone: set[str] = set()
     while True:
         sleep(WATCH_S)
@@ -115,7 +118,7 @@ def demo(rig_path: Path, data: Path, *, machine: bool = False) -> int:
     """Grip the part of a rig once, from start to end."""
     console = screen(machine=machine)
     with running(rig_path, data, console) as (rig, _fleet), Supervisor(_address(rig)) as supervisor:
-        job = follow(supervisor.rig().start("grip"), console)
+        job = follow(supervisor.rig(rig.rig.name).start("grip"), console)
     if machine:
         emit(job)
     else:

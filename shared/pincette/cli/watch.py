@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Iterator
 from math import inf
 from typing import Any
 
@@ -13,10 +14,10 @@ from pincette.cli.job import followed
 from pincette.cli.job_acts import job_of
 from pincette.cli.options import Words, addressed, does, job_named
 from pincette.cli.output import screen
-from pincette.cli.rest import FOLLOWED_S, rig_of
+from pincette.cli.rest import FOLLOWED_S, reached
 from pincette.cli.tables import STATE_COLOURS, clock
 
-ABOUT = "follow a job to its end, or everything that happens to the rig, until Ctrl-C"
+ABOUT = "follow a job to its end, or everything that happens to the rigs, until Ctrl-C"
 PASSING = ("progress", "dropped")
 ALARMING = ("alarm",)
 MAIN = {"action": "type", "alarm": "cause", "result": "outcome"}
@@ -33,15 +34,13 @@ def add(word: Words) -> None:
 
 
 def watch(given: argparse.Namespace) -> int:
-    """Follow a job, or a rig."""
+    """Follow a job, a rig, or all."""
     if given.name and not given.json:
         return followed(job_of(given), machine=False)
     if given.name:
         events = job_of(given).patient(FOLLOWED_S).events(given.after or 0)
     else:
-        rig = rig_of(given)
-        rig.state()  # so that nobody waits for a supervisor that was never there
-        events = rig.patient(inf).events(given.after)
+        events = _of_rigs(given)
     console = screen()
     for event in events:
         if given.json:
@@ -50,6 +49,17 @@ def watch(given: argparse.Namespace) -> int:
         elif event.kind not in PASSING:
             console.print(line(event), soft_wrap=True)
     return Exit.DONE
+
+
+def _of_rigs(given: argparse.Namespace) -> Iterator[Event]:
+    """Events of the rig that is named, or of all; asked first whether there is a supervisor."""
+    supervisor = reached(given)
+    if given.at is None:
+        supervisor.rigs()
+        return supervisor.patient(inf).events(given.after)
+    rig = supervisor.rig(given.at)
+    rig.state()
+    return rig.patient(inf).events(given.after)
 
 
 def line(event: Event) -> Text:

@@ -18,6 +18,7 @@ from pincette.client.errors import (
     NoAnswerError,
     ProblemError,
     WaitTimeoutError,
+    WhichRigError,
 )
 from pincette.client.job_handle import JobHandle
 from pincette.client.rig_handle import RigHandle
@@ -36,4 +37,5 @@ __all__ = [
     "RigHandle",
     "Supervisor",
     "WaitTimeoutError",
+    "WhichRigError",
 ]

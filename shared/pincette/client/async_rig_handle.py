@@ -76,7 +76,7 @@ class AsyncRigHandle:
     def events(self, after: int | None = None) -> AsyncIterator[Event]:
         """Events of the rig as they come, from those after a number; without one, from here on."""
         begin = rig_calls.newest_event(self.name) if after is None else after
-        return self._line.events(f"/rigs/{self.name}/events", begin)
+        return self._line.events(rig_calls.events_of(self.name), begin)
 
     async def estop(self) -> Stopped:
         """Stop at once: a held part is kept, a free arm ramps, the actuator latches."""

@@ -1,13 +1,16 @@
 """A supervisor, and through it rigs and jobs."""
 
+from collections.abc import AsyncIterator
+from copy import copy
 from types import TracebackType
 from typing import Any, Literal
 
 import httpx
 
+from pincette.api.event_models import Event
 from pincette.api.proposal_models import Proposal
 from pincette.api.recipe_models import Recipe, RecipeHistory
-from pincette.api.rig_models import Rig
+from pincette.api.rig_models import Rig, StoppedList
 from pincette.client import job_calls, recipe_calls, rig_calls
 from pincette.client.async_job_handle import AsyncJobHandle
 from pincette.client.async_line import AsyncLine
@@ -52,6 +55,12 @@ class AsyncSupervisor:
         """Give the connections back."""
         await self.line.close()
 
+    def patient(self, patience_s: float) -> "AsyncSupervisor":
+        """The same supervisor, with more patience or less while nobody answers."""
+        other = copy(self)
+        other.line = self.line.patient(patience_s)
+        return other
+
     async def rigs(self) -> list[Rig]:
         """Every rig that it serves."""
         found = await self.line.send(rig_calls.rigs())
@@ -64,6 +73,20 @@ class AsyncSupervisor:
     async def job(self, name: str) -> AsyncJobHandle:
         """A job by its id, of whichever rig."""
         return AsyncJobHandle(self.line, await self.line.send(job_calls.job(name)))
+
+    async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
+        """Jobs of every rig, the newest first; filters are rig, state, kind, label and before."""
+        found = await self.line.send(job_calls.jobs({"limit": limit, **filters}))
+        return [AsyncJobHandle(self.line, job) for job in found.jobs]
+
+    def events(self, after: int | None = None) -> AsyncIterator[Event]:
+        """Events of every rig as they come, from those after a number; else from here on."""
+        begin = rig_calls.newest_event(None) if after is None else after
+        return self.line.events(rig_calls.events_of(None), begin)
+
+    async def estop(self) -> StoppedList:
+        """Stop every rig at once; refused where one has not confirmed, which names it."""
+        return await self.line.send(rig_calls.estop_all())
 
     async def proposals(self, limit: int = 50) -> list[Proposal]:
         """What calibrations propose, the newest first."""

@@ -16,6 +16,10 @@ class NoAnswerError(ClientError):
     """Nobody answers at the address, or the line broke before the answer was complete."""
 
 
+class WhichRigError(ClientError):
+    """It is not said which of several rigs is meant."""
+
+
 class ForeignAnswerError(ClientError):
     """What answers is no supervisor of this version."""
 

@@ -6,7 +6,7 @@ from pydantic import BaseModel
 
 from pincette.api.event_models import EventList
 from pincette.api.proposal_models import ModelView, Proposal, ProposalList
-from pincette.api.rig_models import Rig, RigList, Stopped
+from pincette.api.rig_models import Rig, RigList, Stopped, StoppedList
 from pincette.client.call import Call, model
 
 
@@ -25,6 +25,11 @@ def estop(name: str) -> Call[Stopped]:
     return Call("POST", f"/rigs/{name}/estop", model(Stopped), repeatable=True)
 
 
+def estop_all() -> Call[StoppedList]:
+    """Stop every rig at once; asked twice, it stops once."""
+    return Call("POST", "/estop", model(StoppedList), repeatable=True)
+
+
 def reset(name: str) -> Call[Stopped]:
     """Clear the latch."""
     return Call("POST", f"/rigs/{name}/reset", model(Stopped), body={"acknowledge": True})
@@ -36,12 +41,17 @@ def queue_action(name: str, action: Literal["resume", "clear"]) -> Call[Rig]:
     return Call("POST", f"/rigs/{name}/queue/actions", model(Rig), body=body)
 
 
-def newest_event(name: str) -> Call[int]:
-    """Number of the newest event, from which on a stream is without a gap."""
+def newest_event(name: str | None) -> Call[int]:
+    """Number of the newest event, of a rig or of all, from which on a stream is without a gap."""
     query: dict[str, str | float] = {"format": "json", "limit": 1}
     read = model(EventList)
-    path = f"/rigs/{name}/events"
+    path = events_of(name)
     return Call("GET", path, lambda response: read(response).newest, query, repeatable=True)
+
+
+def events_of(name: str | None) -> str:
+    """Where the events of a rig are told, or of every one."""
+    return "/events" if name is None else f"/rigs/{name}/events"
 
 
 def model_in_use(name: str) -> Call[ModelView]:

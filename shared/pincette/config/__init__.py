@@ -2,7 +2,8 @@
 
 from pincette.config.calibration import Calibration, calibrated, parse_calibration
 from pincette.config.model import IdentifiedFreeResponse, Model, RecordedFreeResponse
-from pincette.config.rig_file import Output, RigFile, Sensor, parse_rig, read_rig
+from pincette.config.reading import parse_rig, parse_told, read_rig
+from pincette.config.rig_file import Output, RigFile, Sensor
 from pincette.config.simulation import Simulation
 from pincette.config.tables import ConfigError, Table
 
@@ -20,5 +21,6 @@ __all__ = [
     "calibrated",
     "parse_calibration",
     "parse_rig",
+    "parse_told",
     "read_rig",
 ]

@@ -6,7 +6,8 @@ from typing import Any
 
 from pydantic import Field, ValidationError, field_validator
 
-from pincette.config.rig_file import RigFile, parse_rig
+from pincette.config.reading import parse_rig
+from pincette.config.rig_file import RigFile
 from pincette.config.tables import ConfigError, Table
 
 CALIBRATED = (
@@ -24,6 +25,13 @@ CALIBRATED = (
     "sensor.noise_um",
 )
 """Quantities of a rig file that a calibration may replace, by table and name."""
+EXPECTED = (
+    "part.contact_um",
+    "part.contact_tolerance_um",
+    "part.stiffness_mN_per_um",
+    "part.stiffness_tolerance",
+)
+"""Quantities that a recipe may replace for one job: what is expected of its object."""
 
 
 class Calibration(Table):
@@ -38,7 +46,7 @@ class Calibration(Table):
     @field_validator("values")
     @classmethod
     def _known(cls, values: dict[str, Any]) -> dict[str, Any]:
-        odd = sorted(values.keys() - set(CALIBRATED))
+        odd = sorted(values.keys() - {*CALIBRATED, *EXPECTED})
         if odd:
             raise ValueError(f"{', '.join(odd)}: no calibration replaces that")
         return values

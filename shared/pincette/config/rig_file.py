@@ -1,18 +1,17 @@
-"""The rig file: one frozen tree, read from TOML, unknown keys and impossible values refused."""
+"""The rig file: one frozen tree, unknown keys and impossible values refused."""
 
 import hashlib
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from pincette.config.law import Law
 from pincette.config.model import Model
 from pincette.config.recorder import Recorder
 from pincette.config.simulation import Simulation
-from pincette.config.tables import ConfigError, NotNegative, Positive, Table, Url
+from pincette.config.tables import NotNegative, Place, Positive, Table, Url
 from pincette.control.planning.paths import Shape
 
 Options = dict[str, str | int | float | bool]
@@ -34,6 +33,17 @@ class Bus(Table):
 
     host: str = "127.0.0.1"
     port: int = Field(default=7447, ge=1024, le=65500)
+    router: Place | None = None
+    """HOST:PORT of another rig's router that this rig joins: it has no router of its own then, and
+    is served by the supervisor at that one. None: its router is its own."""
+
+    @property
+    def router_at(self) -> tuple[str, int]:
+        """Host and port of the router, whosever it is."""
+        if self.router is None:
+            return self.host, self.port
+        host, _, port = self.router.rpartition(":")
+        return host.strip("[]"), int(port)
 
 
 class Sensor(Table):
@@ -163,6 +173,8 @@ class Supervisor(Table):
     port: int = Field(default=8000, ge=1, le=65535)
 
 
+JOINED = "rigs"
+"""Folder of the rigs that have joined, below that of the rig they have joined."""
 UNSHARED: Mapping[str, set[str] | bool] = {
     "sensor": {"serial_number"},
     "output": {"serial_number"},
@@ -197,6 +209,15 @@ class RigFile(Table):
         return self.rig.time == "lockstep"
 
     @property
+    def joins(self) -> bool:
+        """Whether it joins the router of another rig, and is served by the supervisor there."""
+        return self.bus.router is not None
+
+    def home(self, data: Path) -> Path:
+        """Where records and logs go: each rig that joins another's router has its own folder."""
+        return data / JOINED / self.rig.name if self.joins else data
+
+    @property
     def serial_numbers(self) -> dict[str, str]:
         """Of the instruments, by table; those that are known."""
         known = {"sensor": self.sensor.serial_number, "output": self.output.serial_number}
@@ -206,35 +227,3 @@ class RigFile(Table):
         """What every program of a rig must agree on; how a rig is looked after is none of it."""
         text = self.model_dump_json(exclude=UNSHARED)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def read_rig(path: Path) -> RigFile:
-    """Read a rig file.
-
-    Raises
-    ------
-    ConfigError
-        Where the file is missing, is not TOML, or has an unknown key or an impossible value.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"rig file {path}: {error.strerror}") from error
-    try:
-        return parse_rig(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"rig file {path} is not TOML: {error}") from error
-    except ConfigError as error:
-        raise ConfigError(f"rig file {path}:\n{error}") from error
-
-
-def parse_rig(tables: dict[str, Any]) -> RigFile:
-    """Check the tables of a rig file; raises ConfigError with one line for each fault."""
-    try:
-        return RigFile.model_validate(tables)
-    except ValidationError as error:
-        lines = [
-            f"  {'.'.join(str(part) for part in fault['loc'])} = {fault['input']!r}: {fault['msg']}"
-            for fault in error.errors(include_url=False)
-        ]
-        raise ConfigError("\n".join(lines)) from error

@@ -22,7 +22,19 @@ def _reachable(url: str) -> str:
     raise ValueError("wanted socket://HOST:PORT with a port from 1 to 65535, or a device")
 
 
+def _place(text: str) -> str:
+    """Where a program listens, as HOST:PORT."""
+    try:
+        parts = urlsplit(f"//{text}")
+        if parts.hostname and parts.port and parts.netloc == text:
+            return text
+    except ValueError:
+        pass
+    raise ValueError("wanted HOST:PORT with a port from 1 to 65535")
+
+
 Url = Annotated[str, AfterValidator(_reachable)]
+Place = Annotated[str, AfterValidator(_place)]
 
 
 class ConfigError(ValueError):

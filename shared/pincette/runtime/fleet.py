@@ -18,6 +18,7 @@ from pincette.topics import LOOP
 
 START_S = 30.0
 STOP_S = 5.0
+ROUTER_S = 2.0
 Say = Callable[[str, str], None]
 """Called with a program's name and one line about it."""
 
@@ -44,9 +45,9 @@ class Member:
 
 def ports(rig: RigFile) -> dict[int, str]:
     """Ports a rig needs on this machine, and what for."""
-    wanted = {rig.bus.port: "router"}
-    wanted |= {rig.bus.port + 1 + index: name for index, name in enumerate(LOOP)}
-    wanted[rig.supervisor.port] = "supervisor"
+    wanted = {rig.bus.port + 1 + index: name for index, name in enumerate(LOOP)}
+    if not rig.joins:
+        wanted = {rig.bus.port: "router", **wanted, rig.supervisor.port: "supervisor"}
     if rig.simulation is not None:
         for name, url in (("position sensor", rig.sensor.url), ("output", rig.output.url)):
             port = urlsplit(url).port if url.startswith("socket://") else None
@@ -71,6 +72,20 @@ def check_ports(rig: RigFile) -> None:
                 ) from error
 
 
+def check_router(rig: RigFile) -> None:
+    """Raise FleetError where a rig joins a router that is not there."""
+    if not rig.joins:
+        return
+    try:
+        with socket.create_connection(rig.bus.router_at, ROUTER_S):
+            pass
+    except OSError as error:
+        raise FleetError(
+            f"rig {rig.rig.name!r}: no router at {rig.bus.router} ([bus] router): "
+            f"{error.strerror or error}. Start the rig that has it first"
+        ) from error
+
+
 class Fleet:
     """The programs of one rig as child processes on a leash."""
 
@@ -78,14 +93,15 @@ class Fleet:
         self.members: dict[str, Member] = {}
         self._rig = rig
         self._arguments = ["--rig", str(path), "--data", str(data), "--leash"]
-        self._logs = data / "logs"
+        self._logs = rig.home(data) / "logs"
         self._logs.mkdir(parents=True, exist_ok=True)
         self._say = say
 
     def names(self) -> list[str]:
         """What `pincette up` starts for this rig."""
         rig = ["rig"] if self._rig.simulation is not None else []
-        return ["router", *rig, *LOOP, "recorder", "supervisor"]
+        own = [*rig, *LOOP, "recorder"]
+        return own if self._rig.joins else ["router", *own, "supervisor"]
 
     def start(self, names: Iterable[str]) -> None:
         """Start programs side by side and wait until all of them serve."""
@@ -124,12 +140,10 @@ class Fleet:
     def up(self) -> None:
         """Start everything: what others lean on first."""
         check_ports(self._rig)
+        check_router(self._rig)
         names = self.names()
-        self.start(names[:1])
-        self.start([name for name in names if name == "rig"])
-        self.start(LOOP)
-        self.start(["recorder"])
-        self.start(["supervisor"])
+        for stage in (("router",), ("rig",), LOOP, ("recorder",), ("supervisor",)):
+            self.start([name for name in names if name in stage])
 
     def ended(self) -> list[Member]:
         """Programs that have ended by themselves."""

@@ -22,14 +22,17 @@ from pincette.runtime.devices import open_device
 from pincette.runtime.loop import ServiceLoop
 from pincette.runtime.node import Node
 from pincette.runtime.priority import come_first
+from pincette.runtime.rig_file import serve_rig_file
 from pincette.service import AnyService
 from pincette.sim.wires.ports import WireError
-from pincette.topics import LOOP
+from pincette.topics import ASKED, LOOP
 
 log = logging.getLogger("pincette")
 READY = "ready: "
 """How a line on standard output begins that says a program serves."""
 PARTNER_POLL_S = 0.05
+OF_THE_ROUTER = ("router", "supervisor")
+"""Programs that all rigs on one router share."""
 
 CannotStart = (
     ConfigError,
@@ -105,13 +108,21 @@ def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Option
     services = loop_services()
     service = services[name]
     node = Node(service, rig, open_device(service, rig), secrets.randbits(48))
-    ends = peer_ends(rig.bus.host, rig.bus.port, name, services, lockstep=rig.lockstep)
+    ends = peer_ends(
+        rig.bus.host,
+        rig.bus.port,
+        name,
+        services,
+        lockstep=rig.lockstep,
+        router_at=rig.bus.router_at,
+    )
     try:
         bus = ZenohBus(ends, rig.rig.name, name, reliable=rig.lockstep)
         try:
             loop = ServiceLoop(node, bus, options.delay_s, options.delay_seed)
-            for topic in service.outputs:
+            for topic in (*service.outputs, ASKED):
                 bus.declare(topic)
+            serve_rig_file(bus, rig, name)
             bus.announce(name)
 
             def end() -> None:
@@ -151,16 +162,19 @@ def _wait_for_partners(
     return False
 
 
-def _run_other(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
-    program: Callable[[Context], None] = plugins.load(plugins.PROGRAMS, name)
-    ends = client_ends(rig.bus.host, rig.bus.port, lockstep=rig.lockstep)
-    _on_stop(stop.set, options)
-    program(
-        Context(
-            rig=rig,
-            data=options.data,
-            open_bus=lambda: ZenohBus(ends, rig.rig.name, name),
-            ready=_say_ready,
-            stop=stop,
+def _run_other(name: str, file: RigFile, stop: threading.Event, options: Options) -> None:
+    if file.joins and name in OF_THE_ROUTER:
+        raise ConfigError(
+            f"rig {file.rig.name!r} joins the router at {file.bus.router}, beside which its {name} "
+            f"runs: start the {name} of the rig that has the router"
         )
-    )
+    program: Callable[[Context], None] = plugins.load(plugins.PROGRAMS, name)
+
+    def open_bus(rig: str | None = None, *, lockstep: bool | None = None) -> ZenohBus:
+        patient = file.lockstep if lockstep is None else lockstep
+        ends = client_ends(*file.bus.router_at, lockstep=patient)
+        return ZenohBus(ends, rig or file.rig.name, name)
+
+    _on_stop(stop.set, options)
+    home = file.home(options.data)
+    program(Context(rig=file, data=home, open_bus=open_bus, ready=_say_ready, stop=stop))

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import pytest
 
-from pincette.bus.links import consumers, endpoint, peer_ends, producers
+from pincette.bus.links import address_of, consumers, endpoint, peer_ends, producers
 from pincette.runtime.process import loop_services
 from pincette.topics import LOOP
 
@@ -39,3 +39,12 @@ def test_everybody_has_a_link_to_the_router() -> None:
 def test_the_pace_is_a_link_in_lockstep_only() -> None:
     assert consumers("actuator", SERVICES, lockstep=False) == {"estimator"}
     assert consumers("actuator", SERVICES, lockstep=True) == {"estimator", "sensor"}
+
+
+def test_a_rig_that_joins_a_router_has_its_own_links_and_that_one() -> None:
+    ends = peer_ends(
+        "127.0.0.1", 7100, "controller", SERVICES, lockstep=False, router_at=("bench", 7000)
+    )
+    assert ends.connect == ("tcp/bench:7000", "tcp/127.0.0.1:7102")
+    assert ends.listen == ("tcp/127.0.0.1:7103",)
+    assert address_of(ends.connect[0]) == ("bench", 7000)

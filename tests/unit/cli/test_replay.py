@@ -1,4 +1,4 @@
-"""A recorded job through the estimator alone: the same to the last bit, or the first difference."""
+"""Recorded jobs through their services again: the same to the last bit, or the first difference."""
 
 import json
 from collections.abc import Callable
@@ -11,7 +11,7 @@ import pytest
 from pincette.api.request_models import GripJobRequest
 from pincette.cli import replay
 from pincette.cli.main import main
-from pincette.messages import Estimate, Message, Position
+from pincette.messages import Asked, Estimate, Message
 from pincette.records.mcap_reading import Recording
 from pincette.runtime.composed import ComposedLoop
 from pincette_supervisor.planning.job_plans import plan_job
@@ -45,41 +45,65 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> Recorded:
     return place
 
 
+def wrong() -> list[Message]:
+    return [
+        replace(message, force_mN=message.force_mN + 1e-12)
+        if isinstance(message, Estimate) and message.seq in (40, 41)
+        else message
+        for message in played()
+    ]
+
+
 def test_a_record_is_repeated_to_the_last_bit(
     recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded(job=recording(list(played())))
     assert main(["replay", "job"]) == 0
     count = sum(isinstance(message, Estimate) for message in played())
-    assert f"{count} samples, the same to the last bit" in capsys.readouterr().out
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["estimator", f"{count}", f"{count}", "0"] in rows
+    assert ["controller", f"{count}", f"{2 * count}", "0"] in rows
+    assert ["actuator", f"{2 * count}", f"{count}", "0"] in rows
 
 
 def test_the_first_difference_is_said(
     recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    wrong = [
-        replace(message, force_mN=message.force_mN + 1e-12)
-        if isinstance(message, Estimate) and message.seq in (40, 41)
+    recorded(job=recording(wrong()))
+    assert main(["replay", "job", "--service", "estimator", "--json"]) == 1
+    (found,) = json.loads(capsys.readouterr().out)
+    (estimator,) = found["services"]
+    assert (estimator["different"], estimator["stopped"]) == (2, "")
+    first = estimator["first"]
+    assert (first["topic"], first["seq"], first["field"]) == ("estimate", 40, "force_mN")
+    assert first["recorded"] - first["replayed"] == pytest.approx(1e-12, rel=1e-3)
+    assert main(["replay", "job", "--service", "estimator"]) == 1
+    assert "estimate 40, force_mN:" in capsys.readouterr().out
+
+
+def test_another_force_leads_to_another_command(
+    recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(job=recording(wrong()), good=recording(list(played())))
+    assert main(["replay", "good", "job", "--json"]) == 1
+    good, bad = json.loads(capsys.readouterr().out)
+    assert (good["record"], bad["record"]) == ("good", "job")
+    assert [one["different"] for one in good["services"]] == [0, 0, 0]
+    assert [one["different"] > 0 for one in bad["services"]] == [True, False, False]
+
+
+def test_zero_and_minus_zero_differ(recorded: Recorded, capsys: pytest.CaptureFixture[str]) -> None:
+    turned = [
+        replace(message, force_mN=-message.force_mN)
+        if isinstance(message, Estimate) and message.seq == 0
         else message
         for message in played()
     ]
-    recorded(job=recording(wrong))
-    assert main(["replay", "job", "--json"]) == 1
+    recorded(job=recording(turned))
+    assert main(["replay", "job", "--service", "estimator", "--json"]) == 1
     (found,) = json.loads(capsys.readouterr().out)
-    assert [one["seq"] for one in found["differences"]] == [40, 41]
-    assert list(found["differences"][0]["fields"]) == ["force_mN"]
-    assert main(["replay", "job"]) == 1
-    assert "2 of" in capsys.readouterr().out
-
-
-def test_what_came_before_counts(recorded: Recorded, capsys: pytest.CaptureFixture[str]) -> None:
-    moved = [
-        replace(message, x_um=message.x_um + 0.5) if isinstance(message, Position) else message
-        for message in played()
-    ]
-    recorded(job=recording(moved))
-    assert main(["replay", "job"]) == 1
-    assert "the service remembers what came before" in capsys.readouterr().out
+    first = found["services"][0]["first"]
+    assert (first["seq"], str(first["recorded"]), str(first["replayed"])) == (0, "-0.0", "0.0")
 
 
 def test_what_cannot_be_replayed_is_said(
@@ -90,6 +114,9 @@ def test_what_cannot_be_replayed_is_said(
     recorded(job=Recording(ABOUT, None, []))
     assert main(["replay", "job"]) == 1
     assert "holds no rig.json" in capsys.readouterr().err
-    recorded(job=recording([]))
+    older: list[Message] = [message for message in played() if not isinstance(message, Asked)]
+    recorded(job=recording(older))
     assert main(["replay", "job"]) == 1
-    assert "holds nothing that the estimator has said" in capsys.readouterr().err
+    told = capsys.readouterr().out
+    for name in ("estimator", "controller", "actuator"):
+        assert f"{name}: not repeated from here on: its arming is not in the record" in told

@@ -12,6 +12,7 @@ from pincette.messages import (
     Act,
     Applied,
     Arm,
+    Document,
     Done,
     Finish,
     JobNotice,
@@ -21,6 +22,8 @@ from pincette.messages import (
     Record,
     Recorded,
     Reset,
+    RigFileRequest,
+    RigFileTold,
     Status,
     StatusRequest,
     Trip,
@@ -50,6 +53,8 @@ class CannedRig:
         self.rig = rig
         self.digests: dict[str, str] = dict.fromkeys(PROGRAMS, rig.digest())
         self.instances: dict[str, int] = dict.fromkeys(PROGRAMS, 1)
+        self.told = rig.model_dump_json()
+        """What its programs say when they are asked for their rig file."""
         self.silent: set[str] = set()
         self.latch = "boot"
         self.epoch = 0
@@ -133,6 +138,8 @@ class CannedRig:
                 return Status(
                     service, "0.1.0", instance, digest, self.epoch, 0, 0, 0, said, self.calibration
                 )
+            case RigFileRequest():
+                return RigFileTold(Document(self.told), self.rig.digest())
             case Record():
                 self.record = request
             case Finish():

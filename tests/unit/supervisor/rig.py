@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -19,6 +18,7 @@ from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.events import EventLog
 from pincette_supervisor.running.health import Health
 from pincette_supervisor.running.observer import Observer
+from pincette_supervisor.running.rigs import Rigs
 from pincette_supervisor.running.site import Site
 
 from .canned import CannedRig
@@ -57,8 +57,8 @@ class Desk:
             clock=clock,
         )
         self.conductor = Conductor(site)
-        self.estop_pool = ThreadPoolExecutor(1)
-        self.app: FastAPI = create_app(self.conductor, self.estop_pool)
+        self.rigs = Rigs(self.conductor)
+        self.app: FastAPI = create_app(self.rigs)
 
     def call(self, method: str, path: str, **details: Any) -> httpx.Response:
         async def send() -> httpx.Response:
@@ -144,7 +144,7 @@ class Desk:
         if live is not None:
             assert live.done.wait(PATIENCE_S)
         self.events.close()
-        self.estop_pool.shutdown()
+        self.conductor.latch.threads.shutdown()
         self.archivist.shutdown()
         self.health.close()
         self.store.close()

@@ -14,6 +14,7 @@ from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.rest import routes_events
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.events import EventLog
+from pincette_supervisor.running.rigs import Rigs
 
 GUARD_S = 20.0
 AT = "2026-03-01T12:00:00.000Z"
@@ -31,7 +32,11 @@ class Bench:
         bench = self
 
         class Stub:
-            site = SimpleNamespace(store=bench.store, events=bench.log, rig=rig)
+            name = rig.rig.name
+            site = SimpleNamespace(store=bench.store, events=bench.log)
+
+            def has(self, job: str) -> bool:
+                return job in bench.active
 
             @property
             def active(self) -> object:
@@ -39,7 +44,7 @@ class Bench:
 
         app = FastAPI()
         problems.install(app)
-        app.include_router(routes_events.routes(cast(Conductor, Stub())))
+        app.include_router(routes_events.routes(Rigs(cast(Conductor, Stub()))))
         return app
 
     def job(self, name: str, state: str) -> None:

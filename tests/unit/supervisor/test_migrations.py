@@ -2,6 +2,8 @@
 
 import json
 import sqlite3
+import subprocess
+import sys
 from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
@@ -125,3 +127,16 @@ def test_programs_of_before_refuse_the_file(tmp_path: Path) -> None:
 def test_migrating_says_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     Store(old_file(tmp_path / "jobs.sqlite", [("a", "{}", AT)])).close()
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_start_says_nothing_of_migrations(tmp_path: Path) -> None:
+    script = (
+        "import logging, pathlib\n"
+        "logging.basicConfig(level=logging.INFO)\n"
+        "from pincette_supervisor.journal.store import Store\n"
+        f"Store(pathlib.Path({str(tmp_path / 'journal.sqlite')!r})).close()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60.0, check=True
+    )
+    assert (done.stdout, done.stderr) == ("", "")

@@ -1,6 +1,5 @@
 """What is foretold of a plan, beside what the whole loop then does."""
 
-import threading
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,12 @@ from pincette.api.request_models import AnyJobRequest, Body
 from pincette.config import RigFile, read_rig
 from pincette.messages import Applied, Message, Telemetry, Truth
 from pincette.runtime.composed import ComposedLoop
-from pincette_supervisor.planning import foretelling, rehearsal, stage
-from pincette_supervisor.planning.foretelling import Foreteller
+from pincette_supervisor.planning import rehearsal, stage
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import CURVE_POINTS, played, with_prediction
 from pincette_supervisor.planning.present import Present
-from pincette_supervisor.planning.rehearsal import Rehearsal, stated_instruments
-from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.planning.rehearsal import stated_instruments
 from tests.support.rigs import DEMO, Tree, at_own_ports, demo_rig
 
 REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
@@ -205,6 +202,14 @@ def test_a_long_plan_is_foretold_up_to_a_limit(monkeypatch: pytest.MonkeyPatch) 
     assert "8 s" in prediction.cut
 
 
+def test_a_short_period_does_not_take_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rehearsal, "LONGEST_SAMPLES", 150)
+    prediction = foretold(straight(), kind="grip").plan.prediction
+    assert prediction is not None
+    assert len(prediction.curves.t_s) == 150
+    assert prediction.cut == "3 s are foretold at most"
+
+
 def test_a_move_begins_where_the_arm_stands() -> None:
     planned = plan(straight(), Present(1.0, 19.0, False), kind="move", to_um=35.0)
     found = played(planned)
@@ -245,47 +250,3 @@ def test_a_driver_that_states_nothing_is_taken_as_ideal() -> None:
     assert stated_instruments(unknown).delay_s == 0.0
     assert INSTRUMENTS.lag_s == pytest.approx(0.01 / 3.0)
     assert 0.003 < INSTRUMENTS.delay_s < 0.01
-
-
-def test_the_same_plan_is_played_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[float] = []
-
-    def count(planned: Planned) -> Rehearsal:
-        asked.append(planned.plan.duration_s)
-        return Rehearsal(stage.Samples(), "gripped", "", INSTRUMENTS)
-
-    monkeypatch.setattr(foretelling, "played", count)
-    teller, first = Foreteller(), plan(straight(), kind="grip")
-    assert teller.rehearsal(first) is teller.rehearsal(plan(straight(), kind="grip"))
-    teller.rehearsal(plan(straight(), kind="grip", hold_s=1.0))
-    assert len(asked) == 2
-    assert asked[0] > asked[1]
-    teller.rehearsal(plan(demo(), kind="grip"))
-    assert len(asked) == 3
-
-
-def test_who_would_wait_too_long_is_sent_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    entered, go_on = threading.Event(), threading.Event()
-
-    def wait(_planned: Planned) -> Rehearsal:
-        entered.set()
-        go_on.wait(10.0)
-        return Rehearsal(stage.Samples(), "gripped", "", INSTRUMENTS)
-
-    monkeypatch.setattr(foretelling, "played", wait)
-    monkeypatch.setattr(foretelling, "WAITING", 1)
-    teller, planned = Foreteller(), plan(straight(), kind="grip")
-    other = threading.Thread(target=teller.rehearsal, args=[planned])
-    other.start()
-    assert entered.wait(10.0)
-    with pytest.raises(ProblemError, match="1 predictions wait already"):
-        teller.rehearsal(planned)
-    go_on.set()
-    other.join(10.0)
-    assert teller.rehearsal(planned).outcome == "gripped"
-
-
-def test_an_arm_out_of_the_sensors_sight_cannot_be_foretold() -> None:
-    planned = plan(straight(), Present(1.0, 1e6, False), kind="grip")
-    with pytest.raises(ProblemError, match="outside the sensor's range"):
-        Foreteller().foretold(planned)

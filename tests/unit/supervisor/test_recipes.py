@@ -1,6 +1,7 @@
 """Recipes: what they may hold, how versions are kept, and how one completes a request."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,14 +9,14 @@ import pytest
 from pydantic import TypeAdapter
 
 from pincette.api.request_models import AnyJobRequest, Body
-from pincette.config import RigFile
+from pincette.config import Calibration, RigFile, calibrated
 from pincette_supervisor.journal import recipes as journal
 from pincette_supervisor.journal.recipes import RecipeBook, RecipeLimitError, RecipeRow
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.model.rig_model import rig_file_alone
 from pincette_supervisor.planning.path_requests import FaultyRequestError
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.prediction import played
+from pincette_supervisor.planning.prediction import played, with_prediction
 from pincette_supervisor.planning.recipes import (
     FaultyValuesError,
     checked_values,
@@ -122,10 +123,35 @@ def test_a_recipe_says_where_its_object_lies_and_how_stiff_it_is(rig_file: RigFi
     assert max(played_one.samples.x_um) == pytest.approx(28.0, abs=0.1)
 
 
-def test_an_object_beyond_the_rig_files_is_foretold_to_fail(rig_file: RigFile) -> None:
-    """The estimator zeroes the force only where the rig file's part cannot be touched yet."""
+def test_an_object_beyond_the_rig_files_is_foretold_to_be_gripped(rig_file: RigFile) -> None:
+    """The estimator zeroes the force as late as the recipe's object allows."""
     found = planned(rig_file, {"part": {"contact_um": 40.0}})
-    assert played(found).outcome == "zero_refused"
+    assert played(found).outcome == "gripped"
+    foretold = with_prediction(found, played(found)).plan.prediction
+    assert foretold is not None
+    words = "part: contact_um = 40 µm (recipe bead@3), stiffness_mN_per_um = 2.17 mN/µm (assumed)"
+    assert words in "; ".join(foretold.rests_on)
+
+
+def test_the_rig_is_armed_with_what_the_recipe_expects(rig_file: RigFile) -> None:
+    part = {"contact_um": 40.0, "contact_tolerance_um": 1.0, "stiffness_tolerance": 0.1}
+    noise = Calibration(values={"sensor.noise_um": 0.02}, sources={"sensor.noise_um": "job"})
+    in_use = replace(rig_file_alone(rig_file), version=4, calibration=noise)
+    found = plan_with_recipe(request(), in_use, None, lookup(part=part))
+    assert found.model is in_use
+    assert found.values["model"] == in_use.stamp
+    armed = found.armed.calibration
+    assert armed.values == {
+        "sensor.noise_um": 0.02,
+        **{f"part.{name}": value for name, value in part.items()},
+    }
+    assert armed.sources == {
+        "sensor.noise_um": "job",
+        **{f"part.{name}": "recipe bead@3" for name in part},
+    }
+    assert calibrated(rig_file, armed).part.contact_tolerance_um == 1.0
+    without = planned(rig_file, {"force_mN": 8.0})
+    assert without.armed is without.model
 
 
 @pytest.mark.parametrize(
@@ -204,6 +230,19 @@ def test_a_job_follows_the_version_it_was_taken_with(desk: Desk) -> None:
     newest = desk.post("/jobs", {"kind": "grip", "recipe": "bead"}).json()
     assert newest["request"]["recipe"] == "bead@2"
     assert newest["values"]["force_mN"] == 18.0
+
+
+def test_the_part_of_a_recipe_is_armed_for_its_job_alone(desk: Desk) -> None:
+    keep(desk, values={"part": {"contact_um": 29.0}})
+    model = desk.conductor.site.model.in_use
+    job = desk.grip(recipe="bead")
+    assert desk.freed(job["id"])["state"] == "succeeded"
+    expected = Calibration(values={"part.contact_um": 29.0})
+    assert desk.bus.calibration == expected.digest
+    assert desk.get("/rigs/demo")["reasons"] == []
+    assert desk.get(f"/jobs/{job['id']}")["values"]["model"] == model.stamp
+    assert desk.freed(desk.grip()["id"])["state"] == "succeeded"
+    assert desk.bus.calibration == ""
 
 
 def test_a_job_by_an_unknown_recipe_is_refused(desk: Desk) -> None:

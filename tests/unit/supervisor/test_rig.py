@@ -121,7 +121,7 @@ def test_the_latch_of_an_earlier_supervisors_rig_is_not_cleared_unseen(
     desk.health.refresh(force=True)
     second = open_desk(rig_file)
     second.health.refresh(force=True)
-    assert second.store.noted("actuator_met") == "1"
+    assert second.store.noted("actuator_met: demo") == "1"
     job = second.ended(second.grip()["id"])
     assert job["state"] == "failed"
     assert "reset it first" in job["cause"]

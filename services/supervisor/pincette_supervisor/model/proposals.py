@@ -36,6 +36,7 @@ class Calibrations:
 
     def __init__(self, store: Store, model: RigModel) -> None:
         self._store, self._model = store, model
+        self._rig = model.file.rig.name
 
     def newest(self, limit: int) -> list[Proposal]:
         """Proposals, the newest first."""
@@ -46,12 +47,11 @@ class Calibrations:
         return self._view(self._row(name))
 
     def _rows(self, limit: int) -> list[JobRow]:
-        rows = self._store.newest(limit, kind=KIND, state="succeeded")
-        return [row for row in rows if row.rig == self._model.file.rig.name]
+        return self._store.newest(limit, kind=KIND, state="succeeded", rig=self._rig)
 
     def _row(self, name: str) -> JobRow:
         row = self._store.get(name)
-        if row is None or row.kind != KIND or row.state != "succeeded":
+        if row is None or (row.kind, row.state, row.rig) != (KIND, "succeeded", self._rig):
             raise problems.not_found("proposal of a calibration", name)
         return row
 

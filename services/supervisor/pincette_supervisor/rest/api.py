@@ -1,7 +1,6 @@
-"""The REST application of one rig."""
+"""The REST application of the rigs of one supervisor."""
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from fastapi import FastAPI
@@ -25,13 +24,14 @@ from pincette_supervisor.rest import (
 )
 from pincette_supervisor.rest.bodies import complete_bodies
 from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.rigs import Rigs
 
 BASE = "/api/v1"
 MODELS = (Problem, GripResult, TrackResult, MotionResult, CalibrationResult)
 """Models the OpenAPI document shows although no route names them."""
 
 
-def create_app(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> FastAPI:
+def create_app(rigs: Rigs) -> FastAPI:
     """Build the application; pages that load scripts from elsewhere are left out."""
     app = FastAPI(
         title="pincette supervisor",
@@ -43,16 +43,16 @@ def create_app(conductor: Conductor, estop_pool: ThreadPoolExecutor) -> FastAPI:
         openapi_url="/openapi.json",
     )
     problems.install(app)
-    app.include_router(routes_rigs.routes(conductor, estop_pool), prefix=BASE)
-    app.include_router(routes_jobs.routes(conductor), prefix=BASE)
-    app.include_router(routes_calibrations.routes(conductor), prefix=BASE)
-    app.include_router(routes_recipes.routes(conductor), prefix=BASE)
-    app.include_router(routes_trajectories.routes(conductor), prefix=BASE)
-    app.include_router(routes_live.routes(conductor), prefix=BASE)
-    app.include_router(routes_events.routes(conductor), prefix=BASE)
-    app.include_router(routes_page.routes(conductor))
+    app.include_router(routes_rigs.routes(rigs), prefix=BASE)
+    app.include_router(routes_jobs.routes(rigs), prefix=BASE)
+    app.include_router(routes_calibrations.routes(rigs), prefix=BASE)
+    app.include_router(routes_recipes.routes(rigs), prefix=BASE)
+    app.include_router(routes_trajectories.routes(rigs), prefix=BASE)
+    app.include_router(routes_live.routes(rigs), prefix=BASE)
+    app.include_router(routes_events.routes(rigs), prefix=BASE)
+    app.include_router(routes_page.routes(rigs))
     app.include_router(routes_documents.routes())
-    _probes(app, conductor)
+    _probes(app, rigs)
     plain: Callable[[], dict[str, Any]] = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -80,7 +80,7 @@ def _complete(document: dict[str, Any]) -> None:
     complete_bodies(document)
 
 
-def _probes(app: FastAPI, conductor: Conductor) -> None:
+def _probes(app: FastAPI, rigs: Rigs) -> None:
     """Three probes that ask three questions: alive, able to serve, and which version."""
 
     @app.get("/livez", tags=["probes"])
@@ -90,18 +90,34 @@ def _probes(app: FastAPI, conductor: Conductor) -> None:
 
     @app.get("/readyz", tags=["probes"], responses={503: {"description": "with the reasons"}})
     def readyz() -> JSONResponse:  # pyright: ignore[reportUnusedFunction]
-        """Whether every program of the rig answers and agrees on the rig file."""
-        health = conductor.site.health
-        health.refresh()
-        reasons = [f"{program}: {trouble}" for program, trouble in health.troubles().items()]
-        status = "not ready" if reasons else "ready"
+        """Whether a rig is whole: all its programs answer and agree on the rig file.
+
+        Of several rigs one is enough, so that one that is down takes the others from nobody; the
+        reasons name it.
+        """
+        reasons = rigs.of_all(_troubles)
+        said = [reason for one in reasons for reason in one]
+        said += [f"{rig}: {why}" for rig, why in rigs.unusable.items()]
+        whole = not all(reasons)
         return JSONResponse(
-            {"status": status, "reasons": reasons}, status_code=503 if reasons else 200
+            {"status": "ready" if whole else "not ready", "reasons": said},
+            status_code=200 if whole else 503,
         )
 
     @app.get("/version", tags=["probes"])
-    async def version() -> dict[str, str]:  # pyright: ignore[reportUnusedFunction]
-        """The program's version and the rig it serves."""
-        site = conductor.site
-        name = site.rig.rig.name
-        return {"version": __version__, "rig": name, "rig_file_digest": site.digest}
+    async def version() -> dict[str, str | dict[str, str]]:  # pyright: ignore[reportUnusedFunction]
+        """The program's version, its own rig, and the digest of the rig file of each it serves."""
+        own = rigs.own
+        return {
+            "version": __version__,
+            "rig": own.name,
+            "rig_file_digest": own.site.digest,
+            "rigs": {one.name: one.site.digest for one in rigs.all()},
+        }
+
+
+def _troubles(conductor: Conductor) -> list[str]:
+    """Why a rig is not whole; every reason names the rig."""
+    health = conductor.site.health
+    health.refresh()
+    return [f"{conductor.name}: {name}: {why}" for name, why in health.troubles().items()]

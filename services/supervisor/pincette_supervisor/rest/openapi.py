@@ -2,20 +2,18 @@
 
 import json
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import cast
 
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.rigs import Rigs
 
 REGENERATE = "make docs"
 
 
 def document() -> str:
     """The document as text; the routes are looked at, none is called, so no rig is needed."""
-    with ThreadPoolExecutor(1) as pool:
-        tree = create_app(cast(Conductor, None), pool).openapi()
+    tree = create_app(cast(Rigs, None)).openapi()
     return json.dumps(tree, indent=2, ensure_ascii=False) + "\n"
 
 

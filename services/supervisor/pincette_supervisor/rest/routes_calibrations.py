@@ -10,11 +10,11 @@ from pincette.api.job_models import Job
 from pincette.api.problem_models import responses
 from pincette.api.proposal_models import Proposal, ProposalAction, ProposalList
 from pincette_supervisor.rest.headers import Key
-from pincette_supervisor.rest.routes_jobs import CREATED, Predict, take
-from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.rest.routes_jobs import CREATED, NAME_LENGTH, Predict, take
+from pincette_supervisor.running.rigs import Rigs
 
 
-def routes(conductor: Conductor) -> APIRouter:
+def routes(rigs: Rigs) -> APIRouter:
     """Everything under ``/calibrations``."""
     router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
@@ -27,27 +27,32 @@ def routes(conductor: Conductor) -> APIRouter:
         idempotency_key: Key = None,
     ) -> object:
         """Take a calibration: the same as a job of the kind ``calibrate``."""
+        conductor = rigs.of_request(body, idempotency_key)
         return take(
             conductor, body, response, dry_run=dry_run, predict=predict, key=idempotency_key
         )
 
-    @router.get("", responses=responses(422))
+    @router.get("", responses=responses(404, 422, 503))
     def proposals(  # pyright: ignore[reportUnusedFunction]
         limit: Annotated[int, Query(ge=1, le=500)] = 50,
+        rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
     ) -> ProposalList:
-        """What calibrations that succeeded propose, the newest first."""
-        return ProposalList(calibrations=conductor.calibrations.newest(limit))
+        """What calibrations that succeeded propose, of every rig or of one, the newest first."""
+        asked = rigs.all() if rig is None else [rigs.get(rig)]
+        found = [proposal for one in asked for proposal in one.calibrations.newest(limit)]
+        found.sort(key=lambda proposal: proposal.made_at, reverse=True)
+        return ProposalList(calibrations=found[:limit])
 
     @router.get("/{calibration}", responses=responses(404))
     def proposal(calibration: str) -> Proposal:  # pyright: ignore[reportUnusedFunction]
         """One proposal beside what is in use; its name is that of its job."""
-        return conductor.calibrations.one(calibration)
+        return rigs.of_job(calibration).calibrations.one(calibration)
 
     @router.post("/{calibration}/actions", responses=responses(404, 409, 422, 503))
     def act(  # pyright: ignore[reportUnusedFunction]
         calibration: str, body: ProposalAction
     ) -> Proposal:
         """Accept a proposal, which makes a version of the model and uses it, or discard it."""
-        return conductor.decide(calibration, body.type)
+        return rigs.of_job(calibration).decide(calibration, body.type)
 
     return router

@@ -15,12 +15,12 @@ from pincette.api.event_models import EventList
 from pincette.api.problem_models import responses
 from pincette.api.states import STATES, JobState
 from pincette_supervisor import problems
+from pincette_supervisor.journal.store import Store
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.event_stream import endless, until_over
-from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.running.events import Listening, event_of
+from pincette_supervisor.running.events import EventLog, Listening, event_of
 from pincette_supervisor.running.listeners import TooManyListenersError
-from pincette_supervisor.running.site import Site
+from pincette_supervisor.running.rigs import Rigs
 
 MOST = 500
 LARGEST = 2**63 - 1
@@ -76,7 +76,7 @@ def _wish(
 Wished = Annotated[Wish, Depends(_wish)]
 
 
-def routes(conductor: Conductor) -> APIRouter:
+def routes(rigs: Rigs) -> APIRouter:
     """``/jobs/{job}/events``, ``/rigs/{rig}/events`` and ``/events``."""
     router = APIRouter(tags=["events"])
 
@@ -89,20 +89,19 @@ def routes(conductor: Conductor) -> APIRouter:
         job: str, wish: Wished
     ) -> Response:
         """Events of one job, from its first or beyond a number on; ends when the job is over."""
-        site = conductor.site
         if wish.listed:
-            await asyncio.to_thread(_state, site, job)
-            return await _list(site, wish, job=job)
+            await asyncio.to_thread(_state, rigs.store, job)
+            return await _list(rigs.store, wish, job=job)
         # Begun before the job is looked at, so that no change falls in between.
-        listening = await _listen(site, wish.after or 0, job)
+        listening = await _listen(rigs.own.site.events, wish.after or 0, job, every_rig=True)
         try:
-            state = await asyncio.to_thread(_state, site, job)
+            state = await asyncio.to_thread(_state, rigs.store, job)
         except ProblemError:
             listening.close()
             raise
 
         def busy() -> bool:
-            active = conductor.active
+            active = rigs.having(job).active
             return active is not None and active.id == job
 
         over = STATES[state].terminal
@@ -117,40 +116,36 @@ def routes(conductor: Conductor) -> APIRouter:
         rig: str, wish: Wished
     ) -> Response:
         """Events of a rig and its jobs: those to come, and where it is named, beyond a number."""
-        site = conductor.site
-        name = site.rig.rig.name
-        if rig != name:
-            raise problems.not_found("rig", rig, [name])
+        conductor = rigs.get(rig)
         if wish.listed:
-            return await _list(site, wish, rig=name)
-        listening = await _listen(site, wish.after)
+            return await _list(rigs.store, wish, rig=rig)
+        listening = await _listen(conductor.site.events, wish.after)
         return EventSourceResponse(endless(listening), headers=HEADERS)
 
     @router.get("/events", response_model=None, responses={**ANSWERS, **responses(422, 503)})
     async def of_all(wish: Wished) -> Response:  # pyright: ignore[reportUnusedFunction]
         """Events of every rig: those to come, and where it is named, beyond a number."""
-        site = conductor.site
         if wish.listed:
-            return await _list(site, wish)
-        listening = await _listen(site, wish.after, every_rig=True)
+            return await _list(rigs.store, wish)
+        listening = await _listen(rigs.own.site.events, wish.after, every_rig=True)
         return EventSourceResponse(endless(listening), headers=HEADERS)
 
     return router
 
 
-def _state(site: Site, job: str) -> JobState:
-    row = site.store.get(job)
+def _state(store: Store, job: str) -> JobState:
+    row = store.get(job)
     if row is None:
         raise problems.not_found("job", job)
     return row.state
 
 
 async def _listen(
-    site: Site, after: int | None, job: str | None = None, *, every_rig: bool = False
+    log: EventLog, after: int | None, job: str | None = None, *, every_rig: bool = False
 ) -> Listening:
     """Begun before the answer is, so that what is told once its head is seen is heard."""
     try:
-        listening = site.events.open(after, job, every_rig=every_rig)
+        listening = log.open(after, job, every_rig=every_rig)
         await listening.begin()
     except TooManyListenersError as error:
         raise ProblemError(
@@ -163,11 +158,11 @@ async def _listen(
 
 
 async def _list(
-    site: Site, wish: Wish, *, rig: str | None = None, job: str | None = None
+    store: Store, wish: Wish, *, rig: str | None = None, job: str | None = None
 ) -> JSONResponse:
     def read() -> EventList:
-        oldest, newest = site.store.event_span()
-        rows = site.store.events_after(wish.after or 0, rig=rig, job=job, limit=wish.limit)
+        oldest, newest = store.event_span()
+        rows = store.events_after(wish.after or 0, rig=rig, job=job, limit=wish.limit)
         return EventList(events=[event_of(row) for row in rows], newest=newest, oldest=oldest)
 
     found = await asyncio.to_thread(read)

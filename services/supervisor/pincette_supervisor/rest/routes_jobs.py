@@ -29,6 +29,7 @@ from pincette_supervisor import problems
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.headers import IfNoneMatch, Key, Who, etag, matched_revision
 from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.rigs import Rigs
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 AnyPlan = Plan | MotionPlan | CalibrationPlan
@@ -36,7 +37,11 @@ REPLAYED = "Idempotency-Replayed"
 NAME_LENGTH = 100
 CSV = "samples.csv"
 Predict = Annotated[
-    bool, Query(description="of a dry run: play the plan on the model in use, and foretell")
+    bool,
+    Query(
+        description="play the plan on the model in use: a dry run says what it foretells, a job is "
+        "refused for a limit that it breaks"
+    ),
 ]
 TAGGED: dict[str, Any] = {
     "ETag": {"description": "of the job's revision", "schema": {"type": "string"}}
@@ -67,7 +72,7 @@ def take(
         response.status_code = 200
         planned = conductor.plan(body)
         return (conductor.foreteller.foretold(planned) if predict else planned).plan
-    job, replayed = conductor.create(body, key)
+    job, replayed = conductor.create(body, key, predict=predict)
     response.headers["Location"] = f"/api/v1/jobs/{job.id}"
     response.headers["ETag"] = etag(job.id, job.revision)
     if replayed:
@@ -91,7 +96,7 @@ def _label(text: str | None) -> tuple[str, str] | None:
     return name, value
 
 
-def routes(conductor: Conductor) -> APIRouter:
+def routes(rigs: Rigs) -> APIRouter:
     """Everything under ``/jobs``."""
     router = APIRouter(prefix="/jobs", tags=["jobs"])
 
@@ -107,6 +112,7 @@ def routes(conductor: Conductor) -> APIRouter:
 
         With ``queue`` a job waits for those before it, where another one has the rig.
         """
+        conductor = rigs.of_request(body, idempotency_key)
         return take(
             conductor, body, response, dry_run=dry_run, predict=predict, key=idempotency_key
         )
@@ -123,7 +129,7 @@ def routes(conductor: Conductor) -> APIRouter:
         ] = None,
     ) -> JobList:
         """Jobs, the newest first; those alone that are as named."""
-        found = conductor.jobs(
+        found = rigs.jobs(
             limit + 1, kind=kind, state=state, rig=rig, label=_label(label), before=before
         )
         more = len(found) > limit
@@ -161,11 +167,12 @@ def routes(conductor: Conductor) -> APIRouter:
         then. Progress alone is no change.
         """
         known = matched_revision(job, if_none_match) if since is None else since
+        conductor = rigs.having(job)
         if wait == "terminal":
             await conductor.changes.wait(lambda: conductor.over(job), timeout_s)
         elif wait == "change" and known is not None:
             await conductor.changes.wait(lambda: conductor.differs(job, known), timeout_s)
-        found = await run_in_threadpool(conductor.job, job)
+        found = await run_in_threadpool(rigs.job, job)
         tag = etag(found.id, found.revision)
         if matched_revision(job, if_none_match) == found.revision:
             return Response(status_code=304, headers={"ETag": tag})
@@ -184,7 +191,7 @@ def routes(conductor: Conductor) -> APIRouter:
         job: str, body: ActionRequest, response: Response, who: Who
     ) -> Job:
         """Start, pause, resume, stop, abort, release the part, or continue after a wait."""
-        changed, holds = conductor.act(job, body.type, who)
+        changed, holds = rigs.of_job(job).act(job, body.type, who)
         response.headers["ETag"] = etag(changed.id, changed.revision)
         if holds:
             response.status_code = 200
@@ -193,8 +200,8 @@ def routes(conductor: Conductor) -> APIRouter:
     @router.get("/{job}/artifacts", responses=responses(404))
     def artifacts(job: str) -> ArtifactList:  # pyright: ignore[reportUnusedFunction]
         """Files of a job's record, with size and SHA-256."""
-        known = conductor.job(job)
-        found = folder.artifacts(conductor.site.records / known.id)
+        known = rigs.job(job)
+        found = folder.artifacts(rigs.records(known.rig) / known.id)
         return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
 
     @router.get(
@@ -205,8 +212,8 @@ def routes(conductor: Conductor) -> APIRouter:
     )
     def artifact(job: str, name: str) -> Response:  # pyright: ignore[reportUnusedFunction]
         """One file of a job's record; ``samples.csv`` is made of ``samples.parquet`` as it goes."""
-        known = conductor.job(job)
-        path = conductor.site.records / known.id / name
+        known = rigs.job(job)
+        path = rigs.records(known.rig) / known.id / name
         samples = path.with_name(folder.SAMPLES)
         if name == CSV and samples.is_file():
             attached = {"Content-Disposition": f'attachment; filename="{known.id}.csv"'}

@@ -11,15 +11,15 @@ from pincette_supervisor import problems
 from pincette_supervisor.journal.recipes import RecipeBook, RecipeLimitError, RecipeRow
 from pincette_supervisor.planning.recipes import FaultyValuesError, checked_values
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.rigs import Rigs
 
 
-def routes(conductor: Conductor) -> APIRouter:
+def routes(rigs: Rigs) -> APIRouter:
     """Everything under ``/recipes``."""
     router = APIRouter(prefix="/recipes", tags=["recipes"])
 
     def book() -> RecipeBook:
-        return RecipeBook(conductor.site.store)
+        return RecipeBook(rigs.store)
 
     @router.post(
         "",

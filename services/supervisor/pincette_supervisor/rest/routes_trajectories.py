@@ -34,6 +34,7 @@ from pincette_supervisor.results.plan_plot import plan_png
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.kept_trajectories import KeptTrajectories
 from pincette_supervisor.running.refusals import require_feasible
+from pincette_supervisor.running.rigs import Rigs
 
 PNG: dict[int | str, dict[str, Any]] = {
     200: {"content": {"image/png": {}}, "description": "a picture, 1400 by 1180 pixels"}
@@ -47,19 +48,23 @@ FORMATS: dict[int | str, dict[str, Any]] = {
 }
 
 
-def routes(conductor: Conductor) -> APIRouter:
+def routes(rigs: Rigs) -> APIRouter:
     """Everything under ``/trajectories``."""
     router = APIRouter(prefix="/trajectories", tags=["trajectories"])
 
-    def kept() -> KeptTrajectories:
-        return KeptTrajectories(conductor.site)
+    def found(digest: str) -> tuple[Conductor, KeptTrajectories, TrajectoryRow]:
+        """One that is kept, and the rig that it was made for."""
+        row = KeptTrajectories(rigs.own.site).get(digest)
+        conductor = rigs.of_row(row.rig)
+        return conductor, KeptTrajectories(conductor.site), row
 
-    def planned_anew(body: TrajectoryBody) -> tuple[TrajectoryRow, Planned]:
+    def planned_anew(conductor: Conductor, body: TrajectoryBody) -> tuple[TrajectoryRow, Planned]:
         """Plan and foretell, from rest at the safe voltage, wherever the arm stands."""
         planned = replace(conductor.plan(body), present=None)
-        row = kept().row_of(body)
+        kept = KeptTrajectories(conductor.site)
+        row = kept.row_of(body)
         if isinstance(body, MoveJobRequest):
-            planned = kept().require_planned(row)
+            planned = kept.require_planned(row)
         return row, conductor.foreteller.foretold(planned)
 
     @router.post(
@@ -81,12 +86,13 @@ def routes(conductor: Conductor) -> APIRouter:
         dry_run: Annotated[bool, Query(description="keep nothing")] = False,
     ) -> object:
         """Plan a grip, a track or a move, foretell it, and keep it where it breaks no limit."""
-        row, planned = planned_anew(body)
+        conductor = rigs.chosen(body.rig)
+        row, planned = planned_anew(conductor, body)
         if dry_run or body.dry_run:
             response.status_code = 200
             return planned.plan
         require_feasible(planned)
-        row, anew = kept().book.add(row)
+        row, anew = KeptTrajectories(conductor.site).book.add(row)
         response.headers["Location"] = f"/api/v1/trajectories/{row.digest}"
         if not anew:
             response.status_code = 200
@@ -95,7 +101,8 @@ def routes(conductor: Conductor) -> APIRouter:
     @router.post("/plot", response_class=Response, responses={**PNG, **responses(404, 422, 503)})
     def plot_anew(body: TrajectoryBody) -> Response:  # pyright: ignore[reportUnusedFunction]
         """Draw the plan of a request, feasible or not; nothing is kept."""
-        _, planned = planned_anew(body)
+        conductor = rigs.chosen(body.rig)
+        _, planned = planned_anew(conductor, body)
         return _png(conductor, planned, "not kept")
 
     @router.get("", responses=responses(422))
@@ -103,14 +110,18 @@ def routes(conductor: Conductor) -> APIRouter:
         limit: Annotated[int, Query(ge=1, le=500)] = 50,
     ) -> TrajectoryList:
         """Trajectories, the newest first."""
-        found = [_summary(kept(), row) for row in kept().book.newest(limit)]
-        return TrajectoryList(trajectories=found)
+        newest = KeptTrajectories(rigs.own.site).book.newest(limit)
+        return TrajectoryList(
+            trajectories=[
+                _summary(KeptTrajectories(rigs.of_row(row.rig).site), row) for row in newest
+            ]
+        )
 
     @router.get("/{digest}", responses=responses(404, 503))
     def trajectory(digest: str) -> Trajectory:  # pyright: ignore[reportUnusedFunction]
         """One trajectory, planned and foretold with the model that it was made with."""
-        row = kept().get(digest)
-        planned = kept().planned(row)
+        conductor, kept, row = found(digest)
+        planned = kept.planned(row)
         if planned is not None:
             planned = conductor.foreteller.foretold(planned)
         return _view(conductor, row, planned)
@@ -125,8 +136,8 @@ def routes(conductor: Conductor) -> APIRouter:
         form: Annotated[Format, Query(alias="format", description="of the answer")] = "json",
     ) -> TrajectorySamples | Response:
         """References, and what is foretold of position, force and voltage, sample by sample."""
-        row = kept().get(digest)
-        planned = kept().require_planned(row)
+        conductor, kept, row = found(digest)
+        planned = kept.require_planned(row)
         rehearsal, rig = conductor.foreteller.rehearsal(planned), planned.model.rig
         if form == "json":
             return TrajectorySamples(
@@ -156,8 +167,8 @@ def routes(conductor: Conductor) -> APIRouter:
     )
     def plot(digest: str) -> Response:  # pyright: ignore[reportUnusedFunction]
         """References, what is foretold, and the limits, as a picture."""
-        row = kept().get(digest)
-        planned = conductor.foreteller.foretold(kept().require_planned(row))
+        conductor, kept, row = found(digest)
+        planned = conductor.foreteller.foretold(kept.require_planned(row))
         return _png(conductor, planned, row.digest)
 
     @router.post(
@@ -177,7 +188,8 @@ def routes(conductor: Conductor) -> APIRouter:
         idempotency_key: Key = None,
     ) -> object:
         """Take a job that does what the trajectory says, with rig file and model as they were."""
-        request = kept().request(kept().get(digest), body or TrajectoryStart())
+        conductor, kept, row = found(digest)
+        request = kept.request(row, body or TrajectoryStart())
         return take(conductor, request, response, dry_run=False, key=idempotency_key)
 
     return router

@@ -6,7 +6,7 @@ from typing import Literal
 from pincette.api.job_models import Job
 from pincette.api.proposal_models import ModelView, Proposal
 from pincette.api.request_models import AnyJobRequest
-from pincette.api.states import ActionType, JobState
+from pincette.api.states import ActionType
 from pincette.bus.protocol import BusError
 from pincette.messages import Act
 from pincette.topics import ACT
@@ -14,8 +14,9 @@ from pincette_supervisor import problems
 from pincette_supervisor.journal.store import JobRow, KeyTakenError
 from pincette_supervisor.model.model_view import use_model
 from pincette_supervisor.model.proposals import Calibrations
-from pincette_supervisor.planning.foretelling import Foreteller
+from pincette_supervisor.planning.foretelling import Foreteller, Play
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.running import planner, refusals
 from pincette_supervisor.running.acting import Acting
 from pincette_supervisor.running.changes import Changes
@@ -38,18 +39,28 @@ KEPT_S = 15.0
 class Conductor:
     """The jobs of one rig."""
 
-    def __init__(self, site: Site) -> None:
+    def __init__(self, site: Site, play: Play = played) -> None:
         self.site = site
         self.calibrations = Calibrations(site.store, site.model)
         self.changes = Changes()
         self.latch = LatchKeeper(site)
-        self.foreteller = Foreteller()
+        self.foreteller = Foreteller(play)
         self.queue = Queue(site.store, site.events)
         self._lock = threading.RLock()
         self._acting = Acting(site)
         self._live: LiveJob | None = None
         self._thread: threading.Thread | None = None
         self._closing = False
+
+    @property
+    def name(self) -> str:
+        """Of the rig."""
+        return self.site.rig.rig.name
+
+    @property
+    def closed(self) -> bool:
+        """Whether it takes no more jobs: the supervisor ends, or the rig is taken up anew."""
+        return self._closing
 
     @property
     def active(self) -> LiveJob | None:
@@ -61,17 +72,16 @@ class Conductor:
         """Take up what an earlier run of the supervisor has left; nothing moves by itself."""
         settle(self.site, left_over)
         with self._lock:
-            self.queue.load(self.site.rig.rig.name)
+            self.queue.load(self.name)
 
     def plan(self, request: AnyJobRequest) -> Planned:
         """Plan a job; raises ProblemError where the rig is another or the numbers make no plan."""
-        return planner.plan(self.site, request)
+        live = self.active
+        return planner.plan(self.site, request, moving=live is not None and not live.terminal)
 
-    def submit(self, request: AnyJobRequest, key: str | None = None) -> Job:
-        """Take a job; see ``create``."""
-        return self.create(request, key)[0]
-
-    def create(self, request: AnyJobRequest, key: str | None = None) -> tuple[Job, bool]:
+    def create(
+        self, request: AnyJobRequest, key: str | None = None, *, predict: bool = True
+    ) -> tuple[Job, bool]:
         """Take a job; the flag says that its key has created it already.
 
         Raises
@@ -85,6 +95,8 @@ class Conductor:
             return self._replayed(known.job, known.fingerprint, fingerprint), True
         request = planner.with_version(self.site, request)
         planned = refusals.require_feasible(self.plan(request))
+        if predict and (self.active is None or request.queue):
+            refusals.require_feasible(self.foreteller.checked(planned))
         self._hand_over(planned)
         try:
             with self._lock:
@@ -112,6 +124,8 @@ class Conductor:
     def _take(
         self, request: AnyJobRequest, planned: Planned, key: str | None, fingerprint: str
     ) -> str:
+        if self._closing:
+            raise refusals.unready(["the supervisor ends, or takes the rig up anew: ask again"])
         waits = request.queue and (self.active is not None or len(self.queue) > 0)
         if waits and len(self.queue) >= CAPACITY:
             raise refusals.queue_full(len(self.queue))
@@ -121,10 +135,9 @@ class Conductor:
             refusals.require_ready(self.site, planned)
             if planned.model is not self.site.model.in_use:
                 raise refusals.model_changed()
-        row = self.site.store.add(
-            new_row(request, planned, self.site.rig.rig.name), key, fingerprint
-        )
-        self.site.events.tell("state", row.id, state="queued", cause="", kind=row.kind)
+        row = new_row(request, planned, self.name)
+        with self.site.events.telling("state", row.id, state="queued", cause="", kind=row.kind):
+            row = self.site.store.add(row, key, fingerprint)
         if waits:
             self.queue.add(row, request)
         else:
@@ -229,28 +242,7 @@ class Conductor:
 
     def job(self, name: str) -> Job:
         """One job as it is; raises ProblemError where there is none of this name."""
-        return self._view(self._row(name))
-
-    def jobs(
-        self,
-        limit: int,
-        *,
-        kind: str | None = None,
-        state: JobState | None = None,
-        rig: str | None = None,
-        label: tuple[str, str] | None = None,
-        before: str | None = None,
-    ) -> list[Job]:
-        """Jobs, the newest first, those alone that are as named; raises ProblemError."""
-        rows = self.site.store.newest(
-            limit,
-            kind=kind,
-            state=state,
-            rig=rig,
-            label=label,
-            before_number=None if before is None else self._row(before).number,
-        )
-        return [self._view(row) for row in rows]
+        return self.view(self._row(name))
 
     def over(self, name: str) -> bool:
         """Whether a job has come to an end; looks at no store."""
@@ -269,9 +261,23 @@ class Conductor:
             return True
         return live.revision != revision
 
-    def _view(self, row: JobRow) -> Job:
+    def has(self, name: str) -> bool:
+        """Whether a job waits here, or is the last that has begun; looks at no store."""
+        live = self._live
+        return self.queue.entry(name) is not None or (live is not None and live.id == name)
+
+    def view(self, row: JobRow) -> Job:
+        """One job of this rig as it is."""
         live = self._live if self._live is not None and self._live.id == row.id else None
         return job_view(row, live, self.queue.position(row.id), self.site.records)
+
+    def retire(self) -> bool:
+        """Take no more jobs; false, and nothing has changed, where one has the rig or waits."""
+        with self._lock:
+            if self.active is not None or len(self.queue):
+                return False
+            self._closing = True
+            return True
 
     def close(self) -> None:
         """End: a job that runs becomes ``interrupted`` and the rig is asked to stop."""
@@ -282,3 +288,10 @@ class Conductor:
             live.wake.set()
             thread.join(JOIN_S)
         self.latch.close()
+
+    def release(self) -> None:
+        """Let go of what it has been served with, once nobody asks for it any more."""
+        self.latch.threads.shutdown()
+        self.site.archivist.shutdown(cancel_futures=True)
+        self.site.health.close()
+        self.site.bus.close()

@@ -44,6 +44,7 @@ class Health:
     ) -> None:
         self._rig, self._bus, self._observer, self._store = rig, bus, observer, store
         self._clock = clock
+        self._met, self._cleared = (f"{note}: {rig.rig.name}" for note in (MET, CLEARED))
         self._too_slow = _too_slow(rig)
         self._asked_at = float("-inf")
         self._pool = ThreadPoolExecutor(len(PROGRAMS), thread_name_prefix="status")
@@ -52,6 +53,8 @@ class Health:
         self._armed: tuple[int, str] | None = None
         self._trusted: int | None = None
         self._met_before = False
+        self.changed = ""
+        """Why what is served here is not what the programs work with, in words."""
 
     def refresh(self, *, force: bool = False) -> None:
         """Ask all programs side by side, unless they have just answered."""
@@ -62,8 +65,8 @@ class Health:
         actuator = self.statuses["actuator"]
         if isinstance(actuator, Status) and self._trusted is None:
             self._trusted = actuator.instance
-            self._met_before = self._store.noted(MET) == str(actuator.instance)
-            self._store.note(MET, str(actuator.instance))
+            self._met_before = self._store.noted(self._met) == str(actuator.instance)
+            self._store.note(self._met, str(actuator.instance))
 
     def _ask(self, service: str) -> Status | str:
         try:
@@ -87,7 +90,7 @@ class Health:
         actuator = self.statuses.get("actuator")
         if not isinstance(actuator, Status) or actuator.instance != self._trusted:
             return False
-        if self._store.noted(CLEARED) == str(actuator.instance):
+        if self._store.noted(self._cleared) == str(actuator.instance):
             return False
         state, cause = self.latch()
         if state == "unknown":
@@ -108,8 +111,8 @@ class Health:
         self._bus.ask(RESET, Reset(acknowledge=True))
         actuator = status(self._bus, "actuator")
         self._trusted = actuator.instance
-        self._store.note(CLEARED, str(actuator.instance))
-        self._store.note(MET, str(actuator.instance))
+        self._store.note(self._cleared, str(actuator.instance))
+        self._store.note(self._met, str(actuator.instance))
 
     def latched(self) -> str:
         """Why a person must reset the actuator before a job; empty where nobody needs to."""
@@ -159,8 +162,7 @@ class Health:
     def reasons(self) -> list[str]:
         """Why no job can start, the actuator's latch apart."""
         found = [f"{service}: {trouble}" for service, trouble in self.troubles().items()]
-        if self._too_slow:
-            found.append(self._too_slow)
+        found += [why for why in (self.changed, self._too_slow) if why]
         state, cause = self.latch()
         if state == "frozen":
             found.append(

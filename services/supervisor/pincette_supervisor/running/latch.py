@@ -10,13 +10,18 @@ from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.running.refusals import unanswered
 from pincette_supervisor.running.site import Site
 
+ESTOP_THREADS = 4
+
 
 class LatchKeeper:
     """Trips the actuator, and clears its latch once a person has seen the cause."""
 
     def __init__(self, site: Site) -> None:
         self._site = site
-        self._aside = ThreadPoolExecutor(1, thread_name_prefix="aside")
+        name = site.rig.rig.name
+        self.threads = ThreadPoolExecutor(ESTOP_THREADS, thread_name_prefix=f"estop-{name}")
+        """Where an emergency stop is asked for: no other call, and no other rig, takes them."""
+        self._aside = ThreadPoolExecutor(1, thread_name_prefix=f"aside-{name}")
         """Where an emergency stop is written down, so that no disk holds it up."""
 
     def estop(self, by: str) -> Stopped:

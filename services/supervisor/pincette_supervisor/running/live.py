@@ -80,8 +80,6 @@ class Live:
         self._told: deque[Row] = deque(maxlen=KEPT)
         self._count = 0
         self._listeners = 0
-        self.closed = False
-        """Set where the supervisor ends: no listener is told more."""
         for topic in (POSITION, ESTIMATE, TELEMETRY, APPLIED):
             bus.subscribe(topic, self._take)
 

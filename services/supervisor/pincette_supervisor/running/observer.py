@@ -10,7 +10,7 @@ from typing import Protocol
 
 from pincette.bus.protocol import BusError, LatestBus
 from pincette.messages import Message
-from pincette.topics import APPLIED, JOB, POSITION, TELEMETRY, TOPICS, Topic
+from pincette.topics import APPLIED, ASKED, JOB, POSITION, TELEMETRY, TOPICS, Topic
 
 KEPT = 4_000_000
 """Messages a collection can hold; about three hours at 50 Hz. What comes after is counted."""
@@ -62,8 +62,8 @@ class Observer:
         self._alive: dict[str, bool] = {}
         self._collection: Collection | None = None
         for topic in TOPICS:
-            if topic == JOB:
-                continue  # what the supervisor itself tells
+            if topic in (JOB, ASKED):
+                continue  # what the supervisor itself tells, and asks
             bus.subscribe(topic, self._take)
         bus.watch(self._turn)
         for topic in SAID:

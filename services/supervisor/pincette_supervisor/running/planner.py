@@ -11,16 +11,21 @@ from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.running.part import present
 from pincette_supervisor.running.site import Site
 
+FROM_WHERE_IT_STANDS = ("move", "hold", "release")
+"""Kinds of job whose plan begins at the voltage that is applied."""
 
-def plan(site: Site, request: AnyJobRequest) -> Planned:
-    """Plan a job; raises ProblemError where the rig is another or the numbers make no plan."""
+
+def plan(site: Site, request: AnyJobRequest, *, moving: bool) -> Planned:
+    """Plan a job; raises ProblemError where the rig is another or the numbers make no plan.
+
+    Where a job still moves the arm, nobody knows where it will stand for the next one.
+    """
     rig = site.rig
     if request.rig is not None and request.rig != rig.rig.name:
         raise problems.not_found("rig", request.rig, [rig.rig.name])
     try:
-        return plan_with_recipe(
-            request, site.model.in_use, present(site), RecipeBook(site.store).find
-        )
+        stands = None if moving and request.kind not in FROM_WHERE_IT_STANDS else present(site)
+        return plan_with_recipe(request, site.model.in_use, stands, RecipeBook(site.store).find)
     except FaultyRequestError as error:
         fault = {"pointer": error.pointer, "message": str(error)}
         raise ProblemError(

@@ -27,8 +27,8 @@ class Site:
     records: Path
     archivist: Executor
     """Where records are made; see ``archive.archivist``."""
-    guard_s: float = 5.0
-    """Lockstep: how long the loop may stand still, by the clock on the wall."""
+    guard_s: float = 20.0
+    """Lockstep: how long the loop may stand still by the clock on the wall, as a link of it may."""
     clock: Callable[[], float] = monotonic
     """What deadlines are held to."""
 

@@ -1,0 +1,70 @@
+"""Rig files: laid over another one, told as JSON, and joined to the router of another rig."""
+
+from pathlib import Path
+
+import pytest
+
+from pincette.config import ConfigError, parse_told, read_rig
+
+RIGS = Path(__file__).parents[3] / "deploy" / "rigs"
+BASE = (RIGS / "demo.toml").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "base.toml").write_text(BASE, encoding="utf-8")
+    return tmp_path
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_is_laid_over_its_base_value_by_value(folder: Path) -> None:
+    text = 'base = "base.toml"\n[rig]\nname = "other"\n[sensor.options]\noutput = 2\n'
+    rig, demo = read_rig(written(folder, text)), read_rig(folder / "base.toml")
+    assert (rig.rig.name, rig.rig.period_s) == ("other", demo.rig.period_s)
+    assert rig.sensor.options == {**demo.sensor.options, "output": 2}
+    assert rig.limits == demo.limits
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('base = "none.toml"', "none.toml: No such file"),
+        ("base = 3", "base = 3: wanted the name of a rig file"),
+        ('base = "rig.toml"', "that file has a base itself"),
+        ('base = "base.toml"\n[rig]\nnam = "x"', "rig.nam"),
+        ('base = "base.toml"\n[bus]\nrouter = "7447"', "bus.router = '7447': .*HOST:PORT"),
+        ('base = "base.toml"\n[bus]\nrouter = "bench:0"', "bus.router"),
+        ('base = "base.toml"\n[bus]\nrouter = "tcp/bench:7447"', "bus.router"),
+    ],
+)
+def test_what_cannot_be_used_is_named(folder: Path, text: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        read_rig(written(folder, text))
+
+
+@pytest.mark.parametrize("name", ["demo", "fast", "bring-up", "left", "right"])
+def test_a_file_that_was_told_is_the_one_that_was_read(name: str) -> None:
+    rig = read_rig(RIGS / f"{name}.toml")
+    told = parse_told(rig.model_dump_json())
+    assert (told, told.digest()) == (rig, rig.digest())
+
+
+def test_a_told_file_that_is_not_understood_names_the_place() -> None:
+    with pytest.raises(ConfigError, match=r"bus\.frills"):
+        parse_told('{"bus": {"frills": 1}}')
+
+
+def test_a_rig_has_its_own_router_or_joins_one() -> None:
+    left, right = (read_rig(RIGS / f"{name}.toml") for name in ("left", "right"))
+    assert (left.joins, right.joins) == (False, True)
+    assert left.bus.router_at == right.bus.router_at == (left.bus.host, left.bus.port)
+    assert left.home(Path("data")) == Path("data")
+    assert right.home(Path("data")) == Path("data/rigs/right")
+    assert left.supervisor == right.supervisor
+    inner = right.bus.model_copy(update={"router": "[::1]:7447"})
+    assert inner.router_at == ("::1", 7447)

@@ -1,0 +1,213 @@
+"""Several rigs under one supervisor: they come and go, and each is run on its own."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pincette.config import RigFile
+from pincette_supervisor.running import health, rig_finder
+
+from . import samples
+from .canned import IN_HOLD
+from .hall import Hall, joined
+
+
+@dataclass
+class Files:
+    left: RigFile
+    right: RigFile
+
+
+@pytest.fixture
+def files(rig_file: RigFile) -> Files:
+    left = rig_file.model_copy(update={"rig": rig_file.rig.model_copy(update={"name": "left"})})
+    return Files(left, joined(left, "right"))
+
+
+@pytest.fixture
+def hall(files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hall]:
+    monkeypatch.setattr(rig_finder, "SETTLE_S", 0.01)
+    monkeypatch.setattr(rig_finder, "AGAIN_S", 0.02)
+    monkeypatch.setattr(health, "FRESH_S", 0.0)
+    made = Hall(files.left, tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def both(hall: Hall, files: Files) -> Hall:
+    hall.come(files.right)
+    hall.served("right")
+    return hall
+
+
+def refusal(response: Any) -> tuple[int, str]:
+    return response.status_code, response.json()["detail"]
+
+
+def test_a_rig_whose_programs_come_is_served_beside_the_own(both: Hall, files: Files) -> None:
+    assert both.names() == ["left", "right"]
+    assert both.get("/rigs/right")["digest"] == files.right.digest()
+    assert both.found("right") == ["found"]
+    assert both.call("GET", "/version").json()["rigs"] == {
+        "left": files.left.digest(),
+        "right": files.right.digest(),
+    }
+
+
+def test_jobs_of_both_run_at_once(both: Hall) -> None:
+    waiting = both.playing_to(IN_HOLD, rig="left")
+    right = both.ended(both.grip(rig="right")["id"])
+    assert right["state"] == "succeeded"
+    assert both.get(f"/jobs/{waiting}")["state"] == "running"
+    both.canned["left"].play()
+    assert both.ended(waiting)["state"] == "succeeded"
+    assert [job["rig"] for job in both.get("/jobs")["jobs"]] == ["right", "left"]
+    assert [job["id"] for job in both.get("/jobs", rig="left")["jobs"]] == [waiting]
+
+
+def test_each_keeps_its_records_in_a_folder_of_its_own(both: Hall, tmp_path: Path) -> None:
+    homes = {"left": tmp_path / "jobs", "right": tmp_path / "rigs" / "right" / "jobs"}
+    for rig, home in homes.items():
+        job = both.ended(both.grip(rig=rig)["id"])
+        assert Path(job["record"]) == home / job["id"]
+        names = {file["name"] for file in both.get(f"/jobs/{job['id']}/artifacts")["artifacts"]}
+        assert "result.json" in names
+
+
+@pytest.mark.parametrize("path", ["/jobs", "/trajectories", "/trajectories/plot", "/calibrations"])
+def test_what_does_not_say_which_rig_is_refused_with_their_names(both: Hall, path: str) -> None:
+    body = {"calibration": "noise"} if path == "/calibrations" else {"kind": "grip"}
+    status, detail = refusal(both.post(path, body))
+    assert (status, detail) == (422, "rig is missing: name one of left, right")
+    assert refusal(both.post(path, {**body, "rig": "up"})) == (
+        404,
+        "no rig 'up'; there are left, right",
+    )
+
+
+def test_a_key_finds_the_job_that_it_created_before_the_other_rig_came(
+    hall: Hall, files: Files
+) -> None:
+    key = {"Idempotency-Key": "tray-7"}
+    body = {"kind": "grip", "autostart": True}
+    first = hall.call("POST", "/api/v1/jobs", json=body, headers=key)
+    hall.come(files.right)
+    hall.served("right")
+    second = hall.call("POST", "/api/v1/jobs", json=body, headers=key)
+    assert (first.status_code, second.status_code) == (201, 200)
+    assert first.json()["id"] == second.json()["id"]
+
+
+def test_one_that_goes_says_so_and_leaves_the_other_alone(both: Hall) -> None:
+    both.go("right")
+    both.until(lambda: "its programs have gone" in both.found("right"))
+    right = both.get("/rigs/right")
+    assert not right["can_start"]
+    assert any(reason.startswith("actuator: nobody answers") for reason in right["reasons"])
+    ready = both.call("GET", "/readyz")
+    assert (ready.status_code, ready.json()["status"]) == (200, "ready")
+    assert all(reason.startswith("right: ") for reason in ready.json()["reasons"])
+    assert both.ended(both.grip(rig="left")["id"])["state"] == "succeeded"
+    both.canned["right"].silent.clear()
+    both.turn("right", alive=True)
+    both.until(lambda: "its programs have come back" in both.found("right"))
+    assert both.ended(both.grip(rig="right")["id"])["state"] == "succeeded"
+
+
+def test_another_rig_file_waits_until_no_job_has_the_rig(both: Hall, files: Files) -> None:
+    before, now = files.right.digest(), joined(files.left, "right", force_max_mN=31.0)
+    both.at("right")
+    job = both.playing_to(IN_HOLD, rig="right")
+    playing = both.canned["right"]
+    playing.told = now.model_dump_json()
+    playing.rig = now
+    both.turn("right", alive=True)
+    waits = f"its programs run with rig file {now.digest()}, jobs here are of {before}"
+    both.until(lambda: any(waits in why for why in both.get("/rigs/right")["reasons"]))
+    assert both.get("/rigs/right")["digest"] == before
+    assert both.get(f"/jobs/{job}")["state"] == "running"
+    playing.digests = dict.fromkeys(playing.digests, now.digest())
+    playing.pause_at = None
+    playing.play()
+    assert both.ended(job)["state"] == "succeeded"
+    both.until(lambda: both.get("/rigs/right")["digest"] == now.digest())
+    both.until(lambda: both.found("right")[-1] == "taken up anew, with another rig file")
+    assert both.names() == ["left", "right"]
+    assert both.ended(both.grip(rig="right")["id"])["state"] == "succeeded"
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ('{"rig": {"name": "right", "frills": 3}}', "rig.frills"),
+        (None, "served by a supervisor of its own"),
+    ],
+    ids=["not understood", "not joined"],
+)
+def test_one_that_cannot_be_served_is_named_with_the_reason(
+    hall: Hall, files: Files, told: str | None, words: str
+) -> None:
+    alone = files.right.model_copy(update={"bus": files.left.bus})
+    made = hall.make(alone)
+    made.told = told or made.told
+    hall.turn("right", alive=True)
+    hall.until(lambda: "right" in hall.rigs.unusable)
+    assert hall.names() == ["left"]
+    for response in (hall.call("GET", "/api/v1/rigs/right"), hall.post("/estop")):
+        status, detail = refusal(response)
+        assert status == 503
+        assert words in detail
+    assert hall.canned["left"].trips  # the other one is stopped all the same
+    assert any(words in why for why in hall.call("GET", "/readyz").json()["reasons"])
+    hall.come(files.right)
+    hall.served("right")
+    assert hall.rigs.unusable == {}
+
+
+def test_an_emergency_stop_is_of_one_rig_or_of_all(both: Hall) -> None:
+    both.post("/rigs/right/estop").raise_for_status()
+    assert [len(both.canned[rig].trips) for rig in ("left", "right")] == [0, 1]
+    stopped = both.post("/estop").json()["rigs"]
+    assert [(one["rig"], one["acknowledged"]) for one in stopped] == [
+        ("left", True),
+        ("right", True),
+    ]
+    assert [len(both.canned[rig].trips) for rig in ("left", "right")] == [1, 2]
+
+
+def test_one_that_hangs_delays_neither_view_nor_stop_of_the_other(both: Hall) -> None:
+    with both.canned["right"].turn:  # none of its programs answers
+        assert both.get("/rigs/left")["can_start"]
+        assert both.post("/rigs/left/estop").json()["acknowledged"]
+
+
+def test_what_a_calibration_proposes_is_for_its_own_rig(both: Hall) -> None:
+    both.at("right")
+    both.bus.edit = lambda ticks: samples.rest(ticks[0].position.epoch)
+    job = both.calibrated(rig="right")
+    assert job["state"] == "succeeded"
+    assert both.get("/calibrations", rig="left")["calibrations"] == []
+    (proposal,) = both.get("/calibrations")["calibrations"]
+    assert (proposal["id"], proposal["rig"]) == (job["id"], "right")
+    both.freed(job["id"])
+    both.post(f"/calibrations/{job['id']}/actions", {"type": "accept"}).raise_for_status()
+    versions = {rig: both.get(f"/rigs/{rig}")["model"]["version"] for rig in ("left", "right")}
+    assert versions == {"left": 0, "right": 1}
+
+
+def test_a_trajectory_is_of_the_rig_that_it_was_planned_for(both: Hall) -> None:
+    made = both.post("/trajectories", {"kind": "grip", "rig": "right"}).json()
+    assert both.get(f"/trajectories/{made['digest']}")["stale"] == []
+    started = both.post(f"/trajectories/{made['digest']}/jobs", {"autostart": True}).json()
+    assert started["rig"] == "right"
+    assert both.ended(started["id"])["state"] == "succeeded"
+
+
+def test_the_page_is_of_the_own_rig_or_of_the_one_named(both: Hall) -> None:
+    assert 'data-rig="left"' in both.call("GET", "/").text
+    assert 'data-rig="right"' in both.call("GET", "/?rig=right").text
+    assert both.call("GET", "/?rig=up").status_code == 404
