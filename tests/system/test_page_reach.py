@@ -5,7 +5,16 @@ from collections.abc import Generator
 import pytest
 from playwright.sync_api import Browser, ViewportSize
 
-from tests.support.browser import DESK, TABLET, contrast, open_browser, origin_of, visit
+from tests.support.browser import (
+    DESK,
+    TABLETS,
+    Visit,
+    contrast,
+    looked_at,
+    open_browser,
+    origin_of,
+    visit,
+)
 from tests.support.running import RunningRig
 
 CONTRAST = 4.5
@@ -15,7 +24,8 @@ NAMELESS = """() => [...document.querySelectorAll('button, input, select, a, [ta
   .filter((each) => !(each.textContent.trim() || each.getAttribute('aria-label')
     || (each.labels && [...each.labels].some((label) => label.textContent.trim()))))
   .map((each) => each.outerHTML)"""
-SMALL = """() => [...document.querySelectorAll('button, select, input[type=number], label.check')]
+SMALL = """() => [...document.querySelectorAll(
+    'button, select, textarea, input:not([type=checkbox]), label.check, summary')]
   .filter((each) => each.offsetParent !== null && each.getBoundingClientRect().height < 43.5)
   .map((each) => each.outerHTML)"""
 TEXTS = """() => [...document.querySelectorAll('body *')]
@@ -31,14 +41,29 @@ TEXTS = """() => [...document.querySelectorAll('body *')]
   })"""
 
 
+WIDE = """() => Math.max(
+  ...[document.documentElement, ...document.querySelectorAll('.side, .panel')]
+  .map((each) => each.scrollWidth - each.clientWidth))"""
+
+
 @pytest.fixture(scope="module")
 def browser() -> Generator[Browser]:
     with open_browser() as opened:
         yield opened
 
 
+def check(seen: Visit) -> None:
+    """Everything that is seen has a name, is large enough, stands out, and fits."""
+    assert seen.page.evaluate(NAMELESS) == []
+    assert seen.page.evaluate(SMALL) == []
+    texts = seen.page.evaluate(TEXTS)
+    assert len(texts) > 20
+    assert [text for text in texts if contrast(text[1], text[2]) < CONTRAST] == []
+    assert seen.page.evaluate(WIDE) == 0
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [DESK, TABLET], ids=["desk", "tablet"])
+@pytest.mark.parametrize("size", [DESK, *TABLETS], ids=["desk", "tablet-lying", "tablet"])
 def test_everybody_can_read_and_reach_it(
     browser: Browser, rig: RunningRig, scheme: str, size: dict[str, int]
 ) -> None:
@@ -48,14 +73,12 @@ def test_everybody_can_read_and_reach_it(
     )
     try:
         seen = visit(context, origin_of(rig.rig))
-        assert seen.page.evaluate(NAMELESS) == []
-        assert seen.page.evaluate(SMALL) == []
-        texts = seen.page.evaluate(TEXTS)
-        assert len(texts) > 20
-        pale = [text for text in texts if contrast(text[1], text[2]) < CONTRAST]
-        assert pale == []
-        wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-        assert seen.page.evaluate(wide) == 0
+        check(seen)
+        seen.page.select_option("#kind", "move")
+        check(seen)
+        seen.page.click("#tab-rig")
+        seen.until("#rig-model", "in use")
+        check(seen)
         box = seen.page.locator("#estop").bounding_box()
         assert box is not None
         seen.page.mouse.wheel(0, 4000)
@@ -63,3 +86,51 @@ def test_everybody_can_read_and_reach_it(
         assert seen.page.locator("html").get_attribute("lang") == "en"
     finally:
         context.close()
+
+
+def test_a_dead_server_is_told_with_the_age_of_what_is_shown(
+    browser: Browser, rig: RunningRig
+) -> None:
+    with looked_at(browser, rig.rig) as seen:
+        seen.page.route("**/api/v1/**", lambda route: route.abort())
+        seen.until("#stale", "What is shown is", 10.0)
+        assert "E-STOP is sent all the same" in seen.text("#stale")
+        seen.until("#announce-alarm", "does not answer")
+        assert seen.page.locator("#estop").is_enabled()
+        seen.page.click("#start")
+        seen.until("#start-said", "does not answer")
+        seen.page.unroute_all(behavior="ignoreErrors")
+        seen.until("#connection", "connected", 10.0)
+        assert seen.page.locator("#stale").is_hidden()
+        seen.errors.clear()
+
+
+def test_every_control_is_reached_in_the_order_in_which_it_is_seen(
+    browser: Browser, rig: RunningRig
+) -> None:
+    """Tab goes down each column, and what has the focus is marked."""
+    with looked_at(browser, rig.rig) as seen:
+        seen.until_true(lambda: seen.page.input_value("#field-force_mN") != "", "no defaults came")
+        reached: list[str] = []
+        while "dry-run" not in reached:
+            seen.page.keyboard.press("Tab")
+            reached.append(str(seen.page.evaluate("document.activeElement.id")))
+            assert len(reached) < 40, reached
+            outline = seen.page.evaluate(
+                "getComputedStyle(document.activeElement).outlineStyle !== 'none'"
+            )
+            assert outline, reached[-1]
+        wanted = [
+            "estop",
+            "freeze",
+            "charts",
+            "tab-start",
+            "kind",
+            "field-force_mN",
+            "field-hold_s",
+        ]
+        assert [each for each in reached if each in [*wanted, "start", "dry-run"]] == [
+            *wanted,
+            "start",
+            "dry-run",
+        ]

@@ -160,15 +160,39 @@ export class Axes {
   }
 
   upright(time, colour, dash = []) {
-    const pen = this.context;
     const x = Math.round(this.x(time)) + 0.5;
+    this.straight([x, this.box.top], [x, this.box.bottom], colour, dash);
+  }
+
+  level(value, colour, dash = []) {
+    const y = Math.round(this.y(value)) + 0.5;
+    this.straight([this.box.left, y], [this.box.right, y], colour, dash);
+  }
+
+  straight(from, to, colour, dash) {
+    const pen = this.context;
     pen.strokeStyle = colour;
     pen.lineWidth = 1;
     pen.setLineDash(dash);
     pen.beginPath();
-    pen.moveTo(x, this.box.top);
-    pen.lineTo(x, this.box.bottom);
+    pen.moveTo(...from);
+    pen.lineTo(...to);
     pen.stroke();
     pen.setLineDash([]);
+  }
+
+  /** Names of phases above the axes, each [begin, name], where there is room for them. */
+  names(starts, end) {
+    const pen = this.context;
+    pen.textAlign = "center";
+    pen.textBaseline = "bottom";
+    pen.fillStyle = this.colours.text;
+    for (const [place, [begin, name]] of starts.entries()) {
+      const from = Math.max(this.box.left, this.x(begin));
+      const to = this.x(starts[place + 1]?.[0] ?? end);
+      if (name && pen.measureText(name).width + 6 <= to - from) {
+        pen.fillText(name, (from + to) / 2, this.box.top - 4);
+      }
+    }
   }
 }

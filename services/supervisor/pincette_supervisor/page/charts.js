@@ -2,7 +2,7 @@
 
 import { Axes, niceRange, niceStep, palette } from "./axes.js";
 import { byId, h, setText } from "./dom.js";
-import { number } from "./words.js";
+import { duration, number } from "./words.js";
 
 const QUANTITIES = [
   { name: "Position", unit: "µm", value: "x_um", reference: "x_r_um", least: 1,
@@ -14,6 +14,7 @@ const QUANTITIES = [
     least: 0.2, decimals: 3 },
 ];
 const GAP_S = 0.4;
+const OLD_S = 3;
 const FRAME_MS = 60;
 
 /** One strip. */
@@ -66,6 +67,7 @@ class Strip {
     [axes.from, axes.to] = [view.from, view.to];
     this.phases(recent, Math.min(recent.since(view.from), end), end, colours);
     axes.clip();
+    if (this.quantity.zero) axes.level(0, colours.text);
     if (half) axes.band(first, end, time, of(value), of(half), colours.band, GAP_S);
     if (reference) {
       axes.line(first, end, time, of(reference), colours.reference,
@@ -85,19 +87,8 @@ class Strip {
     }
     for (const i of bounds) axes.upright(recent.time(i), colours.text, [2, 3]);
     if (!this.quantity.names || first >= end) return;
-    const pen = axes.context;
-    pen.textAlign = "center";
-    pen.textBaseline = "bottom";
-    pen.fillStyle = colours.text;
-    const starts = [first, ...bounds];
-    for (const [place, i] of starts.entries()) {
-      const from = Math.max(axes.box.left, axes.x(recent.time(i)));
-      const next = starts[place + 1];
-      const to = next === undefined ? axes.x(recent.time(end - 1)) : axes.x(recent.time(next));
-      const word = recent.phase(i);
-      const fits = pen.measureText(word).width + 6 <= to - from;
-      if (word && fits) pen.fillText(word, (from + to) / 2, axes.box.top - 4);
-    }
+    axes.names([first, ...bounds].map((i) => [recent.time(i), recent.phase(i)]),
+      recent.time(end - 1));
   }
 }
 
@@ -170,8 +161,21 @@ export class Charts {
       setText(this.strips[place].said,
         under === null ? "" : `${number(there, each.decimals)} ${each.unit}`);
     }
-    const past = under === null ? 0 : recent.time(under) - (view.held ?? recent.now_s);
-    const phase = under === null ? "" : recent.phase(under);
-    setText(byId("at"), under === null ? "" : `${number(past, 1)} s${phase ? ` · ${phase}` : ""}`);
+    setText(byId("at"), under === null ? "" : this.under(under));
+    setText(byId("age"), under === null ? this.silence() : "");
+  }
+
+  under(index) {
+    const { recent, view } = this;
+    const phase = recent.phase(index);
+    return `${number(recent.time(index) - (view.held ?? recent.now_s), 1)} s${phase ? ` · ${phase}` : ""}`;
+  }
+
+  /** Why the charts stand still; empty while samples come. */
+  silence() {
+    const { recent } = this;
+    if (!recent.count) return recent.now_s === null ? "" : "no samples yet";
+    const age_s = recent.now_s - recent.time(recent.count - 1);
+    return age_s > OLD_S ? `newest sample ${duration(Math.floor(age_s))} ago` : "";
   }
 }

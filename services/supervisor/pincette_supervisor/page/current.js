@@ -1,6 +1,6 @@
 // The job that has the rig: what it does, how far it is, and what may be asked of it.
 
-import { post } from "./api.js";
+import { post, told } from "./api.js";
 import { byId, chip, h, setText, show } from "./dom.js";
 import { clock, duration, force, number, plain, toneOfState } from "./words.js";
 
@@ -23,6 +23,13 @@ export function outcomeOf(job) {
   return plain(result.outcome);
 }
 
+/** What a stop does with the part of a job. */
+function stopping({ kind, request }) {
+  if (!["grip", "track", "hold"].includes(kind)) return "ends it where the arm is";
+  return { release: "lets the part go", retract: "lets the part go and retreats" }[request.on_stop]
+    ?? "keeps a held part";
+}
+
 /** The force a job ended with or held. */
 export function forceOf(job) {
   const result = job.result ?? {};
@@ -40,6 +47,7 @@ export class Current {
     this.choose = choose;
     this.said = "";
     this.fault = h("p", { class: "fault", id: "current-fault", role: "alert" });
+    this.sent = h("p", { class: "hint", id: "current-sent", role: "status" });
   }
 
   show(job, rig) {
@@ -59,8 +67,11 @@ export class Current {
     const ended = job.ended_at !== null;
     const instruction = job.progress?.instruction;
     this.fault.textContent = "";
+    this.sent.textContent = "";
     const buttons = job.allowed_actions.map((type) => h("button", {
-      type: "button", id: `act-${type}`, class: type === "abort" ? "danger" : "",
+      type: "button", id: `act-${type}`,
+      class: type === "abort" ? "danger" : ["resume", "continue"].includes(type) ? "main" : "",
+      "aria-describedby": ["stop", "abort"].includes(type) && !ended ? "current-hint" : null,
       onclick: () => this.act(job, type),
     }, ACTIONS[type] ?? plain(type)));
     return [
@@ -74,7 +85,9 @@ export class Current {
         h("progress", { id: "bar", max: 100, "aria-labelledby": "course" }),
         h("p", { id: "course", class: "course" })),
       buttons.length ? h("div", { class: "buttons" }, ...buttons) : null,
-      this.fault,
+      ended || !buttons.length ? null : h("p", { class: "hint", id: "current-hint" },
+        `Stop ${stopping(job)}; Abort trips the actuator, which latches.`),
+      this.sent, this.fault,
       h("p", { class: "muted small" },
         h("button", { type: "button", id: "current-open", class: "link",
           onclick: () => this.choose(job.id) }, job.id),
@@ -106,11 +119,13 @@ export class Current {
 
   async act(job, type) {
     this.fault.textContent = "";
+    this.sent.textContent = `${ACTIONS[type] ?? plain(type)}: asked for, not yet answered`;
     try {
       await post(`/jobs/${job.id}/actions`, { type });
     } catch (problem) {
-      this.fault.textContent = `${problem.title}: ${problem.message}`;
+      this.fault.textContent = told(problem);
     }
+    this.sent.textContent = "";
     this.refresh();
   }
 }

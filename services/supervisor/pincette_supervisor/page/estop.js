@@ -7,7 +7,14 @@ const TRIES = 3;
 const PAUSE_MS = 300;
 const form = document.getElementById("estop-form");
 const said = document.getElementById("estop-said");
+const asked = new URLSearchParams(location.search).get("rig");
+const rig = asked || document.body.dataset.rig;
 let newest = 0;
+
+// The rig of the address is the one that is stopped, before anything else of the page has come.
+form.action = `/api/v1/rigs/${encodeURIComponent(rig)}/estop`;
+document.getElementById("estop-rig").textContent = rig;
+document.getElementById("estop-rig").hidden = !asked;
 
 function say(text, tone) {
   said.hidden = false;
@@ -28,14 +35,15 @@ async function estop() {
   const mine = newest;
   let settled = false;
   const failures = [];
-  say("E-STOP sent, not yet confirmed", "warn");
+  say(`E-STOP of ${rig} sent, not yet confirmed`, "warn");
   const attempt = async () => {
     try {
       const body = await ask();
       settled = true;
       if (mine !== newest) return;
       const time = new Date().toLocaleTimeString("en-GB", { hour12: false });
-      say(`E-STOP confirmed by the actuator at ${time}${body.detail ? `: ${body.detail}` : ""}`, "good");
+      say(`E-STOP of ${rig} confirmed by the actuator at ${time}`
+        + `${body.detail ? `: ${body.detail}` : ""}`, "good");
       document.dispatchEvent(new CustomEvent("pincette:estop"));
     } catch (error) {
       failures.push(String(error.message || error));
@@ -48,12 +56,13 @@ async function estop() {
     if (number === 1) setTimeout(() => settled || announceNeed(), 250);
     await Promise.race([trying, new Promise((go) => setTimeout(go, PATIENCE_MS))]);
     if (!settled && mine === newest && number < TRIES) {
-      say(`E-STOP not confirmed yet, sent again (${number + 1} of ${TRIES})`, "warn");
+      say(`E-STOP of ${rig} not confirmed yet, sent again (${number + 1} of ${TRIES})`, "warn");
     }
   }
   if (!settled && mine === newest) {
     const why = failures.at(-1) ?? `no answer within ${(TRIES * PATIENCE_MS) / 1000} s`;
-    say(`E-STOP NOT CONFIRMED: ${why}. Press again, and switch the amplifier off by hand.`, "bad");
+    say(`E-STOP OF ${rig} NOT CONFIRMED: ${why}. Press again, and switch the amplifier off by `
+      + "hand.", "bad");
   }
 }
 
@@ -79,4 +88,3 @@ document.addEventListener("keydown", (event) => {
     estop();
   } else escaped = now;
 }, true);
-

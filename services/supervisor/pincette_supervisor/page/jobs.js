@@ -1,6 +1,6 @@
 // The list of jobs, and one of them with its result, its pictures and its files.
 
-import { BASE, get } from "./api.js";
+import { BASE, get, jobsOfRig } from "./api.js";
 import { forceOf, outcomeOf } from "./current.js";
 import { byId, chip, h, show } from "./dom.js";
 import { clock, number, plain, toneOfState, withUnit } from "./words.js";
@@ -22,18 +22,24 @@ const FIGURES = [
   ["dropped_messages", "Dropped messages", "", 0],
 ];
 
+const PAGE = 30;
+const MOST = 480;
+
 export class Jobs {
   constructor({ choose }) {
     this.choose = choose;
     this.jobs = [];
     this.chosen = null;
     this.artifacts = null;
+    this.limit = PAGE;
+    this.more = false;
     byId("panel-jobs").append(h("div", { id: "job-detail" }), h("div", { id: "job-list" }));
   }
 
   async refresh() {
-    const { jobs } = await get("/jobs?limit=30");
+    const { jobs, next } = await jobsOfRig(`limit=${this.limit}`);
     this.jobs = jobs;
+    this.more = next !== null;
     this.render();
     await this.refreshChosen();
     return jobs;
@@ -64,7 +70,7 @@ export class Jobs {
   render() {
     const rows = this.jobs.map((job) => [job.id, job.kind, job.state, outcomeOf(job), forceOf(job),
       clock(job.created_at), job.position ?? null]);
-    show(byId("job-list"), [rows, this.chosen], () => this.table());
+    show(byId("job-list"), [rows, this.chosen, this.more], () => this.table());
     const job = this.jobs.find((each) => each.id === this.chosen);
     show(byId("job-detail"), [job ? { ...job, progress: null } : null, this.artifacts],
       () => (job ? this.detail(job) : []));
@@ -73,10 +79,15 @@ export class Jobs {
   table() {
     if (!this.jobs.length) return h("p", { class: "muted" }, "No job has been taken yet.");
     const head = ["Time", "Job", "State", "Force"];
-    return h("table", { class: "list jobs" },
+    return [h("table", { class: "list jobs" },
       h("caption", { class: "unseen" }, "Jobs, the newest first"),
       h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
-      h("tbody", {}, ...this.jobs.map((job) => this.row(job))));
+      h("tbody", {}, ...this.jobs.map((job) => this.row(job)))),
+    this.more && this.limit < MOST ? h("button", { type: "button", class: "quiet", id: "older",
+      onclick: () => {
+        this.limit += PAGE;
+        this.refresh().catch(() => {});
+      } }, "Show older jobs") : null];
   }
 
   row(job) {

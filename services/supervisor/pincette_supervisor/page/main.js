@@ -1,13 +1,18 @@
 // The page: it asks for the rig once a second and whenever an event says that something changed.
 
-import { get, RIG } from "./api.js";
+import { get, heard, jobsOfRig, RIG, RIG_PATH } from "./api.js";
 import { Calibrations } from "./calibrations.js";
 import { Charts } from "./charts.js";
+import { rigAnswered, watchConnection } from "./connection.js";
 import { Current } from "./current.js";
+import { Details } from "./details.js";
+import { byId } from "./dom.js";
 import { StartForm } from "./form.js";
 import { Jobs } from "./jobs.js";
+import { Queue } from "./queue.js";
 import { Recent } from "./recent.js";
-import { installReset, showRig, watchConnection } from "./rig.js";
+import { installReset, showRig } from "./rig.js";
+import { followRigs } from "./rigs.js";
 import { install as installScope } from "./scope.js";
 import { follow } from "./streams.js";
 import { installTabs } from "./tabs.js";
@@ -34,10 +39,13 @@ const choose = (id) => {
 const current = new Current({ refresh: soon, choose });
 const jobs = new Jobs({ choose });
 const calibrations = new Calibrations({ refresh: soon });
-const form = new StartForm({ refresh: soon, started: (made) => { job = made; } });
+const details = new Details({ refresh: soon });
+const queue = new Queue({ refresh: soon, choose });
+const form = new StartForm({ refresh: soon, started: (made) => { job = made; }, recent });
 const openTab = installTabs((id) => {
   if (id === "tab-jobs") jobs.refresh().catch(() => {});
   if (id === "tab-calibrations") calibrations.refresh().catch(() => {});
+  if (id === "tab-rig") soon();
 });
 installReset(soon);
 watchConnection();
@@ -47,19 +55,23 @@ async function newestJob() {
   if (rig.active_job) return get(`/jobs/${rig.active_job}`);
   if (job && job.ended_at === null) return get(`/jobs/${job.id}`);
   if (job) return job;
-  return (await get("/jobs?limit=1")).jobs[0] ?? null;
+  return (await jobsOfRig("limit=1")).jobs[0] ?? null;
 }
 
 async function refresh() {
-  rig = await get(`/rigs/${RIG}`);
-  showRig(rig, soon);
+  rig = await get(RIG_PATH);
+  rigAnswered();
+  showRig(rig);
   form.follow(rig);
   job = await newestJob();
   current.show(job, rig);
+  await queue.follow(rig);
+  await details.follow(rig);
   // A job that has come, ended or moved in the queue changes the lists.
   const now = JSON.stringify([job?.id, job?.state, rig.queue?.length]);
   if (now === listed) return;
   listed = now;
+  form.jog.changed(job);
   await jobs.refresh();
   if (job?.kind === "calibrate" && job.ended_at !== null) await calibrations.refresh();
 }
@@ -75,8 +87,9 @@ async function run() {
   again = false;
   try {
     await refresh();
-  } catch {
-    // The bar says that the supervisor does not answer.
+  } catch (problem) {
+    // The bar says that the supervisor does not answer, or what it answers instead.
+    heard.trouble = problem.status ? problem.title : "";
   } finally {
     busy = false;
     const running = job && job.ended_at === null;
@@ -104,7 +117,10 @@ follow({
     }
   },
 });
+document.title = `${RIG} · pincette`;
+byId("rig-name").textContent = RIG;
 document.addEventListener("pincette:estop", soon);
 document.addEventListener("visibilitychange", () => document.hidden || soon());
 run();
 form.prefill();
+followRigs();

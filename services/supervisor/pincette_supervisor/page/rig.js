@@ -1,10 +1,9 @@
 // The rig in the bar at the top: whether it answers, may start, holds a part, is latched.
 
-import { heard, post, RIG } from "./api.js";
+import { post, RIG_PATH, told } from "./api.js";
+import { alarm } from "./connection.js";
 import { byId, chip, h, setText, show } from "./dom.js";
 import { plain } from "./words.js";
-
-const STALE_MS = 3000;
 
 function fact(name, id, content) {
   return h("div", { class: "fact" }, h("dt", {}, name), h("dd", { id: `fact-${id}` }, content));
@@ -33,10 +32,11 @@ function facts(rig) {
   ];
 }
 
-function start(rig) {
+/** Whether the rig can start a job, in words and a tone. */
+export function start(rig) {
   if (rig.can_start) return ["can start", "good"];
+  if (rig.startable.length) return [`only ${rig.startable.join(" or ")}`, "warn"];
   if (rig.active_job) return ["busy", "busy"];
-  if (rig.startable?.length) return [`only ${rig.startable.join(" or ")}`, "warn"];
   return ["cannot start", "bad"];
 }
 
@@ -45,41 +45,30 @@ function notices(rig) {
   const running = rig.active_job !== null;
   const latched = rig.allowed_actions.includes("reset");
   const groups = [
-    [rig.startable?.length ? "Not every job can start" : "No job can start", running ? [] : rig.reasons.filter((reason) => !latched
-      || !reason.startsWith("actuator: latched"))],
+    [rig.startable.length ? "Not every job can start" : "No job can start", running ? []
+      : rig.reasons.filter((reason) => !latched || !reason.startsWith("actuator: latched"))],
     ["The stage must wait", running ? [] : rig.safe_to_move?.reasons ?? []],
     ["See to it", rig.warnings ?? []],
-    ["The queue is halted", rig.queue?.halted ? [rig.queue.halted] : []],
   ];
   return groups.filter(([, reasons]) => reasons.length);
 }
 
-function queueButtons(refresh) {
-  const act = (type) => () => post(`/rigs/${RIG}/queue/actions`, { type }).then(refresh, refresh);
-  return h("p", { class: "buttons" },
-    h("button", { type: "button", id: "queue-resume", onclick: act("resume") }, "Resume queue"),
-    h("button", { type: "button", id: "queue-clear", class: "quiet", onclick: act("clear") },
-      "Clear queue"));
-}
-
-export function showRig(rig, refresh) {
+export function showRig(rig) {
   show(byId("facts"), [start(rig), rig.part, rig.safe_to_move?.value,
     rig.latch, rig.allowed_actions, rig.model], () => facts(rig));
   const groups = notices(rig);
-  const halted = Boolean(rig.queue?.halted);
   byId("reasons").hidden = groups.length === 0;
-  show(byId("reasons"), [groups, halted], () => [
-    ...groups.map(([title, reasons]) => h("div", {}, h("h2", {}, title),
-      h("ul", {}, ...reasons.map((reason) => h("li", {}, reason))))),
-    halted ? queueButtons(refresh) : null,
-  ]);
+  show(byId("reasons"), groups, () => groups.map(([title, reasons]) => h("div", {}, h("h2", {}, title),
+    h("ul", {}, ...reasons.map((reason) => h("li", {}, reason))))));
   showLatch(rig);
 }
 
 function showLatch(rig) {
   const latched = rig.allowed_actions.includes("reset");
+  const before = !byId("latch").hidden;
   byId("latch").hidden = !latched;
   if (!latched) {
+    if (before) alarm("The latch of the actuator is cleared.");
     openReset(false);
     return;
   }
@@ -87,6 +76,7 @@ function showLatch(rig) {
   setText(byId("latch-title"), `The actuator is ${plain(rig.latch.state)}`);
   setText(byId("latch-cause"), `Cause: ${cause ?? rig.latch.cause}. Nothing moves until a person `
     + `has reset the rig${rig.part === "held" ? "; a part is held" : ""}.`);
+  if (!before) alarm(`${byId("latch-title").textContent}. ${byId("latch-cause").textContent}`);
 }
 
 function openReset(open) {
@@ -112,27 +102,12 @@ export function installReset(refresh) {
   byId("reset").addEventListener("submit", async (event) => {
     event.preventDefault();
     try {
-      await post(`/rigs/${RIG}/reset`, { acknowledge: true });
+      await post(`${RIG_PATH}/reset`, { acknowledge: true });
       byId("estop-said").hidden = true;
       openReset(false);
     } catch (problem) {
-      setText(byId("reset-said"), `${problem.title}: ${problem.message}`);
+      setText(byId("reset-said"), told(problem));
     }
     refresh();
   });
-}
-
-/** Say when nothing has come for a while: what is shown is then old. */
-export function watchConnection() {
-  const said = byId("connection");
-  setInterval(() => {
-    const now = performance.now();
-    const silent = now - heard.answer;
-    const stale = silent > STALE_MS;
-    document.body.classList.toggle("stale", stale);
-    document.body.classList.toggle("still", now - heard.sample > STALE_MS);
-    said.dataset.tone = stale ? "bad" : heard.ever ? "good" : "muted";
-    if (stale) setText(said, `no answer for ${Math.floor(silent / 1000)} s`);
-    else setText(said, heard.ever ? "connected" : "connecting");
-  }, 500);
 }

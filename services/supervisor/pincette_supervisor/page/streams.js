@@ -1,7 +1,7 @@
 // Server-sent events. A page that nobody sees gives its connections back; a stream that the server
 // refuses is tried again later, and the page polls meanwhile.
 
-import { BASE, RIG, heard } from "./api.js";
+import { BASE, RIG_PATH, heard } from "./api.js";
 
 const KINDS = ["state", "phase", "action", "result", "alarm", "queue", "rig", "model", "progress"];
 const AGAIN_MS = 5000;
@@ -49,13 +49,13 @@ class Stream {
 
 /** Follow the samples and the events of the rig. */
 export function follow({ begun, samples, event }) {
-  const live = new Stream(`${BASE}/rigs/${RIG}/live`, (source) => {
+  const live = new Stream(`${BASE}${RIG_PATH}/live`, (source) => {
     source.addEventListener("message", (message) => {
       heard.sample = performance.now();
       samples(JSON.parse(message.data));
     });
   }, begun);
-  const events = new Stream(`${BASE}/rigs/${RIG}/events`, (source) => {
+  const events = new Stream(`${BASE}${RIG_PATH}/events`, (source) => {
     for (const kind of KINDS) {
       source.addEventListener(kind, (message) => event(JSON.parse(message.data)));
     }

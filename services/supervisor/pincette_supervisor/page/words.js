@@ -34,6 +34,7 @@ export function force(value_mN, uncertainty_mN) {
 
 export function duration(seconds) {
   if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return NONE;
+  if (seconds < 10 && !Number.isInteger(seconds)) return `${number(seconds, 1)} s`;
   if (seconds < 90) return `${Math.round(seconds)} s`;
   return `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
 }
@@ -59,7 +60,7 @@ export function toneOfState(state) {
   return state === "running" ? "busy" : "muted";
 }
 
-const UNITS = [["_mN_per_um", "mN/µm"], ["_um_per_mN", "µm/mN"], ["_um_per_s", "µm/s"],
+const UNITS = [["_um_per_s2", "µm/s²"], ["_mN_per_um", "mN/µm"], ["_um_per_mN", "µm/mN"], ["_um_per_s", "µm/s"],
   ["_um_per_V", "µm/V"], ["_V_per_s", "V/s"], ["_rad_per_s", "rad/s"], ["_mN", "mN"],
   ["_um", "µm"], ["_V", "V"], ["_s", "s"], ["_hz", "Hz"]];
 const suffixOf = (name) => UNITS.find(([suffix]) => name.endsWith(suffix)) ?? ["", ""];

@@ -7,7 +7,7 @@ from fastapi import APIRouter
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
 from pincette_supervisor import problems
-from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.rigs import Rigs
 
 FOLDER = Path(__file__).resolve().parents[1] / "page"
 MEDIA_TYPES = {
@@ -25,15 +25,16 @@ HEADERS = {
 PLACE_OF_RIG = "{{rig}}"
 
 
-def routes(conductor: Conductor) -> APIRouter:
+def routes(rigs: Rigs) -> APIRouter:
     """``/`` and everything under ``/page``."""
     router = APIRouter(include_in_schema=False)
 
     @router.get("/")
-    def page() -> HTMLResponse:  # pyright: ignore[reportUnusedFunction]
-        """The page; the rig's name stands in it, so that the e-stop needs no answer first."""
+    def page(rig: str | None = None) -> HTMLResponse:  # pyright: ignore[reportUnusedFunction]
+        """The page of a rig; its name stands in it, so that the e-stop needs no answer first."""
         text = (FOLDER / "index.html").read_text(encoding="utf-8")
-        name = escape(conductor.site.rig.rig.name, quote=True)
+        conductor = rigs.own if rig is None else rigs.get(rig)
+        name = escape(conductor.name, quote=True)
         return HTMLResponse(text.replace(PLACE_OF_RIG, name), headers=HEADERS)
 
     @router.get("/favicon.ico")

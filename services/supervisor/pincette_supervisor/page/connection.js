@@ -1,0 +1,48 @@
+// Whether the supervisor answers, and how old what is shown has become.
+
+import { heard, RIG } from "./api.js";
+import { byId, setText } from "./dom.js";
+import { duration } from "./words.js";
+
+const STALE_MS = 3000;
+const LOOK_MS = 500;
+
+/** Tell a screen reader at once; what it was told before is not told again. */
+export function alarm(text) {
+  setText(byId("announce-alarm"), text);
+}
+
+/** The supervisor has said how the rig is. */
+export function rigAnswered() {
+  heard.rig = performance.now();
+  heard.ever = true;
+  heard.trouble = "";
+}
+
+function why() {
+  if (heard.trouble) return `The supervisor does not say how ${RIG} is (${heard.trouble}).`;
+  return "The supervisor does not answer.";
+}
+
+/** Say when nothing has come for a while: what is shown is then old. */
+export function watchConnection() {
+  const said = byId("connection");
+  const notice = byId("stale");
+  let stale = false;
+  setInterval(() => {
+    const now = performance.now();
+    const age_s = (now - heard.rig) / 1000;
+    const before = stale;
+    stale = now - heard.rig > STALE_MS;
+    document.body.classList.toggle("stale", stale);
+    document.body.classList.toggle("still", now - heard.sample > STALE_MS);
+    said.dataset.tone = stale ? "bad" : heard.ever ? "good" : "muted";
+    notice.hidden = !stale;
+    if (stale) {
+      setText(said, `no answer for ${duration(Math.floor(age_s))}`);
+      const age = heard.ever ? `What is shown is ${duration(Math.floor(age_s))} old. ` : "";
+      setText(notice, `${why()} ${age}E-STOP is sent all the same.`);
+    } else setText(said, heard.ever ? "connected" : "connecting");
+    if (stale !== before) alarm(stale ? `${why()} What is shown is old.` : "The supervisor answers.");
+  }, LOOK_MS);
+}

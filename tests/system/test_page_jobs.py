@@ -1,0 +1,250 @@
+"""Jobs of every kind from the page, at a rig in lockstep: what the server did is what counts."""
+
+from collections.abc import Generator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser
+
+from pincette.topics import LOOP
+from tests.support.browser import Visit, looked_at, open_browser
+from tests.support.grips import SHORT, make_ready
+from tests.support.rigs import demo_rig
+from tests.support.running import Json, RunningRig, running_rig
+
+LONG_S = 90.0
+"""A rig in lockstep is as slow as the machine is loaded."""
+TRIES = 3
+SLOWLY = {name: seed for seed, name in enumerate(LOOP)}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Generator[Browser]:
+    with open_browser() as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def rig(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    """Its ticks take some ms each, so that a hold without end floods nobody with samples."""
+    assert browser.is_connected()
+    folder = tmp_path_factory.mktemp("rig")
+    with running_rig(demo_rig(SHORT, time="lockstep"), folder, SLOWLY) as running:
+        yield running
+
+
+@pytest.fixture
+def seen(rig: RunningRig, browser: Browser) -> Generator[Visit]:
+    """The page of a rig that can start; a job that a test leaves is ended."""
+    make_ready(rig, LONG_S)
+    with looked_at(browser, rig.rig) as visited:
+        visited.until("#fact-start", "can start")
+        visited.until_true(
+            lambda: visited.page.input_value("#field-force_mN") == "8", "no defaults came"
+        )
+        yield visited
+    make_ready(rig, LONG_S)
+
+
+def ids(rig: RunningRig) -> list[str]:
+    """The jobs that the server has, the newest first."""
+    return [job["id"] for job in rig.get("/jobs", limit=3)["jobs"]]
+
+
+def until_state(rig: RunningRig, seen: Visit, name: str, state: str) -> Json:
+    """Wait until the server says that a job is in a state; the job."""
+    seen.until_true(
+        lambda: rig.job(name)["state"] == state, f"{name} never was {state}", timeout_s=LONG_S
+    )
+    return rig.job(name)
+
+
+def choose(seen: Visit, kind: str, **fields: str) -> None:
+    seen.page.select_option("#kind", kind)
+    for name, value in fields.items():
+        seen.page.fill(f"#field-{name}", value)
+
+
+def press_start(rig: RunningRig, seen: Visit) -> str:
+    """Start what the form says; the id of the job that the server has made of it."""
+    return made_by(rig, seen, "#start")
+
+
+def made_by(rig: RunningRig, seen: Visit, button: str) -> str:
+    """The id of the job that the server makes when a button is pressed."""
+    before = ids(rig)
+    seen.page.click(button)
+    seen.until_true(lambda: ids(rig) != before, "no job came")
+    return ids(rig)[0]
+
+
+def grip_until_held(rig: RunningRig, seen: Visit) -> str:
+    """Start a grip that holds until it is released, and see it hold; the job's id."""
+    job: Json = {}
+    for _ in range(TRIES):
+        choose(seen, "grip")
+        seen.page.check("#field-until_released")
+        name = press_start(rig, seen)
+        seen.until_true(lambda name=name: holds_or_ended(rig, name), "it never held", LONG_S)
+        job = rig.job(name)
+        # An arm that still creeps back from the test before cannot be zeroed yet.
+        if job["ended_at"] is None:
+            return name
+    raise TimeoutError(f"no grip came to its hold: {job['cause']}")
+
+
+def holds_or_ended(rig: RunningRig, name: str) -> bool:
+    job = rig.job(name)
+    progress: Json = job["progress"] or {}
+    return job["ended_at"] is not None or progress.get("phase") == "hold"
+
+
+def test_a_job_is_paused_resumed_stopped_and_its_part_released(
+    rig: RunningRig, seen: Visit
+) -> None:
+    name = grip_until_held(rig, seen)
+    seen.page.click("#act-pause")
+    until_state(rig, seen, name, "paused")
+    seen.until("#current-state", "paused")
+    seen.page.click("#act-resume")
+    until_state(rig, seen, name, "running")
+    seen.page.click("#act-stop")
+    job = until_state(rig, seen, name, "stopped")
+    assert [action["type"] for action in job["actions"]] == ["pause", "resume", "stop"]
+    assert rig.view()["part"] == "held"
+    seen.page.click("#act-release")
+    seen.until("#fact-start", "can start", LONG_S)
+    assert rig.view()["part"] == "none"
+
+
+def test_a_part_that_a_stop_has_left_is_held_on_and_let_go_by_jobs_of_their_own(
+    rig: RunningRig, seen: Visit
+) -> None:
+    name = grip_until_held(rig, seen)
+    seen.page.click("#act-stop")
+    until_state(rig, seen, name, "stopped")
+    seen.until("#kind-hint", "only hold or release", LONG_S)
+    choose(seen, "hold", release_s="0.5")
+    assert seen.text("#kind-hint") == ""
+    held = press_start(rig, seen)
+    until_state(rig, seen, held, "running")
+    assert rig.job(held)["kind"] == "hold"
+    seen.until("#current-state", "running")
+    seen.page.click("#act-stop")
+    until_state(rig, seen, held, "stopped")
+    choose(seen, "release", release_s="0.4")
+    released = rig.ended(press_start(rig, seen), LONG_S)
+    assert (released["kind"], released["state"]) == ("release", "succeeded")
+    assert rig.view()["part"] == "none"
+
+
+def test_jobs_wait_in_the_queue_leave_it_and_are_cleared(rig: RunningRig, seen: Visit) -> None:
+    running = grip_until_held(rig, seen)
+    choose(seen, "move", value="3")
+    seen.page.check("#field-queue")
+    assert seen.text("#start") == "Add to the queue"
+    waiting: list[str] = []
+    for place in (1, 2, 3):
+        waiting.append(press_start(rig, seen))
+        assert rig.job(waiting[-1])["position"] == place
+    seen.until(f"#queue li:has([id='wait-{waiting[1]}'])", "move to 3.00 µm")
+    seen.page.click(f"[id='drop-{waiting[0]}']")
+    until_state(rig, seen, waiting[0], "stopped")
+    assert rig.job(waiting[1])["position"] == 1
+    seen.page.click(f"[id='drop-{waiting[1]}']")
+    until_state(rig, seen, waiting[1], "stopped")
+    seen.until("#queue", "1 of 16")
+    seen.page.click("#queue-clear")
+    assert until_state(rig, seen, waiting[2], "stopped")["cause"] == "the queue was cleared"
+    seen.until_true(lambda: seen.page.locator("#queue").is_hidden(), "the queue is still shown")
+    assert rig.job(running)["state"] == "running"
+
+
+def test_a_halted_queue_says_why_and_goes_on_when_a_person_says_so(
+    rig: RunningRig, seen: Visit
+) -> None:
+    running = grip_until_held(rig, seen)
+    choose(seen, "move", value="2")
+    seen.page.check("#field-queue")
+    waiting = press_start(rig, seen)
+    seen.page.click("#act-abort")
+    until_state(rig, seen, running, "aborted")
+    seen.until("#queue-halted", running, LONG_S)
+    seen.until_true(
+        lambda: "reset" in rig.view()["allowed_actions"], "nobody may reset the rig", LONG_S
+    )
+    seen.page.click("#reset-open")
+    seen.page.check("#reset-seen")
+    seen.page.click("#reset button[type=submit]")
+    seen.until_true(lambda: not rig.view()["latch"]["cause"], "the latch never cleared", LONG_S)
+    assert rig.job(waiting)["state"] == "queued"
+    seen.page.click("#queue-resume")
+    seen.until_true(lambda: not rig.view()["queue"]["halted"], "the queue is still halted")
+
+
+def test_the_arm_is_jogged_and_a_pose_is_taught(rig: RunningRig, seen: Visit) -> None:
+    choose(seen, "move")
+    seen.page.select_option("#jog-step", label="0.5 µm")
+    step = rig.ended(made_by(rig, seen, "#jog-more"), LONG_S)
+    assert (step["state"], step["request"]["by_um"]) == ("succeeded", 0.5)
+    seen.until("#jog-said", f"at {step['result']['ends_at']['x_um']:.2f}", LONG_S)
+    seen.page.fill("#jog-name", "beside the bead")
+    seen.page.click("#jog-teach")
+    seen.until("#jog-said", "letters, digits")
+    seen.page.fill("#jog-name", "beside-the-bead")
+    taught = rig.ended(made_by(rig, seen, "#jog-teach"), LONG_S)["result"]
+    seen.until("#poses", "beside-the-bead", LONG_S)
+    assert taught["teach"] == "beside-the-bead"
+    assert taught["ends_at"]["voltage_V"] == pytest.approx(step["result"]["ends_at"]["voltage_V"])
+    seen.page.click("[id='pose-beside-the-bead']")
+    assert float(seen.page.input_value("#field-value")) == pytest.approx(
+        taught["ends_at"]["x_um"], abs=6e-4
+    )
+
+
+def test_a_path_of_steps_is_asked_for_as_the_fields_say(rig: RunningRig, seen: Visit) -> None:
+    choose(seen, "track")
+    assert seen.page.locator("#field-frequency_hz").is_visible()
+    seen.page.select_option("#field-shape", "step")
+    assert seen.page.locator("#field-frequency_hz").is_hidden()
+    seen.page.fill("#field-levels_mN", "4, 6")
+    seen.page.fill("#field-dwell_s", "0.3")
+    seen.page.click("#more-fields summary")
+    seen.page.select_option("#field-on_stop", "retract")
+    job = rig.job(press_start(rig, seen))
+    asked = {"shape": "step", "levels_mN": [4, 6], "dwell_s": 0.3, "on_stop": "retract"}
+    assert asked.items() <= job["request"].items()
+    assert job["rig"] == rig.rig.rig.name
+
+
+@pytest.mark.parametrize("kind", ["grip", "track", "move", "hold", "release", "calibrate"])
+def test_every_kind_is_foretold_before_it_starts(rig: RunningRig, seen: Visit, kind: str) -> None:
+    before = ids(rig)
+    fields = {"value": "3"} if kind == "move" else {}
+    choose(seen, kind, **fields)
+    body: Json = {"kind": kind, **({"to_um": 3.0} if fields else {})}
+    if kind == "calibrate":
+        body["calibration"] = "noise"
+    seen.page.click("#dry-run")
+    seen.until("#plan", "easible", LONG_S)
+    plan: dict[str, Any] = rig.post("/jobs?dry_run=true", body).raise_for_status().json()
+    assert ("Not feasible" not in seen.text("#plan .verdict")) == plan["feasible"]
+    assert seen.page.locator("#plan canvas").count() >= 3
+    margins = len(plan["prediction"]["margins"]) if plan["prediction"] else 0
+    assert seen.page.locator("#plan tbody tr").count() == margins
+    assert ids(rig) == before
+
+
+def test_a_move_beyond_the_limits_names_them_where_they_are_broken(
+    rig: RunningRig, seen: Visit
+) -> None:
+    before = ids(rig)
+    choose(seen, "move", value="90")
+    seen.page.click("#dry-run")
+    seen.until("#field-value-fault", "limit 70 µm", LONG_S)
+    assert seen.page.locator("#plan .violations li").count() >= 1
+    seen.page.click("#start")
+    seen.until("#start-said", "breaks a limit", LONG_S)
+    assert ids(rig) == before
+    assert all("422" in error for error in seen.errors), seen.errors
+    seen.errors.clear()
