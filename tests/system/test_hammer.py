@@ -11,7 +11,7 @@ import pytest
 from tests.support.grips import make_ready
 from tests.support.hammer import hammered
 from tests.support.running import Json, RunningRig
-from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.stalls import StallRecorder
 
 CLIENTS = 50
 OLD_JOBS = 5
@@ -53,7 +53,6 @@ def estop_s(rig: RunningRig) -> float:
 
 
 @pytest.mark.slow
-@again_after_a_stall(make_ready)
 def test_the_loop_does_not_notice_fifty_clients(
     rig: RunningRig, stalls: StallRecorder, figures: list[str]
 ) -> None:
