@@ -126,7 +126,8 @@ class Recorder:
 def run(context: Context) -> None:
     """Record until told to stop."""
     config = configure(context.rig, context.data)
-    stand_back()
+    if not context.rig.lockstep:
+        stand_back()
     bus = context.open_bus()
     try:
         recorder = Recorder(config, bus)

@@ -68,14 +68,21 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def _named(path: Sequence[str]) -> str:
+    """The last member of a path, with its places in a list."""
+    names = [place for place, part in enumerate(path) if not part.isdigit()]
+    last = names[-1] if names else 0
+    return "".join([*path[last : last + 1], *(f"[{index}]" for index in path[last + 1 :])])
+
+
 def fault(error: Mapping[str, Any]) -> dict[str, str]:
     """One entry of ``errors``: where in the request, and what is wrong with the value there."""
     place, *path = (str(part) for part in error["loc"])
     while path and path[0] in KINDS:
         # Not a member: which kind of request the others were checked as.
         path = path[1:]
-    name = path[-1] if path else place
-    unit = unit_of(name)
+    name = _named(path) or place
+    unit = unit_of(name.partition("[")[0])
     value = _shown(error.get("input")) + (f" {unit}" if unit else "")
     message = str(error["msg"])
     kind = str(error["type"])

@@ -47,7 +47,8 @@ def run(context: Context) -> None:
     """Serve REST until told to stop."""
     config = configure(context.rig, context.data)
     listener = bind(config.host, config.port)
-    stand_back()
+    if not context.rig.lockstep:  # which waits for whoever is late
+        stand_back()
     try:
         store = Store(config.store)
         try:

@@ -42,8 +42,9 @@ to begin with:
   pincette job track --cycles 3     let position and force follow a path
   pincette calibrate noise          find out what the rig is; `pincette model` shows the result
   pincette stop                     stop the job that runs; a held part stays held
-  pincette estop                    stop the rig at once; `pincette reset` clears the latch
+  pincette estop                    stop every rig at once; `pincette reset` clears the latch
   pincette doctor                   what is missing, and how to get it
+  pincette rigs                     every rig that the supervisor has found
 
 exit status:
 {exit_status.table()}
