@@ -215,6 +215,7 @@ def test_the_events_of_a_job_are_those_of_its_rig(
     desk: Desk, open_desk: Callable[..., Desk], rig_file: RigFile
 ) -> None:
     job = desk.ended(desk.grip()["id"])["id"]
+    desk.freed(job)  # its result is told after its end
     before = desk.get("/rigs/demo/events", format="json")["events"]
     assert job in {event["job"] for event in before}
     again = open_desk(rig_file)
