@@ -91,6 +91,12 @@ class Tracker:
             self.stop_acted = self.stop_acted or word == "stop"
             self.released = self.released or word == "release"
 
+    @property
+    def played_s(self) -> float:
+        """Time that the program has played, by the newest sample, without its pauses."""
+        seq = -1 if self._position is None else self._position.seq
+        return (seq + 1 - self._rested) * self._period_s
+
     def silent(self) -> str:
         """The program whose number lags: the first, in the order of a tick."""
         seqs = [
@@ -130,7 +136,7 @@ class Tracker:
         seq = -1 if position is None else position.seq
         x_um = position.x_um if position is not None and position.valid else None
         force_mN, uncertainty_mN = self._force()
-        played_s, planned_s = (seq + 1 - self._rested) * self._period_s, self._planned_s
+        played_s, planned_s = self.played_s, self._planned_s
         pressing = self.held and force_mN is not None
         x_r_um, force_r_mN = (None, None) if told is None else (told.x_r_um, told.force_r_mN)
         return Progress(

@@ -184,7 +184,9 @@ class Watch:
         limit_s = deadlines.limit_s(job.state, self._planned, self._rig, on_stop)
         spent_s = self._site.clock() - job.entered_at
         if job.state == "running":
-            spent_s += job.played_s
+            # In lockstep a machine may take as long as it likes for what is played.
+            lockstep = self._rig.lockstep
+            spent_s = self._tracker.played_s if lockstep else spent_s + job.played_s
         return limit_s is not None and spent_s > limit_s
 
     def _conclude(self) -> None:
