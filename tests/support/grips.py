@@ -161,6 +161,9 @@ def make_ready(rig: RunningRig, timeout_s: float = 10.0) -> None:
             rig.post(f"/rigs/{rig.rig.rig.name}/estop").raise_for_status()
         if "reset" in view["allowed_actions"]:
             reset(rig)
+        elif view["active_job"] is None and view["part"] == "held":
+            release = rig.post("/jobs", {"kind": "release", "autostart": True})
+            rig.ended(release.raise_for_status().json()["id"], timeout_s)
         sleep(0.1)
     raise TimeoutError(f"the rig is not ready: {rig.view()['reasons']}")
 
