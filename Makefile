@@ -5,6 +5,9 @@ ARGS ?=
 BIN := .venv/bin
 TEST_FLAGS := -m "not slow"
 VIRTUAL := tests/unit tests/integration tests/replay
+# whole programs that keep no clock
+LOCKSTEP := $(patsubst %,tests/system/test_%.py,lockstep orchestrator_example page_calibrations \
+  page_jobs page_rigs replay several_rigs twenty_rigs)
 REAL := tests/project tests/contract tests/system
 # pytest's exit status where ARGS leave no test; one half may have none
 NO_TEST := 5
@@ -44,11 +47,11 @@ up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 	@$(BIN)/pincette up $(ARGS)
 
 test: lint browser ## lint, then all tests but the slow ones: what CI runs
-	@echo "== pytest, in virtual time: on every core"
-	@$(BIN)/pytest $(TEST_FLAGS) -n logical --dist loadfile $(ARGS) $(VIRTUAL); virtual=$$?; \
+	@echo "== pytest, in virtual time and in lockstep: on every core"
+	@$(BIN)/pytest $(TEST_FLAGS) -n logical --dist loadfile $(ARGS) $(VIRTUAL) $(LOCKSTEP); virtual=$$?; \
 	test $$virtual -eq 0 -o $$virtual -eq $(NO_TEST) || exit $$virtual; \
 	echo "== pytest, in real time: one after another"; \
-	$(BIN)/pytest $(TEST_FLAGS) $(ARGS) $(REAL); real=$$?; \
+	$(BIN)/pytest $(TEST_FLAGS) $(ARGS) $(REAL) $(LOCKSTEP:%=--ignore=%); real=$$?; \
 	test $$real -eq 0 -o $$real -eq $(NO_TEST) || exit $$real; \
 	test $$virtual -eq 0 -o $$real -eq 0 || { echo "ARGS='$(ARGS)' leave no test" >&2; exit $(NO_TEST); }
 
