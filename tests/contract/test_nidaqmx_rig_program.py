@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from pincette.config import ConfigError, RigFile
+from pincette.config.reading import laid_over
 from pincette.instruments.line.rpc_link import RpcMemoryLink
 from pincette.instruments.nidaqmx_input import open_sensor
 from pincette.instruments.nidaqmx_output import open_output
@@ -13,7 +14,7 @@ from pincette.sim.bench import open_bench
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.script.script import Script
 from tests.support.rig_program import truths_of_three_writes
-from tests.support.rigs import Tree, at_own_ports, demo_rig, merged
+from tests.support.rigs import Tree, at_own_ports, demo_rig
 
 PAIR: Tree = {
     "sensor": {
@@ -39,7 +40,7 @@ def fast_rig(pace: str, changes: Tree | None = None) -> RigFile:
     tree = demo.model_dump(mode="json", exclude_unset=True)
     for table in ("sensor", "output"):
         tree[table]["options"] = {}
-    own = merged(merged(tree, PAIR), changes or {})
+    own = laid_over(laid_over(tree, PAIR), changes or {})
     return at_own_ports(RigFile.model_validate(own))
 
 

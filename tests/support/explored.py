@@ -9,19 +9,20 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant
 
 from pincette.api.request_models import AnyJobRequest, ReleaseJobRequest
 from pincette.api.states import STATES, ActionType, Event, JobState, next_state
+from pincette.config.reading import laid_over
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.running import deadlines, policies
 from tests.support.grips import SHORT
 from tests.support.office import Office
-from tests.support.rigs import demo_rig, merged
+from tests.support.rigs import demo_rig
 from tests.support.steps import KilledError
 from tests.support.virtual_rig import VirtualRig
 
 REFUSED = (409, 422, 503)
 """What the OpenAPI document admits for a job that cannot be taken, or an action that cannot."""
-RIG = merged(SHORT, {"simulation": {"scripts": True}})
+RIG = laid_over(SHORT, {"simulation": {"scripts": True}})
 ENDS = {state for state, row in STATES.items() if row.terminal}
 RELEASE = ReleaseJobRequest(kind="release", autostart=True)
 ENDING_S = 10.0

@@ -8,6 +8,7 @@ from typing import Any, cast
 from urllib.parse import urlsplit
 
 from pincette.config import RigFile, parse_rig, read_rig
+from pincette.config.reading import laid_over
 from pincette.sim.instruments.traits import resolved
 
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
@@ -36,18 +37,9 @@ def _is_free(port: int) -> bool:
     return True
 
 
-def merged(tree: Tree, changes: Tree) -> Tree:
-    """A tree with changes laid over it."""
-    result = dict(tree)
-    for key, value in changes.items():
-        both = isinstance(value, dict) and isinstance(result.get(key), dict)
-        result[key] = merged(cast(Tree, result[key]), cast(Tree, value)) if both else value
-    return result
-
-
 def demo_rig(changes: Tree | None = None, *, time: str = "real") -> RigFile:
     """The demo rig on ports of its own, with changes."""
-    return at_own_ports(read_rig(DEMO), merged({"rig": {"time": time}}, changes or {}))
+    return at_own_ports(read_rig(DEMO), laid_over({"rig": {"time": time}}, changes or {}))
 
 
 def output_step_V(rig: RigFile) -> float:
@@ -68,7 +60,7 @@ def at_own_ports(rig: RigFile, changes: Tree | None = None) -> RigFile:
         if url.scheme == "grpc":  # both are channels of one device
             offset = 5
         own[table] = {"url": f"{url.scheme}://127.0.0.1:{port + offset}{url.path}"}
-    return parse_rig(_as_toml_gives(merged(merged(tree, own), changes or {})))
+    return parse_rig(_as_toml_gives(laid_over(laid_over(tree, own), changes or {})))
 
 
 def _as_toml_gives(tree: Tree) -> Tree:

@@ -6,6 +6,7 @@ from functools import cached_property
 from unittest.mock import patch
 
 from pincette.config import RigFile
+from pincette.config.reading import laid_over
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.messages import Applied, Asked, Estimate, Message, Position, Telemetry, Truth
 from pincette.runtime import composed
@@ -13,7 +14,7 @@ from pincette.runtime.composed import ComposedLoop
 from pincette.runtime.devices import devices_on, simulated_bench
 from pincette.runtime.instrument import Device
 from pincette.sim.rig.rig import SimulatedRig
-from tests.support.rigs import Tree, demo_rig, merged
+from tests.support.rigs import Tree, demo_rig
 
 T = 0.02
 TRIPPED = ("frozen", "ramping")
@@ -85,8 +86,8 @@ class Played:
 
 def a_rig(*orders: Tree, changes: Tree | None = None) -> RigFile:
     """The demo rig in lockstep, its bead near, with orders in its file."""
-    near = merged(NEAR, {"simulation": {"script": list(orders)}})
-    return demo_rig(merged(near, changes or {}), time="lockstep")
+    near = laid_over(NEAR, {"simulation": {"script": list(orders)}})
+    return demo_rig(laid_over(near, changes or {}), time="lockstep")
 
 
 def play(

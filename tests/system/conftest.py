@@ -3,7 +3,9 @@
 from collections.abc import Generator
 
 import pytest
+from playwright.sync_api import Browser
 
+from tests.support.browser import open_browser
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
@@ -46,3 +48,9 @@ def seen(rig: RunningRig) -> Generator[Witness]:
 def stalls() -> Generator[StallRecorder]:
     with StallRecorder() as recorder:
         yield recorder
+
+
+@pytest.fixture(scope="module")
+def browser() -> Generator[Browser]:
+    with open_browser() as opened:
+        yield opened

@@ -9,6 +9,7 @@ from time import monotonic, sleep
 
 import pytest
 
+from pincette.config.reading import laid_over
 from pincette.instruments.link import RETRY_S
 from pincette.messages import Applied, Order, Position, Truth
 from pincette.topics import ORDER
@@ -25,7 +26,7 @@ from tests.support.grips import (
     whole_grip,
 )
 from tests.support.reactions import REACTION_S, await_reaction, within
-from tests.support.rigs import demo_rig, merged
+from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.stalls import StallRecorder, again_after_a_stall
 from tests.support.witness import Witness
@@ -39,7 +40,7 @@ TICK_S = 0.1
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    own = merged(
+    own = laid_over(
         SHORT,
         {
             "simulation": {"scripts": True},

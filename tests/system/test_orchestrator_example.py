@@ -10,9 +10,10 @@ from time import monotonic, sleep
 
 import pytest
 
+from pincette.config.reading import laid_over
 from tests.support.checkout import ROOT, await_text, run, until_interrupted
 from tests.support.grips import SHORT, make_ready
-from tests.support.rigs import demo_rig, merged
+from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
 from tests.support.technician import Technician
 
@@ -23,7 +24,7 @@ HANDS = {"simulation": {"scripts": True}}
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    handled = demo_rig(merged(SHORT, HANDS), time="lockstep")
+    handled = demo_rig(laid_over(SHORT, HANDS), time="lockstep")
     with running_rig(handled, tmp_path_factory.mktemp("cell")) as running:
         yield running
 

@@ -8,9 +8,10 @@ from time import monotonic
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ViewportSize
 
-from tests.support.browser import DESK, Visit, keep_picture, open_browser, origin_of, visit
+from pincette.config.reading import laid_over
+from tests.support.browser import DESK, Visit, keep_picture, origin_of, visit
 from tests.support.grips import SHORT
-from tests.support.rigs import demo_rig, merged
+from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.stalls import StallRecorder, again_after_a_stall
 
@@ -23,16 +24,12 @@ TEN_SECONDS = "#window [data-seconds='10']"
 
 
 @pytest.fixture(scope="module")
-def browser() -> Generator[Browser]:
-    with open_browser() as opened:
-        yield opened
-
-
-@pytest.fixture(scope="module")
 def rig(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     """The rig comes after the browser: without one there is nothing to start it for."""
     assert browser.is_connected()
-    with running_rig(demo_rig(merged(SHORT, PATIENT)), tmp_path_factory.mktemp("rig")) as running:
+    with running_rig(
+        demo_rig(laid_over(SHORT, PATIENT)), tmp_path_factory.mktemp("rig")
+    ) as running:
         yield running
 
 

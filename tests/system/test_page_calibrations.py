@@ -5,19 +5,13 @@ from collections.abc import Generator
 import pytest
 from playwright.sync_api import Browser
 
-from tests.support.browser import Visit, looked_at, open_browser
+from tests.support.browser import Visit, looked_at
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
 
 LONG_S = 90.0
 """A rig in lockstep is as slow as the machine is loaded."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Generator[Browser]:
-    with open_browser() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from pincette.topics import LOOP
-from tests.support.browser import Visit, looked_at, open_browser
+from tests.support.browser import Visit, looked_at
 from tests.support.grips import SHORT, make_ready
 from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
@@ -16,12 +16,6 @@ LONG_S = 90.0
 """A rig in lockstep is as slow as the machine is loaded."""
 TRIES = 3
 SLOWLY = {name: seed for seed, name in enumerate(LOOP)}
-
-
-@pytest.fixture(scope="module")
-def browser() -> Generator[Browser]:
-    with open_browser() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """Who can read the page and reach its controls: names, sizes, contrast; at a desk, on a tablet."""
 
-from collections.abc import Generator
-
 import pytest
 from playwright.sync_api import Browser, ViewportSize
 
@@ -11,7 +9,6 @@ from tests.support.browser import (
     Visit,
     contrast,
     looked_at,
-    open_browser,
     origin_of,
     visit,
 )
@@ -44,12 +41,6 @@ TEXTS = """() => [...document.querySelectorAll('body *')]
 WIDE = """() => Math.max(
   ...[document.documentElement, ...document.querySelectorAll('.side, .panel')]
   .map((each) => each.scrollWidth - each.clientWidth))"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Generator[Browser]:
-    with open_browser() as opened:
-        yield opened
 
 
 def check(seen: Visit) -> None:

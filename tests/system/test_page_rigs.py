@@ -6,10 +6,11 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Browser
 
+from pincette.config.reading import laid_over
 from pincette.runtime.fleet import Fleet
-from tests.support.browser import Visit, looked_at, open_browser
+from tests.support.browser import Visit, looked_at
 from tests.support.grips import SHORT
-from tests.support.rigs import demo_rig, merged, rig_toml
+from tests.support.rigs import demo_rig, rig_toml
 from tests.support.running import Json, RunningRig, running_rig
 
 LONG_S = 90.0
@@ -17,17 +18,11 @@ LONG_S = 90.0
 
 
 @pytest.fixture(scope="module")
-def browser() -> Generator[Browser]:
-    with open_browser() as opened:
-        yield opened
-
-
-@pytest.fixture(scope="module")
 def left(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     """The rig that has router and supervisor; the other, ``right``, has joined it."""
     assert browser.is_connected()
     folder = tmp_path_factory.mktemp("rigs")
-    own = demo_rig(merged(SHORT, {"rig": {"name": "left"}}), time="lockstep")
+    own = demo_rig(laid_over(SHORT, {"rig": {"name": "left"}}), time="lockstep")
     with running_rig(own, folder) as running, joined(running):
         yield running
 
@@ -39,7 +34,7 @@ def joined(left: RunningRig) -> Generator[None]:
         "bus": {"router": f"127.0.0.1:{left.rig.bus.port}"},
         "supervisor": {"port": left.rig.supervisor.port},
     }
-    right = demo_rig(merged(SHORT, joins), time="lockstep")
+    right = demo_rig(laid_over(SHORT, joins), time="lockstep")
     path = left.path.with_name("right.toml")
     path.write_text(rig_toml(right), encoding="utf-8")
     fleet = Fleet(right, path, left.data, lambda _name, _line: None)

@@ -7,8 +7,9 @@ import pyarrow.parquet as parquet
 import pytest
 
 from pincette.config import RigFile, parse_rig
+from pincette.config.reading import laid_over
 from tests.support.grips import whole_grip
-from tests.support.rigs import Tree, demo_rig, merged
+from tests.support.rigs import Tree, demo_rig
 from tests.support.running import Json, running_rig
 from tests.support.stalls import StallRecorder
 from tests.support.witness import witness
@@ -58,7 +59,7 @@ def test_a_recording_of_bytes_gives_the_same_job_without_instruments(tmp_path: P
     """Replayed through the same drivers and programs, each request must be the recorded one."""
     files = {table: tmp_path / f"{table}.dialogue" for table in ("sensor", "output")}
     keeping: Tree = {table: {"record": str(path)} for table, path in files.items()}
-    rig = demo_rig(merged(QUICK, keeping), time="lockstep")
+    rig = demo_rig(laid_over(QUICK, keeping), time="lockstep")
     live, later = tmp_path / "live", tmp_path / "later"
     live.mkdir()
     later.mkdir()

@@ -6,9 +6,10 @@ import pytest
 
 from pincette.config import RigFile
 from pincette.config.gains import judged, tuned
+from pincette.config.reading import laid_over
 from pincette.control.laws.law import LawSettings, ParameterSet, Scheme, default_settings
 from pincette.control.stability.assessment import LIMIT_RADIUS
-from tests.support.rigs import Tree, demo_rig, merged
+from tests.support.rigs import Tree, demo_rig
 
 SCHEMES: tuple[Scheme, ...] = ("pbsmic", "dsmifc")
 SETS: tuple[ParameterSet, ...] = ("consistent", "printed")
@@ -36,7 +37,7 @@ TAUGHT: dict[str, Tree] = {
 
 
 def rig_of(**tables: Tree) -> RigFile:
-    return demo_rig(merged(STRAIGHT, tables), time="lockstep")
+    return demo_rig(laid_over(STRAIGHT, tables), time="lockstep")
 
 
 @pytest.fixture(scope="module")

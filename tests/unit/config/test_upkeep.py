@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pincette.config import parse_rig, read_rig
-from tests.support.rigs import merged
+from pincette.config.reading import laid_over
 
 ROOT = Path(__file__).parents[3]
 RIGS = ROOT / "deploy/rigs"
@@ -17,7 +17,7 @@ def test_the_guides_entries_are_understood() -> None:
     guide = (ROOT / "docs/how-to/calibrate.md").read_text(encoding="utf-8")
     (entries,) = re.findall(r"^```toml\n(.*?)^```", guide, re.MULTILINE | re.DOTALL)
     own = tomllib.loads((RIGS / "demo.toml").read_text(encoding="utf-8"))
-    rig = parse_rig(merged(own, tomllib.loads(entries)))
+    rig = parse_rig(laid_over(own, tomllib.loads(entries)))
     assert rig.serial_numbers == {"sensor": "1540122", "output": "A-0311"}
     assert rig.calibration.valid_days == 365.0
     assert rig.digest() == read_rig(RIGS / "demo.toml").digest()

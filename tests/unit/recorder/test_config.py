@@ -7,14 +7,15 @@ from typing import Any
 import pytest
 
 from pincette.config import ConfigError, parse_rig
+from pincette.config.reading import laid_over
 from pincette_recorder.config import configure
-from tests.support.rigs import DEMO, merged
+from tests.support.rigs import DEMO
 
 
 def _tables(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     tables = tomllib.loads(DEMO.read_text(encoding="utf-8"))
     tables.pop("recorder")
-    return merged(tables, changes or {})
+    return laid_over(tables, changes or {})
 
 
 def test_records_are_kept_for_ever_unless_the_rig_file_says_otherwise() -> None:

@@ -5,11 +5,12 @@ from pathlib import Path
 import pytest
 
 from pincette.config import RigFile, parse_rig, read_rig
+from pincette.config.reading import laid_over
 from pincette.messages import Arm, Done, Reset
 from pincette.runtime.node import Node
 from pincette.runtime.timing import COMPUTING_S, budget
 from pincette_actuator import SERVICE as ACTUATOR
-from tests.support.rigs import Tree, merged
+from tests.support.rigs import Tree
 
 DEMO = read_rig(Path("deploy/rigs/demo.toml"))
 DC205: Tree = {"driver": "srs_dc205", "options": {"range_V": 10}}
@@ -19,7 +20,7 @@ def rig(sensor_baud: int, output: Tree) -> RigFile:
     """The demo rig with these lines."""
     tree = DEMO.model_dump(mode="json", exclude_unset=True)
     tree["output"] = {"driver": "icpdas_i7024", "url": tree["output"]["url"], **output}
-    return parse_rig(merged(tree, {"sensor": {"options": {"baud": sensor_baud}}}))
+    return parse_rig(laid_over(tree, {"sensor": {"options": {"baud": sensor_baud}}}))
 
 
 def i7024(baud: int) -> Tree:
