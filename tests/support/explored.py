@@ -8,7 +8,7 @@ from pathlib import Path
 from hypothesis.stateful import RuleBasedStateMachine, invariant
 
 from pincette.api.request_models import AnyJobRequest, ReleaseJobRequest
-from pincette.api.states import STATES, ActionType, Event, JobState, next_state
+from pincette.api.states import STATES, ActionType, JobState
 from pincette.config.reading import laid_over
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.planned import Planned
@@ -18,6 +18,7 @@ from tests.support.grips import SHORT
 from tests.support.office import Office
 from tests.support.rigs import demo_rig
 from tests.support.steps import KilledError
+from tests.support.told_states import states_told
 from tests.support.virtual_rig import VirtualRig
 
 REFUSED = (409, 422, 503)
@@ -52,23 +53,9 @@ class Explored(RuleBasedStateMachine):
 
     @invariant()
     def the_journal_agrees_with_the_table(self) -> None:
-        states: dict[str, JobState] = {}
         told = self.office.store.events_after(0, limit=100_000)
         assert [row.number for row in told] == list(range(1, len(told) + 1))
-        for row in told:
-            if row.kind != "state" or row.job is None:
-                continue
-            state: JobState = row.body["state"]
-            event: Event | None = row.body.get("event")
-            before = states.get(row.job)
-            if before is None:
-                assert state == "queued"
-            elif event is None:
-                assert state in STATES[before].events.values()
-            else:
-                assert next_state(before, event) == state
-            states[row.job] = state
-        assert {row.id: row.state for row in self.rows()} == states
+        assert {row.id: row.state for row in self.rows()} == states_told(told)
 
     @invariant()
     def no_thread_dies(self) -> None:

@@ -16,8 +16,9 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from pincette.api.states import STATES, ActionType, JobState, next_state
+from pincette.api.states import STATES, ActionType, JobState
 from pincette.config import parse_rig
+from tests.support.told_states import states_told
 
 from .conftest import DEMO
 from .rig import Desk
@@ -114,17 +115,7 @@ class Bench(RuleBasedStateMachine):
     @invariant()
     def no_job_leaves_the_table(self) -> None:
         self.desk.until(self._settled)
-        states: dict[str | None, JobState] = {}
-        for row in self.desk.told("state"):
-            state, event = row.body["state"], row.body.get("event")
-            before = states.get(row.job)
-            if before is None:
-                assert state == "queued"
-            elif event is None:
-                assert state in STATES[before].events.values()
-            else:
-                assert next_state(before, event) == state
-            states[row.job] = state
+        states_told(self.desk.told("state"))
 
     @invariant()
     def at_most_one_job_has_the_rig(self) -> None:

@@ -97,6 +97,7 @@ def test_a_job_whose_turn_has_come_is_planned_again_and_fails_where_there_is_no_
     monkeypatch.setattr("pincette_supervisor.running.planner.plan_with_recipe", no_plan)
     desk.bus.play()
     assert desk.ended(first)["state"] == "succeeded"
+    desk.ended(second)
     failed = desk.freed(second)
     assert (failed["state"], failed["cause"]) == ("failed", "contact_um = 90 µm is out of reach")
     assert desk.get(f"/jobs/{third}")["state"] == "queued"

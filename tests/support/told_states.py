@@ -1,0 +1,25 @@
+"""What the events say of the states of jobs, held against the table."""
+
+from collections.abc import Iterable
+
+from pincette.api.states import STATES, Event, JobState, next_state
+from pincette_supervisor.journal.rows import EventRow
+
+
+def states_told(told: Iterable[EventRow]) -> dict[str, JobState]:
+    """Each job's last state, where every step on the way there is one of the table's."""
+    states: dict[str, JobState] = {}
+    for row in told:
+        if row.kind != "state" or row.job is None:
+            continue
+        state: JobState = row.body["state"]
+        event: Event | None = row.body.get("event")
+        before = states.get(row.job)
+        if before is None:
+            assert state == "queued"
+        elif event is None:
+            assert state in STATES[before].events.values()
+        else:
+            assert next_state(before, event) == state
+        states[row.job] = state
+    return states
