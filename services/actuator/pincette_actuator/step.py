@@ -57,7 +57,9 @@ def step(config: ActuatorConfig, state: State, inputs: Inputs, now: float) -> tu
         state = saw(state, inputs.position.seq, now)
     command = inputs.command or state.pending
     if command is not None and command.epoch != state.epoch:
-        return refuse(state, f"command of epoch {command.epoch}"), ()
+        # A controller that is not armed yet says of every sample that it commands nothing.
+        stranger = refuse(state, f"command of epoch {command.epoch}")
+        return stranger if command.valid else state, ()
     if command is not None and command.seq > newest_sample(state)[0]:
         return replace(state, pending=command), ()
     state = replace(state, pending=None)

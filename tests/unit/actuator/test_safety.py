@@ -105,6 +105,14 @@ def test_commands_of_others_are_refused_and_counted(epoch: int, owner: int) -> N
     assert state.voltage_V == 0.0
 
 
+def test_a_controller_that_is_not_armed_yet_is_not_refused_for_commanding_nothing() -> None:
+    unarmed = command(7, epoch=EPOCH - 1).command
+    assert unarmed is not None
+    nothing = Inputs(None, replace(unarmed, valid=False), None)
+    state, outputs = play(armed(), (position(0), 0.0), (nothing, 0.004))
+    assert (outputs, state.refused, state.refusal) == ([], 0, "")
+
+
 def test_older_and_equal_commands_are_refused() -> None:
     state, _ = play(armed(), (position(0), 0.0), (position(1), 0.02), (command(1), 0.024))
     state, outputs = play(state, (command(1, 2.0), 0.025), (command(0, 3.0), 0.026))
