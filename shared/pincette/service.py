@@ -104,6 +104,8 @@ class Service(Generic[R, C, S, I]):
     """Begin from the voltage that the instrument puts out, whoever set it."""
     carried: tuple[str, ...] = ()
     """Fields of the state that an arming takes over from before, for what its outputs depend on."""
+    may_feed: Callable[[C, S, float], bool] | None = None
+    """Whether an instrument with a watchdog may hear that its host lives; None: at all times."""
     wind_down: Callable[[C, S, float], tuple[S, bool]] | None = None
     """Begin, or go on, to bring the instrument to rest before the program ends; true at rest."""
 

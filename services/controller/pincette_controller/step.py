@@ -6,8 +6,8 @@ from typing import NamedTuple
 from pincette.config import RigFile
 from pincette.control.laws import law as control_law
 from pincette.control.laws.law import Law, LawState
-from pincette.control.laws.sliding import LawOutput
 from pincette.control.planning.program import Program
+from pincette.control.safety.monitors import UNSEEN, Watches
 from pincette.messages import (
     SLEW_DOWN,
     SLEW_UP,
@@ -15,18 +15,22 @@ from pincette.messages import (
     VOLTAGE_MIN,
     Act,
     Arm,
+    Asked,
     Command,
     Done,
     Estimate,
+    Lease,
     Load,
     Message,
-    Telemetry,
 )
 from pincette.service import ForInstrument, Input, RefusedError, Service
-from pincette.topics import ACT, ARM, COMMAND, ESTIMATE, LOAD, STATUS, TELEMETRY
+from pincette.topics import ACT, ARM, COMMAND, ESTIMATE, LEASE, LOAD, STATUS, TELEMETRY
+from pincette_controller import lease as leasing
 from pincette_controller.config import ControllerConfig, configure
+from pincette_controller.mirror import mirrored
 from pincette_controller.player import advance, begin
 from pincette_controller.playing import Player
+from pincette_controller.telling import known_mN, no_command, telemetry_of
 from pincette_controller.wishes import ACTIONS, act, objection, told
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
@@ -55,6 +59,12 @@ class State:
     player: Player | None = None
     memory: LawState | None = None
     wishes: tuple[Act, ...] = ()
+    lease: leasing.Running | None = None
+    """Without one the program plays to its end, whoever is there."""
+    watches: Watches = UNSEEN
+    """What the mirror of the hard limits has seen."""
+    silenced: str = ""
+    """Why it commands no more, though nobody has ended the program."""
     refused: int = 0
     detail: str = ""
 
@@ -65,10 +75,27 @@ def start(_config: ControllerConfig) -> State:
 
 
 def step(
-    config: ControllerConfig, state: State, inputs: Inputs, _now: float
+    config: ControllerConfig, state: State, inputs: Inputs, now: float
 ) -> tuple[State, tuple[Message | ForInstrument, ...]]:
-    """Answer one estimate with one command; without a program, or blind, with an invalid one."""
-    estimate = inputs.estimate
+    """Answer one estimate with one command; without a program, or blind, with an invalid one.
+
+    Where the lease has ended, the stop that this means acts with the next estimate.
+    """
+    state, outputs = _answered(config, state, inputs.estimate)
+    if state.lease is None or not state.playing:
+        return state, outputs
+    outcome = "" if state.player is None else state.player.outcome
+    wish = leasing.end(state.lease, outcome, now)
+    if wish is None:
+        return state, outputs
+    noted = Asked(state.epoch, state.seq, SERVICE.name, ESTIMATE.name, act=wish)
+    ended = replace(state, wishes=(*state.wishes, wish), lease=None, detail=wish.reason)
+    return ended, (*outputs, noted)
+
+
+def _answered(
+    config: ControllerConfig, state: State, estimate: Estimate | None
+) -> tuple[State, tuple[Message | ForInstrument, ...]]:
     if estimate is None:
         return state, ()
     if estimate.epoch != state.epoch:
@@ -77,7 +104,7 @@ def step(
     if estimate.tripped and state.playing:
         state = replace(state, playing=False, wishes=(), detail="the actuator has tripped")
     if not state.playing or not estimate.valid or state.program is None:
-        return state, (_no_command(state, estimate),)
+        return state, (no_command(estimate, state.epoch, state.owner, state.silenced),)
     return _play(config, state, state.program, estimate)
 
 
@@ -101,6 +128,7 @@ def _play(
     if player.segment.open_loop:
         pressed_mN = estimate.force_mN if player.held else 0.0
         player = replace(player, x_r_um=estimate.x_um, speed_um_per_s=0.0, force_r_mN=pressed_mN)
+    steered = state.memory is not None and not player.segment.open_loop
     anew = player.bump or player.segment.open_loop or player.pressing != before.pressing
     if anew or player.segment.law != before.segment.law:
         # Another law alone: the references go on, and the newest sample belongs to those before.
@@ -134,9 +162,15 @@ def _play(
         final=player.ended,
         valid=True,
         sweep=None if player.ended else player.segment.sweep,
+        force_mN=known_mN(estimate),
+        x_d_um=None if player.ended or not steered else memory.x_d_um,
     )
-    telemetry = _telemetry(state, before, memory, player, output, told(acted, before, player))
-    playing = not player.ended
+    watches, command = mirrored(config.monitors, config.voltage, state.watches, command, estimate)
+    state = replace(state, watches=watches)
+    telemetry = telemetry_of(estimate, before, memory, player, output, told(acted, before, player))
+    if not command.valid:
+        state = replace(state, silenced=command.fault, wishes=(), detail=command.fault)
+    playing = command.valid and not player.ended
     return replace(state, player=player, memory=after, playing=playing), (command, telemetry)
 
 
@@ -147,55 +181,8 @@ def _limited(limits_active: int) -> int:
     return -1 if limits_active & LOWERING else 0
 
 
-def _no_command(state: State, estimate: Estimate) -> Command:
-    return Command(
-        epoch=state.epoch,
-        seq=estimate.seq,
-        owner=state.owner,
-        voltage_V=estimate.applied_V,
-        part_held=False,
-        zero=False,
-        final=False,
-        valid=False,
-        fault=estimate.fault,
-    )
-
-
-def _telemetry(
-    state: State,
-    before: Player,
-    memory: LawState,
-    player: Player,
-    output: LawOutput,
-    acted: str,
-) -> Telemetry:
-    """How sample k looks: its references are those that the tick before set for it."""
-    return Telemetry(
-        epoch=state.epoch,
-        seq=state.seq,
-        playing=not player.ended,
-        phase=player.segment.phase,
-        segment=player.index,
-        segment_tick=player.ticks,
-        x_r_um=before.x_r_um,
-        x_d_um=memory.x_d_um,
-        force_r_mN=before.force_r_mN,
-        sliding_um=output.sliding_um,
-        band_um=output.band_um,
-        perturbation_mN=output.perturbation_mN,
-        perturbation_error_mN=output.perturbation_error_mN,
-        residual_um=output.residual_um,
-        outcome=player.outcome,
-        contact_x_um=player.contact_x_um,
-        contact_stiffness_mN_per_um=player.K_e_mN_per_um,
-        held=player.held,
-        acted=acted,
-        paused=player.paused,
-    )
-
-
 def answer(
-    config: ControllerConfig, state: State, request: Message, _now: float
+    config: ControllerConfig, state: State, request: Message, now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
     """Load a program, begin an epoch with it, or note an action."""
     if isinstance(request, Load):
@@ -218,7 +205,17 @@ def answer(
         return fresh, Done(0), ()
     if isinstance(request, Act):
         return _note(state, request)
+    if isinstance(request, Lease):
+        return _lease(state, request, now)
     raise RefusedError(f"the controller does not answer {type(request).__name__}")
+
+
+def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tuple[Message, ...]]:
+    ended = state.detail.startswith(leasing.CAUSE)
+    why = leasing.objection(lease, state.epoch, playing=state.playing, ended=ended)
+    if why:
+        raise RefusedError(why)
+    return replace(state, lease=leasing.Running(lease, now)), Done(state.seq), ()
 
 
 def _check_laws(config: ControllerConfig, program: Program) -> None:
@@ -248,7 +245,7 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     summary="plays a program of segments: references, a law (PBSMIC or DSMIFC), guards",
     inputs=(Input(ESTIMATE, "trigger"),),
     outputs=(COMMAND, TELEMETRY),
-    questions=(LOAD, ARM["controller"], ACT, STATUS["controller"]),
+    questions=(LOAD, ARM["controller"], ACT, LEASE, STATUS["controller"]),
     inputs_type=Inputs,
     configure=configure,
     start=start,

@@ -60,6 +60,8 @@ def act(
             later.append(wish)
             continue
         player, word = _done(program, player, wish.action, x_um)
+        if word and wish.reason:
+            acted.append(wish.reason.partition(":")[0])
         if word:
             acted.append(word)
     return player, tuple(later), acted

@@ -79,7 +79,7 @@ class I7024:
         if not isfinite(voltage_V) or abs(voltage_V) > LIMIT_V:
             text = f"I-7024: {voltage_V} V refused, limit ±{LIMIT_V} V"
             raise InstrumentError(text, "misused")
-        self._watchdog.feed()
+        self._watchdog.feed_with_write()
         try:
             self._module.put_out(voltage_V)
         except InstrumentError as error:

@@ -4,6 +4,7 @@ A sample keeps its number: everything derived from sample k carries ``seq`` k, a
 of the arming it belongs to. A message is invalid until somebody says that it is valid.
 """
 
+from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette.messages.questions import (
     Act,
     Arm,
@@ -11,6 +12,7 @@ from pincette.messages.questions import (
     Document,
     Done,
     Finish,
+    Lease,
     Load,
     Order,
     Record,
@@ -23,10 +25,6 @@ from pincette.messages.questions import (
     Trip,
 )
 from pincette.messages.samples import (
-    SLEW_DOWN,
-    SLEW_UP,
-    VOLTAGE_MAX,
-    VOLTAGE_MIN,
     Applied,
     Burst,
     Command,
@@ -50,6 +48,7 @@ Message = (
     | Arm
     | Load
     | Act
+    | Lease
     | Trip
     | Reset
     | Order
@@ -80,6 +79,7 @@ __all__ = [
     "Estimate",
     "Finish",
     "JobNotice",
+    "Lease",
     "Load",
     "Message",
     "Order",

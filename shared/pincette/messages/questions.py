@@ -45,6 +45,21 @@ class Act:
 
     action: str
     at_seq: int | None = None
+    reason: str = ""
+    """Why a program asks it of itself, as ``lease: …``; empty where somebody has asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lease:
+    """Let the program of an epoch play on for ``length_s`` from here; asked again, it runs anew.
+
+    Where it ends, nobody has been heard of for so long, and the controller stops by itself.
+    """
+
+    epoch: int
+    length_s: float
+    then: str = "stop"
+    """How: ``stop``, ``let_go`` or ``retract``; see ``Act``."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,9 +4,6 @@ from dataclasses import dataclass
 
 from pincette.control.planning.sweep import Sweep
 
-VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
-"""Bits of ``limits_active``."""
-
 
 @dataclass(frozen=True, slots=True)
 class Position:
@@ -74,6 +71,10 @@ class Command:
     """Why it is not valid: what the controller cannot see."""
     sweep: Sweep | None = None
     """Play this about ``voltage_V``; the commands after it say that it may go on."""
+    force_mN: float | None = None
+    """The estimate it was computed from; None without a valid zero."""
+    x_d_um: float | None = None
+    """Where the law wants the arm at sample ``seq``; None where no law has steered it there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +85,11 @@ class Applied:
     seq: int
     voltage_V: float
     state: str
+    """latched, idle, armed, frozen or ramping."""
     cause: str
+    """Of the trip: one of ``control.safety.causes.Cause``, a colon, and words."""
     limits_active: int
+    """Bits: 1 voltage at its maximum, 2 at its minimum, 4 slew limited upwards, 8 downwards."""
     part_held: bool
     zero: bool
     final: bool
@@ -123,7 +127,9 @@ class Telemetry:
     contact_stiffness_mN_per_um: float | None
     held: bool
     acted: str
-    """Actions that took effect at this seq; ``let_go`` and ``retract`` are told as ``stop``."""
+    """Actions that took effect at this seq; ``let_go`` and ``retract`` are told as ``stop``, after
+    ``lease`` where a lease has ended and nobody has asked.
+    """
     paused: bool = False
     """From this sample on the references rest, and the segment's time stands still."""
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from .test_safety import WAKE, Inputs, command, holding, play, position
+from .bench import WAKE, Inputs, command, holding, play, position
 
 
 def test_a_trip_by_age_names_what_the_controller_could_not_see() -> None:

@@ -6,10 +6,11 @@ import pytest
 
 from pincette.messages import Applied, Arm, Reset, Trip
 from pincette.service import Drive, RefusedError
-from pincette_actuator.safety import State
-from pincette_actuator.step import answer, step
+from pincette_actuator.answering import answer
+from pincette_actuator.state import State
+from pincette_actuator.step import step
 
-from .test_safety import CONFIG, OWNER, WAKE, command, holding, play, position
+from .bench import CONFIG, OWNER, WAKE, command, holding, play, position
 
 LOCKSTEP = replace(CONFIG, lockstep=True)
 
@@ -22,8 +23,8 @@ def frozen(voltage_V: float = 1.0) -> State:
 
 def waking(state: State, since_s: float, until_s: float) -> State:
     """As often as the actuator looks at its clock."""
-    for tick in range(1, round((until_s - since_s) / CONFIG.wake_s) + 1):
-        state, _ = step(CONFIG, state, WAKE, since_s + tick * CONFIG.wake_s)
+    for tick in range(1, round((until_s - since_s) / CONFIG.age.wake_s) + 1):
+        state, _ = step(CONFIG, state, WAKE, since_s + tick * CONFIG.age.wake_s)
     return state
 
 

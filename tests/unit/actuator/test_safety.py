@@ -6,66 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pincette.messages import Applied, Arm, Command, Done, Message, Position, Reset, Trip
-from pincette.service import Drive, ForInstrument, RefusedError
-from pincette_actuator.config import ActuatorConfig
-from pincette_actuator.safety import SLEW_UP, VOLTAGE_MAX, State, wind_down
-from pincette_actuator.step import Inputs, adopt, answer, start, step
+from pincette.control.safety.voltage import SLEW_UP, VOLTAGE_MAX
+from pincette.messages import Applied, Arm, Command, Reset, Trip
+from pincette.service import Drive, RefusedError
+from pincette_actuator.answering import answer
+from pincette_actuator.step import SERVICE, Inputs, adopt, start
 
-T = 0.02
-CONFIG = ActuatorConfig(
-    period_s=T,
-    lockstep=False,
-    wake_s=T / 4,
-    excused_s=10 * T,
-    age_limit_s=0.05,
-    grace_s=1.0,
-    ramp_s=0.035,
-    freeze_s=0.5,
-    safe_V=0.0,
-    voltage_min_V=-1.0,
-    voltage_max_V=4.0,
-    slew_V=2.0,
-    sweep_V=0.1,
-)
-EPOCH, OWNER = 11, 5
-
-
-def armed(config: ActuatorConfig = CONFIG) -> State:
-    state, _, _ = answer(config, start(config), Reset(acknowledge=True), 0.0)
-    state, reply, _ = answer(config, state, Arm(EPOCH, OWNER, ""), 0.0)
-    assert reply == Done(-1)
-    return state
-
-
-def position(seq: int, epoch: int = EPOCH) -> Inputs:
-    return Inputs(None, None, Position(epoch, seq, seq * T, 1.0, True))
-
-
-def command(
-    seq: int, voltage_V: float = 1.0, *, held: bool = False, epoch: int = EPOCH, owner: int = OWNER
-) -> Inputs:
-    return Inputs(None, Command(epoch, seq, owner, voltage_V, held, False, False, True), None)
-
-
-WAKE = Inputs(None, None, None)
-
-
-def play(
-    state: State, *events: tuple[Inputs, float]
-) -> tuple[State, list[Message | ForInstrument]]:
-    """Feed events and keep every output."""
-    outputs: list[Message | ForInstrument] = []
-    for inputs, now in events:
-        state, made = step(CONFIG, state, inputs, now)
-        outputs += made
-    return state, outputs
-
-
-def holding(voltage_V: float = 1.0, *, held: bool) -> State:
-    state, _ = play(armed(), (position(0), 0.0), (command(0, voltage_V, held=held), 0.004))
-    assert state.voltage_V == voltage_V
-    return state
+from .bench import CONFIG, EPOCH, OWNER, WAKE, T, armed, command, holding, play, position, wakes
 
 
 def test_boots_latched_and_refuses_to_arm() -> None:
@@ -132,11 +79,6 @@ def test_range_and_slew_act_and_are_reported() -> None:
     assert isinstance(applied, Applied)
     assert applied.voltage_V == 2.0
     assert applied.limits_active == VOLTAGE_MAX | SLEW_UP
-
-
-def wakes(start_s: float, end_s: float) -> list[tuple[Inputs, float]]:
-    count = round((end_s - start_s) / (T / 4))
-    return [(WAKE, start_s + index * T / 4) for index in range(count + 1)]
 
 
 def test_free_arm_ramps_within_sixty_and_is_safe_within_a_hundred_ms() -> None:
@@ -229,7 +171,8 @@ def test_estop_acts_with_the_next_wake(held: bool) -> None:
 def test_told_to_end_it_ramps_to_the_safe_voltage_first(held: bool) -> None:
     state, now = holding(2.0, held=held), 0.01
     for _ in range(20):
-        state, at_rest = wind_down(CONFIG, state, now)
+        assert SERVICE.wind_down is not None
+        state, at_rest = SERVICE.wind_down(CONFIG, state, now)
         if at_rest:
             break
         state, _ = play(state, (WAKE, now))
@@ -287,8 +230,8 @@ def test_whatever_is_commanded_the_voltage_keeps_its_limits(
     for index, (seq, voltage_V) in enumerate(commands):
         now = 0.001 * index
         state, _ = play(state, (position(index), now), (command(seq, voltage_V), now))
-        assert CONFIG.voltage_min_V <= state.voltage_V <= CONFIG.voltage_max_V
-        assert abs(state.voltage_V - previous) <= CONFIG.slew_V + 1e-12
+        assert CONFIG.voltage.min_V <= state.voltage_V <= CONFIG.voltage.max_V
+        assert abs(state.voltage_V - previous) <= CONFIG.voltage.slew_V + 1e-12
         previous = state.voltage_V
 
 
@@ -299,8 +242,10 @@ def test_reordered_and_repeated_commands_equal_their_increasing_part(seqs: list[
     state, outputs = play(seen, *[(command(seq, 0.1 * seq), 0.001) for seq in numbers])
     taken = [output.seq for output in outputs if isinstance(output, Applied)]
     increasing: list[int] = []
+    newest = 7
     for seq in numbers:
-        if not increasing or seq > increasing[-1]:
+        fresh = newest - seq <= CONFIG.age.limit_ticks
+        if fresh and (not increasing or seq > increasing[-1]):
             increasing.append(seq)
     assert taken == increasing
     assert state.refused == len(numbers) - len(increasing)

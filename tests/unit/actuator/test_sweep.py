@@ -7,9 +7,10 @@ import pytest
 from pincette.control.planning.sweep import Sweep, SweptVoltages
 from pincette.messages import Applied, Trip
 from pincette.service import Drive, Look, Wave
-from pincette_actuator.step import Inputs, answer
+from pincette_actuator.answering import answer
+from pincette_actuator.step import Inputs
 
-from .test_safety import CONFIG, WAKE, armed, command, holding, play, position
+from .bench import CONFIG, WAKE, armed, command, holding, play, position
 
 SWEEP = Sweep(5.0, 400.0, 1.0, 0.05, 4_000.0)
 

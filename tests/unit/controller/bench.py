@@ -5,13 +5,22 @@ from dataclasses import dataclass, replace
 from pincette.control.arm.plant import consistent_arm, discretize
 from pincette.control.laws.law import LawSettings
 from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.safety.monitors import MonitorLimits
+from pincette.control.safety.voltage import VoltageLimits
 from pincette.messages import Arm, Command, Estimate, Load, Telemetry
 from pincette_controller.config import ControllerConfig
 from pincette_controller.step import Inputs, State, answer, start, step
 
 T, K_E, X_E_UM = 0.02, 2.0, 12.0
 ARM = consistent_arm(2437.8, 0.026, 19.0, 0.46)
-CONFIG = ControllerConfig(period_s=T, arm=ARM, law=LawSettings(K_P=2.0), force_filter_s=0.03)
+CONFIG = ControllerConfig(
+    period_s=T,
+    arm=ARM,
+    law=LawSettings(K_P=2.0),
+    force_filter_s=0.03,
+    monitors=MonitorLimits(T, 50.0, 3, 10.0, 0.1, 5, -29.0, 79.0, 3),
+    voltage=VoltageLimits(-1.0, 4.0, 0.2, 0.1),
+)
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
 PBSMIC, DSMIFC = LawSettings("pbsmic", K_P=2.0), LawSettings("dsmifc", K_P=2.0)
 QUIET = Estimate(
@@ -62,8 +71,11 @@ class Bench:
         self.plant = discretize(config.arm, T)
         state, _, _ = answer(config, start(config), Load(plays), 0.0)
         self.state: State = answer(config, state, Arm(1, 5, ""), 0.0)[0]
-        self.x_um = self.x_1_um = self.force_mN = self.applied_V = 0.0
-        self.seq = 0
+        self.x_um: float = 0.0
+        self.x_1_um: float = 0.0
+        self.force_mN: float = 0.0
+        self.applied_V: float = 0.0
+        self.seq: int = 0
         self.zero_seq: int | None = None
         self.ticks: list[Tick] = []
 

@@ -3,6 +3,9 @@
 Where the module hears no heartbeat for ``limit_s`` it goes to its safe value by itself and ignores
 what it is told, until the trip is cleared. A trip stays until ``clear``: a voltage that was meant
 for before it is stale, and to put it out would move an arm that has been let go.
+
+Where the module has heard a write and not confirmed it, further writes bring no heartbeat until one
+is confirmed: a host that cannot get its voltage out must not keep the old one there.
 """
 
 import logging
@@ -16,6 +19,8 @@ HEARTBEAT = b"~**"
 TICK_S = 0.1
 STATUS = re.compile(rb"[0-9A-F]{2}")
 TRIPPED = 0x04
+UNCONFIRMED = ("garbled", "refused")
+"""How a write went that the module has heard."""
 ZERO_V = 0.003
 """The output stands at 0 V where it is as near as this: two steps of 14 bit over ±10 V."""
 
@@ -33,6 +38,7 @@ class HostWatchdog:
         self._module = module
         self._ticks = round(limit_s / TICK_S)
         self._state: State = "waiting" if self._ticks else "off"
+        self._unconfirmed = False
 
     def take_over(self) -> None:
         """Clear a trip of before, and make 0 V the safe value where the output stands there."""
@@ -47,6 +53,11 @@ class HostWatchdog:
         else:
             text = "I-7024: the output stands at %+.3f V, so its safe value stays what it is"
             _log.warning(text, found_V)
+
+    def feed_with_write(self) -> None:
+        """Send the heartbeat before a write, unless the last one was not confirmed; may raise."""
+        if not self._unconfirmed:
+            self.feed()
 
     def feed(self) -> None:
         """Send the heartbeat, and arm the watchdog where that is to be done; may raise."""
@@ -66,6 +77,7 @@ class HostWatchdog:
         """Take note of how a write went; None where it was accepted."""
         if self._state == "off":
             return
+        self._unconfirmed = cause in UNCONFIRMED
         if cause == "tripped":
             self._state = "tripped"
         elif cause is None and self._state == "tripped":

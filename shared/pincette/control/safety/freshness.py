@@ -1,0 +1,87 @@
+"""How old a command is, by the clock and by the number of its sample, and what is no age.
+
+A command is as old as the sample that it is based on, which counts from its arrival here: no two
+limits add up, and no clocks of two programs are compared. The clock sees a command that is late;
+the numbers see one that comes out of a queue with the samples of its time.
+"""
+
+from dataclasses import dataclass
+
+ARRIVALS_KEPT = 8
+"""Samples remembered; a command further ahead than that has not overtaken its sample, it errs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A sample that was seen here."""
+
+    seq: int
+    at_s: float
+    x_um: float | None
+    """None where it was no measurement."""
+
+
+Arrivals = tuple[Arrival, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class AgeLimits:
+    """How old a command may be, and how long the first one may take."""
+
+    limit_s: float
+    limit_ticks: int
+    grace_s: float
+    wake_s: float
+    """How often the actuator looks at its clock; twice that is a standstill."""
+    excused_s: float
+    """How much of its own standstill is left out of an age, from one command to the next."""
+
+
+def newest_seq(arrivals: Arrivals) -> int:
+    """Number of the newest sample; -1 before the first."""
+    return arrivals[-1].seq if arrivals else -1
+
+
+def skipped_seq(arrivals: Arrivals, seq: int) -> int:
+    """Number before that of a new sample, where that one was not seen; -1 where none is missing."""
+    newest = newest_seq(arrivals)
+    return seq - 1 if 0 <= newest < seq - 1 else -1
+
+
+def with_sample(arrivals: Arrivals, seq: int, at_s: float, x_um: float | None) -> Arrivals:
+    """Note a sample; older and equal numbers change nothing."""
+    if seq <= newest_seq(arrivals):
+        return arrivals
+    return (*arrivals[1 - ARRIVALS_KEPT :], Arrival(seq, at_s, x_um))
+
+
+def arrival_of(arrivals: Arrivals, seq: int) -> Arrival | None:
+    """The sample of a number; None where it has not been seen, or not lately."""
+    for arrival in arrivals:
+        if arrival.seq == seq:
+            return arrival
+    return None
+
+
+def too_old(limits: AgeLimits, arrivals: Arrivals, sample: Arrival, now: float) -> str:
+    """Why a command that is based on ``sample`` is too old; empty where it is not."""
+    age_s = now - sample.at_s
+    if age_s > limits.limit_s:
+        return f"{1e3 * age_s:.0f} ms old, limit {1e3 * limits.limit_s:.0f} ms"
+    ticks = newest_seq(arrivals) - sample.seq
+    if ticks > limits.limit_ticks:
+        return f"{ticks} samples old, limit {limits.limit_ticks}"
+    return ""
+
+
+def standstill_s(limits: AgeLimits, slept_s: float, excused_s: float) -> float | None:
+    """How much of the time since the actuator ran last is left out of its ages, in s.
+
+    Where the machine has stood still, a command that is on its way has not had its chance, and a
+    ramp would jump. What is left out is bounded, from one good command to the next. None where the
+    actuator has run as it should.
+    """
+    stood_s = slept_s - limits.wake_s
+    if stood_s <= limits.wake_s:
+        return None
+    return min(stood_s, limits.excused_s - excused_s)

@@ -1,0 +1,161 @@
+"""Arming, trip, freeze, ramp, latch and reset: which modes there are, and what leads where.
+
+What a trip does is decided before the fault: the last good command says whether a part is held.
+With the arm free the voltage ramps to the safe value; with a part held it is frozen, for a bounded
+time and up to a bounded force, and then ramped, unless the cause asks to let go at once. Either way
+the actuator is latched until a person resets it, and nothing resumes by itself; a reset while it is
+frozen keeps the part, at the voltage that holds it.
+"""
+
+from dataclasses import replace
+from typing import TypeVar
+
+from pincette.control.safety.causes import LETS_GO, Cause, cause_of
+from pincette.control.safety.freshness import standstill_s
+from pincette.control.safety.monitors import UNSEEN
+from pincette.control.safety.state import NO_STRANGERS, SafetyLimits, SafetyState
+from pincette.control.safety.voltage import ramp
+
+S = TypeVar("S", bound=SafetyState)
+
+RAMP_LEAD = 0.25
+"""Share of a period by which the ramp is ahead of its clock: its first step comes with the trip."""
+
+
+def arming_objection(state: SafetyState) -> str:
+    """Why the actuator may not be armed; empty where it may."""
+    if state.mode == "idle":
+        return ""
+    hint = "reset it first" if state.mode == "latched" else "wait until it has ended"
+    return f"the actuator is {state.mode} ({state.cause or 'armed'}): {hint}"
+
+
+def armed(limits: SafetyLimits, state: S, *, epoch: int, owner: int, now: float) -> S:
+    """Give the authority to one owner for one epoch, at the voltage and with the part there are.
+
+    Until the first command says otherwise a part stays held: a fault before it must not drop it.
+    """
+    return replace(
+        state,
+        mode="armed",
+        cause="",
+        epoch=epoch,
+        owner=owner,
+        taken_seq=-1,
+        fresh_s=now + limits.age.grace_s,
+        arrivals=(),
+        since_s=0.0,
+        ramp_from_V=0.0,
+        limits_active=0,
+        blind="",
+        watches=UNSEEN,
+        excused_s=0.0,
+        refusal="",
+        strangers=NO_STRANGERS,
+    )
+
+
+def trip(limits: SafetyLimits, state: S, cause: str, now: float, *, let_go: bool = False) -> S:
+    """Begin the safe state, unless it has begun; the first cause is kept.
+
+    A part is let go only where that is asked for, or lies in the cause: then a freeze ends in its
+    ramp at once. Where no tick will come to play a ramp, the safe voltage is there at once.
+    """
+    let_go = let_go or cause_of(cause) in LETS_GO
+    if state.mode == "frozen" and let_go:
+        return ramped(state, now)
+    tripped_before = state.mode == "latched" and state.cause != Cause.BOOT
+    if state.mode in ("frozen", "ramping") or tripped_before:
+        return state
+    tripped = replace(state, cause=cause, since_s=now, limits_active=0)
+    if limits.lockstep and state.mode != "armed":
+        return at_safe(limits, tripped) if let_go else replace(tripped, mode="latched")
+    keeps = state.part_held and not let_go
+    return replace(tripped, mode="frozen") if keeps else ramped(tripped, now)
+
+
+def ramped(state: S, now: float) -> S:
+    """Begin the ramp to the safe voltage from where the voltage is."""
+    return replace(state, mode="ramping", since_s=now, ramp_from_V=state.voltage_V)
+
+
+def at_safe(limits: SafetyLimits, state: S) -> S:
+    """Be latched at the safe voltage, without a part."""
+    return replace(state, mode="latched", voltage_V=limits.safe_V, part_held=False)
+
+
+def released(state: S, words: str, now: float) -> S:
+    """End a freeze for a reason of its own, which the cause tells too."""
+    return ramped(replace(state, cause=f"{state.cause}; released: {words}"), now)
+
+
+def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: bool) -> str:
+    """Why the latch is not cleared; empty where it may be."""
+    if not acknowledged:
+        return "a reset needs acknowledge = true"
+    if state.mode == "ramping" and not limits.lockstep:
+        return f"the actuator is ramping ({state.cause}): reset it when the arm is safe"
+    return ""
+
+
+def reset(limits: SafetyLimits, state: S) -> S:
+    """Clear the latch; a part that is held stays so, and the voltage with it.
+
+    In real time a ramp must have come to its end. In lockstep, where a program has died, no tick
+    will come to end it.
+    """
+    if state.mode == "ramping":
+        state = at_safe(limits, state)
+    if state.mode not in ("latched", "frozen"):
+        return state
+    return replace(state, mode="idle", cause="", unconfirmed=False)
+
+
+def awake(limits: SafetyLimits, state: S, now: float) -> S:
+    """Note that the actuator runs; a standstill before that is left out of every age."""
+    if limits.lockstep or state.ran_s is None:
+        return replace(state, ran_s=now)
+    stood_s = standstill_s(limits.age, now - state.ran_s, state.excused_s)
+    if stood_s is None:
+        return replace(state, ran_s=now)
+    return replace(
+        state,
+        ran_s=now,
+        fresh_s=state.fresh_s + stood_s,
+        since_s=state.since_s + stood_s,
+        excused_s=state.excused_s + stood_s,
+        standstills=state.standstills + 1,
+    )
+
+
+def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
+    """What the mere passing of time does: the age limit, the end of a freeze, the ramp."""
+    if state.mode == "armed" and now - state.fresh_s > limits.age.limit_s:
+        state = trip(limits, state, Cause.COMMAND_AGE.because(_silence(limits, state, now)), now)
+    if state.mode == "frozen" and now - state.since_s >= limits.freeze_s:
+        state = ramped(state, now)
+    if state.mode != "ramping":
+        return state
+    share = (now - state.since_s + RAMP_LEAD * limits.period_s) / limits.ramp_s
+    if share >= 1.0:
+        return at_safe(limits, state)
+    return replace(state, voltage_V=ramp(state.ramp_from_V, limits.safe_V, share))
+
+
+def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> str:
+    silent_ms, limit_ms = 1e3 * (now - state.fresh_s), 1e3 * limits.age.limit_s
+    words = f"no command for {silent_ms:.0f} ms, limit {limit_ms:.0f} ms"
+    return f"{words}; {state.blind}" if state.blind else words
+
+
+def wind_down(limits: SafetyLimits, state: S, now: float) -> tuple[S, bool]:
+    """Ramp to the safe voltage because the program is told to end, a part held or not.
+
+    True where it has come to its end.
+    """
+    if state.voltage_V == limits.safe_V:
+        return state, True
+    if state.mode != "ramping":
+        cause = state.cause or Cause.SHUTDOWN.because()
+        state = ramped(replace(state, cause=cause, part_held=False), now)
+    return state, False

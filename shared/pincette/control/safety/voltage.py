@@ -1,0 +1,69 @@
+"""The voltage: its range, its slew, sweeps about it, and the ramp to the safe value."""
+
+from dataclasses import dataclass
+from math import isfinite
+
+VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
+"""Bits that say which limit has acted."""
+ABSURD_SPANS = 10.0
+"""Spans of the range beyond it from which on a voltage is no wish but an error."""
+
+
+@dataclass(frozen=True, slots=True)
+class VoltageLimits:
+    """What may be put out, at the amplifier's input."""
+
+    min_V: float
+    max_V: float
+    slew_V: float
+    """Largest change from one command to the next."""
+    sweep_V: float
+    """Largest amplitude of a sweep, to which the slew limit does not apply."""
+
+
+def limited(limits: VoltageLimits, present_V: float, wanted_V: float) -> tuple[float, int]:
+    """The wanted voltage within range and slew, in V, and the bits of the limits that acted.
+
+    u = clip(clip(wanted, min, max), present - slew, present + slew)
+    """
+    flags = 0
+    if wanted_V > limits.max_V:
+        wanted_V, flags = limits.max_V, VOLTAGE_MAX
+    elif wanted_V < limits.min_V:
+        wanted_V, flags = limits.min_V, VOLTAGE_MIN
+    if wanted_V > present_V + limits.slew_V:
+        return present_V + limits.slew_V, flags | SLEW_UP
+    if wanted_V < present_V - limits.slew_V:
+        return present_V - limits.slew_V, flags | SLEW_DOWN
+    return wanted_V, flags
+
+
+def absurd(limits: VoltageLimits, wanted_V: float) -> str:
+    """Why a voltage is not even limited but refused; empty where it may be wished for."""
+    if not isfinite(wanted_V):
+        return f"{wanted_V} V is no voltage"
+    room_V = ABSURD_SPANS * (limits.max_V - limits.min_V)
+    if limits.min_V - room_V <= wanted_V <= limits.max_V + room_V:
+        return ""
+    return f"{wanted_V:g} V is absurd, the range is {limits.min_V} V to {limits.max_V} V"
+
+
+def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> str:
+    """Why a sweep is not played; empty where it may be."""
+    if not amplitude_V <= limits.sweep_V:
+        return f"sweep of ±{amplitude_V} V, limit ±{limits.sweep_V} V"
+    low_V, high_V = about_V - amplitude_V, about_V + amplitude_V
+    if low_V < limits.min_V or high_V > limits.max_V:
+        return (
+            f"sweep from {low_V:.3f} V to {high_V:.3f} V, limits {limits.min_V} V and "
+            f"{limits.max_V} V"
+        )
+    return ""
+
+
+def ramp(from_V: float, safe_V: float, share: float) -> float:
+    """The straight way from a voltage to the safe one, in V; ``share`` of its time.
+
+    u = u_0 + clip(share, 0, 1)·(u_safe - u_0): never beyond either end, whatever the clock says.
+    """
+    return from_V + min(max(share, 0.0), 1.0) * (safe_V - from_V)

@@ -1,0 +1,85 @@
+"""An arm that is not the one of the model: it ends by a trip or by a guard, the force bounded.
+
+A wrong gain, a reading of the wrong sign, three times the hysteresis; and their negative twins,
+after which nothing trips: a lost part, twice the hysteresis, a part three times as stiff.
+"""
+
+import pytest
+
+from tests.support.rigs import Tree
+from tests.support.scripted import Played, T, play
+
+CLEAN = play()
+APPROACH = CLEAN.begin_of("approach") + 15
+LOAD = CLEAN.begin_of("load") + 5
+HOLD = CLEAN.begin_of("hold") + 10
+FORCE_MAX_MN, HARD_MN = 40.0, 50.0
+GAIN_UM_PER_V = 24.95
+"""Of the demo rig's simulation."""
+GUARDED = ("overforce", "no_contact", "zero_refused", "wrong_stiffness", "lost", "contact")
+
+
+def at(seq: int, target: str, what: str, **more: float) -> Tree:
+    return {"at_s": seq * T, "target": target, "what": what, **more}
+
+
+def check_ended(played: Played) -> None:
+    """By a trip whose cause names the limit, or by a guard; never gripped, never pressed hard."""
+    if played.trip is None:
+        assert played.outcome in GUARDED
+    else:
+        cause = played.trip.cause.partition(":")[0]
+        assert cause in ("following_error", "force", "position")
+        assert played.applied[-1].state == "latched"
+        assert played.applied[-1].voltage_V == 0.0
+    assert max(truth.force_mN for truth in played.truths) < HARD_MN
+
+
+def test_a_reading_of_the_wrong_sign_trips_while_the_arm_is_free() -> None:
+    played = play(changes={"sensor": {"direction": -1}})
+    assert played.trip is not None
+    assert played.trip.cause.startswith("following_error: the arm is at")
+    assert played.applied[-1].state == "latched"
+    assert max(truth.force_mN for truth in played.truths) == 0.0
+
+
+@pytest.mark.parametrize("factor", [0.1, 3.0, 6.0])
+def test_a_wrong_gain_is_ended_with_the_force_bounded(factor: float) -> None:
+    check_ended(play(changes={"simulation": {"piezo_um_per_V": factor * GAIN_UM_PER_V}}))
+
+
+@pytest.mark.parametrize("factor", [3.0, 5.0])
+@pytest.mark.parametrize("seq", [APPROACH, LOAD, HOLD], ids=["approach", "load", "hold"])
+def test_hysteresis_far_beyond_the_model_is_ended_with_the_force_bounded(
+    seq: int, factor: float
+) -> None:
+    check_ended(play(at(seq, "arm", "hysteresis", value=factor)))
+
+
+@pytest.mark.parametrize("seq", [APPROACH, LOAD])
+def test_an_output_that_does_not_move_is_ended(seq: int) -> None:
+    check_ended(play(at(seq, "output", "stuck")))
+
+
+def test_a_held_part_is_kept_where_the_output_has_stopped_moving() -> None:
+    played = play(at(HOLD, "output", "stuck"))
+    assert played.trip is not None
+    assert played.trip.cause.startswith("following_error")
+    assert max(truth.force_mN for truth in played.truths) < FORCE_MAX_MN
+
+
+@pytest.mark.parametrize(
+    ("target", "what", "value"),
+    [("part", "lose", None), ("arm", "hysteresis", 2.0), ("arm", "stiffen", 3.0)],
+)
+@pytest.mark.parametrize("seq", [APPROACH, LOAD, HOLD], ids=["approach", "load", "hold"])
+def test_what_the_guards_can_end_trips_nothing(
+    seq: int, target: str, what: str, value: float | None
+) -> None:
+    more = {} if value is None else {"value": value}
+    assert play(at(seq, target, what, **more)).trip is None
+
+
+def test_a_weight_within_the_limits_trips_nothing() -> None:
+    for seq in (APPROACH, LOAD, HOLD):
+        assert play(at(seq, "weight", "hang", value=10.0)).trip is None

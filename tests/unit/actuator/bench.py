@@ -1,0 +1,76 @@
+"""An actuator that is armed and fed by hand, in its own time."""
+
+from pincette.control.safety.freshness import AgeLimits
+from pincette.control.safety.monitors import MonitorLimits
+from pincette.control.safety.state import SafetyLimits
+from pincette.control.safety.voltage import VoltageLimits
+from pincette.messages import Arm, Command, Done, Message, Position, Reset
+from pincette.service import ForInstrument
+from pincette_actuator.answering import answer
+from pincette_actuator.state import State
+from pincette_actuator.step import Inputs, start, step
+
+T = 0.02
+CONFIG = SafetyLimits(
+    period_s=T,
+    lockstep=False,
+    age=AgeLimits(limit_s=0.05, limit_ticks=2, grace_s=1.0, wake_s=T / 4, excused_s=10 * T),
+    voltage=VoltageLimits(min_V=-1.0, max_V=4.0, slew_V=2.0, sweep_V=0.1),
+    monitors=MonitorLimits(
+        period_s=T,
+        force_mN=50.0,
+        force_samples=3,
+        following_um=10.0,
+        following_s=0.1,
+        following_samples=5,
+        position_min_um=-29.0,
+        position_max_um=79.0,
+        position_samples=3,
+    ),
+    ramp_s=0.035,
+    freeze_s=0.5,
+    safe_V=0.0,
+)
+EPOCH, OWNER = 11, 5
+
+
+def armed(config: SafetyLimits = CONFIG) -> State:
+    state, _, _ = answer(config, start(config), Reset(acknowledge=True), 0.0)
+    state, reply, _ = answer(config, state, Arm(EPOCH, OWNER, ""), 0.0)
+    assert reply == Done(-1)
+    return state
+
+
+def position(seq: int, epoch: int = EPOCH) -> Inputs:
+    return Inputs(None, None, Position(epoch, seq, seq * T, 1.0, True))
+
+
+def command(
+    seq: int, voltage_V: float = 1.0, *, held: bool = False, epoch: int = EPOCH, owner: int = OWNER
+) -> Inputs:
+    return Inputs(None, Command(epoch, seq, owner, voltage_V, held, False, False, True), None)
+
+
+WAKE = Inputs(None, None, None)
+
+
+def play(
+    state: State, *events: tuple[Inputs, float]
+) -> tuple[State, list[Message | ForInstrument]]:
+    """Feed events and keep every output."""
+    outputs: list[Message | ForInstrument] = []
+    for inputs, now in events:
+        state, made = step(CONFIG, state, inputs, now)
+        outputs += made
+    return state, outputs
+
+
+def holding(voltage_V: float = 1.0, *, held: bool) -> State:
+    state, _ = play(armed(), (position(0), 0.0), (command(0, voltage_V, held=held), 0.004))
+    assert state.voltage_V == voltage_V
+    return state
+
+
+def wakes(start_s: float, end_s: float) -> list[tuple[Inputs, float]]:
+    count = round((end_s - start_s) / (T / 4))
+    return [(WAKE, start_s + index * T / 4) for index in range(count + 1)]

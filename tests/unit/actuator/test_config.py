@@ -1,0 +1,79 @@
+"""What the actuator takes from a rig file, each number from its own place."""
+
+import pytest
+
+from pincette.config import ConfigError
+from pincette.control.safety.freshness import AgeLimits
+from pincette.control.safety.monitors import MonitorLimits
+from pincette.control.safety.state import SafetyLimits
+from pincette.control.safety.voltage import VoltageLimits
+from pincette_actuator.config import configure
+from tests.support.rigs import demo_rig
+
+CHANGES = {
+    "rig": {"period_s": 0.01},
+    "limits": {
+        "voltage_min_V": -2.0,
+        "voltage_max_V": 5.0,
+        "slew_V_per_s": 8.0,
+        "sweep_V": 0.05,
+        "position_min_um": -10.0,
+        "position_max_um": 90.0,
+        "force_max_mN": 30.0,
+    },
+    "safety": {
+        "command_age_periods": 3.5,
+        "ramp_s": 0.03,
+        "safe_V": 0.5,
+        "freeze_s": 7.0,
+        "force_factor": 1.5,
+        "force_samples": 4,
+        "following_um": 2.0,
+        "following_s": 0.02,
+        "following_for_s": 0.08,
+        "position_margin": 0.2,
+        "position_samples": 2,
+    },
+}
+
+
+@pytest.mark.parametrize("time", ["real", "lockstep"])
+def test_every_limit_comes_from_its_place(time: str) -> None:
+    assert configure(demo_rig(CHANGES, time=time)) == SafetyLimits(
+        period_s=0.01,
+        lockstep=time == "lockstep",
+        age=AgeLimits(
+            limit_s=3.5 * 0.01,
+            limit_ticks=3,
+            grace_s=50.0 * 0.01,
+            wake_s=0.25 * 0.01,
+            excused_s=10.0 * 0.01,
+        ),
+        voltage=VoltageLimits(-2.0, 5.0, 8.0 * 0.01, 0.05),
+        monitors=MonitorLimits(
+            period_s=0.01,
+            force_mN=1.5 * 30.0,
+            force_samples=4,
+            following_um=2.0,
+            following_s=0.02,
+            following_samples=8,
+            position_min_um=-10.0 - 0.2 * 100.0,
+            position_max_um=90.0 + 0.2 * 100.0,
+            position_samples=2,
+        ),
+        ramp_s=0.03,
+        freeze_s=7.0,
+        safe_V=0.5,
+    )
+
+
+@pytest.mark.parametrize("safe_V", [-1.0, 4.0])
+def test_a_safe_voltage_may_be_at_the_end_of_the_range(safe_V: float) -> None:
+    assert configure(demo_rig({"safety": {"safe_V": safe_V}})).safe_V == safe_V
+
+
+@pytest.mark.parametrize("safe_V", [-1.1, 4.1])
+def test_a_safe_voltage_that_cannot_be_put_out_is_refused(safe_V: float) -> None:
+    with pytest.raises(ConfigError) as caught:
+        configure(demo_rig({"safety": {"safe_V": safe_V}}))
+    assert str(caught.value) == f"[safety] safe_V = {safe_V} V is outside -1.0..4.0 V"

@@ -1,0 +1,256 @@
+"""The latch explored to its end: every state that periods of good and bad events can lead to.
+
+A move is one period: a sample or none, a command or none, a question or a fault, and time in
+quarters of the period. States are told apart by mode, voltage, part, ages and counts; the search
+ends where no move leads to one that it has not met.
+"""
+
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from math import nan
+
+import pytest
+
+from pincette.control.safety.voltage import VoltageLimits
+from pincette.messages import Arm, Command, Message, Position, Reset, Trip
+from pincette.service import Drive, ForInstrument, RefusedError
+from pincette_actuator.answering import answer
+from pincette_actuator.state import State
+from pincette_actuator.step import Inputs, start, step
+
+from .bench import CONFIG, EPOCH, OWNER, WAKE, T
+
+LIMITS = replace(
+    CONFIG,
+    age=replace(CONFIG.age, limit_s=0.03, limit_ticks=1, grace_s=0.01),
+    voltage=VoltageLimits(min_V=-0.5, max_V=0.5, slew_V=0.5, sweep_V=0.1),
+    monitors=replace(CONFIG.monitors, force_samples=2, position_samples=2),
+    ramp_s=0.015,
+    freeze_s=0.025,
+)
+QUARTER_S = T / 4
+Move = tuple[str, str, str]
+"""Sample, command, question."""
+Key = tuple[object, ...]
+OLDEST = 7
+"""Quarters beyond which an age makes no difference: every limit is below."""
+SAMPLES = ("good", "none", "invalid", "beyond")
+COMMANDS: dict[str, dict[str, object]] = {
+    "none": {},
+    "up": {"voltage_V": 2.0},
+    "down": {"voltage_V": -2.0, "part_held": True},
+    "final": {"final": True, "part_held": True},
+    "late": {"seq": -3},
+    "early": {"seq": 1},
+    "owner": {"owner": OWNER + 1, "voltage_V": 1.0},
+    "epoch": {"epoch": EPOCH + 1, "voltage_V": 1.0},
+    "nan": {"voltage_V": nan},
+    "invalid": {"valid": False},
+    "pressing": {"force_mN": 99.0},
+}
+QUESTIONS: dict[str, Message | str] = {
+    "device": "device",
+    "estop": Trip("estop"),
+    "let_go": Trip("abort", let_go=True),
+    "reset": Reset(acknowledge=True),
+    "unacknowledged": Reset(),
+    "arm": Arm(EPOCH, OWNER, ""),
+}
+MOVES = (
+    *((sample, command, "") for sample, command in product(SAMPLES, COMMANDS)),
+    *((sample, "up", question) for sample, question in product(("good", "none"), QUESTIONS)),
+)
+FEWER = tuple(
+    (sample, command, question)
+    for sample, command, question in MOVES
+    if sample == "good" and command not in ("early", "late", "epoch")
+)
+"""What a commit is held to: no sample is lost, and every command belongs to its own."""
+LEADS_TO = {
+    "latched": {"latched", "idle", "ramping", "frozen"},
+    "idle": {"idle", "armed", "ramping", "frozen"},
+    "armed": {"armed", "idle", "ramping", "frozen"},
+    "frozen": {"frozen", "ramping", "idle"},
+    "ramping": {"ramping", "latched"},
+}
+
+
+@dataclass(frozen=True)
+class Place:
+    """A state, and the numbers of time and samples that lead on from it."""
+
+    state: State
+    quarter: int
+    seq: int
+
+    @property
+    def now(self) -> float:
+        return self.quarter * QUARTER_S
+
+    def key(self) -> Key:
+        """What the rules can tell apart."""
+        state = self.state
+
+        def age(since_s: float) -> int:
+            return min(OLDEST, round((self.now - since_s) / QUARTER_S))
+
+        seen = tuple(
+            (self.seq - sample.seq, age(sample.at_s))
+            for sample in state.arrivals
+            if age(sample.at_s) < OLDEST
+        )
+        return (
+            state.mode,
+            state.cause == "boot",
+            round(state.voltage_V, 6),
+            state.part_held,
+            age(state.fresh_s) if state.mode == "armed" else 0,
+            age(state.since_s) if state.mode in ("frozen", "ramping") else 0,
+            round(state.ramp_from_V, 6) if state.mode == "ramping" else 0,
+            seen,
+            min(3, self.seq - state.taken_seq),
+            min(2, self.seq - state.answered_seq),
+            None if state.pending is None else (self.seq - state.pending.seq, state.pending.valid),
+            (state.watches.force.count, state.watches.position.count),
+            state.unconfirmed,
+        )
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One event: what was before and after it, and what came out."""
+
+    event: str
+    before: State
+    after: State
+    outputs: tuple[Message | ForInstrument, ...]
+
+
+def moved(place: Place, sample: str, command: str, question: str) -> Iterator[tuple[Place, Seen]]:
+    """A period, event by event."""
+    state, quarter, seq = place.state, place.quarter, place.seq
+
+    def after(event: str, inputs: Inputs) -> tuple[Place, Seen]:
+        nonlocal state
+        before = state
+        state, outputs = step(LIMITS, before, inputs, quarter * QUARTER_S)
+        return Place(state, quarter, seq), Seen(event, before, state, outputs)
+
+    if sample != "none":
+        x_um = 900.0 if sample == "beyond" else 1.0
+        seen = Position(EPOCH, seq, 0.0, x_um, valid=sample != "invalid")
+        yield after(f"{sample} sample", Inputs(None, None, seen))
+    quarter += 1
+    if command == "none":
+        yield after("wake", WAKE)
+    else:
+        changes = dict(COMMANDS[command])
+        number = seq + int(str(changes.pop("seq", 0)))
+        good = Command(EPOCH, number, OWNER, 0.5, False, False, False, True)
+        yield after(command, Inputs(None, replace(good, **changes), None))  # pyright: ignore[reportArgumentType]  fields by name
+    for _ in range(2):
+        quarter += 1
+        yield after("wake", WAKE)
+    request = QUESTIONS.get(question)
+    if request == "device":
+        yield after("device", Inputs("silent", None, None))
+    elif request is not None:
+        assert not isinstance(request, str)
+        before = state
+        try:
+            state, _, outputs = answer(LIMITS, before, request, quarter * QUARTER_S)
+        except RefusedError:
+            outputs = ()
+        if question == "arm" and state is not before:
+            seq = -1
+        yield Place(state, quarter, seq), Seen(question, before, state, outputs)
+    quarter += 1
+    seq += 1
+    yield after("wake", WAKE)
+
+
+def check(seen: Seen) -> None:
+    """What must hold of every event in every state."""
+    event, before, after = seen.event, seen.before, seen.after
+    change_V = after.voltage_V - before.voltage_V
+    assert after.mode in LEADS_TO[before.mode], seen
+    assert LIMITS.voltage.min_V <= after.voltage_V <= LIMITS.voltage.max_V
+    if (before.mode, after.mode) in (("latched", "idle"), ("frozen", "idle")):
+        assert event == "reset"
+    if before.mode != "armed" and after.mode == "armed":
+        assert (before.mode, event) == ("idle", "arm")
+    if after.taken_seq > before.taken_seq:
+        assert before.mode == "armed"
+        assert event not in ("owner", "epoch", "nan", "invalid", "late")
+        assert abs(change_V) <= LIMITS.voltage.slew_V + 1e-12
+    elif after.mode in ("ramping", "latched") and before.mode != "latched":
+        # The first step is ahead by a quarter of its own, whether it comes with the trip or after.
+        ahead = 2 if before.mode != "ramping" or before.voltage_V == before.ramp_from_V else 1
+        span_V = abs(after.ramp_from_V - LIMITS.safe_V)
+        assert abs(change_V) <= span_V * ahead * QUARTER_S / LIMITS.ramp_s + 1e-9
+        assert abs(after.voltage_V - LIMITS.safe_V) <= abs(before.voltage_V - LIMITS.safe_V)
+    else:
+        assert change_V == 0.0, seen
+    for output in seen.outputs:
+        if isinstance(output, Drive):
+            assert output.voltage_V == after.voltage_V
+
+
+def explored(moves: Sequence[Move]) -> tuple[dict[Key, Place], Counter[tuple[str, str]]]:
+    """Every state that the moves lead to, and how often one mode led to another."""
+    first = Place(start(LIMITS), 0, 0)
+    met = {first.key(): first}
+    led: Counter[tuple[str, str]] = Counter()
+    open_places = deque([first])
+    while open_places:
+        place = open_places.popleft()
+        for move in moves:
+            events = list(moved(place, *move))
+            for _, seen in events:
+                check(seen)
+                led[seen.before.mode, seen.after.mode] += 1
+            end = events[-1][0]
+            if end.key() not in met:
+                met[end.key()] = end
+                open_places.append(end)
+    return met, led
+
+
+def check_latched(place: Place) -> None:
+    """Whatever comes but a reset, a state that has tripped moves to safety and stays there."""
+    here = place
+    for _ in range(8):
+        events = list(moved(here, "good", "up", "arm"))
+        for _, seen in events:
+            assert seen.after.mode in ("frozen", "ramping", "latched")
+            assert seen.after.taken_seq == place.state.taken_seq
+        here = events[-1][0]
+    if here.state.mode != "latched" or place.state.mode != "latched":
+        assert (here.state.mode, here.state.voltage_V) == ("latched", LIMITS.safe_V)
+
+
+def check_all(moves: Sequence[Move], least: int) -> None:
+    met, led = explored(moves)
+    assert len(met) > least
+    assert {place.state.mode for place in met.values()} == set(LEADS_TO)
+    never = {("latched", "frozen")}
+    assert set(led) == {(a, b) for a in LEADS_TO for b in LEADS_TO[a]} - never
+    tripped = [
+        place
+        for place in met.values()
+        if place.state.mode in ("frozen", "ramping", "latched") and place.state.cause != "boot"
+    ]
+    assert tripped
+    for place in tripped:
+        check_latched(place)
+
+
+def test_no_event_in_any_state_breaks_a_rule_and_only_a_reset_ends_a_trip() -> None:
+    check_all(FEWER, 60)
+
+
+@pytest.mark.slow
+def test_no_event_at_all_in_any_state_breaks_a_rule_and_only_a_reset_ends_a_trip() -> None:
+    check_all(MOVES, 5_000)

@@ -1,0 +1,157 @@
+"""The hard limits at the service: what is answered, what the instrument is told, what is fed."""
+
+from dataclasses import replace
+from math import nan
+
+import pytest
+
+from pincette.messages import (
+    Applied,
+    Arm,
+    Command,
+    Message,
+    Position,
+    Reset,
+    StatusRequest,
+    Trip,
+)
+from pincette.service import Drive, ForInstrument, RefusedError
+from pincette_actuator.answering import answer
+from pincette_actuator.state import State
+from pincette_actuator.step import SERVICE, Inputs, step
+
+from .bench import CONFIG, EPOCH, OWNER, WAKE, T, armed, command, holding, play, position
+
+LOCKSTEP = replace(CONFIG, lockstep=True)
+
+
+def told(seq: int, **changes: object) -> Inputs:
+    """A command that knows something of its sample."""
+    good = Command(EPOCH, seq, OWNER, 1.0, False, False, False, True)
+    return Inputs(None, replace(good, **changes), None)  # pyright: ignore[reportArgumentType]  fields by name
+
+
+def ticks(
+    state: State, seqs: range, **changes: object
+) -> tuple[State, list[Message | ForInstrument]]:
+    events: list[tuple[Inputs, float]] = []
+    for seq in seqs:
+        events += [(position(seq), seq * T), (told(seq, **changes), seq * T + 0.004)]
+    return play(state, *events)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_force_beyond_the_hard_limit_lets_go_in_the_same_cycle(held: bool) -> None:
+    state, outputs = ticks(holding(held=held), range(1, 4), force_mN=55.0, part_held=held)
+    assert (state.mode, state.cause.partition(":")[0]) == ("ramping", "force")
+    drive, echo = outputs[-2:]
+    assert isinstance(drive, Drive)
+    assert 0.0 < drive.voltage_V < 1.0
+    assert isinstance(echo, Applied)
+    assert (echo.seq, echo.state, echo.answered) == (3, "ramping", False)
+    assert "55.0 mN, limit 50.0 mN" in echo.cause
+
+
+def test_in_lockstep_the_trip_ends_its_tick() -> None:
+    state = armed()
+    for seq in range(3):
+        state, _ = step(LOCKSTEP, state, position(seq), seq * T)
+        state, outputs = step(LOCKSTEP, state, told(seq, force_mN=55.0), seq * T)
+        assert isinstance(outputs[0], Drive)
+        echo = outputs[1]
+        assert isinstance(echo, Applied)
+        assert (echo.seq, echo.answered) == (seq, seq < 2)
+    assert state.mode == "ramping"
+
+
+def test_in_lockstep_a_command_that_is_nonsense_ends_its_tick_too() -> None:
+    state, _ = step(LOCKSTEP, armed(), position(0), 0.0)
+    state, outputs = step(LOCKSTEP, state, told(0, voltage_V=nan), 0.0)
+    assert outputs[0] == Drive(0.0)
+    assert (state.refused, state.mode) == (1, "armed")
+
+
+def test_in_lockstep_a_stranger_ends_no_tick() -> None:
+    state, _ = step(LOCKSTEP, armed(), position(0), 0.0)
+    state, outputs = step(LOCKSTEP, state, told(0, owner=OWNER + 1), 0.0)
+    assert (outputs, state.refused) == ((), 1)
+
+
+@pytest.mark.parametrize(("held", "mode"), [(False, "ramping"), (True, "frozen")])
+def test_a_position_beyond_the_limits_trips_before_any_command_of_it(held: bool, mode: str) -> None:
+    events: list[tuple[Inputs, float]] = []
+    for seq in (1, 2, 3):
+        seen = Position(EPOCH, seq, seq * T, 80.0, valid=True)
+        events.append((Inputs(None, None, seen), seq * T))
+        if seq < 3:
+            events.append((command(seq, held=held), seq * T + 0.004))
+    state, outputs = play(holding(held=held), *events)
+    assert (state.mode, state.cause.partition(":")[0]) == (mode, "position")
+    echo = outputs[-1]
+    assert isinstance(echo, Applied)
+    assert (echo.seq, echo.state) == (3, mode)
+
+
+def test_a_position_of_no_measurement_or_another_epoch_is_not_judged() -> None:
+    bad = [Position(EPOCH, seq, 0.0, 900.0, valid=False) for seq in range(1, 9)]
+    bad += [Position(EPOCH + 1, seq, 0.0, 900.0, valid=True) for seq in range(9, 20)]
+    state, _ = play(holding(held=False), *((Inputs(None, None, item), 0.01) for item in bad))
+    assert state.mode == "armed"
+
+
+def test_a_stranger_does_not_displace_a_command_that_waits() -> None:
+    state, _ = play(armed(), (told(0), 0.001), (told(0, owner=9, voltage_V=3.0), 0.0015))
+    assert state.pending is not None
+    state, outputs = play(state, (position(0), 0.002))
+    assert outputs[0] == Drive(1.0)
+    assert (state.refused, state.taken_seq) == (1, 0)
+
+
+def test_after_a_trip_nothing_waits_and_nothing_plays() -> None:
+    state, _ = play(holding(held=False), (told(1), 0.019))
+    assert state.pending is not None
+    state, _, _ = answer(CONFIG, state, Trip("estop"), 0.0195)
+    assert (state.pending, state.sweep) == (None, None)
+
+
+def test_nobody_speaks_for_the_actuator_in_a_trip() -> None:
+    state, _, _ = answer(CONFIG, holding(held=False), Trip("boot"), 0.01)
+    assert state.cause == "asked: boot"
+    with pytest.raises(RefusedError, match="ramping"):
+        answer(CONFIG, state, Arm(EPOCH + 1, OWNER, ""), 0.02)
+
+
+def test_what_it_does_not_answer_is_refused() -> None:
+    with pytest.raises(RefusedError, match="does not answer StatusRequest"):
+        answer(CONFIG, armed(), StatusRequest(), 0.0)
+
+
+def may_feed(state: State, now: float) -> bool:
+    assert SERVICE.may_feed is not None
+    return SERVICE.may_feed(CONFIG, state, now)
+
+
+def test_an_output_that_does_not_confirm_the_ramp_is_left_to_its_watchdog() -> None:
+    fault = Inputs("garbled", None, None)
+    state, _ = play(holding(held=False), (fault, 0.01))
+    assert (state.mode, state.unconfirmed) == ("ramping", True)
+    assert not may_feed(state, 0.015)
+    state, outputs = play(state, (WAKE, 0.015))
+    assert isinstance(outputs[0], Drive)
+    assert may_feed(state, 0.02)
+    state, _ = play(state, (fault, 0.015))
+    assert not may_feed(state, 0.02)
+
+
+def test_a_frozen_part_is_kept_by_heartbeats_though_a_write_was_not_confirmed() -> None:
+    state, outputs = play(holding(held=True), (Inputs("garbled", None, None), 0.01))
+    assert (state.mode, state.unconfirmed) == ("frozen", True)
+    assert not any(isinstance(output, Drive) for output in outputs)
+    assert may_feed(state, 0.5)
+
+
+def test_a_reset_gives_the_output_another_chance() -> None:
+    state, _ = play(holding(held=True), (Inputs("garbled", None, None), 0.01))
+    state, _, _ = answer(CONFIG, state, Reset(acknowledge=True), 0.1)
+    assert not state.unconfirmed
+    assert may_feed(state, 9.0)

@@ -1,0 +1,152 @@
+"""A tick that nobody commands: answered once, and with an order only where one is due."""
+
+from dataclasses import replace
+
+import pytest
+
+from pincette.messages import Applied, Arm, Command, Done
+from pincette.service import Drive, Look
+from pincette_actuator.answering import answer
+from pincette_actuator.state import State
+from pincette_actuator.step import Inputs, step
+
+from .bench import CONFIG, EPOCH, OWNER, WAKE, T, command, holding, play, position
+from .test_sweep import swept
+
+UNASKED_S = 0.036
+"""When a sample of 0.02 s has waited for a command long enough."""
+
+
+def stood(mode: str) -> State:
+    return replace(
+        holding(held=True), mode=mode, cause="estop", since_s=0.02, ran_s=0.03, unconfirmed=True
+    )
+
+
+@pytest.mark.parametrize(
+    ("mode", "ordered"), [("idle", False), ("frozen", False), ("latched", True)]
+)
+def test_a_tick_is_answered_once_and_ordered_where_a_voltage_is_to_be_held(
+    mode: str, ordered: bool
+) -> None:
+    state, outputs = play(stood(mode), (position(1), 0.02), (WAKE, UNASKED_S))
+    assert [isinstance(output, Drive) for output in outputs] == [True, False][not ordered :]
+    echo = outputs[-1]
+    assert isinstance(echo, Applied)
+    assert (echo.seq, echo.state, echo.answered, echo.command_age_s) == (1, mode, False, 0.0)
+    assert state.answered_seq == 1
+    assert state.unconfirmed is not ordered
+    again, outputs = play(state, (WAKE, UNASKED_S + 0.005))
+    assert outputs == []
+    assert again.mode == mode
+
+
+def test_a_tick_is_not_answered_before_its_time() -> None:
+    state, outputs = play(holding(held=False), (position(1), 0.02), (WAKE, 0.0349))
+    assert outputs == []
+    _, outputs = play(state, (WAKE, 0.0351))
+    assert len(outputs) == 2
+
+
+def test_a_tick_is_answered_at_its_time_exactly() -> None:
+    _, outputs = play(holding(held=False), (position(1), 0.005), (WAKE, 0.005 + 0.75 * T))
+    assert len(outputs) == 2
+
+
+def test_in_lockstep_no_time_passes_between_sample_and_command() -> None:
+    silent = replace(holding(held=False), fresh_s=-9.0)
+    state, outputs = step(replace(CONFIG, lockstep=True), silent, position(1), 0.02)
+    assert (outputs, state.mode) == ((), "armed")
+
+
+def test_without_a_sample_there_is_no_tick() -> None:
+    _, outputs = play(replace(holding(held=False), mode="idle", arrivals=()), (WAKE, 9.0))
+    assert outputs == []
+
+
+def test_an_invalid_command_answers_its_tick_at_once_and_only_once() -> None:
+    blind = Command(EPOCH, 1, OWNER, 0.0, False, False, False, False, "sensor: off")
+    state, outputs = play(
+        holding(held=False), (position(1), 0.02), (Inputs(None, blind, None), 0.024)
+    )
+    assert [type(output) for output in outputs] == [Drive, Applied]
+    _, outputs = play(state, (Inputs(None, blind, None), 0.025))
+    assert outputs == []
+
+
+def test_what_is_taken_is_told_with_its_age_and_flags() -> None:
+    asked = replace(Command(EPOCH, 1, OWNER, 1.5, True, True, True, True), x_d_um=1.0, force_mN=2.0)
+    doubted = replace(holding(held=False), unconfirmed=True)
+    state, outputs = play(doubted, (position(1), 0.02), (Inputs(None, asked, None), 0.024))
+    assert outputs == [
+        Drive(1.5),
+        Applied(
+            epoch=EPOCH,
+            seq=1,
+            voltage_V=1.5,
+            state="idle",
+            cause="",
+            limits_active=0,
+            part_held=True,
+            zero=True,
+            final=True,
+            answered=True,
+            refused=0,
+            command_age_s=0.024 - 0.02,
+        ),
+    ]
+    assert (state.answered_seq, state.unconfirmed, state.pending) == (1, False, None)
+    assert (state.watches.aim_um, state.watches.seq) == (1.0, 1)
+
+
+def test_a_sweep_that_has_broken_off_leaves_the_output_unconfirmed() -> None:
+    state, outputs = play(holding(held=False), (position(1), 0.02), (swept(1), 0.024))
+    assert state.unconfirmed is False
+    state, outputs = play(state, (position(2), 0.04), (swept(2), 0.044))
+    assert isinstance(outputs[0], Look)
+    state, outputs = play(state, (Inputs("it has broken off", None, None), 0.045))
+    assert (state.mode, state.sweep, state.unconfirmed) == ("ramping", None, True)
+    assert state.cause == "device: it has broken off"
+
+
+def test_a_final_sweep_is_none() -> None:
+    last = swept(1).command
+    assert last is not None
+    final = Inputs(None, replace(last, final=True), None)
+    state, outputs = play(holding(held=False), (position(1), 0.02), (final, 0.024))
+    assert (state.mode, state.sweep) == ("idle", None)
+    assert outputs[0] == Drive(1.0)
+
+
+def test_an_arming_leaves_nothing_of_the_one_before() -> None:
+    left = swept(1).command
+    assert left is not None
+    idle = replace(holding(held=True), mode="idle", pending=left, sweep=left.sweep, answered_seq=7)
+    state, reply, (echo,) = answer(CONFIG, idle, Arm(EPOCH + 1, OWNER + 1, ""), 1.0)
+    assert (state.pending, state.sweep, state.answered_seq) == (None, None, -1)
+    assert (state.epoch, state.owner, state.fresh_s) == (EPOCH + 1, OWNER + 1, 2.0)
+    assert reply == Done(-1)
+    assert isinstance(echo, Applied)
+    assert (echo.seq, echo.epoch, echo.state) == (-1, EPOCH + 1, "armed")
+
+
+def test_a_stranger_is_refused_by_its_name() -> None:
+    state, _ = play(holding(held=False), (command(0, owner=9), 0.01))
+    assert state.refusal == "command of owner 9, armed for 5"
+
+
+def test_the_age_limits_are_those_of_the_configuration() -> None:
+    late = (position(1), 0.02), (command(1), 0.02 + CONFIG.age.limit_s + 0.001)
+    state, _ = play(replace(holding(held=False), ran_s=0.069), *late)
+    assert state.taken_seq == 0
+
+
+def test_a_tick_whose_sample_was_lost_on_its_way_is_answered_with_the_kept_voltage() -> None:
+    state = holding(1.0, held=False)
+    newest = state.arrivals[-1].seq
+    at_s = state.arrivals[-1].at_s
+    _, outputs = play(state, (position(newest + 2), at_s + 2 * T))
+    (echo,) = [item for item in outputs if isinstance(item, Applied)]
+    assert (echo.seq, echo.voltage_V, echo.answered) == (newest + 1, 1.0, False)
+    _, outputs = play(state, (position(newest + 1), at_s + T))
+    assert outputs == []

@@ -1,0 +1,67 @@
+"""A state of the safety module, and the events that befall it, without messages."""
+
+from dataclasses import replace
+
+from pincette.control.safety.admission import Offer, judged, sampled, turned_away, unheard
+from pincette.control.safety.freshness import AgeLimits
+from pincette.control.safety.latch import armed, reset
+from pincette.control.safety.monitors import MonitorLimits
+from pincette.control.safety.state import SafetyLimits, SafetyState
+from pincette.control.safety.voltage import VoltageLimits
+
+T = 0.02
+EPOCH, OWNER = 11, 5
+MONITORS = MonitorLimits(
+    period_s=T,
+    force_mN=50.0,
+    force_samples=3,
+    following_um=3.0,
+    following_s=0.05,
+    following_samples=6,
+    position_min_um=-29.0,
+    position_max_um=79.0,
+    position_samples=3,
+)
+LIMITS = SafetyLimits(
+    period_s=T,
+    lockstep=False,
+    age=AgeLimits(limit_s=0.05, limit_ticks=2, grace_s=1.0, wake_s=T / 4, excused_s=10 * T),
+    voltage=VoltageLimits(min_V=-1.0, max_V=4.0, slew_V=0.5, sweep_V=0.1),
+    monitors=MONITORS,
+    ramp_s=0.035,
+    freeze_s=0.5,
+    safe_V=0.0,
+)
+LOCKSTEP = replace(LIMITS, lockstep=True)
+GOOD = Offer(EPOCH, OWNER, 0, 0.5, part_held=False, final=False, valid=True)
+
+
+def ready(limits: SafetyLimits = LIMITS) -> SafetyState:
+    """Reset and armed at time 0, before the first sample."""
+    return armed(limits, reset(limits, SafetyState()), epoch=EPOCH, owner=OWNER, now=0.0)
+
+
+def offered(
+    state: SafetyState, offer: Offer, now: float, limits: SafetyLimits = LIMITS
+) -> SafetyState:
+    """A command that comes and does not wait for its sample."""
+    if why := unheard(state, offer):
+        return turned_away(state, offer, why)
+    return judged(limits, state, offer, now)
+
+
+def ticked(
+    state: SafetyState,
+    seq: int,
+    limits: SafetyLimits = LIMITS,
+    x_um: float = 1.0,
+    **changes: object,
+) -> SafetyState:
+    """Sample ``seq`` on the grid, and 4 ms later the command made of it."""
+    state = sampled(limits, state, seq, x_um, seq * T)
+    return offered(state, replace(GOOD, seq=seq, **changes), seq * T + 0.004, limits)
+
+
+def held(voltage_V: float = 0.5) -> SafetyState:
+    """Armed, with a part, after the first tick."""
+    return ticked(ready(), 0, part_held=True, voltage_V=voltage_V)

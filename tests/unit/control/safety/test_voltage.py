@@ -1,0 +1,96 @@
+"""Range, slew, sweeps and the ramp."""
+
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pincette.control.safety.voltage import (
+    SLEW_DOWN,
+    SLEW_UP,
+    VOLTAGE_MAX,
+    VOLTAGE_MIN,
+    VoltageLimits,
+    absurd,
+    limited,
+    ramp,
+    too_wide,
+)
+
+LIMITS = VoltageLimits(min_V=-1.0, max_V=4.0, slew_V=0.5, sweep_V=0.1)
+
+
+@pytest.mark.parametrize(
+    ("present_V", "wanted_V", "voltage_V", "flags"),
+    [
+        (1.0, 1.25, 1.25, 0),
+        (1.0, 1.5, 1.5, 0),
+        (1.0, 0.5, 0.5, 0),
+        (1.0, 1.75, 1.5, SLEW_UP),
+        (1.0, 0.25, 0.5, SLEW_DOWN),
+        (3.75, 4.0, 4.0, 0),
+        (3.75, 4.125, 4.0, VOLTAGE_MAX),
+        (-0.75, -1.0, -1.0, 0),
+        (-0.75, -1.125, -1.0, VOLTAGE_MIN),
+        (1.0, 9.0, 1.5, VOLTAGE_MAX | SLEW_UP),
+        (1.0, -9.0, 0.5, VOLTAGE_MIN | SLEW_DOWN),
+    ],
+)
+def test_each_limit_acts_beyond_its_value_and_says_so(
+    present_V: float, wanted_V: float, voltage_V: float, flags: int
+) -> None:
+    assert limited(LIMITS, present_V, wanted_V) == (voltage_V, flags)
+
+
+def test_the_bits_are_those_of_the_wire() -> None:
+    assert (VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN) == (1, 2, 4, 8)
+
+
+@given(st.floats(-1.0, 4.0), st.floats(allow_nan=False))
+def test_what_acts_is_always_told(present_V: float, wanted_V: float) -> None:
+    voltage_V, flags = limited(LIMITS, present_V, wanted_V)
+    assert LIMITS.min_V <= voltage_V <= LIMITS.max_V
+    assert abs(voltage_V - present_V) <= LIMITS.slew_V + 1e-12
+    assert (voltage_V == wanted_V) == (flags == 0)
+
+
+@pytest.mark.parametrize("voltage_V", [-51.0, 0.0, 54.0])
+def test_a_wish_is_none_but_a_limited_one(voltage_V: float) -> None:
+    assert absurd(LIMITS, voltage_V) == ""
+
+
+@pytest.mark.parametrize(
+    ("voltage_V", "words"),
+    [
+        (54.01, "54.01 V is absurd, the range is -1.0 V to 4.0 V"),
+        (-51.01, "-51.01 V is absurd, the range is -1.0 V to 4.0 V"),
+        (1e300, "1e+300 V is absurd, the range is -1.0 V to 4.0 V"),
+        (nan, "nan V is no voltage"),
+        (inf, "inf V is no voltage"),
+        (-inf, "-inf V is no voltage"),
+    ],
+)
+def test_what_cannot_be_wished_for_is_refused(voltage_V: float, words: str) -> None:
+    assert absurd(LIMITS, voltage_V) == words
+
+
+@pytest.mark.parametrize(
+    ("about_V", "amplitude_V", "words"),
+    [
+        (1.0, 0.1, ""),
+        (3.9, 0.1, ""),
+        (-0.9, 0.1, ""),
+        (1.0, 0.11, "sweep of ±0.11 V, limit ±0.1 V"),
+        (1.0, nan, "sweep of ±nan V, limit ±0.1 V"),
+        (3.95, 0.1, "sweep from 3.850 V to 4.050 V, limits -1.0 V and 4.0 V"),
+        (-0.95, 0.1, "sweep from -1.050 V to -0.850 V, limits -1.0 V and 4.0 V"),
+    ],
+)
+def test_a_sweep_keeps_amplitude_and_range(about_V: float, amplitude_V: float, words: str) -> None:
+    assert too_wide(LIMITS, about_V, amplitude_V) == words
+
+
+@pytest.mark.parametrize(("share", "voltage_V"), [(0.0, 2.0), (0.25, 1.75), (1.0, 1.0)])
+def test_the_ramp_is_straight(share: float, voltage_V: float) -> None:
+    assert ramp(2.0, 1.0, share) == voltage_V

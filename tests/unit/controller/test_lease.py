@@ -1,0 +1,184 @@
+"""A program that hears nothing of the supervisor is stopped as its job says, and by nobody else."""
+
+from dataclasses import replace
+
+import pytest
+
+from pincette.messages import Act, Asked, Command, Done, Lease, Telemetry
+from pincette.service import RefusedError
+from pincette_controller.lease import Running, end, objection
+from pincette_controller.step import Inputs, answer, step
+
+from .bench import Bench, T, program
+
+LENGTH_S = 0.2
+
+
+class Leased(Bench):
+    """A bench whose controller plays under a lease, on a clock of its own."""
+
+    def __init__(self, then: str = "stop", length_s: float | None = LENGTH_S) -> None:
+        super().__init__(program())
+        self.now_s = 100.0
+        self.asked: list[Asked] = []
+        if length_s is not None:
+            self.renew(then, length_s)
+
+    def renew(self, then: str = "stop", length_s: float = LENGTH_S) -> None:
+        lease = Lease(1, length_s, then)
+        self.state, reply, _ = answer(self.config, self.state, lease, self.now_s)
+        assert isinstance(reply, Done)
+
+    def tock(self) -> tuple[Command, Telemetry]:
+        self.now_s += T
+        self.state, outputs = step(self.config, self.state, Inputs(self.estimate()), self.now_s)
+        command, telemetry = outputs[:2]
+        assert isinstance(command, Command)
+        assert isinstance(telemetry, Telemetry)
+        self.asked += [output for output in outputs if isinstance(output, Asked)]
+        self._drive(command.voltage_V)
+        self.seq += 1
+        if command.zero:
+            self.zero_seq = self.seq
+        return command, telemetry
+
+    def reach(self, phase: str) -> None:
+        """On to a phase, renewing at every tick."""
+        for _ in range(500):
+            self.renew()
+            if self.tock()[1].phase == phase:
+                return
+        raise AssertionError(f"{phase} never came")
+
+
+def test_a_free_arm_comes_to_rest_and_the_program_ends() -> None:
+    bench = Leased()
+    bench.reach("approach")
+    for _ in range(3):
+        bench.tock()
+    before = len(bench.asked)
+    told: list[Telemetry] = []
+    while bench.state.playing:
+        told.append(bench.tock()[1])
+        assert len(told) < 100
+    assert before == 0
+    (noted,) = bench.asked
+    assert noted.act is not None
+    assert noted.act.action == "stop"
+    assert noted.act.reason == "lease: nothing heard from the supervisor for 0.2 s, limit 0.2 s"
+    assert bench.state.detail == noted.act.reason
+    assert [sample.acted for sample in told if sample.acted] == ["lease stop"]
+    (acted,) = [sample.seq for sample in told if sample.acted]
+    assert acted == noted.seq + 1
+    assert (told[-1].phase, told[-1].outcome, told[-1].held) == ("stopping", "stopped", False)
+
+
+def test_a_held_part_stays_held_at_the_force_it_had_for_as_long_as_nobody_comes() -> None:
+    bench = Leased()
+    bench.reach("hold")
+    while not bench.asked:
+        command, _ = bench.tock()
+    pressed_mN = bench.force_mN
+    for _ in range(500):
+        command, telemetry = bench.tock()
+        assert command.valid
+        assert (telemetry.phase, telemetry.held) == ("hold", True)
+    assert bench.force_mN == pytest.approx(pressed_mN, abs=0.5)
+    assert len(bench.asked) == 1
+
+
+@pytest.mark.parametrize(("then", "last"), [("let_go", "unload"), ("retract", "retreat")])
+def test_the_job_says_what_becomes_of_a_held_part(then: str, last: str) -> None:
+    bench = Leased(then)
+    bench.reach("hold")
+    bench.renew(then)
+    told: list[Telemetry] = []
+    while bench.state.playing:
+        told.append(bench.tock()[1])
+        assert len(told) < 500
+    assert (told[-1].phase, told[-1].outcome, told[-1].held) == (last, "stopped", False)
+
+
+def test_out_of_a_pause_nothing_moves() -> None:
+    bench = Leased()
+    bench.reach("hold")
+    bench.state = answer(bench.config, bench.state, Act("pause"), bench.now_s)[0]
+    while not bench.tock()[1].paused:
+        bench.renew()
+    where_um = bench.x_um
+    while not bench.asked:
+        bench.tock()
+    after = [bench.tock()[1] for _ in range(50)]
+    assert all(telemetry.held for telemetry in after)
+    assert abs(bench.x_um - where_um) < 0.05
+
+
+@pytest.mark.parametrize("late", [0, 1, 5, 9])
+def test_whoever_is_late_but_comes_within_the_lease_changes_nothing(late: int) -> None:
+    alone, renewed = Bench(program()), Leased()
+    while renewed.state.playing:
+        if renewed.seq % (late + 1) == late:
+            renewed.renew()
+        command, telemetry = renewed.tock()
+        tick = alone.tick()
+        assert (command, telemetry) == (tick.command, tick.telemetry)
+    assert renewed.asked == []
+    assert not alone.state.playing
+
+
+def test_without_a_lease_a_program_plays_to_its_end() -> None:
+    bench = Leased(length_s=None)
+    last = None
+    while bench.state.playing:
+        bench.now_s += 3600.0
+        last = bench.tock()[1]
+        assert bench.seq < 500
+    assert bench.asked == []
+    assert last is not None
+    assert last.outcome == "gripped"
+
+
+def test_a_program_that_was_stopped_has_nothing_left_to_stop() -> None:
+    bench = Leased()
+    bench.reach("hold")
+    bench.state = answer(bench.config, bench.state, Act("stop"), bench.now_s)[0]
+    for _ in range(200):
+        bench.tock()
+    assert bench.asked == []
+
+
+def test_a_lease_that_has_ended_is_not_granted_again() -> None:
+    bench = Leased()
+    bench.reach("approach")
+    while not bench.asked:
+        bench.tock()
+    with pytest.raises(RefusedError, match="the lease of this epoch has ended: arm anew"):
+        bench.renew()
+
+
+def test_the_next_arming_begins_without_the_lease_of_the_one_before() -> None:
+    bench = Leased()
+    fresh = Bench(program())
+    assert bench.state.lease is not None
+    assert fresh.state.lease is None
+
+
+def test_what_makes_no_lease_is_refused_with_its_value() -> None:
+    good = Lease(7, 10.0)
+    assert objection(good, 7, playing=True, ended=False) == ""
+    assert objection(good, 8, playing=True, ended=False) == (
+        "lease of epoch 7, the controller is in 8"
+    )
+    assert "nothing plays" in objection(good, 7, playing=False, ended=False)
+    assert "-1 s" in objection(replace(good, length_s=-1.0), 7, playing=True, ended=False)
+    assert "'hop'" in objection(replace(good, then="hop"), 7, playing=True, ended=False)
+
+
+def test_the_limit_itself_is_within_the_lease() -> None:
+    running = Running(Lease(1, 10.0), 5.0)
+    assert end(running, "", 15.0) is None
+    assert end(running, "stopped", 99.0) is None
+    assert end(None, "", 99.0) is None
+    asked = end(running, "", 15.06)
+    assert asked is not None
+    assert asked.reason == "lease: nothing heard from the supervisor for 10.1 s, limit 10 s"
