@@ -2,7 +2,8 @@
 
 Both turn over the same hops with the same bus settings, payload sizes and serial exchanges with a
 simulated rig in this process, which takes the time of every tick; blocks of one and of the other
-alternate in one run, so that a slow machine slows both. Writes ``bench.json``.
+alternate in one run, so that a slow machine slows both. A third one is the loop once more, over
+mutual TLS with its access lists. Writes ``bench.json``.
 """
 
 # Zenoh's stubs leave the return types of its calls open.
@@ -14,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -22,7 +23,8 @@ from time import monotonic, perf_counter, sleep
 
 import zenoh
 
-from pincette.bus.links import Ends, client_ends, endpoint
+from pincette.bus.links import Ends, endpoint
+from pincette.bus.places import program_place
 from pincette.bus.zenoh_bus import ZenohBus, open_session
 from pincette.config import RigFile
 from pincette.control.planning.program import Guards, Program, Segment
@@ -33,6 +35,7 @@ from pincette.sim.bench import open_bench
 from pincette.sim.wires.wire import serve
 from pincette.topics import LOOP, RESET
 from tests.bench.shape import SIZES, start_key
+from tests.support.certificates import folder_for
 from tests.support.rigs import demo_rig, free_ports, rig_toml
 
 TICKS = 2000
@@ -65,6 +68,10 @@ class Stopwatch:
         return [later - sooner for sooner, later in pairwise(times)][WARM_UP:]
 
 
+Turn = tuple[Callable[[int], None], Stopwatch]
+"""Runs a number of ticks, and the watch that times them."""
+
+
 def blank(line: bytes) -> bytes:
     """What an instrument without a plant says."""
     return b"MS,01,+0030.02" if line.startswith(b"MS") else b">"
@@ -90,7 +97,8 @@ def real_loop(folder: Path, rig: RigFile, watch: Stopwatch) -> Generator[Callabl
     try:
         fleet.start(["router"])
         fleet.start(LOOP)
-        bus = ZenohBus(client_ends(rig.bus.host, rig.bus.port), rig.rig.name, "bench")
+        ends = program_place(rig, "supervisor", lockstep=True)
+        bus = ZenohBus(ends, rig.rig.name, "bench")
         bus.ask(RESET, Reset(acknowledge=True))
         joined = bus
         epoch = 0
@@ -108,6 +116,22 @@ def real_loop(folder: Path, rig: RigFile, watch: Stopwatch) -> Generator[Callabl
         if bus is not None:
             bus.close()
         fleet.down()
+
+
+@contextmanager
+def simulated_loop(
+    folder: Path, rig: RigFile
+) -> Generator[tuple[Callable[[int], None], Stopwatch]]:
+    """The loop with its simulated instruments, and the watch that times its ticks."""
+    simulated = open_bench(rig, perf_counter)
+    watch = Stopwatch(simulated.sensor.answer)
+    folder.mkdir(exist_ok=True)
+    with (
+        serve(rig.sensor.url, watch),
+        serve(rig.output.url, simulated.output),
+        real_loop(folder, rig, watch) as run,
+    ):
+        yield run, watch
 
 
 @contextmanager
@@ -167,61 +191,70 @@ def stolen_s() -> float:
         return int(stream.readline().split()[8]) / os.sysconf("SC_CLK_TCK")
 
 
+def rate(blocks: list[list[float]]) -> float:
+    """Ticks per second, of the block in the middle."""
+    return median(len(block) / sum(block) for block in blocks)
+
+
+def tail_ms(blocks: list[list[float]]) -> float:
+    """Length that one tick in a hundred exceeds, of the block in the middle."""
+    return 1e3 * median(quantile(block, 0.99) for block in blocks)
+
+
+def middle_ms(blocks: list[list[float]]) -> float:
+    """Length that half of the ticks exceed, of the block in the middle."""
+    return 1e3 * median(median(block) for block in blocks)
+
+
 def summarize(
-    loop: list[list[float]], ring: list[list[float]], period_s: float
+    loop: list[list[float]], mtls: list[list[float]], ring: list[list[float]], period_s: float
 ) -> dict[str, float]:
     """Ratios over all blocks, and the rates behind them."""
-
-    def rate(blocks: list[list[float]]) -> float:
-        return median(len(block) / sum(block) for block in blocks)
-
-    def tail_ms(blocks: list[list[float]]) -> float:
-        return 1e3 * median(quantile(block, 0.99) for block in blocks)
-
     return {
         "loop_over_bare": rate(loop) / rate(ring),
         "p99_over_bare": tail_ms(loop) / tail_ms(ring),
+        "mtls_over_plain": rate(mtls) / rate(loop),
+        "mtls_p99_over_plain": tail_ms(mtls) / tail_ms(loop),
         "lockstep_over_realtime": rate(loop) * period_s,
         "bare_over_realtime": rate(ring) * period_s,
         "loop_per_s": rate(loop),
+        "mtls_per_s": rate(mtls),
         "bare_per_s": rate(ring),
-        "loop_p50_ms": 1e3 * median(median(block) for block in loop),
-        "bare_p50_ms": 1e3 * median(median(block) for block in ring),
+        "loop_p50_ms": middle_ms(loop),
+        "mtls_p50_ms": middle_ms(mtls),
+        "bare_p50_ms": middle_ms(ring),
         "loop_p99_ms": tail_ms(loop),
+        "mtls_p99_ms": tail_ms(mtls),
         "bare_p99_ms": tail_ms(ring),
     }
 
 
 def main() -> None:
     """Measure, print, write."""
-    rig = bench_rig()
     stolen = stolen_s()
-    simulated = open_bench(rig, perf_counter)
-    loop_watch, ring_watch = Stopwatch(simulated.sensor.answer), Stopwatch(blank)
+    ring_watch = Stopwatch(blank)
     port = free_ports(8)
     wires = {name: f"socket://127.0.0.1:{port + 6 + n}" for n, name in enumerate(WIRED)}
-    loop_blocks: list[list[float]] = []
-    ring_blocks: list[list[float]] = []
-    with (
-        tempfile.TemporaryDirectory() as name,
-        serve(rig.sensor.url, loop_watch),
-        serve(rig.output.url, simulated.output),
-        serve(wires["sensor"], ring_watch),
-        serve(wires["actuator"], Stopwatch(blank)),
-        real_loop(Path(name), rig, loop_watch) as loop,
-        bare_ring(port, wires, ring_watch) as ring,
-    ):
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        stack.enter_context(serve(wires["sensor"], ring_watch))
+        stack.enter_context(serve(wires["actuator"], Stopwatch(blank)))
+        rig, other = bench_rig(), bench_rig()
+        secured = other.secured(folder_for(folder / "pki", other.rig.name).path)
+        turns = {
+            "loop": stack.enter_context(simulated_loop(folder / "plain", rig)),
+            "loop over mutual TLS": stack.enter_context(simulated_loop(folder / "mtls", secured)),
+            "bare ring": (stack.enter_context(bare_ring(port, wires, ring_watch)), ring_watch),
+        }
+        blocks: dict[str, list[list[float]]] = {name: [] for name in turns}
         for block in range(BLOCKS):
-            loop(TICKS)
-            loop_blocks.append(loop_watch.ticks())
-            ring(TICKS)
-            ring_blocks.append(ring_watch.ticks())
-            rates = [len(last) / sum(last) for last in (loop_blocks[-1], ring_blocks[-1])]
-            print(
-                f"block {block + 1} of {BLOCKS}: loop {rates[0]:.0f} ticks/s, "
-                f"bare ring {rates[1]:.0f} ticks/s"
-            )
-    summary = summarize(loop_blocks, ring_blocks, rig.rig.period_s)
+            for name, (run, watch) in turns.items():
+                run(TICKS)
+                blocks[name].append(watch.ticks())
+            rates = (f"{name} {rate(done[-1:]):.0f} ticks/s" for name, done in blocks.items())
+            print(f"block {block + 1} of {BLOCKS}: {', '.join(rates)}")
+    plain, mtls, bare = blocks.values()
+    summary = summarize(plain, mtls, bare, rig.rig.period_s)
     report = {
         "summary": summary,
         "ticks_per_block": TICKS,
@@ -235,6 +268,8 @@ def main() -> None:
         f" ratio {summary['loop_over_bare']:.2f}; p99 ratio {summary['p99_over_bare']:.2f}; "
         f"{summary['lockstep_over_realtime']:.1f} times real time at T = "
         f"{1e3 * rig.rig.period_s:g} ms (bare ring {summary['bare_over_realtime']:.1f}); "
+        f"mutual TLS {summary['mtls_per_s']:.0f} ticks/s: mtls_over_plain "
+        f"{summary['mtls_over_plain']:.2f}, p99 ratio {summary['mtls_p99_over_plain']:.2f}; "
         "bench.json written"
     )
 

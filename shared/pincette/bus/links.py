@@ -6,10 +6,22 @@ tools. Nothing listens beyond the host the rig file names, and nothing is found 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from pincette.security.access import Access
+from pincette.security.credentials import Credentials
 from pincette.service import AnyService
 from pincette.topics import LOOP
+
+PLAIN, SECURE = "tcp/", "tls/"
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """What a program proves itself with, and what it lets others do."""
+
+    credentials: Credentials
+    access: Access
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,17 +33,28 @@ class Ends:
     connect: tuple[str, ...] = ()
     patient: bool = False
     """In lockstep: a link that stalls is waited for, so that no sample is lost on it."""
+    member: Member | None = None
+    """None: the links are neither encrypted nor closed to anybody."""
+
+
+def secured(ends: Ends, member: Member) -> Ends:
+    """The same place with mutual TLS on every link."""
+    listen, connect = (
+        tuple(SECURE + one.removeprefix(PLAIN) for one in places)
+        for places in (ends.listen, ends.connect)
+    )
+    return replace(ends, listen=listen, connect=connect, member=member)
 
 
 def endpoint(host: str, port: int, program: str) -> str:
     """Where a program listens: the router at ``port``, the services of the loop after it."""
     offset = 0 if program == "router" else 1 + LOOP.index(program)
-    return f"tcp/{host}:{port + offset}"
+    return f"{PLAIN}{host}:{port + offset}"
 
 
 def address_of(endpoint: str) -> tuple[str, int]:
     """Host and port of an endpoint; see ``endpoint``."""
-    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
     return host.strip("[]"), int(port)
 
 
@@ -64,6 +87,13 @@ def consumers(name: str, services: Mapping[str, AnyService], *, lockstep: bool) 
     }
 
 
+def partners(name: str, services: Mapping[str, AnyService], *, lockstep: bool) -> set[str]:
+    """Services with which a service has a direct link."""
+    return producers(services[name], lockstep=lockstep) | consumers(
+        name, services, lockstep=lockstep
+    )
+
+
 def peer_ends(
     host: str,
     port: int,
@@ -77,9 +107,8 @@ def peer_ends(
 
     The router is ``router_at``, or at ``host`` and ``port`` where that is None.
     """
-    partners = producers(services[name], lockstep=lockstep)
-    partners |= consumers(name, services, lockstep=lockstep)
+    linked = partners(name, services, lockstep=lockstep)
     router = endpoint(*(router_at or (host, port)), "router")
-    earlier = [other for other in LOOP[: LOOP.index(name)] if other in partners]
+    earlier = [other for other in LOOP[: LOOP.index(name)] if other in linked]
     connect = (router, *(endpoint(host, port, other) for other in earlier))
     return Ends("peer", (endpoint(host, port, name),), connect, patient=lockstep)

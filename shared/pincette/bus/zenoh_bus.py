@@ -11,73 +11,41 @@ from typing import Any, cast
 
 import zenoh
 
+from pincette.bus.handshake import why_no_link
 from pincette.bus.links import Ends
 from pincette.bus.protocol import Answerer, BusError, RefusalError, Sink
-from pincette.codec import ENCODING, CodecError, decode, encode
+from pincette.bus.settings import settings
+from pincette.codec import ENCODING, MAX_BYTES, CodecError, decode, encode, explained
+from pincette.codec.wire import of_other_wires, update_which
 from pincette.messages import Message
-from pincette.topics import TOPIC_OF, Question, Topic, alive_of, key, live_key, question_key
-
-LEASE_MS = 500
-QUEUE = 16
-"""Batches a priority may queue; the largest Zenoh takes."""
-BLOCK_US = 200_000
-"""How long a reliable put may wait for a stalled link; Zenoh's own default is 5 s."""
-PATIENT_MS = 20_000
-"""Both of these in lockstep, where a machine that is overloaded must not cost a sample."""
-
-
-def configuration(ends: Ends, name: str) -> zenoh.Config:
-    """Zenoh's settings for one program: explicit links, no multicast, no shared memory."""
-    names = ("control", "real_time", "interactive_high", "interactive_low")
-    names += ("data_high", "data", "data_low", "background")
-    block_us = 1000 * PATIENT_MS if ends.patient else BLOCK_US
-    tree = {
-        "mode": ends.mode,
-        "metadata": {"name": name},
-        "listen": {"endpoints": list(ends.listen), "exit_on_failure": True},
-        "connect": {
-            "endpoints": list(ends.connect),
-            "timeout_ms": 3000 if ends.mode == "client" else -1,
-            "exit_on_failure": ends.mode == "client",
-            "retry": {
-                "period_init_ms": 50,
-                "period_max_ms": 200,
-                "period_increase_factor": 2,
-            },
-        },
-        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "transport": {
-            "unicast": {"open_timeout": 1000, "accept_timeout": 1000},
-            "shared_memory": {"enabled": False},
-            "link": {
-                "tx": {
-                    "lease": PATIENT_MS if ends.patient else LEASE_MS,
-                    "keep_alive": 4,
-                    "queue": {
-                        "size": dict.fromkeys(names, QUEUE),
-                        "congestion_control": {"block": {"wait_before_close": block_us}},
-                    },
-                }
-            },
-        },
-    }
-    return zenoh.Config.from_json5(json.dumps(tree))
+from pincette.topics import (
+    TOPIC_OF,
+    Question,
+    Topic,
+    alive_of,
+    key,
+    live_key,
+    live_key_of_any_wire,
+    question_key,
+)
 
 
 def open_session(ends: Ends, name: str) -> "zenoh.Session":
     """Join; raises BusError with what to do where that fails."""
     zenoh.init_log_from_env_or("error")
     try:
-        return zenoh.open(configuration(ends, name))
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(settings(ends, name))))
     except zenoh.ZError as error:
         if ends.listen and "use" in str(error).lower():
             raise BusError(
                 f"{name}: {', '.join(ends.listen)} is in use: another rig, or the same rig for "
                 "the second time? Stop it, or give this rig another [bus] port"
             ) from error
+        files = ends.member.credentials if ends.member else None
+        why = [trouble for place in ends.connect if (trouble := why_no_link(place, files))]
         raise BusError(
             f"{name}: cannot join the bus (listen {', '.join(ends.listen) or 'nowhere'}, "
-            f"connect {', '.join(ends.connect) or 'nowhere'}): {error}"
+            f"connect {', '.join(ends.connect) or 'nowhere'}): {'; '.join(why) or error}"
         ) from error
 
 
@@ -86,6 +54,7 @@ class ZenohBus:
 
     def __init__(self, ends: Ends, rig: str, program: str, *, reliable: bool = False) -> None:
         self._rig = rig
+        self._shown = ends.member.credentials.identity.name if ends.member else ""
         self._session = open_session(ends, f"{rig}/{program}")
         self._reliable = reliable
         self._outlets: dict[Topic, _Outlet] = {}
@@ -110,6 +79,11 @@ class ZenohBus:
     def _alive(self, rig: str) -> set[tuple[str, str]]:
         replies = self._session.liveliness().get(live_key(rig, "*"), timeout=1.0)
         return {alive_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+
+    def other_wires(self) -> dict[str, int]:
+        """Programs of this rig that run with another version of the wire, each with its own."""
+        replies = self._session.liveliness().get(live_key_of_any_wire(self._rig), timeout=0.3)
+        return of_other_wires(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
         """Tell ``sink`` of every program that comes or goes."""
@@ -168,9 +142,10 @@ class ZenohBus:
             if reply.ok is None:
                 raise BusError(f"{place}: {topic.producer} did not answer within {timeout_s:g} s")
             try:
-                return decode(topic.message, reply.ok.payload.to_bytes())
+                return decode(topic.message, _bytes(reply.ok.payload))
             except CodecError as error:
-                raise BusError(f"{place}: {error}") from error
+                why = explained(error, str(reply.ok.encoding), topic.producer)
+                raise BusError(f"{place}: {why}") from error
         return None
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
@@ -178,10 +153,10 @@ class ZenohBus:
 
         def deliver(sample: zenoh.Sample) -> None:
             try:
-                message = decode(topic.message, sample.payload.to_bytes())
+                message = decode(topic.message, _bytes(sample.payload))
             except CodecError as error:
                 self.refused += 1
-                self.refusal = str(error)
+                self.refusal = explained(error, str(sample.encoding), topic.producer)
                 return
             sink(topic, message)
 
@@ -193,12 +168,12 @@ class ZenohBus:
         def deliver(query: zenoh.Query) -> None:
             reply = partial(_reply, query)
             try:
-                payload = query.payload.to_bytes() if query.payload is not None else b""
+                payload = _bytes(query.payload) if query.payload is not None else b""
                 request = decode(question.request, payload)
             except CodecError as error:
                 self.refused += 1
-                self.refusal = str(error)
-                reply(str(error))
+                self.refusal = explained(error, str(query.encoding), "who asks")
+                reply(self.refusal)
                 return
             answerer(question, request, reply)
 
@@ -210,19 +185,28 @@ class ZenohBus:
         """Ask and wait; see Bus."""
         place = f"{question.service}/{question.name}"
         replies = self._session.get(
-            question_key(self._rig, question), payload=encode(request), timeout=timeout_s
+            question_key(self._rig, question),
+            payload=encode(request),
+            encoding=zenoh.Encoding(ENCODING),
+            timeout=timeout_s,
         )
-        trouble = "is it running?"
+        # A question that an access list refuses is one that nobody answers.
+        trouble = f"is it running, and may {self._shown} ask it?" if self._shown else ""
+        trouble = trouble or "is it running?"
         for reply in cast("Any", replies):
             if reply.ok is not None:
                 try:
-                    return decode(question.reply, reply.ok.payload.to_bytes())
+                    return decode(question.reply, _bytes(reply.ok.payload))
                 except CodecError as error:
-                    raise BusError(f"{self._rig}: {place}: {error}") from error
+                    why = explained(error, str(reply.ok.encoding), question.service)
+                    raise BusError(f"{self._rig}: {place}: {why}") from error
             text = reply.err.payload.to_bytes().decode(errors="replace")
             if text != "Timeout":
                 raise RefusalError(text)
             trouble = f"no answer within {timeout_s:g} s; it may hang"
+        wire = self.other_wires().get(question.service)
+        if wire is not None:
+            trouble = update_which(question.service, wire)
         raise BusError(f"{self._rig}: nobody answers {place}: {trouble}")
 
     def close(self) -> None:
@@ -250,6 +234,13 @@ class _Outlet:
         with query:
             if newest is not None:
                 query.reply(self._place, newest, encoding=zenoh.Encoding(ENCODING))
+
+
+def _bytes(payload: zenoh.ZBytes) -> bytes:
+    """What came, but no copy of what is too large anyway."""
+    if len(payload) > MAX_BYTES:
+        raise CodecError(f"{len(payload)} bytes, limit {MAX_BYTES}")
+    return payload.to_bytes()
 
 
 def _reply(query: zenoh.Query, answer: Message | str) -> None:

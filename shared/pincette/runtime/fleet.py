@@ -93,6 +93,8 @@ class Fleet:
         self.members: dict[str, Member] = {}
         self._rig = rig
         self._arguments = ["--rig", str(path), "--data", str(data), "--leash"]
+        if rig.bus.pki is not None:
+            self._arguments += ["--pki", rig.bus.pki]
         self._logs = rig.home(data) / "logs"
         self._logs.mkdir(parents=True, exist_ok=True)
         self._say = say

@@ -7,12 +7,12 @@ import secrets
 import signal
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from pincette import plugins
-from pincette.bus.links import client_ends, consumers, peer_ends
+from pincette.bus.places import program_place, service_place
 from pincette.bus.protocol import BusError
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile, read_rig
@@ -21,8 +21,10 @@ from pincette.runtime.context import Context
 from pincette.runtime.devices import open_device
 from pincette.runtime.loop import ServiceLoop
 from pincette.runtime.node import Node
+from pincette.runtime.partners import wait_for_partners
 from pincette.runtime.priority import come_first
 from pincette.runtime.rig_file import serve_rig_file
+from pincette.security.identity import SecurityError
 from pincette.service import AnyService
 from pincette.sim.wires.ports import WireError
 from pincette.topics import ASKED, LOOP
@@ -30,7 +32,6 @@ from pincette.topics import ASKED, LOOP
 log = logging.getLogger("pincette")
 READY = "ready: "
 """How a line on standard output begins that says a program serves."""
-PARTNER_POLL_S = 0.05
 OF_THE_ROUTER = ("router", "supervisor")
 """Programs that all rigs on one router share."""
 
@@ -40,6 +41,7 @@ CannotStart = (
     InstrumentError,
     WireError,
     plugins.PluginError,
+    SecurityError,
     OSError,
 )
 
@@ -54,6 +56,8 @@ class Options:
     delay_s: float = 0.0
     """Longest random delay before a service publishes; for tests of determinism."""
     delay_seed: int = 0
+    pki: Path | None = None
+    """Folder of certificates; None: as the rig file says."""
 
 
 def programs() -> list[str]:
@@ -69,6 +73,8 @@ def run_program(name: str, rig_path: Path, options: Options) -> int:
     stop = threading.Event()
     try:
         rig = read_rig(rig_path)
+        if options.pki is not None:
+            rig = rig.secured(options.pki)
         if name in LOOP:
             _run_service(name, rig, stop, options)
         else:
@@ -108,15 +114,8 @@ def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Option
     services = loop_services()
     service = services[name]
     node = Node(service, rig, open_device(service, rig), secrets.randbits(48))
-    ends = peer_ends(
-        rig.bus.host,
-        rig.bus.port,
-        name,
-        services,
-        lockstep=rig.lockstep,
-        router_at=rig.bus.router_at,
-    )
     try:
+        ends = service_place(rig, name, services)
         bus = ZenohBus(ends, rig.rig.name, name, reliable=rig.lockstep)
         try:
             loop = ServiceLoop(node, bus, options.delay_s, options.delay_seed)
@@ -130,7 +129,7 @@ def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Option
                 loop.stop()
 
             _on_stop(end, options)
-            if _wait_for_partners(name, rig, bus, services, stop):
+            if wait_for_partners(name, rig, bus, ends, services, stop):
                 gc.collect()
                 gc.freeze()
                 _say_ready(f"serves at {ends.listen[0]}")
@@ -139,27 +138,6 @@ def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Option
             bus.close()
     finally:
         node.close()
-
-
-def _wait_for_partners(
-    name: str,
-    rig: RigFile,
-    bus: ZenohBus,
-    services: Mapping[str, AnyService],
-    stop: threading.Event,
-) -> bool:
-    """Wait until every consumer is linked, so that the first sample is not lost."""
-    wanted = consumers(name, services, lockstep=rig.lockstep)
-    said: set[str] = set()
-    while not stop.is_set():
-        missing = wanted - bus.alive()
-        if not missing:
-            return True
-        if missing != said:
-            log.info("waiting for %s", ", ".join(sorted(missing)))
-            said = missing
-        stop.wait(PARTNER_POLL_S)
-    return False
 
 
 def _run_other(name: str, file: RigFile, stop: threading.Event, options: Options) -> None:
@@ -172,7 +150,7 @@ def _run_other(name: str, file: RigFile, stop: threading.Event, options: Options
 
     def open_bus(rig: str | None = None, *, lockstep: bool | None = None) -> ZenohBus:
         patient = file.lockstep if lockstep is None else lockstep
-        ends = client_ends(*file.bus.router_at, lockstep=patient)
+        ends = program_place(file, name, lockstep=patient)
         return ZenohBus(ends, rig or file.rig.name, name)
 
     _on_stop(stop.set, options)

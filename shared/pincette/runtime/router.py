@@ -1,6 +1,6 @@
 """The router: serves supervisor, recorder and other tools beside the loop's direct links."""
 
-from pincette.bus.links import router_ends
+from pincette.bus.places import router_place
 from pincette.bus.zenoh_bus import serve_router
 from pincette.runtime.context import Context
 from pincette.runtime.priority import come_first
@@ -8,10 +8,9 @@ from pincette.runtime.priority import come_first
 
 def PROGRAM(context: Context) -> None:
     """Route until stopped."""
-    bus = context.rig.bus
     if not context.rig.lockstep:
         come_first()
-    ends = router_ends(bus.host, bus.port, lockstep=context.rig.lockstep)
+    ends = router_place(context.rig)
 
     def wait() -> None:
         context.ready(f"routes at {ends.listen[0]}")

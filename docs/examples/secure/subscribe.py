@@ -1,0 +1,36 @@
+"""Print position, force and voltage of a rig that speaks mutual TLS; needs zenoh and msgpack."""
+# pyright: basic
+
+import argparse
+import json
+
+import msgpack
+import zenoh
+
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--pki", default="data/pki", help="folder of certificates")
+parser.add_argument("--identity", default="viewer", help="whose certificate is shown")
+parser.add_argument("--router", default="tls/127.0.0.1:7447")
+parser.add_argument("--rig", default="demo")
+given = parser.parse_args()
+tls = {
+    "root_ca_certificate": f"{given.pki}/authority.crt",
+    "connect_certificate": f"{given.pki}/{given.identity}.crt",
+    "connect_private_key": f"{given.pki}/{given.identity}.key",
+    "enable_mtls": True,
+}
+config = zenoh.Config.from_json5(
+    json.dumps(
+        {
+            "mode": "client",
+            "connect": {"endpoints": [given.router]},
+            "scouting": {"multicast": {"enabled": False}},
+            "transport": {"link": {"protocols": ["tls"], "tls": tls}},
+        }
+    )
+)
+with zenoh.open(config) as session:
+    estimates = session.declare_subscriber(f"pincette/v1/{given.rig}/estimate")
+    for sample in estimates:
+        e = msgpack.unpackb(sample.payload.to_bytes())
+        print(f"{e['x_um']:8.3f} µm {e['force_mN']:8.3f} mN {e['applied_V']:8.4f} V", flush=True)

@@ -1,0 +1,90 @@
+"""Zenoh's settings for one program: explicit links, no multicast, no shared memory."""
+
+from typing import Any
+
+from pincette.bus.links import Ends, Member
+from pincette.codec import MAX_BYTES
+from pincette.security.access import as_settings
+
+LEASE_MS = 500
+QUEUE = 16
+"""Batches a priority may queue; the largest Zenoh takes."""
+BLOCK_US = 200_000
+"""How long a reliable put may wait for a stalled link; Zenoh's own default is 5 s."""
+PATIENT_MS = 20_000
+"""Both of these in lockstep, where a machine that is overloaded must not cost a sample."""
+MOST_BYTES = 2 * MAX_BYTES
+"""Of what is received at all: more than any payload that a decoder takes, with its envelope."""
+PRIORITIES = (
+    "control",
+    "real_time",
+    "interactive_high",
+    "interactive_low",
+    "data_high",
+    "data",
+    "data_low",
+    "background",
+)
+
+
+def settings(ends: Ends, name: str) -> dict[str, Any]:
+    """The tree of settings with which a program, seen by others under a name, opens its session."""
+    waits = ends.mode == "client"
+    tree: dict[str, Any] = {
+        "mode": ends.mode,
+        "metadata": {"name": name},
+        "listen": {"endpoints": list(ends.listen), "exit_on_failure": True},
+        "connect": {
+            "endpoints": list(ends.connect),
+            "timeout_ms": 3000 if waits else -1,
+            "exit_on_failure": waits,
+            "retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
+        },
+        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {
+            "unicast": {"open_timeout": 1000, "accept_timeout": 1000},
+            "shared_memory": {"enabled": False},
+            "link": {
+                "tx": _sending(patient=ends.patient),
+                "rx": {"max_message_size": MOST_BYTES},
+            },
+        },
+    }
+    if ends.member is not None:
+        tree["transport"]["link"] |= {
+            "protocols": ["tls"],
+            "tls": _tls(ends.member, closes_on_expiry=ends.mode == "router"),
+        }
+        tree["access_control"] = as_settings(ends.member.access)
+    return tree
+
+
+def _sending(*, patient: bool) -> dict[str, Any]:
+    block_us = 1000 * PATIENT_MS if patient else BLOCK_US
+    return {
+        "lease": PATIENT_MS if patient else LEASE_MS,
+        "keep_alive": 4,
+        "queue": {
+            "size": dict.fromkeys(PRIORITIES, QUEUE),
+            "congestion_control": {"block": {"wait_before_close": block_us}},
+        },
+    }
+
+
+def _tls(member: Member, *, closes_on_expiry: bool) -> dict[str, Any]:
+    """Mutual TLS.
+
+    The router closes the link of one whose certificate ends. The services do not: a part that is
+    held is not let go of because of a date.
+    """
+    files = member.credentials
+    return {
+        "root_ca_certificate": str(files.authority),
+        "listen_certificate": str(files.certificate),
+        "listen_private_key": str(files.private_key),
+        "connect_certificate": str(files.certificate),
+        "connect_private_key": str(files.private_key),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": closes_on_expiry,
+    }

@@ -1,0 +1,194 @@
+"""Certificates: an authority of one's own, and what it says of each identity.
+
+Elliptic curve P-256, signed with SHA-256, X.509 version 3 after RFC 5280. Who serves may be
+connected to at the hosts that its certificate names; a person's certificate names none, so nobody
+takes it for a program's.
+"""
+
+import ipaddress
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    load_pem_private_key,
+)
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from pincette.security.identity import AUTHORITY, Identity
+
+CLOCKS_DIFFER = timedelta(hours=1)
+"""By how much the clocks of two hosts may differ before a fresh certificate is not believed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """A certificate and its private key, both as PEM."""
+
+    certificate: bytes
+    private_key: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a certificate says."""
+
+    identity: Identity
+    hosts: tuple[str, ...]
+    begins: datetime
+    ends: datetime
+
+
+def new_authority(now: datetime, days: float) -> Pair:
+    """Make an authority that signs certificates of programs and people, and no other authority's.
+
+    Its name has a part drawn at random, so that two of them are told apart.
+    """
+    key = ec.generate_private_key(ec.SECP256R1())
+    serial = x509.random_serial_number()
+    name = _named(Identity(f"pincette {serial % 2**32:08x}", AUTHORITY))
+    builder = (
+        _begun(name, name, key, now, days, serial)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(signs_certificates=True), critical=True)
+    )
+    return _signed(builder, key, key)
+
+
+def issue(
+    authority: Pair, identity: Identity, hosts: Sequence[str], now: datetime, days: float
+) -> Pair:
+    """Sign a new certificate, with a new key, for one that is reached at some hosts.
+
+    It ends with the authority's own at the latest.
+
+    Raises
+    ------
+    ValueError
+        Where the authority's key or certificate cannot be read.
+    """
+    signer = load_pem_private_key(authority.private_key, None)
+    if not isinstance(signer, ec.EllipticCurvePrivateKey):
+        raise ValueError("the authority's key is of another kind: wanted an elliptic curve")  # noqa: TRY004  a bad file
+    above = x509.load_pem_x509_certificate(authority.certificate)
+    key = ec.generate_private_key(ec.SECP256R1())
+    days = min(days, (above.not_valid_after_utc - now) / timedelta(days=1))
+    serves = [ExtendedKeyUsageOID.SERVER_AUTH] if identity.serves else []
+    builder = (
+        _begun(_named(identity), above.subject, key, now, days, x509.random_serial_number())
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(signs_certificates=False), critical=True)
+        .add_extension(
+            x509.ExtendedKeyUsage([ExtendedKeyUsageOID.CLIENT_AUTH, *serves]), critical=False
+        )
+        .add_extension(
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key()), critical=False
+        )
+    )
+    if identity.serves:
+        places = x509.SubjectAlternativeName([_place(host) for host in hosts])
+        builder = builder.add_extension(places, critical=False)
+    return _signed(builder, key, signer)
+
+
+def read(certificate: bytes) -> Facts:
+    """What a certificate says; raises ValueError where it is none, or not of this kind."""
+    found = x509.load_pem_x509_certificate(certificate)
+    names = (NameOID.COMMON_NAME, NameOID.ORGANIZATIONAL_UNIT_NAME)
+    said = [found.subject.get_attributes_for_oid(name) for name in names]
+    if not all(said):
+        raise ValueError("a certificate that `pincette security` has not made")
+    name, role = (str(one[0].value) for one in said)
+    try:
+        extension = found.extensions.get_extension_for_class(x509.SubjectAlternativeName)
+    except x509.ExtensionNotFound:
+        hosts: list[str] = []
+    else:
+        hosts = extension.value.get_values_for_type(x509.DNSName)
+        hosts += map(str, extension.value.get_values_for_type(x509.IPAddress))
+    begins, ends = found.not_valid_before_utc, found.not_valid_after_utc
+    return Facts(Identity(name, role), tuple(hosts), begins, ends)
+
+
+def signed_by(certificate: bytes, authority: bytes) -> bool:
+    """Whether an authority has signed a certificate; raises ValueError where one is none."""
+    above = x509.load_pem_x509_certificate(authority)
+    try:
+        x509.load_pem_x509_certificate(certificate).verify_directly_issued_by(above)
+    except (InvalidSignature, ValueError, TypeError):
+        return False
+    return True
+
+
+def belongs(pair: Pair) -> bool:
+    """Whether a private key is a certificate's; raises ValueError where one cannot be read."""
+    key = load_pem_private_key(pair.private_key, None)
+    return key.public_key() == x509.load_pem_x509_certificate(pair.certificate).public_key()
+
+
+def _begun(
+    subject: x509.Name,
+    issuer: x509.Name,
+    key: ec.EllipticCurvePrivateKey,
+    now: datetime,
+    days: float,
+    serial: int,
+) -> x509.CertificateBuilder:
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(serial)
+        .not_valid_before(now - CLOCKS_DIFFER)
+        .not_valid_after(now + timedelta(days=days))
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+    )
+
+
+def _signed(
+    builder: x509.CertificateBuilder,
+    key: ec.EllipticCurvePrivateKey,
+    signer: ec.EllipticCurvePrivateKey,
+) -> Pair:
+    return Pair(
+        builder.sign(signer, hashes.SHA256()).public_bytes(Encoding.PEM),
+        key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()),
+    )
+
+
+def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not signs_certificates,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=signs_certificates,
+        crl_sign=signs_certificates,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _named(identity: Identity) -> x509.Name:
+    return x509.Name(
+        [
+            x509.NameAttribute(NameOID.COMMON_NAME, identity.name),
+            x509.NameAttribute(NameOID.ORGANIZATIONAL_UNIT_NAME, identity.role),
+        ]
+    )
+
+
+def _place(host: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        return x509.DNSName(host)

@@ -1,0 +1,80 @@
+"""Whom a folder of certificates begins with, and who comes later."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import datetime
+
+from pincette.security.credentials import SOON
+from pincette.security.folder import Folder
+from pincette.security.identity import (
+    OPERATOR,
+    ROUTER,
+    SUPERVISOR,
+    VIEWER,
+    Identity,
+    person,
+    program,
+    programs_of,
+)
+
+AUTHORITY_DAYS, DAYS = 3650.0, 730.0
+"""How long the authority and a certificate hold."""
+LOOPBACK = ("127.0.0.1", "localhost")
+README = "README.txt"
+EXPLAINED = """\
+Certificates of pincette, made by `pincette security`. FILE.crt is public, FILE.key is secret.
+
+authority.crt     whom every program believes; each machine needs a copy
+authority.key     makes further certificates, and whoever has it is let in everywhere: no program
+                  reads it, so take it away to a safe place and bring it back to add, issue, renew
+router.*          the router
+supervisor.*      the supervisor
+RIG/PROGRAM.*     the programs of a rig
+viewer.*          for tools that look on: reads all, writes nothing
+operator.*        for tools that may also trip a rig, and operate a simulated one
+
+The router lets in whom it finds here when it starts, so it needs every .crt, and the actuator
+those of the operators; a program needs authority.crt, its own .crt and its own .key, nothing else.
+"""
+
+
+def establish(
+    folder: Folder, rigs: Sequence[str], hosts: Sequence[str], now: datetime, days: float = DAYS
+) -> None:
+    """Begin a folder: an authority, the programs of some rigs, a viewer and an operator.
+
+    Raises
+    ------
+    SecurityError
+        Where the folder is not empty, or a name cannot be a rig's; nothing is made then.
+    """
+    wanted = [
+        program(ROUTER, ""),
+        program(SUPERVISOR, ""),
+        *(one for rig in rigs for one in programs_of(rig)),
+        person(VIEWER, VIEWER),
+        person(OPERATOR, OPERATOR),
+    ]
+    folder.begin(now, max(days, AUTHORITY_DAYS))
+    (folder.path / README).write_text(EXPLAINED, encoding="utf-8")
+    _issue(folder, wanted, hosts, now, days)
+
+
+def enrol(
+    folder: Folder, rig: str, hosts: Sequence[str], now: datetime, days: float = DAYS
+) -> tuple[Identity, ...]:
+    """Add the programs of a rig; raises SecurityError where it has certificates already."""
+    wanted = programs_of(rig)
+    _issue(folder, wanted, hosts, now, days)
+    return wanted
+
+
+def due(folder: Folder, now: datetime) -> Iterator[Identity]:
+    """Identities whose certificates end soon, or have ended."""
+    return (facts.identity for facts in folder.all() if facts.ends - now < SOON)
+
+
+def _issue(
+    folder: Folder, wanted: Iterable[Identity], hosts: Sequence[str], now: datetime, days: float
+) -> None:
+    for identity in wanted:
+        folder.issue(identity, hosts or LOOPBACK, now, days)

@@ -1,0 +1,84 @@
+"""Who there is on the bus, each by the name that its certificate has.
+
+The name of a certificate is also the place of its file: ``demo/controller`` is in ``demo/`` as
+``controller.crt``. Its role is what access follows from.
+"""
+
+import re
+from dataclasses import dataclass
+
+from pincette.topics import LOOP
+
+ROUTER, SUPERVISOR = "router", "supervisor"
+SHARED = (ROUTER, SUPERVISOR)
+"""Programs that all rigs on one router have in common."""
+OF_A_RIG = (*LOOP, "recorder", "rig")
+"""Programs that each rig has of its own."""
+VIEWER, OPERATOR = "viewer", "operator"
+PEOPLE = (VIEWER, OPERATOR)
+"""Roles of people and their tools: one reads all and writes nothing, one may also stop."""
+AUTHORITY = "authority"
+NAME = re.compile(r"[a-z][a-z0-9-]{0,30}")
+"""Of a rig or a person."""
+
+
+class SecurityError(Exception):
+    """Certificates that cannot be made, read or used; the text says what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """A program or a person."""
+
+    name: str
+    """The common name of its certificate: of the person or program, after its rig's and a slash."""
+    role: str
+
+    @property
+    def rig(self) -> str:
+        """The rig whose program it is; empty for those that belong to none."""
+        return self.name.partition("/")[0] if "/" in self.name else ""
+
+    @property
+    def serves(self) -> bool:
+        """Whether others connect to it."""
+        return self.role == ROUTER or self.role in LOOP
+
+
+def program(name: str, rig: str) -> Identity:
+    """A program, one of the rig's own or one that all rigs share."""
+    return Identity(name if name in SHARED else f"{rig}/{name}", name)
+
+
+def programs_of(rig: str) -> tuple[Identity, ...]:
+    """Every program that a rig has of its own.
+
+    Raises
+    ------
+    SecurityError
+        Where that is no name of a rig.
+    """
+    _checked(rig, "rig")
+    return tuple(program(name, rig) for name in OF_A_RIG)
+
+
+def person(name: str, role: str) -> Identity:
+    """A person, or a tool that people use.
+
+    Raises
+    ------
+    SecurityError
+        Where that is no name of a person, or no such role.
+    """
+    if role not in PEOPLE:
+        raise SecurityError(f"role {role!r}: wanted {' or '.join(PEOPLE)}")
+    _checked(name, "person")
+    return Identity(name, role)
+
+
+def _checked(name: str, whose: str) -> None:
+    if not NAME.fullmatch(name) or name in (*SHARED, AUTHORITY):
+        raise SecurityError(
+            f"{name!r} cannot be the name of a {whose}: wanted a letter, then at most 30 letters, "
+            f"digits or hyphens, all lower case, and not {', '.join((*SHARED, AUTHORITY))}"
+        )

@@ -1,0 +1,86 @@
+"""What each identity may say, hear, ask and answer; it follows from the topics and questions."""
+
+from dataclasses import dataclass
+
+from pincette.security.identity import (
+    OF_A_RIG,
+    OPERATOR,
+    PEOPLE,
+    ROUTER,
+    SUPERVISOR,
+    VIEWER,
+    Identity,
+)
+from pincette.topics import (
+    LOOP,
+    NAMESPACE,
+    QUESTIONS,
+    ROOT,
+    TOPICS,
+    Question,
+    Topic,
+    key,
+    live_key_of_any_wire,
+    question_key,
+)
+
+ASKS: dict[str, tuple[str, ...]] = {
+    VIEWER: ("status", "rig_file"),
+    OPERATOR: ("status", "rig_file", "trip", "order"),
+}
+"""Which questions people may ask, by name. The supervisor may ask every one, no other any."""
+ANY = "*"
+EVERY_TOPIC = f"{ROOT}/*/*"
+"""Key expression of what is published by all rigs: no question's, no token's."""
+EVERY_TOKEN = live_key_of_any_wire(ANY)
+
+
+@dataclass(frozen=True, slots=True)
+class Rights:
+    """Key expressions that one identity may use, by what it does with them."""
+
+    tells: tuple[str, ...] = ()
+    """Publishes on, and answers with the newest of."""
+    answers: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
+    hears: tuple[str, ...] = ()
+    """Subscribes to, and asks for the newest of, by way of the router."""
+    lives: tuple[str, ...] = ()
+    """Holds its token on."""
+    sees: tuple[str, ...] = ()
+    """Tokens that it may look at."""
+
+
+def rights(identity: Identity) -> Rights:
+    """What an identity may do; a router says nothing of its own.
+
+    The services of the loop hear nothing by way of the router: what they take comes directly.
+    """
+    role, rig = identity.role, identity.rig or ANY
+    if role == ROUTER:
+        return Rights()
+    published = (f"{ROOT}/{rig}/*",)
+    return Rights(
+        tells=tuple(key(rig, topic) for topic in TOPICS if tells(role, topic)),
+        answers=tuple(question_key(rig, one) for one in QUESTIONS if one.service == role),
+        asks=tuple(question_key(rig, one) for one in QUESTIONS if may_ask(role, one)),
+        hears=published if role in (*PEOPLE, SUPERVISOR, "recorder") else (),
+        lives=(_token(rig, role),) if role in (*OF_A_RIG, SUPERVISOR) else (),
+        sees=(live_key_of_any_wire(rig),),
+    )
+
+
+def tells(role: str, topic: Topic) -> bool:
+    """Whether a role publishes a topic; one may be told by every program of the loop."""
+    roles = (*OF_A_RIG, SUPERVISOR)
+    return role == topic.producer or (role in LOOP and topic.producer not in roles)
+
+
+def may_ask(role: str, question: Question) -> bool:
+    """Whether a role may ask a question."""
+    return role == SUPERVISOR or question.name in ASKS.get(role, ())
+
+
+def _token(rig: str, program: str) -> str:
+    """Of any version of the wire, so that one that is to be updated is seen as well."""
+    return f"{NAMESPACE}/*/{rig}/live/{program}"

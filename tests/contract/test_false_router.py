@@ -1,0 +1,102 @@
+"""Nobody is taken for the router who is not, and a list the other way round would have a hole."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+import json
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+import zenoh
+
+from pincette.bus.links import Member, router_ends, secured
+from pincette.bus.places import program_place, tool_place
+from pincette.bus.protocol import BusError
+from pincette.bus.settings import settings
+from pincette.bus.zenoh_bus import ZenohBus, open_session
+from pincette.messages import Trip
+from pincette.security.folder import Folder
+from pincette.security.identity import person, program
+from pincette.topics import COMMAND, TRIP, key
+from tests.support.certificates import Intruder, folder_for
+from tests.support.rigs import demo_rig
+
+WAIT_S = 5.0
+QUIET_S = 0.3
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
+
+
+def test_a_viewer_cannot_be_taken_for_a_router(folder: Folder) -> None:
+    """Its certificate is good for no server, so nobody who connects believes it."""
+    rig = demo_rig().secured(folder.path)
+    viewer = Member(folder.credentials(person("viewer", "viewer")), {})
+    false = secured(router_ends("127.0.0.1", rig.bus.port), viewer)
+    with open_session(false, "false"), pytest.raises(BusError, match="not believed here"):
+        open_session(tool_place(rig), "tool")
+
+
+def test_one_that_is_no_router_is_told_nothing_by_a_client(folder: Folder) -> None:
+    """A service's certificate is good for a server; a client gives it nothing all the same."""
+    rig = demo_rig().secured(folder.path)
+    sensor = Member(folder.credentials(program("sensor", "demo")), {})
+    tree = settings(secured(router_ends("127.0.0.1", rig.bus.port), sensor), "false")
+    tree.pop("access_control")
+    heard: list[Any] = []
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as false:
+        false.declare_subscriber("**", heard.append)
+        false.declare_queryable("**", heard.append)
+        bus = ZenohBus(program_place(rig, "supervisor", lockstep=False), "demo", "supervisor")
+        with pytest.raises(BusError, match="nobody answers"):
+            bus.ask(TRIP, Trip("estop"), 0.3)
+        bus.close()
+    assert heard == []
+
+
+def test_a_rule_that_denies_under_a_default_of_allowing_is_passed_by_a_wildcard(
+    folder: Folder,
+) -> None:
+    """Why everything is denied that no rule allows: the other way round there is a hole."""
+    port = demo_rig().bus.port
+    member = Member(folder.credentials(program("router", "")), {})
+    tree = settings(secured(router_ends("127.0.0.1", port), member), "lax")
+    tree["access_control"] = {
+        "enabled": True,
+        "default_permission": "allow",
+        "rules": [
+            {
+                "id": "kept",
+                "permission": "deny",
+                "flows": ["ingress"],
+                "messages": ["put"],
+                "key_exprs": [key("demo", COMMAND)],
+            }
+        ],
+        "subjects": [{"id": "viewer", "cert_common_names": ["viewer"]}],
+        "policies": [{"id": "kept", "subjects": ["viewer"], "rules": ["kept"]}],
+    }
+    got: list[str] = []
+    viewer, hearer = (
+        Intruder(name, folder.credentials(folder.named(name)))
+        for name in ("viewer", "demo/recorder")
+    )
+    with (
+        zenoh.open(zenoh.Config.from_json5(json.dumps(tree))),
+        hearer.joined("127.0.0.1", port) as ears,
+        viewer.joined("127.0.0.1", port) as mouth,
+    ):
+        ears.declare_subscriber(
+            key("demo", COMMAND), lambda sample: got.append(sample.payload.to_string())
+        )
+        sleep(QUIET_S)
+        mouth.put(key("demo", COMMAND), "exact")
+        mouth.put("pincette/v1/demo/*", "wildcard")
+        deadline = monotonic() + WAIT_S
+        while not got:
+            assert monotonic() < deadline
+            sleep(0.01)
+    assert got == ["wildcard"]

@@ -1,0 +1,85 @@
+"""Folders of certificates for rigs of the tests, and intruders of several kinds."""
+
+import json
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, cast
+
+import zenoh
+
+from pincette.bus.links import Ends, Member, secured
+from pincette.bus.settings import settings
+from pincette.codec import encode
+from pincette.config import RigFile
+from pincette.messages import Message
+from pincette.security.credentials import Credentials
+from pincette.security.establishing import establish
+from pincette.security.folder import Folder
+from pincette.security.identity import Identity
+from pincette.topics import Question, question_key
+
+NOW = datetime.now(UTC)
+DAYS = 60.0
+OPEN_MS = 800
+ASK_S = 0.5
+
+
+def folder_for(place: Path, *rigs: str, days: float = DAYS) -> Folder:
+    """A folder of certificates for some rigs on this machine."""
+    folder = Folder(place)
+    establish(folder, rigs, (), NOW, days)
+    return folder
+
+
+def seen_as(rig: RigFile, name: str) -> RigFile:
+    """A rig file whose tools show the certificate of somebody."""
+    return rig.model_copy(update={"bus": rig.bus.model_copy(update={"identity": name})})
+
+
+@dataclass(frozen=True)
+class Intruder:
+    """Somebody who tries to join the bus, with or without files to prove who they are."""
+
+    name: str
+    credentials: Credentials | None
+    protocol: str = "tls"
+    mode: str = "client"
+
+    @contextmanager
+    def joined(self, host: str, port: int) -> Generator["zenoh.Session"]:
+        """A session at one node; raises ZError where it is not let in."""
+        ends = Ends(self.mode, connect=(f"tcp/{host}:{port}",))
+        if self.credentials is not None:
+            ends = secured(ends, Member(self.credentials, {}))
+        tree: dict[str, Any] = settings(ends, self.name)
+        tree.pop("access_control", None)
+        tree["connect"] |= {
+            "endpoints": [f"{self.protocol}/{host}:{port}"],
+            "timeout_ms": OPEN_MS,
+            "exit_on_failure": True,
+        }
+        with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as session:
+            yield session
+
+
+def stranger(place: Path, rig: str, like: Identity) -> Intruder:
+    """One whose certificate has the right name, and is signed by an authority of their own."""
+    return Intruder("stranger", folder_for(place, rig).credentials(like))
+
+
+def ask(session: "zenoh.Session", rig: str, question: Question, request: Message) -> list[str]:
+    """What comes back to a question, refusals included; empty where nobody answers."""
+    replies = session.get(question_key(rig, question), payload=encode(request), timeout=ASK_S)
+    return [_words(reply) for reply in cast(Iterable[Any], replies) if not _timed_out(reply)]
+
+
+def _words(reply: Any) -> str:
+    part = reply.ok if reply.ok is not None else reply.err
+    return str(part.payload.to_bytes())
+
+
+def _timed_out(reply: Any) -> bool:
+    return reply.ok is None and reply.err.payload.to_bytes() == b"Timeout"

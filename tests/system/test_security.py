@@ -1,0 +1,194 @@
+"""A rig over mutual TLS, held by intruders: nothing of theirs is taken, and the loop runs on.
+
+Real processes, real time. The intruders put on the controller's key what it would itself, exactly,
+on wildcards and as a deletion, through the router and at the actuator's own port, and ask what
+only the supervisor may.
+"""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+import random
+from collections.abc import Generator
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+import zenoh
+
+from pincette.codec import encode
+from pincette.messages import (
+    Applied,
+    Arm,
+    Command,
+    Load,
+    Message,
+    Reset,
+    Telemetry,
+    Trip,
+)
+from pincette.security.establishing import enrol
+from pincette.security.folder import Folder
+from pincette.security.identity import program
+from pincette.topics import ARM, COMMAND, LOAD, RESET, TRIP, Question, key
+from tests.support.certificates import NOW, Intruder, ask, folder_for, stranger
+from tests.support.commands import pincette
+from tests.support.grips import SHORT, hold, make_ready, reset
+from tests.support.rigs import demo_rig
+from tests.support.running import RunningRig, running_rig
+from tests.support.scripted import PROGRAM
+from tests.support.stalls import StallRecorder
+from tests.support.witness import Witness
+
+RIG = "demo"
+SEED = 20131
+FORGED_V = 2.75
+"""What intruders ask for; no grip of this rig comes near it."""
+ROUNDS = 10
+PAUSE_S = 0.02
+READY_S = 30.0
+KEYS = ("demo/command", "demo/*", "*/command", "demo/**", "**")
+NOBODY = "http://127.0.0.1:1"
+"""Where no supervisor answers."""
+ENDS = ("succeeded", "stopped", "aborted", "failed", "interrupted")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    made = folder_for(tmp_path_factory.mktemp("certificates") / "pki", RIG)
+    enrol(made, "right", (), NOW)
+    return made
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory, folder: Folder) -> Generator[RunningRig]:
+    secured = demo_rig(SHORT).secured(folder.path)
+    with running_rig(secured, tmp_path_factory.mktemp("rig")) as running:
+        yield running
+
+
+@pytest.fixture
+def held(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Generator[str]:
+    """A job that holds its part, from before the intrusion until after it."""
+    make_ready(rig, READY_S)
+    yield hold(rig, seen, stalls)
+    make_ready(rig, READY_S)
+
+
+def ports(rig: RunningRig) -> tuple[int, int]:
+    """The router's, and the actuator's own."""
+    return rig.rig.bus.port, rig.rig.bus.port + 4
+
+
+def intrude(session: "zenoh.Session", seen: Witness, chance: random.Random) -> None:
+    """Put forged commands that differ from the next true one in their voltage alone."""
+    for _ in range(ROUNDS):
+        true = seen.newest(Command)
+        forged = replace(true, seq=true.seq + chance.randint(0, 3), voltage_V=FORGED_V)
+        for place in KEYS:
+            session.put(f"pincette/v1/{place}", encode(forged))
+            session.delete(f"pincette/v1/{place}")
+        sleep(PAUSE_S)
+
+
+def questions(rig: RunningRig) -> list[tuple[Question, Message]]:
+    """What moves, stops or arms a rig."""
+    arm = Arm(2**45, 1, rig.rig.digest())
+    return [
+        (TRIP, Trip("estop")),
+        (RESET, Reset(acknowledge=True)),
+        (LOAD, Load(PROGRAM)),
+        *((question, arm) for question in ARM.values()),
+    ]
+
+
+def assert_untouched(seen: Witness, since_s: float) -> None:
+    """The loop has gone on in its epoch, on the controller's word alone."""
+    applied = [message for _, message in seen.since(Applied, since_s)]
+    first, last = applied[0], applied[-1]
+    assert {(one.state, one.cause, one.refused) for one in applied} == {
+        ("armed", "", first.refused)
+    }
+    assert {one.epoch for one in applied} == {first.epoch}
+    assert all(one.voltage_V < FORGED_V / 2 for one in applied)
+    assert last.seq > first.seq
+    assert all(view.playing for _, view in seen.since(Telemetry, since_s))
+
+
+@pytest.mark.parametrize("who", ["viewer", "right/controller", "demo/sensor", "operator"])
+def test_whoever_has_a_certificate_of_another_can_neither_command_nor_ask(
+    rig: RunningRig, seen: Witness, folder: Folder, held: str, who: str
+) -> None:
+    chance = random.Random(SEED)
+    intruder = Intruder(who, folder.credentials(folder.named(who)))
+    begun = monotonic()
+    answers: list[str] = []
+    for port in ports(rig):
+        with intruder.joined(rig.rig.bus.host, port) as session:
+            intrude(session, seen, chance)
+            for question, request in questions(rig):
+                if not (who == "operator" and question == TRIP):
+                    answers += ask(session, RIG, question, request)
+    sleep(5 * rig.rig.rig.period_s)
+    assert answers == []
+    assert_untouched(seen, begun)
+    assert rig.job(held)["state"] == "running"
+
+
+def test_whoever_proves_nothing_is_not_let_in(
+    rig: RunningRig, seen: Witness, tmp_path: Path, held: str
+) -> None:
+    begun = monotonic()
+    outsiders = [
+        stranger(tmp_path / "rogue", RIG, program("controller", RIG)),
+        Intruder("bare", None, "tls"),
+        Intruder("plain", None, "tcp"),
+    ]
+    for outsider, port in product(outsiders, ports(rig)):
+        with pytest.raises(zenoh.ZError), outsider.joined(rig.rig.bus.host, port):
+            pass
+    assert_untouched(seen, begun)
+    assert rig.job(held)["state"] == "running"
+
+
+def test_with_the_controllers_own_key_the_same_puts_do_arrive(
+    rig: RunningRig, seen: Witness, folder: Folder, held: str
+) -> None:
+    """What the others did reaches the actuator from here, and is refused by another rule: owner."""
+    thief = Intruder("thief", folder.credentials(program("controller", RIG)))
+    before = seen.newest(Applied).refused
+    begun = monotonic()
+    with thief.joined(rig.rig.bus.host, ports(rig)[1]) as session:
+        while seen.newest(Applied).refused == before:
+            assert monotonic() < begun + 10.0
+            session.put(key(RIG, COMMAND), encode(replace(seen.newest(Command), owner=1)))
+            sleep(PAUSE_S)
+    assert rig.job(held)["state"] == "running"
+
+
+@pytest.mark.parametrize("supervised", [True, False], ids=["over REST", "past the supervisor"])
+def test_an_operators_emergency_stop_acts(
+    rig: RunningRig, seen: Witness, folder: Folder, held: str, supervised: bool
+) -> None:
+    begun = monotonic()
+    if supervised:
+        rig.post(f"/rigs/{RIG}/estop").raise_for_status()
+    else:
+        said = pincette("estop", "--rig", operators_file(rig, folder), "--url", NOBODY)
+        assert said.returncode == 0, said.stderr
+        assert f"rig {RIG}: stopped at the actuator" in said.stdout
+    _, tripped = seen.until_state(("frozen", "ramping", "latched"), begun)
+    assert tripped.cause.startswith("estop")
+    assert rig.ended(held)["state"] in ENDS
+    seen.until_state(("latched",), begun)
+    reset(rig)
+
+
+def operators_file(rig: RunningRig, folder: Folder) -> Path:
+    """A rig file as an operator has it."""
+    path = rig.path.with_name("operator.toml")
+    lines = f'[bus]\npki = "{folder.path}"\nidentity = "operator"'
+    path.write_text(rig.path.read_text(encoding="utf-8").replace("[bus]", lines), encoding="utf-8")
+    return path

@@ -1,0 +1,82 @@
+"""Zenoh's settings: links that are named, nothing that is found, TLS alone where it is wanted."""
+
+from pathlib import Path
+
+import pytest
+
+from pincette.bus.links import Ends, Member, address_of, client_ends, router_ends, secured
+from pincette.bus.places import program_place, router_place, service_place, tool_place
+from pincette.bus.settings import settings
+from pincette.config import RigFile
+from pincette.runtime.process import loop_services
+from pincette.security.access import client_access
+from pincette.security.credentials import Credentials
+from pincette.security.identity import SecurityError, program
+from pincette.topics import LOOP
+from tests.support.certificates import folder_for
+from tests.support.rigs import demo_rig
+
+ROUTER = program("router", "")
+FILES = Credentials(ROUTER, Path("a.crt"), Path("r.crt"), Path("r.key"))
+MEMBER = Member(FILES, client_access(ROUTER))
+PLACES = (router_ends("127.0.0.1", 7000), client_ends("127.0.0.1", 7000))
+
+
+@pytest.mark.parametrize("ends", [*PLACES, *(secured(ends, MEMBER) for ends in PLACES)])
+def test_nothing_is_found_by_multicast_or_gossip(ends: Ends) -> None:
+    scouting = settings(ends, "one")["scouting"]
+    assert scouting["multicast"] == scouting["gossip"] == {"enabled": False}
+
+
+def test_with_certificates_there_is_tls_alone_and_a_list_that_denies() -> None:
+    for ends in (secured(one, MEMBER) for one in PLACES):
+        tree = settings(ends, "one")
+        link = tree["transport"]["link"]
+        assert link["protocols"] == ["tls"]
+        assert link["tls"]["enable_mtls"] is True
+        assert tree["access_control"]["default_permission"] == "deny"
+        places = [*tree["listen"]["endpoints"], *tree["connect"]["endpoints"]]
+        assert places == ["tls/127.0.0.1:7000"]
+        assert address_of(places[0]) == ("127.0.0.1", 7000)
+
+
+def test_without_them_there_is_neither() -> None:
+    for ends in PLACES:
+        tree = settings(ends, "one")
+        assert "access_control" not in tree
+        assert "tls" not in tree["transport"]["link"]
+
+
+def test_the_router_alone_ends_a_link_whose_certificate_ends() -> None:
+    ends = {
+        ends.mode: settings(secured(ends, MEMBER), "one")["transport"]["link"]["tls"]
+        for ends in PLACES
+    }
+    assert ends["router"]["close_link_on_expiration"] is True
+    assert ends["client"]["close_link_on_expiration"] is False
+
+
+def all_places(rig: RigFile) -> dict[str, Ends]:
+    services = loop_services()
+    return {
+        "router": router_place(rig),
+        **{name: service_place(rig, name, services) for name in LOOP},
+        **{name: program_place(rig, name, lockstep=False) for name in ("supervisor", "recorder")},
+        "operator": tool_place(rig),
+    }
+
+
+def test_every_place_of_a_rig_is_closed_where_its_file_names_certificates(tmp_path: Path) -> None:
+    rig = demo_rig()
+    assert all(ends.member is None for ends in all_places(rig).values())
+    closed = all_places(rig.secured(folder_for(tmp_path / "pki", "demo").path))
+    for name, ends in closed.items():
+        assert ends.member is not None
+        assert ends.member.credentials.identity.role == name
+        assert all(place.startswith("tls/") for place in (*ends.listen, *ends.connect))
+
+
+def test_a_rig_without_certificates_of_its_own_is_refused_with_the_file(tmp_path: Path) -> None:
+    rig = demo_rig().secured(folder_for(tmp_path / "pki", "left").path)
+    with pytest.raises(SecurityError, match=r"demo/sensor\.crt: No such file"):
+        service_place(rig, "sensor", loop_services())

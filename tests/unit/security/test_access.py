@@ -1,0 +1,195 @@
+"""Access lists follow from the topics: what each may say is what the topics say it produces."""
+
+from itertools import combinations, product
+
+import pytest
+
+from pincette.bus.links import partners
+from pincette.runtime.process import loop_services
+from pincette.security.access import (
+    Access,
+    Rule,
+    as_settings,
+    client_access,
+    router_access,
+    service_access,
+)
+from pincette.security.identity import OF_A_RIG, Identity, person, program, programs_of
+from pincette.security.rights import Rights, may_ask, rights, tells
+from pincette.topics import COMMAND, LOOP, QUESTIONS, TOPICS, Topic, key, live_key, question_key
+
+SERVICES = loop_services()
+VIEWER, OPERATOR = person("anna", "viewer"), person("otto", "operator")
+ROUTER, SUPERVISOR = program("router", ""), program("supervisor", "")
+PROGRAMS = (*programs_of("left"), *programs_of("right"))
+EVERYBODY = (SUPERVISOR, *PROGRAMS, VIEWER, OPERATOR)
+AT_ROUTER = router_access([ROUTER, *EVERYBODY])
+
+
+def lets(access: Access, who: Identity, flow: str, message: str, wanted: str) -> bool:
+    """Whether a list lets a message of somebody pass: a rule's key must include the message's."""
+    return any(
+        message in rule.messages and rule.flow == flow and includes(granted, wanted)
+        for rule in access.get(who.name, ())
+        for granted in rule.keys
+    )
+
+
+def includes(granted: str, wanted: str) -> bool:
+    """Whether a key expression of whole-chunk wildcards includes another one."""
+    ours, theirs = granted.split("/"), wanted.split("/")
+    if ours[-1] == "**":
+        return theirs[: len(ours) - 1] == ours[:-1]
+    return (
+        len(ours) == len(theirs)
+        and "**" not in theirs
+        and all(one in ("*", other) for one, other in zip(ours, theirs, strict=True))
+    )
+
+
+def list_of(name: str, *, lockstep: bool = False) -> Access:
+    linked = {one: SERVICES[one] for one in partners(name, SERVICES, lockstep=lockstep)}
+    return service_access(SERVICES[name], "left", linked, [OPERATOR.name])
+
+
+@pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
+def test_the_router_takes_a_topic_of_its_producer_alone(topic: Topic) -> None:
+    wanted = key("left", topic)
+    say = {who.name for who in EVERYBODY if lets(AT_ROUTER, who, "ingress", "put", wanted)}
+    assert say == {
+        who.name for who in EVERYBODY if who.rig in ("", "left") and tells(who.role, topic)
+    }
+    assert say
+
+
+@pytest.mark.parametrize(
+    "wildcard", ["pincette/v1/left/*", "pincette/v1/*/command", "**", "pincette/**"]
+)
+def test_a_put_on_a_wildcard_is_let_through_for_nobody(wildcard: str) -> None:
+    for who, access in [
+        *product(EVERYBODY, [AT_ROUTER]),
+        *product(EVERYBODY, [list_of(name) for name in LOOP]),
+    ]:
+        assert not lets(access, who, "ingress", "put", wildcard)
+        assert not lets(access, who, "ingress", "delete", key("left", COMMAND))
+
+
+def test_only_the_supervisor_asks_everything() -> None:
+    for who, question in product(EVERYBODY, QUESTIONS):
+        wanted = question_key("left", question)
+        asked = lets(AT_ROUTER, who, "ingress", "query", wanted)
+        assert asked == may_ask(who.role, question), (who, question)
+    assert {q.name for q in QUESTIONS if may_ask("viewer", q)} == {"status", "rig_file"}
+    moving = {q.name for q in QUESTIONS if may_ask("operator", q)} - {"status", "rig_file"}
+    assert moving == {"trip", "order"}
+    assert not any(may_ask(name, question) for name, question in product(OF_A_RIG, QUESTIONS))
+
+
+def test_a_question_on_a_wildcard_reaches_no_question() -> None:
+    for who in (VIEWER, OPERATOR, *PROGRAMS):
+        for wildcard in ("pincette/v1/left/**", "pincette/v1/left/ask/*/*", "**"):
+            assert not lets(AT_ROUTER, who, "ingress", "query", wildcard)
+
+
+def test_answers_come_from_whom_they_are_asked_of() -> None:
+    for who, question in product(PROGRAMS, QUESTIONS):
+        answers = lets(AT_ROUTER, who, "ingress", "reply", question_key("left", question))
+        assert answers == (who == program(question.service, "left"))
+
+
+def test_tokens_are_held_for_oneself_alone() -> None:
+    for who, other in product(PROGRAMS, PROGRAMS):
+        token = live_key(other.rig, other.role)
+        assert lets(AT_ROUTER, who, "ingress", "liveliness_token", token) == (who == other)
+    assert not lets(AT_ROUTER, VIEWER, "ingress", "liveliness_token", live_key("left", "sensor"))
+
+
+def test_viewers_hear_all_rigs_and_a_rig_only_itself() -> None:
+    for topic, rig in product(TOPICS, ("left", "right")):
+        for message, flow in (("declare_subscriber", "ingress"), ("put", "egress")):
+            assert lets(AT_ROUTER, VIEWER, flow, message, key(rig, topic))
+            recorder = lets(AT_ROUTER, program("recorder", "left"), flow, message, key(rig, topic))
+            assert recorder == (rig == "left")
+            assert not lets(
+                AT_ROUTER, program("controller", "left"), flow, message, key(rig, topic)
+            )
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_a_service_takes_of_its_partners_what_its_step_takes(lockstep: bool) -> None:
+    for name in LOOP:
+        access = list_of(name, lockstep=lockstep)
+        for topic in TOPICS:
+            say = {
+                who.name
+                for who in (ROUTER, *EVERYBODY)
+                if lets(access, who, "ingress", "put", key("left", topic))
+            }
+            taken = any(item.topic == topic for item in SERVICES[name].inputs)
+            direct = topic.producer in partners(name, SERVICES, lockstep=lockstep)
+            assert say == ({f"left/{topic.producer}"} if taken and direct else set())
+
+
+def test_what_one_lets_out_the_other_lets_in() -> None:
+    for one, other in combinations(LOOP, 2):
+        here, there = list_of(one, lockstep=True), list_of(other, lockstep=True)
+        ours, theirs = program(one, "left"), program(other, "left")
+        assert (theirs.name in here) == (ours.name in there)
+        for topic, message in product(TOPICS, ("put", "declare_subscriber")):
+            wanted = key("left", topic)
+            assert lets(here, theirs, "egress", message, wanted) == lets(
+                there, ours, "ingress", message, wanted
+            )
+
+
+def test_the_router_and_a_service_agree_on_what_passes_between_them() -> None:
+    for name in LOOP:
+        access, who = list_of(name), program(name, "left")
+        for topic in TOPICS:
+            wanted = key("left", topic)
+            said = lets(access, ROUTER, "egress", "put", wanted)
+            assert said == lets(AT_ROUTER, who, "ingress", "put", wanted)
+        for question in QUESTIONS:
+            wanted = question_key("left", question)
+            asked = lets(access, ROUTER, "ingress", "query", wanted)
+            assert asked == lets(AT_ROUTER, who, "egress", "query", wanted)
+
+
+def test_beside_the_router_an_operator_may_ask_what_it_may_and_nobody_else_anything() -> None:
+    for name, who in product(LOOP, EVERYBODY):
+        granted = list_of(name).get(who.name, ())
+        linked = {f"left/{other}" for other in partners(name, SERVICES, lockstep=False)}
+        questions = [one for one in SERVICES[name].questions if may_ask("operator", one)]
+        if who == OPERATOR:
+            asked = {one for rule in granted if "query" in rule.messages for one in rule.keys}
+            assert asked == {question_key("left", one) for one in questions}
+        elif who.name not in linked:
+            assert granted == ()
+
+
+def test_a_client_takes_from_the_one_it_means_alone() -> None:
+    access = client_access(ROUTER)
+    assert lets(access, ROUTER, "ingress", "put", key("left", COMMAND))
+    assert list(access) == [ROUTER.name]
+
+
+def test_settings_deny_by_default_and_name_every_rule_once() -> None:
+    tree = as_settings(
+        {"left/sensor": (Rule("ingress", ("put",), ("a/b",)), Rule("egress", ("put",), ()))}
+    )
+    assert tree["default_permission"] == "deny"
+    assert tree["enabled"] is True
+    (rule,) = tree["rules"]
+    assert rule["permission"] == "allow"
+    assert tree["policies"] == [
+        {"id": "left/sensor", "subjects": ["left/sensor"], "rules": [rule["id"]]}
+    ]
+    whole = as_settings(AT_ROUTER)
+    ids = [rule["id"] for rule in whole["rules"]]
+    assert len(ids) == len(set(ids))
+    assert sorted(ids) == sorted(one for policy in whole["policies"] for one in policy["rules"])
+    assert {rule["permission"] for rule in whole["rules"]} == {"allow"}
+
+
+def test_a_router_says_nothing_of_its_own() -> None:
+    assert rights(ROUTER) == Rights()
