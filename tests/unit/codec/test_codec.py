@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pincette.codec import MAX_BYTES, CodecError, decode, encode
+from pincette.codec.bounds import LARGEST, LARGEST_INT, LAST_SEQ
 from pincette.control.laws.law import LawSettings
 from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.sweep import Sweep
 from pincette.messages import Applied, Command, Estimate, Load, Position, Telemetry
 
 packb = cast(Any, msgpack).packb
-FINITE = st.floats(allow_nan=False, allow_infinity=False)
-SEQ = st.integers(-1, 2**48)
-POSITIONS = st.builds(Position, SEQ, SEQ, FINITE, FINITE, st.booleans(), st.text(max_size=40))
-COMMANDS = st.builds(
-    Command, SEQ, SEQ, SEQ, FINITE, st.booleans(), st.booleans(), st.booleans(), st.booleans()
-)
+EPOCH, SEQ = st.integers(0, LARGEST_INT), st.integers(-1, LAST_SEQ)
+T_S, X_UM, VOLTAGE_V = (st.floats(-LARGEST[unit], LARGEST[unit]) for unit in ("s", "µm", "V"))
+POSITIONS = st.builds(Position, EPOCH, SEQ, T_S, X_UM, st.booleans(), st.text(max_size=40))
+COMMANDS = st.builds(Command, EPOCH, SEQ, EPOCH, VOLTAGE_V, *[st.booleans() for _ in range(4)])
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
 LOAD = Load(Program((Segment("hold", "force", None, force_to_mN=20.0),), GUARDS, 2.17))
 POSITION = Position(7, 3, 0.06, 12.5, True)
@@ -116,7 +116,8 @@ def test_a_stranger_reads_names_and_units() -> None:
 def test_no_field_takes_what_it_is_not(kind: type, bad: object) -> None:
     good: dict[str, object] = {}
     for field in fields(kind):
-        good[field.name] = {int: 1, bool: True, str: "a"}.get(cast(type, field.type), 1.5)
+        whole: dict[Any, object] = {int: 1, bool: True, str: "a", Sweep | None: None}
+        good[field.name] = whole.get(field.type, 1.5)
     for field in fields(kind):
         allowed = {int: (int,), bool: (bool,), str: (str,), float: (float, int)}
         kinds = allowed.get(cast(type, field.type), (float, int, type(None)))

@@ -1,0 +1,104 @@
+"""A stranger puts anything on the keys of a rig: what is no message is counted, answered, dropped.
+
+Over a real router. Seeded.
+"""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+import random
+from collections.abc import Callable, Generator
+from typing import Any, cast
+
+import pytest
+import zenoh
+
+from pincette.bus.zenoh_bus import ZenohBus, open_session
+from pincette.codec import ENCODING, MAX_BYTES, CodecError, decode, encode
+from pincette.messages import Command, Done, Message, Trip
+from pincette.topics import COMMAND, TRIP, Question, key, question_key
+from tests.support.frames import spoilt
+from tests.support.routed import WAIT_S, router, until
+
+SEED = 20133
+FRAMES, QUESTIONS = 2_000, 300
+RIG = "besieged"
+LAST = Command(1, 10, 1, 1.5, False, False, False, True)
+ENCODINGS = (ENCODING, "zenoh/bytes", "application/msgpack;pincette.v2", "text/plain", "x" * 200)
+
+
+@pytest.fixture(scope="module")
+def program() -> Generator[tuple[ZenohBus, zenoh.Session]]:
+    """A program of the rig, and a stranger's session."""
+    with router(RIG) as ends, open_session(ends, "stranger") as stranger:
+        bus = ZenohBus(ends, RIG, "actuator", reliable=True)
+        yield bus, stranger
+        bus.close()
+
+
+def is_sound(kind: type[Message], payload: bytes) -> bool:
+    try:
+        decode(kind, payload)
+    except CodecError:
+        return False
+    return True
+
+
+def test_garbage_on_a_topic_is_counted_and_goes_no_further(
+    program: tuple[ZenohBus, zenoh.Session], capfd: pytest.CaptureFixture[str]
+) -> None:
+    bus, stranger = program
+    print(f"seed {SEED}")
+    chance, heard, bad = random.Random(SEED), list[Message](), 0
+    bus.subscribe(COMMAND, lambda _topic, message: heard.append(message))
+    place = key(RIG, COMMAND)
+    bus.announce("ready")
+    publisher = stranger.declare_publisher(place, congestion_control=zenoh.CongestionControl.BLOCK)
+    until(lambda: cast(Any, publisher.matching_status).matching)
+    before = bus.refused
+    for payload in (spoilt(chance, Command) for _ in range(FRAMES)):
+        publisher.put(payload, encoding=zenoh.Encoding(chance.choice(ENCODINGS)))
+        bad += not is_sound(Command, payload)
+    for payload in (b"", b"\x00" * (MAX_BYTES + 1), b"\x91" * MAX_BYTES):
+        publisher.put(payload)
+        bad += 1
+    publisher.delete()
+    bad += 1
+    publisher.put(encode(LAST), encoding=zenoh.Encoding(ENCODING))
+    until(lambda: bool(heard) and heard[-1] == LAST, 4 * WAIT_S)
+    assert bus.refused - before == bad
+    assert len(heard) == FRAMES + 5 - bad
+    assert bus.refusal.isprintable()
+    assert capfd.readouterr().err == ""
+
+
+def test_garbage_as_a_question_is_answered_with_what_is_wrong(
+    program: tuple[ZenohBus, zenoh.Session],
+) -> None:
+    bus, stranger = program
+    chance, asked = random.Random(SEED), list[Message]()
+
+    def answer(
+        _question: Question, request: Message, reply: Callable[[Message | str], None]
+    ) -> None:
+        asked.append(request)
+        reply(Done(1))
+
+    bus.serve(TRIP, answer)
+    place = question_key(RIG, TRIP)
+
+    def put(payload: bytes | None) -> Any:
+        replies = stranger.get(place, payload=payload, timeout=WAIT_S)
+        return next(iter(cast(Any, replies)), None)
+
+    until(lambda: put(encode(Trip("estop"))) is not None)
+    for _ in range(QUESTIONS):
+        payload, before = spoilt(chance, Trip), len(asked)
+        reply = put(payload)
+        assert (reply.ok is not None) == (len(asked) > before) == is_sound(Trip, payload)
+        if reply.ok is None:
+            said = reply.err.payload.to_bytes().decode()
+            assert said.startswith("Trip")
+            assert said.isprintable()
+    for payload in (None, b"", b"\x91" * (MAX_BYTES + 1)):
+        assert put(payload).err is not None

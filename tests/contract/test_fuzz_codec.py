@@ -1,0 +1,84 @@
+"""Whatever comes over the bus, a decoder says a sound message or a refusal, and nothing else.
+
+Seeded; the million frames of ``make soak`` go through the same lines as those of every run.
+"""
+
+import random
+from collections import Counter
+from dataclasses import fields, is_dataclass
+from math import isfinite
+from typing import Any, cast
+
+import pytest
+
+from pincette.codec import MAX_DOCUMENT, MAX_ITEMS, CodecError, decode, encode
+from pincette.codec.bounds import largest, whole_range
+from tests.support.frames import BY_NAME, sound, spoilt
+
+SEED = 20131
+SOUND_EACH = 100
+
+
+def check(value: Any, name: str = "") -> None:
+    """Hold every part of a decoded message to its bounds."""
+    if is_dataclass(value):
+        for field in fields(value):
+            check(getattr(value, field.name), field.name)
+    elif isinstance(value, tuple):
+        items = cast("tuple[Any, ...]", value)
+        assert len(items) <= MAX_ITEMS
+        for item in items:
+            check(item, name)
+    elif type(value) is float:
+        assert isfinite(value)
+        assert abs(value) <= largest(name)
+    elif type(value) is int:
+        least, most = whole_range(name)
+        assert least <= value <= most
+    else:
+        assert value is None or type(value) is bool or len(cast(str, value)) <= MAX_DOCUMENT
+
+
+def fuzzed(frames: int, seed: int) -> Counter[str]:
+    """So many frames through the decoders; how many each took, and how many were refused."""
+    chance, kinds, told = random.Random(seed), list(BY_NAME.values()), Counter[str]()
+    for _ in range(frames):
+        kind = chance.choice(kinds)
+        payload = spoilt(chance, kind)
+        try:
+            message = decode(kind, payload)
+        except CodecError as error:
+            said = str(error)
+            assert said.startswith(kind.__name__)
+            assert said.isprintable()
+            assert len(said) < 1000
+            told["refused"] += 1
+            continue
+        check(message)
+        assert decode(kind, encode(message)) == message
+        told[kind.__name__] += 1
+    return told
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_sound_frames_travel_unchanged(name: str) -> None:
+    chance, kind = random.Random(SEED), BY_NAME[name]
+    for _ in range(SOUND_EACH):
+        message = sound(kind, chance)
+        assert decode(kind, encode(message)) == message
+
+
+def test_twenty_thousand_frames_are_taken_or_refused() -> None:
+    print(f"seed {SEED}")
+    told = fuzzed(20_000, SEED)
+    assert set(told) == {"refused", *BY_NAME}, "some of every kind are taken, and some refused"
+    assert 0.3 < told["refused"] / told.total() < 0.95
+
+
+@pytest.mark.slow
+def test_a_million_frames_are_taken_or_refused() -> None:
+    seed = random.SystemRandom().randrange(2**32)
+    print(f"seed {seed}")
+    told = fuzzed(1_000_000, seed)
+    print(", ".join(f"{name} {count}" for name, count in sorted(told.items())))
+    assert set(told) == {"refused", *BY_NAME}

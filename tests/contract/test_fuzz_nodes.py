@@ -1,0 +1,173 @@
+"""Whatever gets past the decoders, no service fails on it, and what it says is heard by others.
+
+Each service gets frames of all that it listens to and answers, sound, odd and spoilt. Seeded.
+"""
+
+import random
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from pincette.codec import CodecError, decode, encode
+from pincette.config import RigFile
+from pincette.messages import Applied, Arm, Command, Estimate, Load, Message, Reset
+from pincette.runtime.node import Node
+from pincette.runtime.process import loop_services
+from pincette.runtime.turns import Turns
+from pincette.topics import LOOP
+from tests.support.frames import EPOCH, OWNER, Chance, sound, spoilt
+from tests.support.rigs import demo_rig
+
+SEED = 20132
+FRAMES = 5_000
+"""For each service, in each kind of time."""
+MANY = 125_000
+STEP_S = 0.004
+SERVICES = loop_services()
+STEADY: dict[type, dict[str, Any]] = {
+    Applied: {"state": "armed", "final": False},
+    Estimate: {"tripped": False, "zero_age_s": 0.0, "x_um": 1.5},
+}
+"""What keeps a program playing, mostly."""
+RIGS = {time: demo_rig(time=time) for time in ("real", "lockstep")}
+
+
+class Line:
+    """An instrument of either kind: reads the same, and puts out what is within the limits."""
+
+    def __init__(self, rig: RigFile) -> None:
+        self._limits = rig.limits
+        self.voltage_V = rig.safety.safe_V
+
+    def read_um(self) -> float:
+        return 1.0
+
+    def read_V(self) -> float:
+        return self.voltage_V
+
+    def write_V(self, voltage_V: float) -> None:
+        assert self._limits.voltage_min_V <= voltage_V <= self._limits.voltage_max_V
+        self.voltage_V = voltage_V
+
+    def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
+        assert rate_hz > 0.0
+        for voltage_V in (voltages_V[0], voltages_V[-1]):
+            self.write_V(voltage_V)
+
+    def look(self) -> None:
+        """The wave goes on."""
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class Besieged:
+    """A service that hears and is asked anything; what it publishes is read as others read it."""
+
+    def __init__(self, name: str, rig: RigFile, chance: Chance) -> None:
+        service = SERVICES[name]
+        self._node = Node(service, rig, Line(rig) if service.instrument else None, OWNER)
+        self._turns = Turns(self._node)
+        self._chance, self._now, self._digest = chance, 100.0, rig.digest()
+        self._heard = [item.topic.message for item in service.inputs]
+        self._asked = [question.request for question in service.questions]
+        self._good: set[tuple[int, int]] = set()
+        """Epoch and seq of commands that the actuator may take."""
+        self._armed: int | None = None
+        self._seq = -1
+        self.told = Counter[str]()
+        self._turns.begin(self._now)
+
+    def frame(self) -> None:
+        """Let something come, then let time pass."""
+        luck = self._chance.random()
+        if luck < 0.02:
+            self._begin()
+        elif luck < 0.3:
+            self._go_on()
+        else:
+            kind = self._chance.choice((*self._heard, *self._heard, *self._asked))
+            odd = self._chance.random() < 0.5
+            payload = encode(sound(kind, self._chance)) if odd else spoilt(self._chance, kind)
+            try:
+                self._take(decode(kind, payload))
+            except CodecError:
+                self.told["refused"] += 1
+        self._now += self._chance.choice((0.0, STEP_S))
+        while self._node.due(self._now):
+            self._say(self._node.fire(self._now))
+        if self._turns.due(self._now):
+            self._say(self._turns.take(self._now))
+            self._turns.taken(self._now)
+
+    def _begin(self) -> None:
+        """Arm, as a supervisor does, so that the service has something to lose."""
+        self._seq = -1
+        load: Load = sound(Load, self._chance)
+        for request in (Reset(acknowledge=True), load, Arm(EPOCH, OWNER, self._digest)):
+            if type(request) in self._asked:
+                self._take(request)
+
+    def _go_on(self) -> None:
+        """The next sample of each topic, as its place has it, though with any values."""
+        self._seq += 1
+        for kind in self._heard:
+            sample = replace(sound(kind, self._chance), epoch=EPOCH, seq=self._seq)
+            if not isinstance(sample, Applied) and self._chance.random() < 0.9:
+                sample = replace(sample, valid=True)
+            if isinstance(sample, Applied | Estimate) and self._chance.random() < 0.9:
+                sample = replace(sample, **STEADY[type(sample)])
+            self._take(decode(kind, encode(sample)))
+
+    def _take(self, message: Message) -> None:
+        if type(message) in self._heard:
+            if isinstance(message, Command) and message.valid and message.owner == OWNER:
+                self._good.add((message.epoch, message.seq))
+            self._turns.accept(message, self._now)
+            self.told["heard"] += 1
+            return
+        reply, outputs = self._turns.ask(message, self._now)
+        self.told["declined" if isinstance(reply, str) else "answered"] += 1
+        if isinstance(message, Arm) and not isinstance(reply, str):
+            self._armed, self._good = message.epoch, set()
+        if not isinstance(reply, str):
+            self._say((reply,))
+        self._say(outputs)
+
+    def _say(self, outputs: Sequence[Message]) -> None:
+        for message in outputs:
+            assert isinstance(decode(type(message), encode(message)), type(message))
+            self.told[type(message).__name__] += 1
+            if isinstance(message, Applied) and message.answered:
+                assert message.epoch == self._armed
+                assert (message.epoch, message.seq) in self._good
+
+
+def besiege(name: str, time: str, frames: int, seed: int) -> Counter[str]:
+    """So many frames at one service; what became of them."""
+    besieged = Besieged(name, RIGS[time], random.Random(f"{seed} {name} {time}"))
+    for _ in range(frames):
+        besieged.frame()
+    return besieged.told
+
+
+SIEGES = [(name, time) for name in LOOP for time in RIGS]
+
+
+@pytest.mark.parametrize(("name", "time"), SIEGES)
+def test_no_frame_makes_a_service_fail(name: str, time: str) -> None:
+    print(f"seed {SEED}")
+    told = besiege(name, time, FRAMES, SEED)
+    assert all(told[what] for what in ("refused", "heard", "answered", "declined"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "time"), SIEGES)
+def test_many_frames_make_no_service_fail(name: str, time: str) -> None:
+    seed = random.SystemRandom().randrange(2**32)
+    told = besiege(name, time, MANY, seed)
+    print(f"seed {seed}: " + ", ".join(f"{what} {count}" for what, count in sorted(told.items())))
+    assert all(told[what] for what in ("refused", "heard", "answered", "declined"))

@@ -1,0 +1,136 @@
+"""Programs with another version of the wire are not heard, but they are seen and named."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+import threading
+from collections.abc import Generator
+from typing import cast
+
+import pytest
+import zenoh
+
+from pincette.bus.links import Ends
+from pincette.bus.protocol import BusError
+from pincette.bus.zenoh_bus import ZenohBus, open_session
+from pincette.codec import ENCODING, encode
+from pincette.messages import Done, Position, StatusRequest
+from pincette.runtime.partners import wait_for_partners
+from pincette.runtime.process import loop_services
+from pincette.topics import POSITION, STATUS, live_key, question_key
+from tests.support.rigs import demo_rig
+from tests.support.routed import router, until
+
+OLDER, NEWER = (ENCODING.replace("v1", version) for version in ("v0", "v2"))
+SAMPLE = Position(3, 0, 0.0, 1.25, True)
+
+
+@pytest.fixture
+def both() -> Generator[tuple[ZenohBus, zenoh.Session]]:
+    """A program of this version, and a session of whichever."""
+    with router("demo") as ends, open_session(ends, "other") as other:
+        bus = ZenohBus(ends, "demo", "tool", reliable=True)
+        yield bus, other
+        bus.close()
+
+
+def test_a_program_of_another_version_is_seen(both: tuple[ZenohBus, zenoh.Session]) -> None:
+    bus, other = both
+    assert bus.other_wires() == {}
+    keys = (live_key("demo", "sensor"), "pincette/v2/demo/live/controller", "pincette/v0/demo/x")
+    tokens = [other.liveliness().declare_token(place) for place in keys]
+    until(lambda: "sensor" in bus.alive() and bool(bus.other_wires()))
+    assert bus.other_wires() == {"controller": 2}
+    assert bus.alive() == {"sensor"}
+    assert tokens
+
+
+@pytest.mark.parametrize(
+    ("wire", "words"),
+    [
+        (2, "controller is there with wire version 2, this program has 1: update this program"),
+        (0, "controller is there with wire version 0, this program has 1: update the controller"),
+    ],
+)
+def test_a_question_to_it_says_which_side_to_update(
+    both: tuple[ZenohBus, zenoh.Session], wire: int, words: str
+) -> None:
+    bus, other = both
+    with pytest.raises(BusError, match="is it running"):
+        bus.ask(STATUS["controller"], StatusRequest(), 0.3)
+    token = other.liveliness().declare_token(f"pincette/v{wire}/demo/live/controller")
+    until(lambda: bool(bus.other_wires()))
+    with pytest.raises(BusError) as caught:
+        bus.ask(STATUS["controller"], StatusRequest(), 0.3)
+    assert str(caught.value).endswith(words)
+    assert token
+
+
+def test_an_answer_of_another_version_says_which_side_to_update(
+    both: tuple[ZenohBus, zenoh.Session],
+) -> None:
+    bus, other = both
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(query.key_expr, encode(Done(1)), encoding=zenoh.Encoding(NEWER))
+
+    served = other.declare_queryable(question_key("demo", STATUS["controller"]), answer)
+    said = ""
+
+    def told() -> bool:
+        nonlocal said
+        with pytest.raises(BusError) as caught:
+            bus.ask(STATUS["controller"], StatusRequest(), 0.3)
+        said = str(caught.value)
+        return "is it running" not in said
+
+    until(told)
+    assert "controller/status: Status: fields missing or unknown" in said
+    assert said.endswith("wire version 2, this program has 1: update this program")
+    assert served
+
+
+def test_a_sample_of_another_version_is_counted_with_the_side_to_update(
+    both: tuple[ZenohBus, zenoh.Session],
+) -> None:
+    bus, other = both
+    bus.subscribe(POSITION, lambda _topic, _message: None)
+    payload = encode(SAMPLE).replace(b"valid", b"sound")
+
+    def told(encoding: str, words: str) -> None:
+        def heard() -> bool:
+            other.put("pincette/v1/demo/position", payload, encoding=zenoh.Encoding(encoding))
+            return words in bus.refusal
+
+        until(heard)
+
+    told(OLDER, "sensor is there with wire version 0, this program has 1: update the sensor")
+    told(ENCODING, "start all programs with the same version of pincette")
+    told("zenoh/bytes", "sensor did not send this")
+
+
+def test_who_waits_for_a_program_says_that_it_is_of_another_version(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    stop = threading.Event()
+
+    class Alone:
+        """Of its partners one is of another version, until all are there."""
+
+        def __init__(self) -> None:
+            self.there = [{"estimator"}, {"estimator"}, {"estimator", "actuator"}]
+
+        def alive(self) -> set[str]:
+            return self.there.pop(0)
+
+        def other_wires(self) -> dict[str, int]:
+            return {"actuator": 2}
+
+    with caplog.at_level("INFO", "pincette"):
+        bus = cast(ZenohBus, Alone())
+        assert wait_for_partners("sensor", demo_rig(), bus, Ends("peer"), loop_services(), stop)
+    assert caplog.messages == [
+        "waiting for actuator (actuator is there with wire version 2, this program has 1: "
+        "update this program)"
+    ]

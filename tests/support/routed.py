@@ -1,0 +1,40 @@
+"""A router of a test's own, and places beside it."""
+
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from time import monotonic, sleep
+
+from pincette.bus.links import Ends, client_ends, router_ends
+from pincette.bus.zenoh_bus import serve_router
+from tests.support.rigs import free_ports
+
+WAIT_S = 5.0
+
+
+@contextmanager
+def router(rig: str) -> Generator[Ends]:
+    """Route in a thread; gives a tool's place."""
+    port = free_ports(1)
+    end, up = threading.Event(), threading.Event()
+
+    def wait() -> None:
+        up.set()
+        end.wait()
+
+    thread = threading.Thread(target=serve_router, args=(router_ends("127.0.0.1", port), rig, wait))
+    thread.start()
+    try:
+        assert up.wait(WAIT_S)
+        yield client_ends("127.0.0.1", port)
+    finally:
+        end.set()
+        thread.join()
+
+
+def until(done: Callable[[], bool], wait_s: float = WAIT_S) -> None:
+    """Poll: declarations and messages need a moment between sessions."""
+    deadline = monotonic() + wait_s
+    while not done():
+        assert monotonic() < deadline
+        sleep(0.005)

@@ -1,0 +1,135 @@
+"""Every number has a bound, every refusal says which, and nothing that travels comes near one."""
+
+import math
+from dataclasses import fields, replace
+from typing import Any, get_type_hints
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pincette.codec import MAX_BYTES, MAX_DOCUMENT, MAX_ITEMS, MAX_TEXT, CodecError, decode, encode
+from pincette.codec.bounds import LARGEST, LARGEST_INT, LAST_SEQ, largest, whole_range
+from pincette.codec.unpacking import msgpack
+from pincette.messages import (
+    Applied,
+    Arm,
+    Burst,
+    Command,
+    Document,
+    Estimate,
+    Message,
+    Position,
+    Telemetry,
+    Trip,
+    Truth,
+)
+from pincette.records.units import UNITS, unit_of
+
+POSITION = Position(7, 3, 0.06, 12.5, True)
+SAMPLES = (Position, Estimate, Command, Applied, Telemetry, Truth)
+FLOATS = [
+    (kind, field.name)
+    for kind in SAMPLES
+    for field in fields(kind)
+    if get_type_hints(kind)[field.name] in (float, float | None)
+]
+
+
+def tree_of(kind: type[Message]) -> dict[str, Any]:
+    """The fields of a sound message."""
+    values = {float: 1.5, int: 1, bool: True, str: "a"}
+    hints = get_type_hints(kind)
+    return {field.name: values.get(hints[field.name]) for field in fields(kind)}
+
+
+def refusal(kind: type[Message], **fields: object) -> str:
+    with pytest.raises(CodecError) as caught:
+        decode(kind, msgpack.packb(tree_of(kind) | fields))
+    return str(caught.value)
+
+
+def test_every_unit_has_a_bound() -> None:
+    assert set(LARGEST) == {*UNITS.values(), ""}
+    assert all(bound <= LARGEST_INT for bound in LARGEST.values()), "a whole one stays exact"
+
+
+@pytest.mark.parametrize(("kind", "name"), FLOATS)
+def test_a_number_is_taken_up_to_its_bound_and_not_beyond(kind: type[Message], name: str) -> None:
+    bound = largest(name)
+    for value in (bound, -bound, -0.0, 5e-324, int(bound)):
+        read = getattr(decode(kind, msgpack.packb(tree_of(kind) | {name: value})), name)
+        assert type(read) is float
+        assert (read, math.copysign(1.0, read)) == (value, math.copysign(1.0, value))
+    for value in (math.nextafter(bound, math.inf), -1e300, 2**63, -(2**63)):
+        said = refusal(kind, **{name: value})
+        assert said.startswith(f"{kind.__name__}.{name} = ")
+        assert said.endswith(f"beyond ±{bound:g} {unit_of(name)}".rstrip())
+    for value in (math.nan, math.inf, -math.inf):
+        assert refusal(kind, **{name: value}).endswith("not a finite number")
+
+
+def test_a_refusal_names_message_field_value_unit_and_limit() -> None:
+    assert refusal(Position, x_um=1e300) == "Position.x_um = 1e+300 µm: beyond ±1e+09 µm"
+    assert refusal(Command, voltage_V=-2e6) == "Command.voltage_V = -2e+06 V: beyond ±1e+06 V"
+    assert refusal(Position, seq=-2) == f"Position.seq = -2: not within -1 to {LAST_SEQ}"
+    assert refusal(Position, valid=1) == "Position.valid = '1': neither true nor false"
+    assert refusal(Position, x_um=True) == "Position.x_um = 'True': not a number"
+    assert refusal(Position, fault=b"") == "Position.fault = (bytes): not a text"
+
+
+@pytest.mark.parametrize("name", ["epoch", "seq", "owner"])
+def test_a_whole_number_stays_within_what_every_language_keeps(name: str) -> None:
+    least, most = whole_range(name)
+    for value in (least, 0, most):
+        read = decode(Command, msgpack.packb(tree_of(Command) | {name: value}))
+        assert getattr(read, name) == value
+    for value in (least - 1, most + 1, 2**63, 2**64 - 1):
+        assert f"Command.{name} = {value}: not within {least} to" in refusal(
+            Command, **{name: value}
+        )
+
+
+def test_what_counts_has_a_beginning() -> None:
+    assert (whole_range("epoch")[0], whole_range("seq")[0]) == (0, -1)
+    assert "epoch = -1" in refusal(Position, epoch=-1)
+    assert decode(Position, encode(replace(POSITION, seq=-1))).seq == -1
+
+
+def test_the_time_of_the_last_sample_there_can_be_is_within_bounds() -> None:
+    longest_period_s = 1.0
+    assert (LAST_SEQ + 1) * longest_period_s <= LARGEST["s"]
+
+
+def test_texts_are_bounded_and_ones_own_are_cut_before_they_are_refused() -> None:
+    said = refusal(Position, fault="x" * (MAX_TEXT + 1))
+    assert said.endswith(f"a text of at most {MAX_TEXT} characters, it has {MAX_TEXT + 1}")
+    long = decode(Trip, encode(Trip("µ" * 5000)))
+    assert long.cause == "µ" * MAX_TEXT
+
+
+def test_a_document_is_refused_rather_than_cut() -> None:
+    whole = Arm(1, 1, "d", Document("x" * MAX_DOCUMENT))
+    assert decode(Arm, encode(whole)) == whole
+    longer = replace(whole, calibration=Document("x" * (MAX_DOCUMENT + 1)))
+    with pytest.raises(CodecError, match=rf"Arm\.calibration: .* has {MAX_DOCUMENT + 1}$"):
+        decode(Arm, encode(longer))
+
+
+def test_lists_are_bounded_before_they_are_read() -> None:
+    burst = Burst(7, 3, 100.0, (0.5,) * MAX_ITEMS, (), True)
+    assert decode(Burst, encode(burst)) == burst
+    with pytest.raises(CodecError, match=f"{MAX_ITEMS + 1} exceeds max_array_len"):
+        decode(Burst, encode(replace(burst, x_um=(0.5,) * (MAX_ITEMS + 1))))
+    with pytest.raises(CodecError, match=f"bytes, limit {MAX_BYTES}"):
+        decode(Burst, encode(replace(burst, drive_V=(0.5,) * MAX_ITEMS)))
+
+
+@given(st.floats(allow_nan=True, allow_infinity=True))
+def test_a_position_is_what_was_sent_or_refused(x_um: float) -> None:
+    payload = encode(replace(POSITION, x_um=x_um))
+    if abs(x_um) <= LARGEST["µm"]:
+        assert decode(Position, payload).x_um == x_um
+    else:
+        with pytest.raises(CodecError, match=r"Position\.x_um = "):
+            decode(Position, payload)

@@ -1,0 +1,117 @@
+"""What is meant to hurt a reader is refused in words, soon, and in little memory."""
+
+import tracemalloc
+from time import process_time
+
+import pytest
+
+from pincette.codec import CodecError, decode
+from pincette.codec.unpacking import msgpack
+from pincette.messages import Command, Load, Position, StatusRequest
+from tests.support.frames import BOMBS, BY_NAME
+
+MEMORY_BYTES = 48 * 2**20
+"""The unpacker's depth times the longest list; of a message without lists it is a hundredth."""
+TIME_S = 0.5
+LONGEST_TEXT = 600
+POSITION = {"epoch": 7, "seq": 3, "t_s": 0.06, "x_um": 12.5, "valid": True, "fault": ""}
+packb = msgpack.packb
+
+
+@pytest.mark.parametrize("bomb", BOMBS)
+@pytest.mark.parametrize("name", BY_NAME)
+def test_a_bomb_is_refused_in_little_time_and_memory(name: str, bomb: str) -> None:
+    for payload in (BOMBS[bomb], b"\x81\xa3seq" + BOMBS[bomb]):
+        tracemalloc.start()
+        begun_s = process_time()
+        with pytest.raises(CodecError) as caught:
+            decode(BY_NAME[name], payload)
+        took_s, (_, peak) = process_time() - begun_s, tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert len(str(caught.value)) < LONGEST_TEXT
+        assert str(caught.value).startswith(name)
+        assert took_s < TIME_S
+        assert peak < MEMORY_BYTES
+
+
+def test_a_message_without_lists_reserves_no_room_for_any() -> None:
+    tracemalloc.start()
+    with pytest.raises(CodecError):
+        decode(Position, BOMBS["long lists in long lists"])
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2**20
+
+
+def test_deep_nesting_in_a_field_is_refused_without_being_shown() -> None:
+    deep: object = 1.0
+    for _ in range(800):
+        deep = [deep]
+    with pytest.raises(CodecError, match=r"^Position\.x_um = \(list\): not a number$"):
+        decode(Position, packb(POSITION | {"x_um": deep}))
+
+
+def pairs(*more: tuple[object, object]) -> bytes:
+    """A position with more pairs of key and value."""
+    items = [*POSITION.items(), *more]
+    return bytes([0x80 | len(items)]) + b"".join(packb(part) for pair in items for part in pair)
+
+
+@pytest.mark.parametrize("field", POSITION)
+def test_a_field_that_is_there_twice_is_refused_by_name(field: str) -> None:
+    with pytest.raises(CodecError, match=f"Position: fields twice: {field}"):
+        decode(Position, pairs((field, POSITION[field])))
+
+
+def test_a_field_twice_is_found_in_every_form_of_a_map() -> None:
+    body = pairs()[1:]
+    twice = body + packb("x_um") + packb(9.0)
+    for head in (b"\xde\x00", b"\xdf\x00\x00\x00"):
+        assert decode(Position, head + b"\x06" + body).x_um == 12.5
+        with pytest.raises(CodecError, match="fields twice: x_um"):
+            decode(Position, head + b"\x07" + twice)
+
+
+def test_a_field_twice_is_found_where_maps_nest() -> None:
+    inner = packb("segments") + b"\x90"
+    payload = b"\x81" + packb("program") + b"\x82" + inner + inner
+    with pytest.raises(CodecError, match="Load: fields twice: segments"):
+        decode(Load, payload)
+
+
+@pytest.mark.parametrize("key", [b"seq", b"x" * 99, 5, 1.5, None, True])
+def test_a_key_that_is_no_text_is_refused(key: object) -> None:
+    with pytest.raises(CodecError, match="Position: "):
+        decode(Position, pairs((key, 1)))
+
+
+@pytest.mark.parametrize("key", ["\x1b[2J\x07", "a\nb", "x" * 300, "\u202ehidden"])
+def test_an_unknown_field_cannot_write_into_a_log(key: str) -> None:
+    with pytest.raises(CodecError) as caught:
+        decode(Position, pairs((key, 1)))
+    said = str(caught.value)
+    assert said.isprintable()
+    assert len(said) < 120
+
+
+def test_many_unknown_fields_are_counted() -> None:
+    tree = POSITION | {f"field_{number:02}": 1 for number in range(30)}
+    with pytest.raises(CodecError, match=r"field_00, .*, field_04 and 25 more$"):
+        decode(Position, packb(tree))
+
+
+def test_broken_text_is_refused() -> None:
+    for text in (b"\xa2\xff\xfe", b"\xa3\xed\xa0\x80", b"\xa2\xc3\x28"):
+        payload = packb(POSITION).replace(packb("fault") + b"\xa0", packb("fault") + text)
+        with pytest.raises(CodecError, match="Position: not MessagePack"):
+            decode(Position, payload)
+
+
+def test_what_is_no_map_is_refused() -> None:
+    for tree in (None, 1, "a", [], [1.0], True):
+        for kind in (Command, StatusRequest):
+            with pytest.raises(CodecError, match="not a map"):
+                decode(kind, packb(tree))
+    with pytest.raises(CodecError, match="unknown: a"):
+        decode(StatusRequest, packb({"a": 1}))
+    assert decode(StatusRequest, packb({})) == StatusRequest()

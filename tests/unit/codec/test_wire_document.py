@@ -1,0 +1,35 @@
+"""The page about the wire says the limits that hold."""
+
+import re
+from pathlib import Path
+
+from pincette.codec import ENCODING, MAX_BYTES, MAX_DOCUMENT, MAX_ITEMS, MAX_TEXT
+from pincette.codec.bounds import LARGEST, LARGEST_INT, LAST_SEQ, MAX_FIELDS
+from pincette.codec.wire import update_which
+from pincette.topics import ROOT
+
+PAGE = (Path(__file__).parents[3] / "docs/explanations/wire.md").read_text(encoding="utf-8")
+
+
+def test_every_bound_of_a_number_is_on_the_page() -> None:
+    (table,) = re.findall(r"\| unit \| largest magnitude \|\n.*\n((?:\|.*\n)+)", PAGE)
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
+    told = {"" if unit == "none" else unit: float(bound) for unit, bound in rows}
+    assert told == dict(LARGEST)
+
+
+def test_sizes_and_versions_are_on_the_page() -> None:
+    for words in (
+        f"| {MAX_BYTES} bytes |",
+        f"| {MAX_FIELDS} fields |",
+        f"| {MAX_ITEMS} items |",
+        f"| {MAX_TEXT} characters;",
+        f"| {MAX_DOCUMENT} characters |",
+        f"| -1 to {LAST_SEQ} |",
+        f"| 0 to {LARGEST_INT} |",
+        f"`{ENCODING}`",
+        f"`{ROOT}/…`",
+        update_which("controller", 2),
+        update_which("sensor", 2),
+    ):
+        assert words in PAGE
