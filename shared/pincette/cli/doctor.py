@@ -12,6 +12,7 @@ from pincette.cli.doctor_machine import machine, port_finding, shared_places
 from pincette.cli.doctor_rig import rig_findings
 from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
+from pincette.cli.security_findings import certificates
 
 
 def doctor(rig_path: Path, data: Path, *, move: bool = False) -> int:
@@ -45,6 +46,7 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> Iter
     yield Finding(True, f"rig file {rig_path}: rig {rig.rig.name!r}, digest {rig.digest()}")
     yield from rig_findings(rig)
     yield from shared_places(rig)
+    yield from certificates(rig)
     ports = port_finding(rig)
     yield ports
     if rig.simulation is not None:

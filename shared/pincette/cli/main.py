@@ -6,10 +6,14 @@ from collections.abc import Callable, Sequence
 
 from pincette import __version__
 from pincette.cli import (
+    alarms,
+    audit,
+    checks,
     diagnosis,
     exit_status,
     job,
     job_acts,
+    key,
     listings,
     model,
     plan,
@@ -20,6 +24,7 @@ from pincette.cli import (
     rig_file,
     rig_orders,
     run,
+    security,
     stop,
     study,
     teach,
@@ -59,6 +64,8 @@ COMMANDS: Sequence[Callable[[Words], None]] = (
     job.add,
     job_acts.add_stop,
     watch.add,
+    alarms.add,
+    checks.add,
     queue.add,
     record_words.add,
     replay.add,
@@ -69,6 +76,9 @@ COMMANDS: Sequence[Callable[[Words], None]] = (
     rig_orders.add,
     teach.add,
     study.add,
+    key.add,
+    audit.add,
+    security.add,
     run.add,
 )
 """What adds each word, in the order of the help."""

@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
+from pincette.cli.key_file import AT, VARIABLE
 from pincette.cli.rest import DEFAULT_URL
 
 Words = Callable[[str, str], argparse.ArgumentParser]
@@ -30,14 +31,18 @@ def does(word: argparse.ArgumentParser, call: Call) -> argparse.ArgumentParser:
 def rigged(word: argparse.ArgumentParser, *, data: bool = False) -> argparse.ArgumentParser:
     """Let a word be told the rig file, and the folder of records and logs."""
     word.add_argument("--rig", type=Path, metavar="FILE", help="rig file")
-    if data:
-        word.add_argument(
-            "--data",
-            type=Path,
-            default=Path("data"),
-            metavar="FOLDER",
-            help="where records and logs go; %(default)s if not given",
-        )
+    return kept(word) if data else word
+
+
+def kept(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Let a word be told the folder of records, logs and the journal."""
+    word.add_argument(
+        "--data",
+        type=Path,
+        default=Path("data"),
+        metavar="FOLDER",
+        help="where records and logs go; %(default)s if not given",
+    )
     return word
 
 
@@ -47,9 +52,20 @@ def addressed(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
 
 
 def url(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """Let a word be told where the supervisor is."""
+    """Let a word be told where the supervisor is, and what opens it."""
     word.add_argument(
         "--url", default=DEFAULT_URL, help="of the supervisor; %(default)s if not given"
+    )
+    return keyed(word)
+
+
+def keyed(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Let a word be told a key."""
+    word.add_argument(
+        "--key",
+        metavar="KEY",
+        help=f"for a supervisor that wants one, or {AT}FILE with it; ${VARIABLE}, else "
+        "~/.config/pincette/key, if not given",
     )
     return word
 

@@ -3,9 +3,11 @@
 import argparse
 import os
 
+from pincette.cli import key_file
 from pincette.cli.exit_status import Exit
+from pincette.cli.key_file import KeyFileError
 from pincette.client import RigHandle, Supervisor, WhichRigError
-from pincette.client.call import OPERATOR_MAX
+from pincette.client.call import OPERATOR_MAX, who
 
 DEFAULT_URL = "http://127.0.0.1:8000"
 PATIENCE_S = 0.5
@@ -23,8 +25,19 @@ class CliError(Exception):
 
 
 def reached(given: argparse.Namespace) -> Supervisor:
-    """The supervisor of ``--url``."""
-    return Supervisor(given.url, patience_s=PATIENCE_S, operator=operator())
+    """The supervisor of ``--url``, with the key of ``--key``."""
+    key = key_of(given)
+    return Supervisor(given.url, patience_s=PATIENCE_S, operator=operator(), key=key)
+
+
+def key_of(given: argparse.Namespace | None) -> str | None:
+    """The key of ``--key``, else of the environment or a file; raises CliError where it is none."""
+    try:
+        key = key_file.chosen(getattr(given, "key", None))
+        who(None, key)
+    except (KeyFileError, ValueError) as error:
+        raise CliError(str(error), Exit.USAGE) from error
+    return key
 
 
 def operator() -> str | None:

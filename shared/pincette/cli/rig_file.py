@@ -7,6 +7,8 @@ from pincette.cli.rest import CliError
 from pincette.config import ConfigError, RigFile, read_rig
 
 VARIABLE = "PINCETTE_RIG"
+PKI = "PINCETTE_PKI"
+"""Names a folder of certificates in place of the rig file's, for tools beside `up --secure`."""
 IN_A_CHECKOUT = Path("deploy/rigs/demo.toml")
 
 
@@ -34,6 +36,8 @@ def chosen(given: Path | None) -> Path:
 def opened(path: Path) -> RigFile:
     """Read a rig file; raises CliError with what is wrong in it."""
     try:
-        return read_rig(path)
+        rig = read_rig(path)
     except ConfigError as error:
         raise CliError(f"{error}\nMend the file, or name another with --rig") from error
+    pki = os.environ.get(PKI)
+    return rig.secured(Path(pki)) if pki else rig

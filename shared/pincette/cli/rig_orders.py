@@ -5,7 +5,7 @@ import math
 from dataclasses import asdict
 from pathlib import Path
 
-from pincette.bus.links import client_ends
+from pincette.bus.places import tool_place
 from pincette.bus.protocol import BusError
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.cli.options import Words, does, machine, rigged
@@ -15,6 +15,7 @@ from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
 from pincette.config.script import DEEDS, Deed, objection
 from pincette.messages import Order
+from pincette.security.identity import SecurityError
 from pincette.topics import ORDER
 
 ABOUT = "operate a simulated rig: its part, weights, faults; alone: list them"
@@ -72,7 +73,9 @@ def give(rig_path: Path, words: list[str], after_s: float, for_s: float | None) 
     if rig.simulation is None:
         raise CliError(f"rig {rig.rig.name!r} is real: do at its bench what you want done")
     try:
-        bus = ZenohBus(client_ends(*rig.bus.router_at), rig.rig.name, "orders")
+        bus = ZenohBus(tool_place(rig), rig.rig.name, "orders")
+    except SecurityError as error:
+        raise CliError(str(error)) from error
     except BusError as error:
         raise CliError(f"{error}\nIs the rig up? `pincette up` starts it") from error
     try:

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from time import monotonic, sleep
 
 from pincette.cli.exit_status import Exit
-from pincette.cli.options import Words, addressed, at, does, machine, rigged
+from pincette.cli.options import Words, addressed, at, does, keyed, machine, rigged
 from pincette.cli.output import emit
-from pincette.cli.rest import CliError, rig_of
+from pincette.cli.rest import CliError, key_of, operator, rig_of
 from pincette.cli.rig_file import opened
 from pincette.cli.tripping import trip_past_supervisor
 from pincette.client import ClientError, Supervisor
@@ -25,7 +25,7 @@ def add(word: Words) -> None:
     """Add ``estop`` and ``reset``."""
     one = at(machine(rigged(word("estop", ESTOP))), "the only rig to stop; without it, every one")
     one.add_argument("--url", help="of the supervisor; as the rig file says if not given")
-    does(one, estop)
+    does(keyed(one), estop)
     does(addressed(word("reset", RESET)), reset)
 
 
@@ -36,11 +36,15 @@ def estop(given: argparse.Namespace) -> int:
     address = given.url or f"http://{file.supervisor.host}:{file.supervisor.port}"
     trouble: list[str] = []
     try:
-        with Supervisor(address, timeout_s=REST_S, patience_s=0.0) as supervisor:
+        key = key_of(given)
+        with Supervisor(
+            address, timeout_s=REST_S, patience_s=0.0, operator=operator(), key=key
+        ) as supervisor:
             asked = (
                 supervisor.estop().rigs if given.at is None else [supervisor.rig(given.at).estop()]
             )
-    except ClientError as error:
+    except (ClientError, CliError) as error:
+        # Without a key, or with one that opens nothing, there are other ways.
         trouble.append(str(error))
     else:
         ways = {answer.rig: SUPERVISOR for answer in asked}

@@ -5,11 +5,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from socket import create_connection
 
-from pincette.bus.links import Ends, address_of, client_ends, direct_ends
+from pincette.bus.links import Ends, address_of
+from pincette.bus.places import tool_place, tool_place_beside
 from pincette.bus.protocol import BusError
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.messages import Trip
+from pincette.security.identity import SecurityError
 from pincette.topics import TRIP
 
 ASK_S = 1.0
@@ -31,10 +33,12 @@ class Tripped:
 def trip_past_supervisor(file: RigFile, only: str | None) -> Tripped:
     """Stop a rig, or without a name that of the file and every other one on its router."""
     tripped, own = Tripped(), file.rig.name
+    try:
+        beside, ends = tool_place_beside(file, ACTUATOR), tool_place(file)
+    except SecurityError as error:
+        return Tripped(missing=[only or own], trouble=[str(error)])
     if only in (None, own):
-        ends = direct_ends(file.bus.host, file.bus.port, ACTUATOR)
-        _ask(own, STRAIGHT, ends, tripped)
-    ends = client_ends(*file.bus.router_at)
+        _ask(own, STRAIGHT, beside, tripped)
     wanted = {own if only is None else only}
     if only is None:
         wanted |= _there(own, ends, tripped)
@@ -73,8 +77,11 @@ def _joined(rig: str, ends: Ends, tripped: Tripped, what: Callable[[ZenohBus], N
         # A port that nobody has refuses at once; the bus would go on trying for seconds.
         with create_connection(address_of(place), CONNECT_S):
             bus = ZenohBus(ends, rig, "estop")
-    except (OSError, BusError):
+    except OSError:
         tripped.trouble.append(f"nobody listens at {place}")
+        return
+    except BusError as error:
+        tripped.trouble.append(str(error))
         return
     try:
         what(bus)

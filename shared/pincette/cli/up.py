@@ -3,7 +3,7 @@
 import re
 import signal
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import sleep
 from types import FrameType
@@ -11,12 +11,13 @@ from types import FrameType
 from rich.console import Console
 from rich.text import Text
 
+from pincette.cli import security_made
 from pincette.cli.exit_status import of_job
 from pincette.cli.follow import follow
 from pincette.cli.options import Words, does, machine, rigged
 from pincette.cli.output import emit, screen
-from pincette.cli.rest import CliError
-from pincette.cli.rig_file import opened
+from pincette.cli.rest import CliError, key_of
+from pincette.cli.rig_file import PKI, opened
 from pincette.cli.show import show_result
 from pincette.client import Supervisor
 from pincette.config import RigFile
@@ -32,10 +33,20 @@ ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 def add(word: Words) -> None:
     """Add ``up`` and ``demo``."""
-    does(rigged(word("up", UP), data=True), lambda given: up(given.rig, given.data))
+    one = rigged(word("up", UP), data=True)
+    one.add_argument(
+        "--secure",
+        action="store_true",
+        help=f"over mutual TLS, with certificates in the folder {security_made.PLACE} of --data",
+    )
+    does(one, lambda given: up(given.rig, given.data, secure=given.secure))
+    one = machine(rigged(word("demo", DEMO), data=True))
+    one.add_argument(
+        "--secure", action="store_true", help="over mutual TLS, with certificates for this once"
+    )
     does(
-        machine(rigged(word("demo", DEMO), data=True)),
-        lambda given: demo(given.rig, given.data, machine=given.json),
+        one,
+        lambda given: demo(given.rig, given.data, machine=given.json, secure=given.secure),
     )
 
 
@@ -47,9 +58,8 @@ def _end(_number: int, _frame: FrameType | None) -> None:
 
 
 @contextmanager
-def running(rig_path: Path, data: Path, console: Console) -> Generator[tuple[RigFile, Fleet]]:
+def running(rig: RigFile, rig_path: Path, data: Path, console: Console) -> Generator[Fleet]:
     """A rig that is up, and that is down again afterwards whatever happened."""
-    rig = opened(rig_path)
 
     def say(name: str, line: str) -> None:
         _say(console, fleet.members[name], "green", line.replace("socket://", ""))
@@ -63,7 +73,7 @@ def running(rig_path: Path, data: Path, console: Console) -> Generator[tuple[Rig
     before = {number: signal.signal(number, _end) for number in ENDINGS}
     try:
         fleet.up()
-        yield rig, fleet
+        yield fleet
     except FleetError as error:
         raise CliError(LOG_STAMP.sub("  ", str(error))) from error
     finally:
@@ -84,11 +94,16 @@ def _say(console: Console, member: Member, colour: str, line: str) -> None:
     console.print(text, soft_wrap=True)
 
 
-def up(rig_path: Path, data: Path) -> int:
+def up(rig_path: Path, data: Path, *, secure: bool = False) -> int:
     """Start all programs, a line each; report what ends; end all on Ctrl-C."""
     console = Console(highlight=False)
+    rig = opened(rig_path)
+    if secure:
+        pki = security_made.standing(rig, data)
+        rig = rig.secured(pki)
+        console.print(f"certificates in {pki}; for tools: {PKI}={pki.resolve()}", soft_wrap=True)
     try:
-        with running(rig_path, data, console) as (rig, fleet):
+        with running(rig, rig_path, data, console) as fleet:
             _watch(rig, fleet, console)
     except KeyboardInterrupt:
         console.print("every program has ended")
@@ -114,10 +129,15 @@ def _address(rig: RigFile) -> str:
     return f"http://{rig.supervisor.host}:{rig.supervisor.port}"
 
 
-def demo(rig_path: Path, data: Path, *, machine: bool = False) -> int:
+def demo(rig_path: Path, data: Path, *, machine: bool = False, secure: bool = False) -> int:
     """Grip the part of a rig once, from start to end."""
     console = screen(machine=machine)
-    with running(rig_path, data, console) as (rig, _fleet), Supervisor(_address(rig)) as supervisor:
+    rig = opened(rig_path)
+    with ExitStack() as stack:
+        if secure:
+            rig = rig.secured(stack.enter_context(security_made.passing(rig)))
+        stack.enter_context(running(rig, rig_path, data, console))
+        supervisor = stack.enter_context(Supervisor(_address(rig), key=key_of(None)))
         job = follow(supervisor.rig(rig.rig.name).start("grip"), console)
     if machine:
         emit(job)

@@ -77,6 +77,8 @@ def line(event: Event) -> Text:
 def words(kind: str, body: dict[str, Any]) -> str:
     """What an event says: its main word first, then the rest that is not empty."""
     main = MAIN.get(kind, kind)
+    if kind == "alarm" and "alarm" in body:
+        return alarm_words(body)
     first = str(body.get(main, ""))
     rest = [
         _said(name, value)
@@ -84,6 +86,15 @@ def words(kind: str, body: dict[str, Any]) -> str:
         if name not in (main, "event") and value not in (None, "", False, [], {})
     ]
     return ", ".join([first, *rest] if first else rest)
+
+
+def alarm_words(body: dict[str, Any]) -> str:
+    """What has become of an alarm, in the words that the alarm log has for it."""
+    about: dict[str, Any] = body["alarm"]
+    by = f" by {body['by']}" if body.get("by") and body["did"] == "acknowledged" else ""
+    came = f", {about['count']} times" if about.get("count", 1) > 1 else ""
+    did = "" if body["did"] == "raised" else f"{body['did']}{by}: "
+    return f"{did}{body['words']}{came} (alarm {about.get('id', '?')})"
 
 
 def _said(name: str, value: object) -> str:

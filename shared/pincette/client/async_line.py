@@ -33,6 +33,7 @@ class AsyncLine:
         timeout_s: float,
         patience_s: float,
         operator: str | None = None,
+        key: str | None = None,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
         self.url = url.rstrip("/")
@@ -44,7 +45,7 @@ class AsyncLine:
                 base_url=f"{self.url}{BASE}",
                 trust_env=False,
                 transport=transport,
-                headers=who(operator),
+                headers=who(operator, key),
             )
         except httpx.InvalidURL as error:
             raise ClientError(f"{url} is no address ({error})") from error

@@ -14,7 +14,7 @@ from pincette.client.errors import ForeignAnswerError, NoAnswerError, problem_of
 
 BASE = "/api/v1"
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
-OPERATOR_MAX = 80
+OPERATOR_MAX, KEY_MAX = 80, 200
 UNSENT = (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout)
 """Errors after which the supervisor cannot have seen the call."""
 
@@ -108,15 +108,28 @@ class Attempts:
         )
 
 
-def who(operator: str | None) -> dict[str, str]:
-    """Header that says who asks; raises ValueError where it cannot be said in one."""
-    if operator is None:
-        return {}
-    if not (operator.isascii() and operator.isprintable() and 0 < len(operator) <= OPERATOR_MAX):
-        raise ValueError(
-            f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters of ASCII are wanted"
-        )
-    return {"X-Operator": operator}
+def who(operator: str | None, key: str | None) -> dict[str, str]:
+    """Headers that say who asks; raises ValueError where it cannot be said in them."""
+    headers: dict[str, str] = {}
+    if operator is not None:
+        if not _is_legible(operator, OPERATOR_MAX):
+            raise ValueError(
+                f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters of ASCII are "
+                "wanted"
+            )
+        headers["X-Operator"] = operator
+    if key is not None:
+        if not _is_legible(key, KEY_MAX) or " " in key:
+            # Told without the key, which is nobody else's business.
+            raise ValueError(
+                f"the key is none: 1 to {KEY_MAX} characters without blanks are wanted"
+            )
+        headers["Authorization"] = f"Bearer {key}"
+    return headers
+
+
+def _is_legible(text: str, most: int) -> bool:
+    return text.isascii() and text.isprintable() and 0 < len(text) <= most
 
 
 def model(kind: type[M]) -> Callable[[httpx.Response], M]:

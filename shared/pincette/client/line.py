@@ -28,6 +28,7 @@ class Line:
         timeout_s: float,
         patience_s: float,
         operator: str | None = None,
+        key: str | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
         self.url = url.rstrip("/")
@@ -39,7 +40,7 @@ class Line:
                 base_url=f"{self.url}{BASE}",
                 trust_env=False,
                 transport=transport,
-                headers=who(operator),
+                headers=who(operator, key),
             )
         except httpx.InvalidURL as error:
             raise ClientError(f"{url} is no address ({error})") from error

@@ -7,11 +7,12 @@ from typing import Any, Literal
 
 import httpx
 
+from pincette.api.access_models import AuditEntry, Session
 from pincette.api.event_models import Event
 from pincette.api.proposal_models import Proposal
 from pincette.api.recipe_models import Recipe, RecipeHistory
 from pincette.api.rig_models import Rig, StoppedList
-from pincette.client import job_calls, recipe_calls, rig_calls
+from pincette.client import access_calls, job_calls, recipe_calls, rig_calls
 from pincette.client.choice import only
 from pincette.client.job_handle import JobHandle
 from pincette.client.line import Line
@@ -25,7 +26,8 @@ class Supervisor:
 
     ``timeout_s`` is how long one answer may take, ``patience_s`` how long a call that may safely
     be made again is made again while nobody answers. ``operator`` is who asks, as it is kept with
-    every action; left out, the supervisor keeps the address.
+    every action; left out, the supervisor keeps the address. ``key`` is for a supervisor that wants
+    one; who asks is then the key's name, with ``operator`` beside it.
     """
 
     def __init__(
@@ -35,9 +37,10 @@ class Supervisor:
         timeout_s: float = TIMEOUT_S,
         patience_s: float = PATIENCE_S,
         operator: str | None = None,
+        key: str | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
-        self.line = Line(url, timeout_s, patience_s, operator, transport)
+        self.line = Line(url, timeout_s, patience_s, operator, key, transport)
         """What it speaks over; its clock and its sleep may be replaced."""
 
     def __enter__(self) -> "Supervisor":
@@ -113,3 +116,12 @@ class Supervisor:
     def save_recipe(self, name: str, values: dict[str, Any], note: str = "") -> Recipe:
         """Keep a set of parameters under a name, as its next version."""
         return self.line.send(recipe_calls.save(name, values, note))
+
+    def session(self) -> Session:
+        """Who asks, and what they may do, as the supervisor knows it."""
+        return self.line.send(access_calls.session())
+
+    def audit(self, limit: int = 50, before: int | None = None) -> list[AuditEntry]:
+        """What was to change something, the newest first; those before a number."""
+        found = self.line.send(access_calls.audit(limit, before))
+        return found.entries

@@ -15,7 +15,7 @@ from pincette.config import parse_rig
 from tests.unit.supervisor.rig import Desk
 
 DEMO = Path(__file__).parents[3] / "deploy" / "rigs" / "demo.toml"
-URL = "http://desk"
+URL = "http://localhost"
 
 
 class InProcess(httpx.BaseTransport):

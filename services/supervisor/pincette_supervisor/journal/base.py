@@ -22,6 +22,8 @@ class Base:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._closed = False
+        self.trouble = ""
+        """Why the last change could not be written; empty where it was."""
         # SQLite lets those who wait to write try by turns; a lock serves them one after another.
         self._turn = threading.RLock()
         self._written: Connection | None = None
@@ -86,8 +88,11 @@ class Base:
                 with self._writer.begin() as connection:
                     self._written = connection
                     yield connection
+                self.trouble = ""
             except DBAPIError as error:
-                raise self._failed(error) from error
+                failed = self._failed(error)
+                self.trouble = str(failed)
+                raise failed from error
             except StatementError as error:
                 if isinstance(error.orig, ValueError):
                     raise error.orig from error

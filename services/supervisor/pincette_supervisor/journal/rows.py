@@ -41,6 +41,8 @@ class JobRow:
     """Rises with every change of the job and of its actions."""
     epoch: int | None = None
     """Of its arming, once there is one."""
+    requested_by: str | None = None
+    """Who asked for it; None of a job that was taken before that was kept."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,6 +34,7 @@ __all__ = [
 ]
 
 LEFT_OVER = "the supervisor ended while the job ran"
+PROBE = "probe"
 CHANGING = ("state", "cause", "plan", "result", "started_at", "ended_at", "epoch")
 
 
@@ -89,6 +90,7 @@ class Store(Base):
                     plan=job.plan,
                     revision=1,
                     created_at=job.created_at,
+                    requested_by=job.requested_by,
                 )
             )
             if key is not None:
@@ -207,6 +209,14 @@ class Store(Base):
             changed = base.execute(update(NOTES).where(NOTES.c.name == name).values(value=value))
             if changed.rowcount == 0:
                 base.execute(insert(NOTES).values(name=name, value=value))
+
+    def probe(self) -> bool:
+        """Whether anything can be written; see ``trouble``."""
+        try:
+            self.note(PROBE, utc_now())
+        except StoreError:
+            return False
+        return True
 
     def noted(self, name: str) -> str | None:
         """A fact kept under this name."""

@@ -4,6 +4,7 @@ from sqlalchemy import (
     JSON,
     Column,
     ForeignKey,
+    Index,
     Integer,
     MetaData,
     PrimaryKeyConstraint,
@@ -30,6 +31,7 @@ JOBS = Table(
     Column("created_at", String, nullable=False),
     Column("started_at", String),
     Column("ended_at", String),
+    Column("requested_by", String),
 )
 """``number`` rises with every job and is its place in the queue; ``revision`` with every change."""
 
@@ -95,3 +97,61 @@ TRAJECTORIES = Table(
     Column("request", JSON, nullable=False),
     Column("created_at", String, nullable=False),
 )
+
+KEYS = Table(
+    "keys",
+    METADATA,
+    Column("name", String, primary_key=True),
+    Column("digest", String, nullable=False, unique=True),
+    Column("scope", String, nullable=False),
+    Column("made_at", String, nullable=False),
+    Column("expires_at", String),
+    Column("revoked_at", String),
+    Column("used_at", String),
+)
+"""Keys of the REST interface; the digest is all that is kept of one."""
+
+SESSIONS = Table(
+    "sessions",
+    METADATA,
+    Column("digest", String, primary_key=True),
+    Column("key", String, ForeignKey("keys.name"), nullable=False),
+    Column("used_at", String, nullable=False),
+)
+"""Pages that were signed in with a key; of the cookie, too, only the digest is kept."""
+
+AUDIT = Table(
+    "audit",
+    METADATA,
+    Column("number", Integer, primary_key=True, autoincrement=True),
+    Column("at", String, nullable=False),
+    Column("who", String, nullable=False),
+    Column("address", String, nullable=False),
+    Column("action", String, nullable=False),
+    Column("detail", String, nullable=False),
+    Column("status", Integer, nullable=False),
+    Column("count", Integer, nullable=False),
+    sqlite_autoincrement=True,
+)
+"""What was asked for and by whom; triggers of the file refuse to change a row, or to lose one."""
+
+ALARMS = Table(
+    "alarms",
+    METADATA,
+    Column("number", Integer, primary_key=True, autoincrement=True),
+    Column("rig", String, nullable=False),
+    Column("job", String),
+    Column("severity", String, nullable=False),
+    Column("cause", String, nullable=False),
+    Column("words", String, nullable=False),
+    Column("clears", String, nullable=False),
+    Column("count", Integer, nullable=False),
+    Column("raised_at", String, nullable=False),
+    Column("last_at", String, nullable=False),
+    Column("acknowledged_at", String),
+    Column("acknowledged_by", String),
+    Column("cleared_at", String),
+    Index("ix_alarms_rig_cause", "rig", "cause"),
+    sqlite_autoincrement=True,
+)
+"""One row for as long as an alarm is open; ``count`` says how often it has come."""

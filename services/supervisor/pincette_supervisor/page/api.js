@@ -63,6 +63,7 @@ async function send(lane, path, options) {
     const response = await fetch(BASE + path, { cache: "no-store", signal, ...options });
     const text = await response.text();
     const body = text ? JSON.parse(text) : {};
+    if (response.status === 401) document.dispatchEvent(new CustomEvent("pincette:signed-out"));
     if (!response.ok) {
       throw new Problem(body.title ?? response.statusText, body.detail, response.status, body);
     }

@@ -59,7 +59,7 @@ export class Calibrations {
         : null,
       each.allowed_actions.length ? h("div", { class: "buttons" },
         ...each.allowed_actions.map((type) => h("button", { type: "button",
-          id: `${type}-${each.id}`, class: type === "accept" ? "main" : "",
+          id: `${type}-${each.id}`, class: type === "accept" ? "main" : "", "data-needs": "admin",
           "aria-label": `${DECIDED[type]} ${plain(each.calibration)} of ${clock(each.made_at)}`,
           onclick: () => this.act(each, type) }, DECIDED[type]))) : null);
   }

@@ -69,7 +69,7 @@ export class Current {
     this.fault.textContent = "";
     this.sent.textContent = "";
     const buttons = job.allowed_actions.map((type) => h("button", {
-      type: "button", id: `act-${type}`,
+      type: "button", id: `act-${type}`, "data-needs": "operate",
       class: type === "abort" ? "danger" : ["resume", "continue"].includes(type) ? "main" : "",
       "aria-describedby": ["stop", "abort"].includes(type) && !ended ? "current-hint" : null,
       onclick: () => this.act(job, type),

@@ -70,6 +70,7 @@ export class Details {
         each.trouble ? h("span", { class: "cause block" }, each.trouble) : null),
       h("td", { class: "figures" }, each.version === used ? chip("in use", "good")
         : h("button", { type: "button", class: "quiet", id: `use-${each.version}`,
+          "data-needs": "admin",
           "aria-label": each.version ? `Use version ${each.version}` : "Use the rig file alone",
           onclick: () => this.use(each.version) }, "Use")))));
   }

@@ -1,5 +1,6 @@
 // Starting a job: fields by kind, a dry run, and the start itself.
 
+import { may } from "./access.js";
 import { faultsOf, freshKey, get, planOf, startJob, told } from "./api.js";
 import { byId, h, setText } from "./dom.js";
 import { Fields } from "./fields.js";
@@ -33,14 +34,15 @@ export class StartForm {
     this.hint = h("p", { class: "hint", id: "kind-hint" });
     this.said = h("p", { class: "fault", id: "start-said", role: "alert" });
     this.queue = h("input", { type: "checkbox", id: "field-queue", onchange: () => this.forget() });
-    this.button = h("button", { type: "submit", class: "main", id: "start" }, "Start");
+    this.button = h("button", { type: "submit", class: "main", id: "start",
+      "data-needs": "operate" }, "Start");
     this.form = h("form", { id: "start-form", novalidate: true },
       h("div", { class: "field" }, h("label", { for: "kind" }, "Job"), this.kind, this.hint),
       this.fields.element, this.fields.more,
       h("label", { class: "check", id: "queue-line", hidden: true }, this.queue,
         h("span", {}, "Wait in the queue until the rig is free")),
       h("div", { class: "buttons" }, this.button,
-        h("button", { type: "button", id: "dry-run", onclick: () => this.dryRun() }, "Dry run")),
+        h("button", { type: "button", id: "dry-run", "data-needs": "operate", onclick: () => this.dryRun() }, "Dry run")),
       this.said, this.plan.element);
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -74,6 +76,7 @@ export class StartForm {
   async prefill() {
     try {
       this.sources.recipes = (await get("/recipes")).recipes.map((each) => each.name);
+      if (!may("operate")) return;
       this.defaults = defaultsOf(await planOf({ kind: "grip" }, false));
       if (!this.form.contains(document.activeElement)) this.choose(this.kind.value);
     } catch (problem) {

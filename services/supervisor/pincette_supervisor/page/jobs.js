@@ -115,6 +115,7 @@ export class Jobs {
     return h("article", { class: "detail", "aria-labelledby": "job-title" },
       h("h3", { id: "job-title", tabindex: "-1" }, `${plain(job.kind)} ${job.id}`),
       h("p", {}, chip(plain(job.state), toneOfState(job.state)), " ", outcomeOf(job)),
+      job.by ? h("p", { class: "muted" }, `Asked for by ${job.by}`) : null,
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       job.record_detail ? h("p", { class: "cause" }, `Record: ${job.record_detail}`) : null,
       facts.length ? h("dl", { class: "figures-list" }, ...facts) : null,

@@ -24,6 +24,7 @@ export class Jog {
     this.step = h("select", { id: "jog-step" }, ...STEPS.map(([, size, unit], place) => h("option",
       { value: place, selected: place === USUAL }, `${size} ${unit}`)));
     const press = (id, sign, label, text) => h("button", { type: "button", id, class: "step",
+      "data-needs": "operate",
       "aria-label": label, onclick: () => this.move(sign) }, text);
     this.name = h("input", { id: "jog-name", type: "text", maxlength: 40, autocomplete: "off",
       pattern: POSE_NAME, placeholder: "its name" });
@@ -34,7 +35,8 @@ export class Jog {
         h("label", { class: "unseen", for: "jog-step" }, "Step"), this.step,
         press("jog-more", 1, "Step forward, towards the part", "+")),
       h("div", { class: "jog-row" }, h("label", { for: "jog-name" }, "Pose"), this.name,
-        h("button", { type: "button", id: "jog-teach", onclick: () => this.teach() }, "Teach")),
+        h("button", { type: "button", id: "jog-teach", "data-needs": "operate",
+          onclick: () => this.teach() }, "Teach")),
       this.said, this.list);
   }
 

@@ -1,8 +1,11 @@
 // The page: it asks for the rig once a second and whenever an event says that something changed.
 
+import { admitted } from "./access.js";
+import { Alarms } from "./alarms.js";
 import { get, heard, jobsOfRig, RIG, RIG_PATH } from "./api.js";
 import { Calibrations } from "./calibrations.js";
 import { Charts } from "./charts.js";
+import { Checks } from "./checks.js";
 import { rigAnswered, watchConnection } from "./connection.js";
 import { Current } from "./current.js";
 import { Details } from "./details.js";
@@ -39,13 +42,18 @@ const choose = (id) => {
 const current = new Current({ refresh: soon, choose });
 const jobs = new Jobs({ choose });
 const calibrations = new Calibrations({ refresh: soon });
+const alarms = new Alarms({ refresh: soon });
+const checks = new Checks();
 const details = new Details({ refresh: soon });
 const queue = new Queue({ refresh: soon, choose });
 const form = new StartForm({ refresh: soon, started: (made) => { job = made; }, recent });
 const openTab = installTabs((id) => {
   if (id === "tab-jobs") jobs.refresh().catch(() => {});
   if (id === "tab-calibrations") calibrations.refresh().catch(() => {});
-  if (id === "tab-rig") soon();
+  if (id === "tab-rig") {
+    alarms.refresh().catch(() => {});
+    soon();
+  }
 });
 installReset(soon);
 watchConnection();
@@ -62,6 +70,7 @@ async function refresh() {
   rig = await get(RIG_PATH);
   rigAnswered();
   showRig(rig);
+  checks.follow(rig);
   form.follow(rig);
   job = await newestJob();
   current.show(job, rig);
@@ -106,21 +115,28 @@ function soon() {
   }
 }
 
-follow({
-  begun: () => recent.clear(),
-  samples: (batch) => recent.push(batch),
-  event: (event) => {
-    if (event.kind !== "progress") soon();
-    else if (job && event.job === job.id && job.progress) {
-      job = { ...job, progress: { ...job.progress, ...event.body } };
-      current.update(job);
-    }
-  },
-});
+function followStreams() {
+  follow({
+    begun: () => recent.clear(),
+    samples: (batch) => recent.push(batch),
+    event: (event) => {
+      if (event.kind === "alarm" || event.kind === "rig") alarms.refresh().catch(() => {});
+      if (event.kind !== "progress") soon();
+      else if (job && event.job === job.id && job.progress) {
+        job = { ...job, progress: { ...job.progress, ...event.body } };
+        current.update(job);
+      }
+    },
+  });
+}
+
 document.title = `${RIG} · pincette`;
 byId("rig-name").textContent = RIG;
 document.addEventListener("pincette:estop", soon);
 document.addEventListener("visibilitychange", () => document.hidden || soon());
+await admitted();
+followStreams();
 run();
+alarms.refresh().catch(() => {});
 form.prefill();
 followRigs();

@@ -42,6 +42,7 @@ export class Queue {
 
   panel(queue, allowed) {
     const order = (type, text) => h("button", { type: "button", id: `queue-${type}`,
+      "data-needs": "operate",
       class: type === "resume" ? "main" : "",
       onclick: () => this.ask(`${RIG_PATH}/queue/actions`, type) }, text);
     return [
@@ -62,7 +63,7 @@ export class Queue {
       h("button", { type: "button", class: "link", id: `wait-${job.id}`,
         onclick: () => this.choose(job.id) }, wished(job)),
       h("span", { class: "muted" }, clock(job.created_at)),
-      h("button", { type: "button", class: "quiet", id: `drop-${job.id}`,
+      h("button", { type: "button", class: "quiet", id: `drop-${job.id}`, "data-needs": "operate",
         "aria-label": `Take ${wished(job)}, place ${job.position}, out of the queue`,
         onclick: () => this.ask(`/jobs/${job.id}/actions`, "stop") }, "Remove"));
   }

@@ -74,7 +74,7 @@ function showLatch(rig) {
   }
   const cause = { estop: "emergency stop", boot: "the actuator was switched on" }[rig.latch.cause];
   setText(byId("latch-title"), `The actuator is ${plain(rig.latch.state)}`);
-  setText(byId("latch-cause"), `Cause: ${cause ?? rig.latch.cause}. Nothing moves until a person `
+  setText(byId("latch-cause"), `Cause: ${cause ?? (rig.latch.words || rig.latch.cause)}. Nothing moves until a person `
     + `has reset the rig${rig.part === "held" ? "; a part is held" : ""}.`);
   if (!before) alarm(`${byId("latch-title").textContent}. ${byId("latch-cause").textContent}`);
 }

@@ -4,26 +4,33 @@ from collections.abc import Callable
 from typing import Any
 
 from fastapi import FastAPI
-from fastapi.responses import JSONResponse
 
 from pincette import __version__
 from pincette.api.calibration_models import CalibrationResult
 from pincette.api.problem_models import Problem
 from pincette.api.result_models import GripResult, MotionResult, TrackResult
 from pincette_supervisor import problems
+from pincette_supervisor.access.access import Access
 from pincette_supervisor.rest import (
+    routes_access,
+    routes_alarms,
     routes_calibrations,
     routes_documents,
     routes_events,
     routes_jobs,
     routes_live,
     routes_page,
+    routes_probes,
     routes_recipes,
     routes_rigs,
     routes_trajectories,
 )
+from pincette_supervisor.rest.answers import complete_answers
+from pincette_supervisor.rest.audited import Audited
 from pincette_supervisor.rest.bodies import complete_bodies
-from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.rest.boundary import Boundary
+from pincette_supervisor.rest.bounded_bodies import BoundedBodies
+from pincette_supervisor.rest.limits import Limited
 from pincette_supervisor.running.rigs import Rigs
 
 BASE = "/api/v1"
@@ -31,8 +38,9 @@ MODELS = (Problem, GripResult, TrackResult, MotionResult, CalibrationResult)
 """Models the OpenAPI document shows although no route names them."""
 
 
-def create_app(rigs: Rigs) -> FastAPI:
+def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
     """Build the application; pages that load scripts from elsewhere are left out."""
+    access = access or Access()
     app = FastAPI(
         title="pincette supervisor",
         version=__version__,
@@ -42,7 +50,9 @@ def create_app(rigs: Rigs) -> FastAPI:
         redoc_url=None,
         openapi_url="/openapi.json",
     )
+    app.state.gate = access.gate
     problems.install(app)
+    _surround(app, access)
     app.include_router(routes_rigs.routes(rigs), prefix=BASE)
     app.include_router(routes_jobs.routes(rigs), prefix=BASE)
     app.include_router(routes_calibrations.routes(rigs), prefix=BASE)
@@ -50,9 +60,12 @@ def create_app(rigs: Rigs) -> FastAPI:
     app.include_router(routes_trajectories.routes(rigs), prefix=BASE)
     app.include_router(routes_live.routes(rigs), prefix=BASE)
     app.include_router(routes_events.routes(rigs), prefix=BASE)
+    app.include_router(routes_alarms.routes(rigs), prefix=BASE)
+    app.include_router(routes_access.routes(rigs, access.trail), prefix=BASE)
     app.include_router(routes_page.routes(rigs))
     app.include_router(routes_documents.routes())
-    _probes(app, rigs)
+    app.include_router(routes_probes.routes(rigs))
+    _version(app, rigs)
     plain: Callable[[], dict[str, Any]] = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -78,32 +91,19 @@ def _complete(document: dict[str, Any]) -> None:
             if "HTTPValidationError" in str(operation["responses"].get("422")):
                 del operation["responses"]["422"]
     complete_bodies(document)
+    complete_answers(document)
 
 
-def _probes(app: FastAPI, rigs: Rigs) -> None:
-    """Three probes that ask three questions: alive, able to serve, and which version."""
+def _surround(app: FastAPI, access: Access) -> None:
+    """Put around the routes what holds for all of them; what is added last is outermost."""
+    app.add_middleware(BoundedBodies)
+    if access.buckets is not None:
+        app.add_middleware(Limited, gate=access.gate, buckets=access.buckets)
+    app.add_middleware(Boundary, names=access.names)
+    app.add_middleware(Audited, gate=access.gate, trail=access.trail)
 
-    @app.get("/livez", tags=["probes"])
-    async def livez() -> dict[str, str]:  # pyright: ignore[reportUnusedFunction]
-        """Whether the event loop turns."""
-        return {"status": "alive"}
 
-    @app.get("/readyz", tags=["probes"], responses={503: {"description": "with the reasons"}})
-    def readyz() -> JSONResponse:  # pyright: ignore[reportUnusedFunction]
-        """Whether a rig is whole: all its programs answer and agree on the rig file.
-
-        Of several rigs one is enough, so that one that is down takes the others from nobody; the
-        reasons name it.
-        """
-        reasons = rigs.of_all(_troubles)
-        said = [reason for one in reasons for reason in one]
-        said += [f"{rig}: {why}" for rig, why in rigs.unusable.items()]
-        whole = not all(reasons)
-        return JSONResponse(
-            {"status": "ready" if whole else "not ready", "reasons": said},
-            status_code=200 if whole else 503,
-        )
-
+def _version(app: FastAPI, rigs: Rigs) -> None:
     @app.get("/version", tags=["probes"])
     async def version() -> dict[str, str | dict[str, str]]:  # pyright: ignore[reportUnusedFunction]
         """The program's version, its own rig, and the digest of the rig file of each it serves."""
@@ -114,10 +114,3 @@ def _probes(app: FastAPI, rigs: Rigs) -> None:
             "rig_file_digest": own.site.digest,
             "rigs": {one.name: one.site.digest for one in rigs.all()},
         }
-
-
-def _troubles(conductor: Conductor) -> list[str]:
-    """Why a rig is not whole; every reason names the rig."""
-    health = conductor.site.health
-    health.refresh()
-    return [f"{conductor.name}: {name}: {why}" for name, why in health.troubles().items()]

@@ -4,21 +4,28 @@ import re
 from typing import Annotated
 
 from fastapi import Depends, Header, Request
+from starlette.datastructures import Headers
+from starlette.types import Scope
+
+from pincette_supervisor.rest.guard import caller_of, gate_of
 
 OPERATOR_LENGTH, KEY_LENGTH = 80, 255
 PRINTABLE = r"^[ -~]+$"
-_TAG = re.compile(r'(?:W/)?"([^"]*)"')
+_TAG = re.compile(r'(?:W/)?"([^"]*)-([0-9]{1,18})"')
+
+
+def label_of(scope: Scope) -> str:
+    """What a request says of its sender, as far as it is legible; empty: nothing."""
+    label = Headers(scope=scope).get("x-operator", "")[:OPERATOR_LENGTH]
+    return label if label.isprintable() and label.strip() else ""
 
 
 def sender(request: Request) -> str:
-    """The name that a request gives, as far as it is legible, or its address.
+    """Whose a request is: the name of its key, else what it says itself, else its address.
 
-    An emergency stop is refused for nothing, so it takes whatever the header says.
+    An emergency stop is refused for no label, so it takes whatever the header says.
     """
-    name = request.headers.get("x-operator", "")[:OPERATOR_LENGTH]
-    if name.isprintable() and name.strip():
-        return name
-    return request.client.host if request.client is not None else "unknown"
+    return caller_of(request.scope, gate_of(request)).signed(label_of(request.scope))
 
 
 def _who(
@@ -26,15 +33,16 @@ def _who(
     x_operator: Annotated[
         str | None,
         Header(
-            description="who asks, kept with the action",
+            description="who asks, kept with the action; where there are keys, a label beside the "
+            "name of the key",
             min_length=1,
             max_length=OPERATOR_LENGTH,
             pattern=PRINTABLE,
         ),
     ] = None,
 ) -> str:
-    """The header ``X-Operator``, or the address that the request came from."""
-    return x_operator or sender(request)
+    """The name of the key and the header ``X-Operator``; without either the address."""
+    return caller_of(request.scope, gate_of(request)).signed(x_operator or "")
 
 
 Who = Annotated[str, Depends(_who)]
@@ -62,8 +70,7 @@ def etag(job: str, revision: int) -> str:
 
 def matched_revision(job: str, header: str | None) -> int | None:
     """The revision of a job that an ``If-None-Match`` names; None where it names none."""
-    for tag in _TAG.findall(header or ""):
-        name, _, revision = str(tag).rpartition("-")
-        if name == job and revision.isdecimal():
+    for name, revision in _TAG.findall(header or ""):
+        if name == job:
             return int(revision)
     return None

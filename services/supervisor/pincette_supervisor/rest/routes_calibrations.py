@@ -9,7 +9,8 @@ from pincette.api.calibration_requests import CalibrationBody
 from pincette.api.job_models import Job
 from pincette.api.problem_models import responses
 from pincette.api.proposal_models import Proposal, ProposalAction, ProposalList
-from pincette_supervisor.rest.headers import Key
+from pincette_supervisor.rest.guard import ADMIN, OBSERVE, OPERATE, Note
+from pincette_supervisor.rest.headers import Key, Who
 from pincette_supervisor.rest.routes_jobs import CREATED, NAME_LENGTH, Predict, take
 from pincette_supervisor.running.rigs import Rigs
 
@@ -18,10 +19,18 @@ def routes(rigs: Rigs) -> APIRouter:
     """Everything under ``/calibrations``."""
     router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
-    @router.post("", status_code=201, response_model=Job | CalibrationPlan, responses=CREATED)
+    @router.post(
+        "",
+        status_code=201,
+        response_model=Job | CalibrationPlan,
+        responses=CREATED,
+        dependencies=[OPERATE],
+    )
     def create(  # pyright: ignore[reportUnusedFunction]
         body: CalibrationBody,
         response: Response,
+        who: Who,
+        note: Note,
         dry_run: Annotated[bool, Query(description="plan only")] = False,
         predict: Predict = True,
         idempotency_key: Key = None,
@@ -29,10 +38,17 @@ def routes(rigs: Rigs) -> APIRouter:
         """Take a calibration: the same as a job of the kind ``calibrate``."""
         conductor = rigs.of_request(body, idempotency_key)
         return take(
-            conductor, body, response, dry_run=dry_run, predict=predict, key=idempotency_key
+            conductor,
+            body,
+            response,
+            dry_run=dry_run,
+            by=who,
+            note=note,
+            predict=predict,
+            key=idempotency_key,
         )
 
-    @router.get("", responses=responses(404, 422, 503))
+    @router.get("", responses=responses(404, 422, 503), dependencies=[OBSERVE])
     def proposals(  # pyright: ignore[reportUnusedFunction]
         limit: Annotated[int, Query(ge=1, le=500)] = 50,
         rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
@@ -43,16 +59,21 @@ def routes(rigs: Rigs) -> APIRouter:
         found.sort(key=lambda proposal: proposal.made_at, reverse=True)
         return ProposalList(calibrations=found[:limit])
 
-    @router.get("/{calibration}", responses=responses(404))
+    @router.get("/{calibration}", responses=responses(404), dependencies=[OBSERVE])
     def proposal(calibration: str) -> Proposal:  # pyright: ignore[reportUnusedFunction]
         """One proposal beside what is in use; its name is that of its job."""
         return rigs.of_job(calibration).calibrations.one(calibration)
 
-    @router.post("/{calibration}/actions", responses=responses(404, 409, 422, 503))
+    @router.post(
+        "/{calibration}/actions",
+        responses=responses(404, 409, 422, 503),
+        dependencies=[ADMIN],
+    )
     def act(  # pyright: ignore[reportUnusedFunction]
-        calibration: str, body: ProposalAction
+        calibration: str, body: ProposalAction, note: Note
     ) -> Proposal:
         """Accept a proposal, which makes a version of the model and uses it, or discard it."""
+        note(body.type)
         return rigs.of_job(calibration).decide(calibration, body.type)
 
     return router

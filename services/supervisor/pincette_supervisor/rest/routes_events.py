@@ -18,6 +18,7 @@ from pincette_supervisor import problems
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.event_stream import endless, until_over
+from pincette_supervisor.rest.guard import OBSERVE
 from pincette_supervisor.running.events import EventLog, Listening, event_of
 from pincette_supervisor.running.listeners import TooManyListenersError
 from pincette_supervisor.running.rigs import Rigs
@@ -83,6 +84,7 @@ def routes(rigs: Rigs) -> APIRouter:
     @router.get(
         "/jobs/{job}/events",
         response_model=None,
+        dependencies=[OBSERVE],
         responses={**ANSWERS, **responses(404, 422, 503)},
     )
     async def of_job(  # pyright: ignore[reportUnusedFunction]
@@ -110,6 +112,7 @@ def routes(rigs: Rigs) -> APIRouter:
     @router.get(
         "/rigs/{rig}/events",
         response_model=None,
+        dependencies=[OBSERVE],
         responses={**ANSWERS, **responses(404, 422, 503)},
     )
     async def of_rig(  # pyright: ignore[reportUnusedFunction]
@@ -122,7 +125,12 @@ def routes(rigs: Rigs) -> APIRouter:
         listening = await _listen(conductor.site.events, wish.after)
         return EventSourceResponse(endless(listening), headers=HEADERS)
 
-    @router.get("/events", response_model=None, responses={**ANSWERS, **responses(422, 503)})
+    @router.get(
+        "/events",
+        response_model=None,
+        dependencies=[OBSERVE],
+        responses={**ANSWERS, **responses(422, 503)},
+    )
     async def of_all(wish: Wished) -> Response:  # pyright: ignore[reportUnusedFunction]
         """Events of every rig: those to come, and where it is named, beyond a number."""
         if wish.listed:

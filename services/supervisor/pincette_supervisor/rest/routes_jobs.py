@@ -27,6 +27,8 @@ from pincette.api.states import JobState
 from pincette.records import csv_export, folder
 from pincette_supervisor import problems
 from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.audited import DRY_RUN
+from pincette_supervisor.rest.guard import OBSERVE, OPERATE, Note
 from pincette_supervisor.rest.headers import IfNoneMatch, Key, Who, etag, matched_revision
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.rigs import Rigs
@@ -64,15 +66,18 @@ def take(
     response: Response,
     *,
     dry_run: bool,
+    by: str,
+    note: Note,
     predict: bool = True,
     key: str | None = None,
 ) -> Job | AnyPlan:
     """Take a job, or plan it only, and foretell what playing the plan would come to."""
+    note(DRY_RUN if dry_run or body.dry_run else body.kind)
     if dry_run or body.dry_run:
         response.status_code = 200
         planned = conductor.plan(body)
         return (conductor.foreteller.foretold(planned) if predict else planned).plan
-    job, replayed = conductor.create(body, key, predict=predict)
+    job, replayed = conductor.create(body, key, predict=predict, by=by)
     response.headers["Location"] = f"/api/v1/jobs/{job.id}"
     response.headers["ETag"] = etag(job.id, job.revision)
     if replayed:
@@ -100,10 +105,18 @@ def routes(rigs: Rigs) -> APIRouter:
     """Everything under ``/jobs``."""
     router = APIRouter(prefix="/jobs", tags=["jobs"])
 
-    @router.post("", status_code=201, response_model=Job | AnyPlan, responses=CREATED)
+    @router.post(
+        "",
+        status_code=201,
+        response_model=Job | AnyPlan,
+        responses=CREATED,
+        dependencies=[OPERATE],
+    )
     def create(  # pyright: ignore[reportUnusedFunction]
         body: Body,
         response: Response,
+        who: Who,
+        note: Note,
         dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
         predict: Predict = True,
         idempotency_key: Key = None,
@@ -114,10 +127,17 @@ def routes(rigs: Rigs) -> APIRouter:
         """
         conductor = rigs.of_request(body, idempotency_key)
         return take(
-            conductor, body, response, dry_run=dry_run, predict=predict, key=idempotency_key
+            conductor,
+            body,
+            response,
+            dry_run=dry_run,
+            by=who,
+            note=note,
+            predict=predict,
+            key=idempotency_key,
         )
 
-    @router.get("", responses=responses(404, 422))
+    @router.get("", responses=responses(404, 422), dependencies=[OBSERVE])
     def jobs(  # pyright: ignore[reportUnusedFunction]
         limit: Annotated[int, Query(ge=1, le=500)] = 50,
         kind: JobKind | None = None,
@@ -138,6 +158,7 @@ def routes(rigs: Rigs) -> APIRouter:
     @router.get(
         "/{job}",
         response_model=Job,
+        dependencies=[OBSERVE],
         responses={
             200: {"headers": TAGGED},
             304: {"description": "the job still has the ETag that was sent", "headers": TAGGED},
@@ -182,22 +203,24 @@ def routes(rigs: Rigs) -> APIRouter:
     @router.post(
         "/{job}/actions",
         status_code=202,
+        dependencies=[OPERATE],
         responses={
             200: {"model": Job, "description": "what is asked for holds already"},
             **responses(404, 409, 422, 503),
         },
     )
     def act(  # pyright: ignore[reportUnusedFunction]
-        job: str, body: ActionRequest, response: Response, who: Who
+        job: str, body: ActionRequest, response: Response, who: Who, note: Note
     ) -> Job:
         """Start, pause, resume, stop, abort, release the part, or continue after a wait."""
+        note(body.type)
         changed, holds = rigs.of_job(job).act(job, body.type, who)
         response.headers["ETag"] = etag(changed.id, changed.revision)
         if holds:
             response.status_code = 200
         return changed
 
-    @router.get("/{job}/artifacts", responses=responses(404))
+    @router.get("/{job}/artifacts", responses=responses(404), dependencies=[OBSERVE])
     def artifacts(job: str) -> ArtifactList:  # pyright: ignore[reportUnusedFunction]
         """Files of a job's record, with size and SHA-256."""
         known = rigs.job(job)
@@ -209,6 +232,7 @@ def routes(rigs: Rigs) -> APIRouter:
         response_model=None,
         response_class=FileResponse,
         responses=responses(404),
+        dependencies=[OBSERVE],
     )
     def artifact(job: str, name: str) -> Response:  # pyright: ignore[reportUnusedFunction]
         """One file of a job's record; ``samples.csv`` is made of ``samples.parquet`` as it goes."""

@@ -11,6 +11,7 @@ from fastapi.sse import EventSourceResponse
 from pincette.api.live_models import LiveBatch
 from pincette.api.problem_models import responses
 from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.guard import OBSERVE
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.live import FullError, Listener, Live
 from pincette_supervisor.running.rigs import Rigs
@@ -60,7 +61,12 @@ def routes(rigs: Rigs) -> APIRouter:
         finally:
             live.leave()
 
-    @router.get("/{rig}/live", response_class=EventSourceResponse, responses=responses(404, 503))
+    @router.get(
+        "/{rig}/live",
+        response_class=EventSourceResponse,
+        responses=responses(404, 503),
+        dependencies=[OBSERVE],
+    )
     async def samples(  # pyright: ignore[reportUnusedFunction]
         place: Annotated[Place, Depends(listening)],
     ) -> AsyncIterator[LiveBatch]:

@@ -11,6 +11,7 @@ from pincette_supervisor import problems
 from pincette_supervisor.journal.recipes import RecipeBook, RecipeLimitError, RecipeRow
 from pincette_supervisor.planning.recipes import FaultyValuesError, checked_values
 from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.guard import OBSERVE, OPERATE, Note
 from pincette_supervisor.running.rigs import Rigs
 
 
@@ -24,14 +25,18 @@ def routes(rigs: Rigs) -> APIRouter:
     @router.post(
         "",
         status_code=201,
+        dependencies=[OPERATE],
         responses={
             200: {"model": Recipe, "description": "the newest version has these values already"},
             201: {"model": Recipe, "description": "kept; Location names the version"},
             **responses(409, 422),
         },
     )
-    def create(body: RecipeRequest, response: Response) -> Recipe:  # pyright: ignore[reportUnusedFunction]
+    def create(  # pyright: ignore[reportUnusedFunction]
+        body: RecipeRequest, response: Response, note: Note
+    ) -> Recipe:
         """Keep values under a name: version 1, or the next one."""
+        note(body.name)
         try:
             values = checked_values(body.values)
             row, anew = book().add(body.name, values, body.note)
@@ -46,12 +51,12 @@ def routes(rigs: Rigs) -> APIRouter:
             response.status_code = 200
         return _view(row)
 
-    @router.get("")
+    @router.get("", dependencies=[OBSERVE])
     def recipes() -> RecipeList:  # pyright: ignore[reportUnusedFunction]
         """The newest version of every recipe, by name."""
         return RecipeList(recipes=[_view(row) for row in book().newest()])
 
-    @router.get("/{name}", responses=responses(404))
+    @router.get("/{name}", responses=responses(404), dependencies=[OBSERVE])
     def recipe(name: str) -> RecipeHistory:  # pyright: ignore[reportUnusedFunction]
         """The newest version of a recipe, and all there are."""
         versions = [_view(row) for row in book().versions(name)]
@@ -59,7 +64,7 @@ def routes(rigs: Rigs) -> APIRouter:
             raise problems.not_found("recipe", name)
         return RecipeHistory(newest=versions[0], versions=versions)
 
-    @router.get("/{name}/{version}", responses=responses(404, 422))
+    @router.get("/{name}/{version}", responses=responses(404, 422), dependencies=[OBSERVE])
     def version_of(  # pyright: ignore[reportUnusedFunction]
         name: str, version: Annotated[int, Path(ge=1, le=999_999)]
     ) -> Recipe:

@@ -16,6 +16,7 @@ from pincette.api.rig_models import (
 )
 from pincette_supervisor.model.model_view import model_view
 from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.guard import ADMIN, OBSERVE, OPERATE, Note
 from pincette_supervisor.rest.headers import Who, sender
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.rigs import Rigs
@@ -26,7 +27,7 @@ def routes(rigs: Rigs) -> APIRouter:
     """``/estop`` and everything under ``/rigs``; emergency stops have threads of their own."""
     router = APIRouter(tags=["rigs"])
 
-    @router.post("/estop", responses=responses(503))
+    @router.post("/estop", responses=responses(503), dependencies=[OBSERVE])
     async def estop_all(request: Request) -> StoppedList:  # pyright: ignore[reportUnusedFunction]
         """Stop every rig at once; see the one of a rig. 503 where one has not confirmed."""
         by = sender(request)
@@ -46,47 +47,59 @@ def routes(rigs: Rigs) -> APIRouter:
             )
         return StoppedList(rigs=stopped)
 
-    @router.get("/rigs")
+    @router.get("/rigs", dependencies=[OBSERVE])
     def every_rig() -> RigList:  # pyright: ignore[reportUnusedFunction]
         """The rigs this supervisor serves, its own first."""
         return RigList(rigs=rigs.of_all(rig_view))
 
-    @router.get("/rigs/{rig}", responses=responses(404, 503))
+    @router.get("/rigs/{rig}", responses=responses(404, 503), dependencies=[OBSERVE])
     def rig_state(rig: str) -> Rig:  # pyright: ignore[reportUnusedFunction]
         """One rig: programs, interlocks, limits, latch, and whether a job can start."""
         return rig_view(rigs.get(rig))
 
-    @router.post("/rigs/{rig}/estop", responses=responses(404, 503))
+    @router.post("/rigs/{rig}/estop", responses=responses(404, 503), dependencies=[OBSERVE])
     async def estop(rig: str, request: Request) -> Stopped:  # pyright: ignore[reportUnusedFunction]
         """Stop at once: freeze a held part, ramp a free arm, latch. Always accepted; no body."""
         return await _estop(rigs.get(rig), sender(request))
 
-    @router.post("/rigs/{rig}/reset", responses=responses(404, 409, 422, 503))
+    @router.post(
+        "/rigs/{rig}/reset", responses=responses(404, 409, 422, 503), dependencies=[OPERATE]
+    )
     def reset(  # pyright: ignore[reportUnusedFunction]
         rig: str, _body: ResetRequest, who: Who
     ) -> Stopped:
         """Clear the latch, once a person has seen the cause; a held part stays held."""
         return rigs.get(rig).latch.reset(who)
 
-    @router.post("/rigs/{rig}/queue/actions", responses=responses(404, 409, 422, 503))
+    @router.post(
+        "/rigs/{rig}/queue/actions",
+        responses=responses(404, 409, 422, 503),
+        dependencies=[OPERATE],
+    )
     def order_queue(  # pyright: ignore[reportUnusedFunction]
-        rig: str, body: QueueRequest, who: Who
+        rig: str, body: QueueRequest, who: Who, note: Note
     ) -> Rig:
         """Let a halted queue go on, or stop all jobs that wait."""
+        note(body.type)
         conductor = rigs.get(rig)
         conductor.order_queue(body.type, who)
         return rig_view(conductor)
 
-    @router.get("/rigs/{rig}/model", responses=responses(404, 503))
+    @router.get("/rigs/{rig}/model", responses=responses(404, 503), dependencies=[OBSERVE])
     def model(rig: str) -> ModelView:  # pyright: ignore[reportUnusedFunction]
         """The model in use: every quantity that can be calibrated, and the versions there are."""
         return model_view(rigs.get(rig).site.model)
 
-    @router.post("/rigs/{rig}/model/actions", responses=responses(404, 409, 422, 503))
+    @router.post(
+        "/rigs/{rig}/model/actions",
+        responses=responses(404, 409, 422, 503),
+        dependencies=[ADMIN],
+    )
     def use_model(  # pyright: ignore[reportUnusedFunction]
-        rig: str, body: ModelAction
+        rig: str, body: ModelAction, note: Note
     ) -> ModelView:
         """Go back to a version of the model, or with 0 to the rig file alone."""
+        note(f"{body.type} {body.version}")
         return rigs.get(rig).use_model(body.version)
 
     return router

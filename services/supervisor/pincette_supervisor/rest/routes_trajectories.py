@@ -20,7 +20,9 @@ from pincette.api.trajectory_models import (
 )
 from pincette_supervisor.journal.trajectories import TrajectoryRow
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.rest.headers import Key
+from pincette_supervisor.rest.audited import DRY_RUN
+from pincette_supervisor.rest.guard import OBSERVE, OPERATE, Note
+from pincette_supervisor.rest.headers import Key, Who
 from pincette_supervisor.rest.routes_jobs import take
 from pincette_supervisor.rest.sample_formats import (
     COLUMNS,
@@ -71,6 +73,7 @@ def routes(rigs: Rigs) -> APIRouter:
         "",
         status_code=201,
         response_model=Trajectory | Plan | MotionPlan,
+        dependencies=[OPERATE],
         responses={
             200: {
                 "model": Trajectory | Plan | MotionPlan,
@@ -83,9 +86,11 @@ def routes(rigs: Rigs) -> APIRouter:
     def create(  # pyright: ignore[reportUnusedFunction]
         body: TrajectoryBody,
         response: Response,
+        note: Note,
         dry_run: Annotated[bool, Query(description="keep nothing")] = False,
     ) -> object:
         """Plan a grip, a track or a move, foretell it, and keep it where it breaks no limit."""
+        note(DRY_RUN if dry_run or body.dry_run else body.kind)
         conductor = rigs.chosen(body.rig)
         row, planned = planned_anew(conductor, body)
         if dry_run or body.dry_run:
@@ -98,14 +103,22 @@ def routes(rigs: Rigs) -> APIRouter:
             response.status_code = 200
         return _view(conductor, row, planned)
 
-    @router.post("/plot", response_class=Response, responses={**PNG, **responses(404, 422, 503)})
-    def plot_anew(body: TrajectoryBody) -> Response:  # pyright: ignore[reportUnusedFunction]
+    @router.post(
+        "/plot",
+        response_class=Response,
+        responses={**PNG, **responses(404, 422, 503)},
+        dependencies=[OPERATE],
+    )
+    def plot_anew(  # pyright: ignore[reportUnusedFunction]
+        body: TrajectoryBody, note: Note
+    ) -> Response:
         """Draw the plan of a request, feasible or not; nothing is kept."""
+        note(DRY_RUN)
         conductor = rigs.chosen(body.rig)
         _, planned = planned_anew(conductor, body)
         return _png(conductor, planned, "not kept")
 
-    @router.get("", responses=responses(422))
+    @router.get("", responses=responses(422), dependencies=[OBSERVE])
     def trajectories(  # pyright: ignore[reportUnusedFunction]
         limit: Annotated[int, Query(ge=1, le=500)] = 50,
     ) -> TrajectoryList:
@@ -117,7 +130,7 @@ def routes(rigs: Rigs) -> APIRouter:
             ]
         )
 
-    @router.get("/{digest}", responses=responses(404, 503))
+    @router.get("/{digest}", responses=responses(404, 503), dependencies=[OBSERVE])
     def trajectory(digest: str) -> Trajectory:  # pyright: ignore[reportUnusedFunction]
         """One trajectory, planned and foretold with the model that it was made with."""
         conductor, kept, row = found(digest)
@@ -128,6 +141,7 @@ def routes(rigs: Rigs) -> APIRouter:
 
     @router.get(
         "/{digest}/samples",
+        dependencies=[OBSERVE],
         response_model=None,
         responses={**FORMATS, **responses(404, 409, 422, 503)},
     )
@@ -162,6 +176,7 @@ def routes(rigs: Rigs) -> APIRouter:
 
     @router.get(
         "/{digest}/plot",
+        dependencies=[OBSERVE],
         response_class=Response,
         responses={**PNG, **responses(404, 409, 503)},
     )
@@ -173,6 +188,7 @@ def routes(rigs: Rigs) -> APIRouter:
 
     @router.post(
         "/{digest}/jobs",
+        dependencies=[OPERATE],
         status_code=201,
         response_model=Job,
         responses={
@@ -184,13 +200,17 @@ def routes(rigs: Rigs) -> APIRouter:
     def start(  # pyright: ignore[reportUnusedFunction]
         digest: str,
         response: Response,
+        who: Who,
+        note: Note,
         body: TrajectoryStart | None = None,
         idempotency_key: Key = None,
     ) -> object:
         """Take a job that does what the trajectory says, with rig file and model as they were."""
         conductor, kept, row = found(digest)
         request = kept.request(row, body or TrajectoryStart())
-        return take(conductor, request, response, dry_run=False, key=idempotency_key)
+        return take(
+            conductor, request, response, dry_run=False, by=who, note=note, key=idempotency_key
+        )
 
     return router
 

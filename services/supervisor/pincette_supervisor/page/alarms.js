@@ -1,0 +1,86 @@
+// Alarms of the rig: those that are open, to be acknowledged, and on demand those of before.
+
+import { get, post, RIG, told } from "./api.js";
+import { byId, chip, h, show } from "./dom.js";
+import { clock } from "./words.js";
+
+const OF_RIG = `rig=${encodeURIComponent(RIG)}`;
+const MOST = 50;
+const ENDS = { reset: "until the rig is reset", condition: "still so", acknowledge: "" };
+
+export class Alarms {
+  constructor({ refresh }) {
+    this.refreshAll = refresh;
+    this.all = false;
+    this.alarms = [];
+    this.said = h("p", { class: "fault", role: "alert", id: "alarm-said" });
+    this.panel = h("section", { id: "alarms", "aria-labelledby": "alarms-title" });
+    byId("panel-rig").prepend(this.panel, this.said);
+  }
+
+  /** The mark at the tab counts what nobody has acknowledged, whichever tab is open. */
+  async refresh() {
+    const query = this.all ? "" : "&open=true";
+    const { alarms, open } = await get(`/alarms?${OF_RIG}&limit=${MOST}${query}`);
+    this.alarms = alarms;
+    this.mark(open);
+    this.render(open);
+  }
+
+  mark(open) {
+    const tab = byId("tab-rig");
+    const text = open ? `Rig (${open})` : "Rig";
+    if (tab.textContent !== text) tab.textContent = text;
+    tab.setAttribute("aria-label", open ? `Rig, ${open} open alarms` : "Rig");
+  }
+
+  render(open) {
+    show(this.panel, [this.alarms, this.all, open], () => [
+      h("h2", { id: "alarms-title" }, open ? `Alarms (${open} open)` : "Alarms"),
+      this.alarms.length ? this.table() : h("p", { class: "muted" },
+        this.all ? "There has been no alarm." : "No alarm is open."),
+      h("button", { type: "button", class: "quiet", id: "alarms-all", "aria-pressed": String(this.all),
+        onclick: () => {
+          this.all = !this.all;
+          this.refresh().catch(() => {});
+        } }, "Show those of before"),
+    ]);
+  }
+
+  table() {
+    const head = ["Last", "What", "Seen"];
+    return h("table", { class: "list" },
+      h("caption", { class: "unseen" }, "Alarms, the newest first"),
+      h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
+      h("tbody", {}, ...this.alarms.map((each) => this.row(each))));
+  }
+
+  row(each) {
+    const tone = !each.open ? "muted" : each.severity === "alarm" ? "bad" : "warn";
+    const ends = each.cleared_at === null ? ENDS[each.clears] : "";
+    const notes = [each.count > 1 ? `${each.count} times` : "", each.job ? `job ${each.job}` : "", ends];
+    return h("tr", { id: `alarm-${each.id}` },
+      h("th", { scope: "row" }, clock(each.last_at)),
+      h("td", {}, chip(each.words, tone),
+        h("span", { class: "muted block" }, notes.filter(Boolean).join(", "))),
+      h("td", { class: "figures" }, each.acknowledged_at === null ? this.button(each)
+        : h("span", { class: "muted" }, each.acknowledged_by)));
+  }
+
+  button(each) {
+    return h("button", { type: "button", id: `acknowledge-${each.id}`, "data-needs": "operate",
+      "aria-label": `Acknowledge: ${each.words}`,
+      onclick: () => this.acknowledge(each.id) }, "Acknowledge");
+  }
+
+  async acknowledge(id) {
+    this.said.textContent = "";
+    try {
+      await post(`/alarms/${id}/actions`, { type: "acknowledge" });
+    } catch (problem) {
+      this.said.textContent = told(problem);
+    }
+    await this.refresh().catch(() => {});
+    this.refreshAll();
+  }
+}

@@ -1,0 +1,90 @@
+"""The HTTP server: its connections, and which of them make room for others."""
+
+import asyncio
+from typing import cast
+
+import uvicorn
+from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
+
+MOST = 384
+"""Connections; each is an open file, of which a process usually has 1024."""
+HEAD_S = 10.0
+"""From the first sign of a request to the end of its head."""
+HEAD_BYTES = 16_384
+"""Of a head; a longer one is refused with 400."""
+STOP_S = 2
+
+
+class Connection(H11Protocol):
+    """One connection. While nothing is asked over it, it makes room for others, the oldest first.
+
+    So a flood of connections shuts nobody out: whoever comes in order to stop the rig finds one.
+    ``limit_concurrency`` of uvicorn would refuse by number alone, whoever comes.
+    """
+
+    _head: asyncio.TimerHandle | None = None
+    idle_since_s = 0.0
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as in uvicorn
+        """Take a connection, at the cost of another one where there are too many."""
+        super().connection_made(transport)
+        self.idle_since_s = self.loop.time()
+        self._await_head()
+        if len(self.connections) > MOST:
+            others = cast("set[object]", self.connections)
+            idle = [one for one in others if isinstance(one, Connection) and one.idle]
+            if idle:
+                min(idle, key=lambda one: one.idle_since_s).transport.abort()
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is being answered."""
+        cycle = cast("RequestResponseCycle | None", self.cycle)  # None until there is one
+        return cycle is None or cycle.response_complete
+
+    def data_received(self, data: bytes) -> None:
+        """Read; what began to ask must come to the point."""
+        super().data_received(data)
+        if self.idle:
+            self._await_head()
+        else:
+            self._cancel()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        self.idle_since_s = self.loop.time()
+        super().on_response_complete()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget it."""
+        self._cancel()
+        super().connection_lost(exc)
+
+    def _await_head(self) -> None:
+        if self._head is None:
+            self._head = self.loop.call_later(HEAD_S, self.transport.abort)
+
+    def _cancel(self) -> None:
+        if self._head is not None:
+            self._head.cancel()
+            self._head = None
+
+
+def server_of(app: ASGIApp) -> uvicorn.Server:
+    """The server of an application; nothing of a request is logged, least of all its head."""
+    return uvicorn.Server(
+        uvicorn.Config(
+            app,
+            http=Connection,
+            ws="none",
+            log_config=None,
+            log_level="warning",
+            access_log=False,
+            lifespan="off",
+            proxy_headers=False,
+            server_header=False,
+            h11_max_incomplete_event_size=HEAD_BYTES,
+            timeout_graceful_shutdown=STOP_S,
+        )
+    )

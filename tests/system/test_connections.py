@@ -1,0 +1,128 @@
+"""The HTTP server under strangers who hold connections: whoever comes to stop the rig finds one."""
+
+import re
+import socket
+from collections.abc import Generator
+from contextlib import ExitStack
+from pathlib import Path
+from time import monotonic
+
+import httpx
+import pytest
+
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.buckets import Buckets
+from pincette_supervisor.rest import server
+from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.rest.server import HEAD_BYTES, MOST
+from tests.support.keys import key_of_each_scope, shown
+from tests.support.rigs import demo_rig
+from tests.support.served import connected, served
+from tests.support.stalls import StallRecorder
+from tests.unit.supervisor.rig import Desk
+
+ESTOP_S = 0.5
+"""In which a stop is answered while strangers hold every connection they can get."""
+HALF_A_HEAD = b"GET /api/v1/rigs HTTP/1.1\r\nHost: localhost\r\nX-Slow: "
+HALF_A_BODY = (
+    b"POST /api/v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    b"Content-Length: 100000\r\n\r\n{"
+)
+ESTOP = b"POST /api/v1/rigs/demo/estop HTTP/1.1\r\nHost: localhost\r\n\r\n"
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Generator[Desk]:
+    made = Desk(demo_rig(time="lockstep"), tmp_path)
+    made.app = create_app(made.rigs, Access(buckets=Buckets()))
+    yield made
+    made.close()
+
+
+def test_a_stop_comes_through_a_flood_of_connections(
+    desk: Desk, stalls: StallRecorder, figures: list[str]
+) -> None:
+    with served(desk.app) as address, ExitStack() as held:
+        for number in range(MOST + 100):
+            stranger = held.enter_context(connected(address))
+            if number % 2:
+                stranger.sendall(HALF_A_HEAD)
+        for _ in range(30):
+            held.enter_context(connected(address)).sendall(HALF_A_BODY)
+        begun_s = monotonic()
+        with httpx.Client(base_url=address, trust_env=False, timeout=30.0) as client:
+            answer = client.post("/api/v1/rigs/demo/estop")
+        took_s = monotonic() - begun_s
+        stood_s = stalls.between(begun_s, begun_s + took_s)
+    assert answer.status_code == 200
+    assert [row.body["cause"] for row in desk.told("alarm")] == ["estop"]
+    figures.append(
+        f"estop through {MOST + 130} connections of strangers: {1e3 * took_s:.0f} ms, of which "
+        f"the machine stood still {1e3 * stood_s:.0f} ms"
+    )
+    assert took_s - stood_s < ESTOP_S
+
+
+def last_words(one: socket.socket) -> bytes:
+    """What came before the connection ended."""
+    try:
+        return one.recv(100)
+    except ConnectionResetError:
+        return b""
+
+
+def test_a_connection_that_comes_to_no_point_is_given_up(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "HEAD_S", 0.2)
+    with served(desk.app) as address, ExitStack() as held:
+        silent, slow = (held.enter_context(connected(address)) for _ in range(2))
+        slow.sendall(HALF_A_HEAD)
+        used = held.enter_context(connected(address))
+        used.sendall(ESTOP)
+        assert used.recv(100).startswith(b"HTTP/1.1 200 ")
+        assert [last_words(one) for one in (silent, slow)] == [b"", b""]
+
+
+def test_a_connection_that_is_used_again_is_kept(desk: Desk) -> None:
+    with (
+        served(desk.app) as address,
+        httpx.Client(base_url=address, trust_env=False, timeout=30.0) as client,
+    ):
+        for _ in range(20):
+            assert client.get("/livez").status_code == 200
+
+
+def test_a_head_that_is_too_long_is_refused(desk: Desk) -> None:
+    with served(desk.app) as address, connected(address) as stranger:
+        stranger.sendall(HALF_A_HEAD + b"x" * (2 * HEAD_BYTES))
+        assert stranger.recv(100).startswith(b"HTTP/1.1 400 ")
+
+
+def test_no_key_stands_in_a_log_or_an_answer(
+    desk: Desk, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    access = Access()
+    desk.app = create_app(desk.rigs, access)
+    ring = key_of_each_scope(desk.store, access.gate)
+    key = ring.keys["observe"]
+    said: list[str] = []
+    with (
+        caplog.at_level("DEBUG"),
+        served(desk.app) as address,
+        httpx.Client(base_url=f"{address}/api/v1", trust_env=False, timeout=30.0) as client,
+    ):
+        for method, path, headers in (
+            ("GET", "/rigs", shown(key)),
+            ("POST", "/jobs", shown(key)),
+            ("GET", "/rigs", shown(key + "x")),
+            ("GET", "/rigs", {"Authorization": key}),
+            ("GET", "/rigs", {"Authorization": f"Basic {key}"}),
+            ("POST", "/session", shown(key)),
+            ("GET", f"/audit?key={key}", ring.headers("admin")),
+        ):
+            answer = client.request(method, path, headers=headers)
+            said.append(answer.text + str(answer.headers))
+    ours = [record.getMessage() for record in caplog.records if "httpx" not in record.name]
+    told = "".join([*said, *ours, *capfd.readouterr()])
+    assert not re.search(re.escape(key.removeprefix("pincette_")), told)

@@ -1,0 +1,174 @@
+"""The page where the supervisor wants a key: signing in, what a scope allows, and the e-stop."""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, ViewportSize
+from starlette.types import Receive, Scope, Send
+
+from pincette.api import access_models
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.secret import digest_of, new_key
+from pincette_supervisor.journal.audit import AuditBook
+from pincette_supervisor.journal.keys import KeyBook
+from pincette_supervisor.rest.api import create_app
+from tests.support.browser import DESK, Visit, visit
+from tests.support.rigs import demo_rig
+from tests.support.served import served
+from tests.unit.supervisor.rig import Desk
+
+LONG_S = 60.0
+EXPECTED = ("401", "403", "409")
+"""Refusals that a browser notes as errors of its own."""
+
+
+@dataclass
+class Bench:
+    """A canned rig behind a real server, whose page a real browser opens."""
+
+    desk: Desk
+    access: Access
+    address: str
+
+    def key(self, name: str, scope: access_models.Scope) -> str:
+        """Make a key that is in force at once."""
+        key, book = new_key(), KeyBook(self.desk.store)
+        book.add(name, digest_of(key), scope)
+        self.access.gate.renew(book)
+        return key
+
+
+@pytest.fixture
+def bench(browser: Browser, tmp_path: Path) -> Generator[Bench]:
+    assert browser.is_connected()
+    desk, access = Desk(demo_rig(time="lockstep"), tmp_path), Access()
+    desk.app = create_app(desk.rigs, access)
+    try:
+        with served(desk.app) as address:
+            yield Bench(desk, access, address)
+    finally:
+        desk.close()
+
+
+@pytest.fixture
+def context(browser: Browser) -> Generator[BrowserContext]:
+    opened = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def foreign() -> Generator[str]:
+    with served(elsewhere) as address:
+        yield address
+
+
+def sign_in(seen: Visit, key: str) -> None:
+    seen.page.fill("#sign-in-key", key)
+    seen.page.press("#sign-in-key", "Enter")
+
+
+def barred(seen: Visit, place: str) -> str:
+    """Why a control is switched off; empty where it is not."""
+    control = seen.page.locator(place)
+    return str(control.get_attribute("title") or "") if control.is_disabled() else ""
+
+
+def test_signing_in_and_what_it_allows(bench: Bench, context: BrowserContext) -> None:
+    seen = visit(context, bench.address)
+    assert seen.page.locator("#sign-in").is_hidden()
+    assert seen.page.locator("#who").is_hidden()
+    assert barred(seen, "#start") == ""
+
+    seer, operator = bench.key("seer", "observe"), bench.key("cell-7", "operate")
+    seen.until("#sign-in", "This supervisor wants a key")
+    seen.page.click("#estop")
+    seen.until("#estop-said", "this supervisor wants a key")
+    sign_in(seen, "pincette_wrong")
+    seen.until("#sign-in-said", "opens nothing")
+
+    sign_in(seen, seer)
+    seen.until("#who", "seer · observe")
+    seen.until("#may", "see everything, and stop at once")
+    seen.until("#connection", "connected")
+    assert seen.page.locator("#sign-in").is_hidden()
+    assert barred(seen, "#start") == "needs scope operate; key seer has observe"
+    assert barred(seen, "#dry-run") != ""
+    seen.page.click("#estop")
+    seen.until("#estop-said", "confirmed by the actuator")
+    seen.until("#latch-cause", "emergency stop")
+    assert "needs scope operate" in barred(seen, "#reset-open")
+
+    seen.page.reload()
+    seen.until("#who", "seer · observe")
+    seen.until("#facts", "latched")
+    seen.until_true(lambda: "needs scope operate" in barred(seen, "#start"), "start is not barred")
+    stored = seen.page.evaluate("document.cookie + JSON.stringify({...localStorage})")
+    assert seer not in stored
+    assert "pincette_session" not in stored
+
+    seen.page.click("#sign-out")
+    seen.until("#sign-in", "This supervisor wants a key")
+    sign_in(seen, operator)
+    seen.until("#who", "cell-7 · operate")
+    seen.page.click("#reset-open")
+    seen.page.check("#reset-seen")
+    seen.page.click("#reset button[type=submit]")
+    seen.until("#fact-start", "can start")
+    assert barred(seen, "#start") == ""
+    seen.until_true(lambda: seen.page.input_value("#field-force_mN") != "", "no defaults came")
+    seen.page.click("#start")
+    seen.until("#current-state", "succeeded", 60.0)
+    seen.page.click("#current-open")
+    seen.until("#job-detail", "Asked for by cell-7")
+    seen.page.click("#tab-rig")
+    seen.until("#rig-model", "in use")
+
+    assert seen.foreign() == []
+    assert [one for one in seen.errors if not any(code in one for code in EXPECTED)] == []
+
+
+async def elsewhere(_scope: Scope, _receive: Receive, send: Send) -> None:
+    """A page of another server on this machine."""
+    headers = [(b"content-type", b"text/html")]
+    await send({"type": "http.response.start", "status": 200, "headers": headers})
+    await send({"type": "http.response.body", "body": b"<p>elsewhere</p>"})
+
+
+def test_a_page_of_elsewhere_can_neither_act_nor_read_nor_frame(
+    bench: Bench, foreign: str, context: BrowserContext
+) -> None:
+    """To a browser it is of the same site, whose cookies it would send along."""
+    origin = bench.address
+    name = bench.desk.conductor.name
+    page = context.new_page()
+    said: list[str] = []
+    page.on("console", lambda message: said.append(message.text))
+    page.goto(foreign)
+    read = page.evaluate(
+        """async ([origin, rig]) => {
+          const place = `${origin}/api/v1/rigs/${rig}/estop`;
+          await fetch(place, { method: "POST", mode: "no-cors" }).catch(() => {});
+          const read = await fetch(`${origin}/livez`).then(() => true, () => false);
+          const frame = document.createElement("iframe");
+          frame.src = origin;
+          const loaded = new Promise((go) => { frame.onload = go; setTimeout(go, 2000); });
+          document.body.append(frame);
+          await loaded;
+          return read;
+        }""",
+        [origin, name],
+    )
+    assert read is False
+    begun_s = monotonic()
+    while not [text for text in said if "frame-ancestors" in text]:
+        assert monotonic() - begun_s < LONG_S, said
+        page.wait_for_timeout(50)
+    book = AuditBook(bench.desk.store)
+    bench.access.trail.flush(book, everything=True)
+    refused = [(row.action, row.status) for row in book.newest(10)]
+    assert refused == [(f"POST /api/v1/rigs/{name}/estop", 403)]
+    assert bench.desk.told("alarm") == []

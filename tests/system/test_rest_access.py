@@ -1,0 +1,140 @@
+"""The supervisor as a program: where it starts, whom it lets in, and that no file has a key."""
+
+import subprocess
+from collections.abc import Generator
+from contextlib import closing
+from pathlib import Path
+from time import monotonic, sleep
+
+import httpx
+import pytest
+
+from pincette.api.access_models import Scope
+from pincette.config import RigFile
+from pincette.config.reading import laid_over
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.keeper import kept
+from pincette_supervisor.access.key_store import open_keys
+from pincette_supervisor.rest.api import create_app
+from tests.support.commands import PINCETTE, pincette
+from tests.support.grips import SHORT, make_ready
+from tests.support.keys import shown
+from tests.support.rigs import demo_rig, rig_toml
+from tests.support.running import RunningRig, running_rig
+from tests.support.served import served
+from tests.unit.supervisor.rig import Desk
+
+KNOWN_S = 10.0
+"""In which a running supervisor knows what the command line has changed; it says within one."""
+LONG_S = 180.0
+"""For a command on a machine that has much else to do."""
+
+
+def made(data: Path, name: str, scope: Scope) -> str:
+    """A key, made as the command line makes it, beside a supervisor that may run."""
+    with open_keys(data) as keys:
+        return keys.add(name, scope, None)[0]
+
+
+def status(client: httpx.Client, headers: dict[str, str] | None = None) -> int:
+    return client.get("/rigs", headers=headers).status_code
+
+
+def until(wanted: int, client: httpx.Client, headers: dict[str, str] | None = None) -> None:
+    begun_s = monotonic()
+    while status(client, headers) != wanted:
+        assert monotonic() - begun_s < KNOWN_S, f"no {wanted} within {KNOWN_S:g} s"
+        sleep(0.05)
+
+
+def started(rig: RigFile, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A supervisor that is expected to refuse to start."""
+    path = folder / "rig.toml"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    command = [*PINCETTE, "run", "supervisor", "--rig", str(path), "--data", str(folder / "data")]
+    return subprocess.run(command, capture_output=True, text=True, timeout=LONG_S, check=False)
+
+
+def test_it_does_not_start_where_others_reach_it_without_a_key(tmp_path: Path) -> None:
+    rig = demo_rig({"supervisor": {"host": "0.0.0.0"}})
+    for prepare in (lambda: None, lambda: revoked(tmp_path / "data")):
+        prepare()
+        done = started(rig, tmp_path)
+        assert done.returncode == 2
+        assert "other machines can reach 0.0.0.0" in done.stderr
+        assert "pincette key add NAME" in done.stderr
+
+
+def revoked(data: Path) -> None:
+    made(data, "gone", "admin")
+    revoke(data, "gone")
+
+
+def revoke(data: Path, name: str) -> None:
+    with open_keys(data) as keys:
+        assert keys.revoke(name)
+
+
+def test_keys_are_in_force_as_soon_as_there_is_one_and_stand_nowhere(tmp_path: Path) -> None:
+    """The journal's keeper, the HTTP server and the command line as they are; the rig is canned."""
+    desk, access = Desk(demo_rig(time="lockstep"), tmp_path), Access()
+    desk.app = create_app(desk.rigs, access)
+    with (
+        closing(desk),
+        kept(desk.store, access),
+        served(desk.app) as address,
+        httpx.Client(base_url=f"{address}/api/v1", trust_env=False, timeout=LONG_S) as client,
+    ):
+        _keys_come_and_go(client, address, tmp_path)
+    written = b"".join(path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
+    assert b"pincette_" not in written
+
+
+def _keys_come_and_go(client: httpx.Client, address: str, data: Path) -> None:
+    assert status(client) == 200
+    seer, operator = made(data, "seer", "observe"), made(data, "cell-7", "operate")
+    boss = made(data, "boss", "admin")
+    until(200, client, shown(boss))
+    assert status(client) == 401
+    assert status(client, shown(seer)) == status(client, shown(operator)) == 200
+    assert client.get(f"/rigs?key={seer}").status_code == 401
+
+    body = {"kind": "grip", "autostart": True}
+    assert client.post("/jobs", json=body, headers=shown(seer)).status_code == 403
+    labelled = {**shown(operator), "X-Operator": "Ann"}
+    job = client.post("/jobs", json=body, headers=labelled)
+    assert (job.status_code, job.json()["by"]) == (201, "cell-7 (Ann)")
+
+    refused = pincette(
+        "job", "grip", "--no-wait", "--url", address, "--key", seer, timeout_s=LONG_S
+    )
+    assert refused.returncode == 1
+    assert "needs scope operate" in refused.stderr
+    assert "key 'seer' has observe" in refused.stderr
+    audited = pincette("audit", "--json", "--url", address, "--key", boss, timeout_s=LONG_S)
+    assert '"who": "cell-7 (Ann)"' in audited.stdout
+    assert '"status": 403' in audited.stdout
+
+    revoke(data, "seer")
+    until(401, client, shown(seer))
+    assert status(client, shown(operator)) == 200
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    folder = tmp_path_factory.mktemp("rig")
+    patient = {"safety": {"command_age_periods": 10.0}}
+    with running_rig(demo_rig(laid_over(SHORT, patient)), folder) as running:
+        make_ready(running)
+        yield running
+
+
+def test_a_whole_rig_wants_the_key_and_a_stop_needs_none_at_the_actuator(rig: RunningRig) -> None:
+    seer = made(rig.data, "seer", "observe")
+    until(401, rig.client)
+    until(200, rig.client, shown(seer))
+    place = ("estop", "--rig", rig.path)
+    without, seen = (pincette(*place, *key, timeout_s=LONG_S) for key in ((), ("--key", seer)))
+    assert (without.returncode, seen.returncode) == (0, 0)
+    assert "at the actuator" in without.stdout
+    assert "through the supervisor" in seen.stdout

@@ -1,0 +1,180 @@
+"""`pincette security`: folders of certificates from the command line, and what doctor says."""
+
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from pincette.cli import security_made
+from pincette.cli.main import main, parser
+from pincette.cli.rig_file import PKI, opened
+from pincette.cli.security_findings import certificates
+from pincette.config import RigFile
+from pincette.security.folder import Folder
+from pincette.security.identity import program
+from tests.support.certificates import NOW, folder_for
+from tests.support.rigs import DEMO, demo_rig
+
+Said = Callable[..., str]
+
+
+@pytest.fixture
+def said(capsys: pytest.CaptureFixture[str]) -> Said:
+    """What a line of words prints, where it ends as expected."""
+
+    def run(*words: str | Path, status: int = 0) -> str:
+        assert main(["security", *map(str, words)]) == status
+        captured = capsys.readouterr()
+        return captured.err if status else captured.out
+
+    return run
+
+
+def test_init_makes_all_and_says_what_to_do_with_it(said: Said, tmp_path: Path) -> None:
+    place = tmp_path / "pki"
+    text = said("init", place, "--rig", "left", "--rig", "right", "--host", "bench")
+    folder = Folder(place)
+    assert folder.rigs() == ("left", "right")
+    assert folder.facts(program("actuator", "right")).hosts == ("bench",)
+    for facts in folder.all():
+        assert facts.identity.name in text
+    assert f'pki = "{place}"' in text
+    assert "authority.key" in text
+    assert "is not empty" in said("init", place, "--rig", "left", status=1)
+
+
+def test_without_a_name_it_is_for_the_rig_of_the_rig_file(
+    said: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PINCETTE_RIG", str(DEMO))
+    said("init", tmp_path / "pki")
+    assert Folder(tmp_path / "pki").rigs() == ("demo",)
+
+
+def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_anew(
+    said: Said, tmp_path: Path
+) -> None:
+    folder = folder_for(tmp_path / "pki", "left")
+    assert "restart the router" in said("add", folder.path, "right")
+    assert folder.rigs() == ("left", "right")
+    assert "actuator" not in said("issue", folder.path, "anna", "--role", "viewer")
+    assert "each actuator" in said("issue", folder.path, "otto", "--role", "operator")
+    assert folder.named("otto").role == "operator"
+    assert "restart the router" in said("revoke", folder.path, "otto")
+    assert "'otto' has no certificate" in said("revoke", folder.path, "otto", status=1)
+    assert "is a program" in said("revoke", folder.path, "left/sensor", status=1)
+
+
+def test_renew_takes_those_that_are_named_or_end_soon(said: Said, tmp_path: Path) -> None:
+    folder = folder_for(tmp_path / "pki", "left", days=90.0)
+    assert "none ends within 30 days" in said("renew", folder.path)
+    sensor = program("sensor", "left")
+    folder.renew(sensor, NOW, 5.0)
+    assert "renewed: left/sensor\n" in said("renew", folder.path)
+    assert folder.facts(sensor).ends > NOW + timedelta(days=700)
+    assert "renewed: viewer\n" in said("renew", folder.path, "viewer", "--days", "9")
+    assert "wanted more than 0 days" in said(
+        "renew", folder.path, "viewer", "--days", "0", status=1
+    )
+
+
+def test_show_says_who_until_when_and_where(said: Said, tmp_path: Path) -> None:
+    folder = folder_for(tmp_path / "pki", "left", days=90.0)
+    folder.renew(program("sensor", "left"), NOW, 5.0)
+    rows = {row["name"]: row for row in json.loads(said("show", folder.path, "--json"))}
+    assert rows["left/sensor"]["state"] == "ends soon"
+    assert rows["left/actuator"] == {
+        "name": "left/actuator",
+        "role": "actuator",
+        "begins": rows["left/actuator"]["begins"],
+        "ends": (NOW + timedelta(days=90)).replace(microsecond=0).isoformat(),
+        "state": "good",
+        "hosts": ["localhost", "127.0.0.1"],
+    }
+    assert "left/sensor " in said("show", folder.path)
+    folder.renew(program("sensor", "left"), NOW - timedelta(days=9), 5.0)
+    assert main(["security", "show", str(folder.path)]) == 1
+
+
+def test_a_folder_that_is_none_is_an_error_in_words(said: Said, tmp_path: Path) -> None:
+    assert "authority.crt: No such file" in said("show", tmp_path, status=1)
+
+
+def test_the_environment_names_a_folder_in_place_of_the_rig_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert opened(DEMO).bus.pki is None
+    monkeypatch.setenv(PKI, str(tmp_path))
+    assert opened(DEMO).bus.pki == str(tmp_path)
+
+
+class TestOnTheFly:
+    def test_the_demos_are_gone_afterwards(self) -> None:
+        rig = demo_rig()
+        with security_made.passing(rig) as place:
+            assert Folder(place).rigs() == ("demo",)
+            assert Folder(place).facts(program("router", "")).hosts == (rig.bus.host,)
+        assert not place.exists()
+
+    def test_those_beside_the_records_stay_and_take_in_another_rig(self, tmp_path: Path) -> None:
+        place = security_made.standing(demo_rig(), tmp_path)
+        before = Folder(place).credentials(program("sensor", "demo")).certificate.read_bytes()
+        other = demo_rig({"rig": {"name": "right"}})
+        assert security_made.standing(demo_rig(), tmp_path) == place
+        assert security_made.standing(other, tmp_path) == place
+        assert Folder(place).rigs() == ("demo", "right")
+        after = Folder(place).credentials(program("sensor", "demo")).certificate.read_bytes()
+        assert after == before
+
+    @pytest.mark.parametrize("word", ["up", "demo"])
+    def test_one_flag_makes_them(self, word: str) -> None:
+        assert parser().parse_args([word, "--secure"]).secure
+        assert not parser().parse_args([word]).secure
+
+
+class TestDoctor:
+    def rig(self, folder: Folder) -> RigFile:
+        return demo_rig().secured(folder.path)
+
+    def says(self, rig: RigFile, now: datetime | None = None) -> list[tuple[str, str]]:
+        return [(finding.mark, finding.what) for finding in certificates(rig, now)]
+
+    def test_nothing_of_a_rig_on_loopback_without_certificates(self) -> None:
+        assert self.says(demo_rig()) == []
+
+    def test_that_a_rig_beyond_loopback_is_open(self) -> None:
+        ((mark, what),) = self.says(demo_rig({"bus": {"host": "192.0.2.1"}}))
+        assert mark == "note"
+        assert "192.0.2.1" in what
+
+    def test_that_all_is_well(self, tmp_path: Path) -> None:
+        folder = folder_for(tmp_path / "pki", "demo", days=90.0)
+        ((mark, what),) = self.says(self.rig(folder))
+        assert mark == "well"
+        assert f"{NOW + timedelta(days=90):%Y-%m-%d}" in what
+
+    def test_what_ends_soon(self, tmp_path: Path) -> None:
+        folder = folder_for(tmp_path / "pki", "demo", days=90.0)
+        ((mark, what),) = self.says(self.rig(folder), NOW + timedelta(days=61))
+        assert mark == "note"
+        assert "28 days left" in what or "29 days left" in what
+
+    def test_what_has_ended_is_missing_or_is_for_another_host(self, tmp_path: Path) -> None:
+        folder = folder_for(tmp_path / "pki", "demo", days=90.0)
+        rig = self.rig(folder)
+        late = datetime.now(UTC) + timedelta(days=91)
+        assert {mark for mark, _ in self.says(rig, late)} == {"missing"}
+        folder.credentials(program("sensor", "demo")).certificate.unlink()
+        assert any("sensor.crt: No such file" in what for _, what in self.says(rig))
+        bus = rig.bus.model_copy(update={"host": "192.0.2.1"})
+        said = self.says(rig.model_copy(update={"bus": bus}))
+        assert ("missing", "192.0.2.1") in {
+            (mark, "192.0.2.1") for mark, what in said if "is reached at 192.0.2.1" in what
+        }
+
+    def test_a_program_that_runs_elsewhere_has_its_key_there(self, tmp_path: Path) -> None:
+        folder = folder_for(tmp_path / "pki", "demo", days=90.0)
+        folder.credentials(program("sensor", "demo")).private_key.unlink()
+        assert [mark for mark, _ in self.says(self.rig(folder))] == ["well"]

@@ -1,0 +1,246 @@
+"""Keys and sessions: what is kept of them, whom they let in, and when they end."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pincette.api.access_models import SCOPES, Scope, covers
+from pincette_supervisor.access.caller import Caller
+from pincette_supervisor.access.gate import Gate, admit
+from pincette_supervisor.access.ring import IDLE_H, before
+from pincette_supervisor.access.secret import digest_of, new_cookie, new_key
+from pincette_supervisor.journal.keys import SESSIONS_MAX, KeyBook, KeyNameTakenError
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.problems import ProblemError
+
+NOW = "2126-03-01T12:00:00.000Z"
+"""Later than any test is run, so that nothing that a test makes is newer."""
+HERE = "127.0.0.1"
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "supervisor.sqlite"
+
+
+@pytest.fixture
+def store(path: Path) -> Iterator[Store]:
+    opened = Store(path)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def book(store: Store) -> KeyBook:
+    return KeyBook(store)
+
+
+class Clock:
+    """A time in UTC that a test moves."""
+
+    def __init__(self) -> None:
+        self.now = NOW
+
+    def __call__(self) -> str:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def gate(clock: Clock) -> Gate:
+    return Gate(now=clock)
+
+
+def made(book: KeyBook, name: str, scope: Scope = "operate", expires_at: str | None = None) -> str:
+    key = new_key()
+    book.add(name, digest_of(key), scope, expires_at)
+    return key
+
+
+def test_scopes_hold_those_before_them() -> None:
+    held = [(has, needed) for has in SCOPES for needed in SCOPES if covers(has, needed)]
+    assert held == [
+        ("observe", "observe"),
+        ("operate", "observe"),
+        ("operate", "operate"),
+        ("admin", "observe"),
+        ("admin", "operate"),
+        ("admin", "admin"),
+    ]
+
+
+def test_keys_are_long_differ_and_are_known_by_their_begin() -> None:
+    keys = {new_key() for _ in range(100)}
+    assert len(keys) == 100
+    assert all(re.fullmatch(r"pincette_[A-Za-z0-9_-]{43}", key) for key in keys)
+
+
+def test_no_file_holds_a_key_or_a_cookie(book: KeyBook, gate: Gate, path: Path) -> None:
+    key, cookie = made(book, "ann"), new_cookie()
+    gate.renew(book)
+    gate.sign_in(book, gate.known(HERE, key, None), cookie)
+    written = b"".join(file.read_bytes() for file in path.parent.iterdir())
+    assert digest_of(key).encode() in written
+    assert key.encode() not in written
+    assert key.removeprefix("pincette_").encode() not in written
+    assert cookie.encode() not in written
+
+
+def test_without_a_key_whoever_comes_may_do_everything(gate: Gate) -> None:
+    caller = gate.known(HERE, "whatever is shown", None)
+    assert (caller.scope, caller.name, caller.way) == ("admin", None, "open")
+    admit(caller, "admin")
+
+
+def test_with_a_key_nobody_comes_in_without(book: KeyBook, gate: Gate) -> None:
+    key = made(book, "ann")
+    gate.renew(book)
+    for wrong in (None, "", key[:-1], f"{key}x", key.lower(), digest_of(key), "x" * 10_000, "ä"):
+        with pytest.raises(ProblemError) as refused:
+            admit(gate.known(HERE, wrong, None), "observe")
+        assert refused.value.status == 401
+        assert (refused.value.headers or {})["WWW-Authenticate"].startswith("Bearer realm=")
+        assert not wrong or wrong not in refused.value.detail
+    assert gate.known(HERE, key, None).name == "ann"
+
+
+@pytest.mark.parametrize("has", SCOPES)
+@pytest.mark.parametrize("needed", SCOPES)
+def test_a_scope_that_is_too_small_is_told_with_both(has: Scope, needed: Scope) -> None:
+    caller = Caller(HERE, "ann", has, "key")
+    if covers(has, needed):
+        admit(caller, needed)
+        return
+    with pytest.raises(ProblemError) as refused:
+        admit(caller, needed)
+    assert refused.value.status == 403
+    assert f"needs scope {needed}" in refused.value.detail
+    assert f"key 'ann' has {has}" in refused.value.detail
+    wanted = f'error="insufficient_scope", scope="{needed}"'
+    assert wanted in (refused.value.headers or {})["WWW-Authenticate"]
+
+
+def test_a_revoked_key_opens_nothing_and_the_gate_stays_shut(book: KeyBook, gate: Gate) -> None:
+    key, cookie = made(book, "ann"), new_cookie()
+    gate.renew(book)
+    gate.sign_in(book, gate.known(HERE, key, None), cookie)
+    assert gate.known(HERE, None, cookie).way == "session"
+    assert book.revoke("ann")
+    gate.renew(book)
+    assert gate.known(HERE, key, None).scope is None
+    assert gate.known(HERE, None, cookie).scope is None
+    assert gate.keys_wanted
+    assert not gate.has_usable_key
+    assert not book.revoke("ann")
+    assert not book.revoke("bob")
+
+
+def test_a_key_expires(book: KeyBook, gate: Gate, clock: Clock) -> None:
+    key = made(book, "ann", expires_at="2126-03-01T12:00:01.000Z")
+    gate.renew(book)
+    assert gate.known(HERE, key, None).scope == "operate"
+    clock.now = "2126-03-01T12:00:01.000Z"
+    assert gate.known(HERE, key, None).scope is None
+
+
+def test_a_session_ends_when_its_page_is_silent_for_long(
+    book: KeyBook, gate: Gate, clock: Clock
+) -> None:
+    key, cookie = made(book, "ann"), new_cookie()
+    gate.renew(book)
+    gate.sign_in(book, gate.known(HERE, key, None), cookie)
+    clock.now = before(NOW, -IDLE_H + 0.1)
+    assert gate.known(HERE, None, cookie).way == "session"
+    for _ in range(2):  # keeps that it was seen just then, and looks at what is kept
+        gate.renew(book)
+    clock.now = before(clock.now, -IDLE_H + 0.1)
+    assert gate.known(HERE, None, cookie).name == "ann"
+    for _ in range(2):
+        gate.renew(book)
+    clock.now = before(clock.now, -IDLE_H - 0.1)
+    assert gate.known(HERE, None, cookie).scope is None
+
+
+def test_a_wrong_key_is_not_passed_over_for_a_cookie(book: KeyBook, gate: Gate) -> None:
+    key, cookie = made(book, "ann"), new_cookie()
+    gate.renew(book)
+    gate.sign_in(book, gate.known(HERE, key, None), cookie)
+    assert gate.known(HERE, "wrong", cookie).scope is None
+
+
+def test_sessions_are_bounded(book: KeyBook, gate: Gate) -> None:
+    key = made(book, "ann")
+    gate.renew(book)
+    caller = gate.known(HERE, key, None)
+    for _ in range(SESSIONS_MAX + 3):
+        gate.sign_in(book, caller, new_cookie())
+    assert len(book.sessions()) == SESSIONS_MAX
+
+
+def test_the_use_of_a_key_is_kept_once_a_minute(
+    book: KeyBook, gate: Gate, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key = made(book, "ann")
+    gate.renew(book)
+    noted: list[dict[str, str]] = []
+    keep = book.note_use
+
+    def note_use(keys: dict[str, str], sessions: dict[str, str]) -> None:
+        noted.append(keys)
+        keep(keys, sessions)
+
+    monkeypatch.setattr(book, "note_use", note_use)
+    for second in range(3):
+        clock.now = f"2126-03-01T12:00:0{second}.000Z"
+        gate.known(HERE, key, None)
+        gate.renew(book)
+        gate.renew(book)
+    assert noted == [{"ann": NOW}]
+    assert [row.used_at for row in book.all()] == [NOW]
+
+
+def test_a_name_is_given_once(book: KeyBook) -> None:
+    made(book, "ann")
+    book.revoke("ann")
+    with pytest.raises(KeyNameTakenError):
+        made(book, "ann", "admin")
+
+
+def test_beyond_loopback_keys_are_wanted_also_before_there_is_one() -> None:
+    gate = Gate(always=True)
+    assert gate.keys_wanted
+    assert gate.known("192.168.1.20", None, None).scope is None
+
+
+@pytest.mark.parametrize(
+    ("caller", "label", "signed"),
+    [
+        (Caller(HERE, scope="admin", way="open"), "Ann", "Ann"),
+        (Caller(HERE, scope="admin", way="open"), "", HERE),
+        (Caller(HERE, "cell-7", "operate", "key"), "Ann", "cell-7 (Ann)"),
+        (Caller(HERE, "cell-7", "operate", "key"), "", "cell-7"),
+        (Caller("10.0.0.9"), "cell-7", "10.0.0.9"),
+    ],
+)
+def test_a_label_is_no_identity_where_there_are_keys(
+    caller: Caller, label: str, signed: str
+) -> None:
+    assert caller.signed(label) == signed
+
+
+def test_what_was_known_stays_in_force_while_the_journal_cannot_be_read(
+    book: KeyBook, gate: Gate, store: Store
+) -> None:
+    key = made(book, "ann")
+    gate.renew(book)
+    store.close()
+    with pytest.raises(OSError, match="is closed"):
+        gate.renew(book)
+    assert gate.known(HERE, key, None).name == "ann"
+    assert gate.known(HERE, "wrong", None).scope is None
