@@ -21,12 +21,18 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.openapi import document
+from tests.support.keys import Ring, key_of_each_scope
 from tests.support.rigs import demo_rig
 from tests.unit.supervisor.rig import Desk
 
 SEED = 20131
 EXAMPLES = 20
+WITH_KEYS = 8
+NAMES = frozenset({"testserver"})
+"""By which schemathesis asks."""
 PATIENCE_S = 0.05
 """Longest a request may wait for a job that stands still."""
 LONGEST_S, ALLOWED_S = 20.0, 3600.0
@@ -52,6 +58,7 @@ Known = dict[str, list[str]]
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Generator[Desk]:
     desk = Desk(demo_rig(time="lockstep"), tmp_path_factory.mktemp("desk"))
+    desk.app = create_app(desk.rigs, Access(names=NAMES))
     yield desk
     desk.close()
 
@@ -59,6 +66,16 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Generator[Desk]:
 @pytest.fixture(scope="module")
 def described(desk: Desk) -> Any:
     return schemathesis.openapi.from_asgi("/openapi.json", desk.app)
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Desk, Ring]]:
+    """A supervisor that wants keys."""
+    desk = Desk(demo_rig(time="lockstep"), tmp_path_factory.mktemp("guarded"))
+    access = Access(names=NAMES)
+    desk.app = create_app(desk.rigs, access)
+    yield desk, key_of_each_scope(desk.store, access.gate)
+    desk.close()
 
 
 @pytest.fixture(scope="module")
@@ -120,3 +137,35 @@ def test_every_answer_is_documented(
     except Unsatisfiable:
         assert mode is GenerationMode.NEGATIVE, "nothing can be asked"
         pytest.skip("nothing in this request can be wrong")
+
+
+@pytest.mark.parametrize(("method", "path"), OPERATIONS)
+def test_every_answer_is_documented_where_keys_are_wanted(
+    guarded: tuple[Desk, Ring], method: str, path: str
+) -> None:
+    """Whoever asks: without a key, with one that opens nothing, and with one of each scope."""
+    desk, ring = guarded
+    described: Any = schemathesis.openapi.from_asgi("/openapi.json", desk.app)
+    cases = described[path][method].as_strategy(generation_mode=GenerationMode.POSITIVE)
+    shown = st.sampled_from([None, "wrong", *ring.keys.values()])
+
+    @seed(SEED)
+    @settings(
+        max_examples=WITH_KEYS,
+        deadline=None,
+        database=None,
+        phases=[Phase.generate],
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+    )
+    @given(case=cases, data=st.data(), key=shown)
+    def answers(case: Any, data: st.DataObject, key: str | None) -> None:
+        aim(case, data, {})
+        case.headers = {
+            name: value for name, value in case.headers.items() if name.lower() != "authorization"
+        }
+        if key is not None:
+            case.headers["Authorization"] = f"Bearer {key}"
+        response = case.call_and_validate(checks=CHECKS)
+        assert (response.status_code == 401) <= (key in (None, "wrong"))
+
+    answers()

@@ -71,7 +71,7 @@ def test_committed_document_is_what_the_topics_say() -> None:
 def test_it_is_served() -> None:
     async def read() -> httpx.Response:
         transport = httpx.ASGITransport(create_app(cast(Rigs, None)))
-        async with httpx.AsyncClient(transport=transport, base_url="http://desk") as client:
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
             return await client.get("/asyncapi.json")
 
     answer = asyncio.run(read())

@@ -4,11 +4,12 @@ import re
 import shutil
 import socket
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from pincette.config import read_rig
+from pincette.config import parse_rig, read_rig
 from pincette.runtime.fleet import ports
 from pincette.runtime.priority import FIFO
 from pincette.runtime.process import programs
@@ -101,8 +102,18 @@ def test_the_image_is_filled_from_the_pins_that_are_tested(root: Path, name: str
 def test_the_image_listens_where_compose_publishes(root: Path) -> None:
     rig = (root / "deploy/rigs/demo.toml").read_text(encoding="utf-8")
     assert re.search(r'^\[supervisor\]\nhost = "127\.0\.0\.1"\nport = 8000$', rig, re.MULTILINE)
+
+
+def test_the_rig_file_of_the_image_promises_what_compose_keeps(root: Path, compose: str) -> None:
+    text = (root / "deploy/rigs/demo.toml").read_text(encoding="utf-8")
     script = (root / "deploy/Dockerfile").read_text(encoding="utf-8")
-    assert r"""sed -i '/^\[supervisor\]/,/^\[/ s/^host = .*/host = "0.0.0.0"/'""" in script
+    (change,) = re.findall(r"sed -i '([^']+)'", script)
+    command = ["sed", change]
+    made = subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout
+    supervisor = parse_rig(tomllib.loads(made)).supervisor
+    assert (supervisor.host, supervisor.behind) == ("0.0.0.0", "container")
+    assert parse_rig(tomllib.loads(text)).supervisor.behind == "nothing"
+    assert '"127.0.0.1:8000:8000"' in compose
 
 
 def test_listens(root: Path) -> None:

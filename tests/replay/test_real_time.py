@@ -16,7 +16,8 @@ from pincette_supervisor.planning.job_plans import plan_job
 from tests.replay.desk import recorded
 from tests.support.rigs import demo_rig
 
-RIG = demo_rig()
+RIG = demo_rig({"safety": {"following_um": 1000.0}})
+"""The positions are canned, and follow no voltage."""
 LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
 PROGRAM = plan_job(GripJobRequest(kind="grip", hold_s=0.4, load_s=0.5), RIG).program
 PERIOD_S = RIG.rig.period_s

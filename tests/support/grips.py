@@ -32,6 +32,9 @@ SLOWLY_UM_PER_S = 3.0
 """Of an approach that is still under way when the fault comes."""
 MOVED_UM = 1.0
 """Reference from which the arm counts as under way."""
+FAR_V, AWAY_V, AWAY_UM_PER_S = -0.25, -0.6, 18.0
+"""Of a move that is still under way when the fault comes, with a voltage that takes a whole ramp:
+where the arm stands at 0 V depends on how it has moved before."""
 TRIES = 4
 WAIT_S = 10.0
 LOOK_S = 0.002
@@ -56,6 +59,16 @@ def approach(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> str:
         return view.phase == "approach" and view.x_r_um > MOVED_UM
 
     return _begin(rig, seen, stalls, under_way, {"approach_um_per_s": SLOWLY_UM_PER_S})
+
+
+def move_away(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> str:
+    """Begin to move the free arm away from the part and wait until it is far out; the job's id."""
+
+    def far_out(view: Telemetry) -> bool:
+        return view.phase == "move" and seen.newest(Applied).voltage_V < FAR_V
+
+    move: Tree = {"kind": "move", "to_V": AWAY_V, "speed_um_per_s": AWAY_UM_PER_S, "zero": False}
+    return _begin(rig, seen, stalls, far_out, move)
 
 
 def whole_grip(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Json:

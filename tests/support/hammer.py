@@ -36,7 +36,7 @@ class Tally:
 
     def told(self) -> Json:
         """Return it as JSON can have it."""
-        p50, p99 = (float(value) for value in np.percentile(self.took_s, (50.0, 99.0)))
+        p50, p99 = (float(value) for value in np.percentile(self.took_s or [0.0], (50.0, 99.0)))
         answers = {str(status): count for status, count in self.statuses.items()}
         return {"asked": len(self.took_s), "answers": answers, "p50_s": p50, "p99_s": p99}
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, TypeVar
 
-from pincette.bus.links import client_ends
+from pincette.bus.places import tool_place
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.messages import Applied, Message
@@ -81,7 +81,7 @@ class Witness:
 @contextmanager
 def witness(rig: RigFile) -> Generator[Witness]:
     """Listen to a rig that is up, by way of its router."""
-    bus = ZenohBus(client_ends(rig.bus.host, rig.bus.port), rig.rig.name, "witness")
+    bus = ZenohBus(tool_place(rig), rig.rig.name, "witness")
     try:
         outsider = Witness(bus)
         _hear_first()

@@ -18,6 +18,7 @@ from pincette.messages import Applied, Estimate, Message, Position
 from pincette.runtime.composed import ComposedLoop
 from pincette.topics import LOOP
 from pincette_supervisor.planning.job_plans import plan_job
+from tests.support.certificates import folder_for
 from tests.support.rigs import demo_rig
 from tests.support.running import running_rig
 
@@ -64,14 +65,22 @@ def test_one_process_repeats_itself() -> None:
 
 
 @pytest.mark.parametrize(
-    ("request_", "delayed"),
-    [(GRIP, False), (GRIP, True), (TRACK, False), (OTHER_LAW, False)],
-    ids=["prompt", "delayed", "track", "dsmifc"],
+    ("request_", "delayed", "secured"),
+    [
+        (GRIP, False, False),
+        (GRIP, True, False),
+        (TRACK, False, False),
+        (OTHER_LAW, False, False),
+        (GRIP, False, True),
+    ],
+    ids=["prompt", "delayed", "track", "dsmifc", "over mutual TLS"],
 )
 def test_seven_processes_give_the_same_bits(
-    tmp_path: Path, request_: AnyJobRequest, delayed: bool
+    tmp_path: Path, request_: AnyJobRequest, delayed: bool, secured: bool
 ) -> None:
     rig = demo_rig(time="lockstep")
+    if secured:
+        rig = rig.secured(folder_for(tmp_path / "pki", rig.rig.name).path)
     delays = {name: SEED + place for place, name in enumerate(LOOP)} if delayed else None
     print(f"delay seeds: {delays}")
     with running_rig(rig, tmp_path, delays) as running:

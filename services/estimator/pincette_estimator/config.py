@@ -35,6 +35,10 @@ class EstimatorConfig:
     kink_limits: KinkLimits
     stuck_V: float
     """Change of the voltage that a working sensor must show."""
+    position_um: tuple[float, float]
+    """Range of the sensor, as positions of the arm."""
+    voltage_V: tuple[float, float]
+    """What can be put out at all: as far beyond the limits again as they are apart."""
 
 
 def configure(rig: RigFile) -> EstimatorConfig:
@@ -68,4 +72,21 @@ def configure(rig: RigFile) -> EstimatorConfig:
             part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance), s_p, rig.sensor.noise_um
         ),
         stuck_V=moved_V(rig.sensor.noise_um, model.piezo_um_per_V),
+        position_um=_positions_um(rig),
+        voltage_V=_voltages_V(rig),
     )
+
+
+def _positions_um(rig: RigFile) -> tuple[float, float]:
+    sensor = rig.sensor
+    ends_um = [
+        sensor.direction * (end_um - sensor.offset_um)
+        for end_um in (sensor.minimum_um, sensor.maximum_um)
+    ]
+    return min(ends_um), max(ends_um)
+
+
+def _voltages_V(rig: RigFile) -> tuple[float, float]:
+    low_V, high_V = rig.limits.voltage_min_V, rig.limits.voltage_max_V
+    apart_V = high_V - low_V
+    return low_V - apart_V, high_V + apart_V

@@ -1,7 +1,7 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
 from dataclasses import dataclass, field, replace
-from math import isfinite, log10
+from math import log10
 from typing import NamedTuple
 
 from pincette.config import RigFile
@@ -84,15 +84,18 @@ def step(
         return state, ()
     if position.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
-    if applied is None or not isfinite(applied.voltage_V):
-        return state, (_degraded(state, position, None),)
+    if applied is not None and not _within(config.voltage_V, applied.voltage_V):
+        # Followed once, it would stay in the memory of the arm.
+        state, applied = replace(state, refused=state.refused + 1), None
+    if applied is None:
+        return state, (_degraded(config, state, position, None),)
     seq, x_um, u_V = position.seq, position.x_um, applied.voltage_V
     # Over all samples since the last that had a voltage.
     passed_s = (seq - state.followed_seq) * config.period_s
     response, past = state.response.follow(u_V, passed_s), state.past.follow(u_V, passed_s)
     to_and_fro = state.to_and_fro.follow(u_V)
     stuck = state.stuck
-    if measured := position.valid and isfinite(x_um):
+    if measured := position.valid and _within(config.position_um, x_um):
         stuck = stuck.follow(x_um, u_V, config.stuck_V)
     if not measured or stuck.stuck:
         state = replace(
@@ -103,7 +106,7 @@ def step(
             stuck=stuck,
             past=past,
         )
-        return state, (_degraded(state, position, applied),)
+        return state, (_degraded(config, state, position, applied),)
     t_s, first = seq * config.period_s, state.observed_seq is None
     if first:
         response = response.begin(x_um)
@@ -209,12 +212,19 @@ def _creep_um(config: EstimatorConfig, age_s: float) -> float:
     return COVERAGE * creep_mN * config.compliance_um_per_mN
 
 
-def _degraded(state: State, position: Position, applied: Applied | None) -> Estimate:
+def _within(range_: tuple[float, float], value: float) -> bool:
+    """Whether a value is a number within a range; no comparison holds of what is none."""
+    return range_[0] <= value <= range_[1]
+
+
+def _degraded(
+    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
+) -> Estimate:
     """An estimate that nobody may control by: the partner or the measurement is missing."""
     return Estimate(
         epoch=position.epoch,
         seq=position.seq,
-        x_um=position.x_um,
+        x_um=position.x_um if _within(config.position_um, position.x_um) else 0.0,
         force_mN=0.0,
         force_uncertainty_mN=0.0,
         perturbation_mN=0.0,
@@ -226,14 +236,19 @@ def _degraded(state: State, position: Position, applied: Applied | None) -> Esti
         tripped=applied is not None and applied.state in TRIPPED,
         degraded=applied is None,
         valid=False,
-        fault=_fault(state, position, applied),
+        fault=_fault(config, state, position, applied),
     )
 
 
-def _fault(state: State, position: Position, applied: Applied | None) -> str:
+def _fault(
+    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
+) -> str:
     """Why there is no force to be had from a sample."""
     if not position.valid:
         return f"sensor: {position.fault}"[:200]
+    low_um, high_um = config.position_um
+    if not low_um <= position.x_um <= high_um:
+        return f"sensor: position {position.x_um:g} µm is outside {low_um:g}..{high_um:g} µm"
     return state.stuck.words or ("no voltage of the sample before" if applied is None else "")
 
 

@@ -22,6 +22,7 @@ from pincette_recorder import mending
 from pincette_recorder.config import BYTES_PER_MB, RecorderConfig
 from pincette_recorder.intake import Intake
 from pincette_recorder.open_record import OpenRecord
+from pincette_recorder.wall_clock import WallClock
 
 log = logging.getLogger(__name__)
 LAST_S, LAST_QUIET_S = 2.0, 0.3
@@ -43,8 +44,11 @@ class Keeper:
         intake: Intake,
         clock_s: Callable[[], float] = monotonic,
         clock_ns: Callable[[], int] = time_ns,
+        wall: WallClock | None = None,
     ) -> None:
         self._config, self._intake = config, intake
+        self._wall = wall
+        """Told of each record that begins; None where nobody can set the clock."""
         self._clock_s, self._clock_ns = clock_s, clock_ns
         self._finishing: tuple[Finish, Reply, float] | None = None
         self.record: OpenRecord | None = None
@@ -97,6 +101,8 @@ class Keeper:
                 f"{free / BYTES_PER_MB:.0f} MB are free in {config.records}, must be at least "
                 f"{config.min_free_bytes / BYTES_PER_MB:.0f} MB ([recorder] min_free_MB)"
             )
+        if self._wall is not None:
+            self._wall.begin()
         now_ns = self._clock_ns()
         record = OpenRecord(
             config.records / request.job,
@@ -130,6 +136,8 @@ class Keeper:
         if record is None:
             return
         now_s = self._clock_s()
+        if self._wall is not None:
+            self._wall.look()
         for arrival_ns, message in self._intake.drain():
             record.put(TOPIC_OF[type(message)].name, message, arrival_ns, now_s)
             self.written += 1
@@ -169,12 +177,13 @@ class Keeper:
             f"{count} of {topic} could not be kept" for topic, count in sorted(dropped.items())
         ]
         wrong += record.tables()
+        stepped = "" if self._wall is None else self._wall.words()
         recorded = Recorded(
             job=record.job,
             messages=record.file.counts.total(),
             dropped=dropped.total() + record.missing,
             complete=not wrong,
-            detail="; ".join(wrong)[:MOST_TEXT],
+            detail="; ".join([*wrong, stepped] if stepped else wrong)[:MOST_TEXT],
         )
         closing = {
             "messages": str(recorded.messages),

@@ -18,6 +18,7 @@ from pincette_recorder import mending, retention
 from pincette_recorder.config import RecorderConfig, configure
 from pincette_recorder.intake import Intake
 from pincette_recorder.keeper import Keeper, Reply
+from pincette_recorder.wall_clock import WallClock
 
 log = logging.getLogger(__name__)
 LOOK_S = 0.05
@@ -30,8 +31,9 @@ class Recorder:
 
     def __init__(self, config: RecorderConfig, bus: ZenohBus) -> None:
         self._config, self._bus = config, bus
-        self._intake = Intake()
-        self._keeper = Keeper(config, self._intake)
+        wall = WallClock()
+        self._intake = Intake(wall.now_ns)
+        self._keeper = Keeper(config, self._intake, clock_ns=wall.now_ns, wall=wall)
         self._asked: queue.SimpleQueue[tuple[Message, Reply]] = queue.SimpleQueue()
         self._instance = secrets.randbits(48)
         self._stopping = threading.Event()

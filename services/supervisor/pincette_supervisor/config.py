@@ -5,6 +5,8 @@ from pathlib import Path
 
 from pincette.config import RigFile
 
+STORE = "supervisor.sqlite"
+
 
 @dataclass(frozen=True, slots=True)
 class SupervisorConfig:
@@ -12,8 +14,12 @@ class SupervisorConfig:
 
     host: str
     port: int
+    names: frozenset[str]
+    """By which it may be asked, in lower case, beside addresses and localhost."""
+    in_container: bool
+    """Whether its port is published on the loopback of a container's host alone."""
     store: Path
-    """SQLite: jobs, actions, results."""
+    """SQLite: jobs, actions, results, keys."""
     records: Path
     """A folder for each job."""
     models: Path
@@ -25,7 +31,9 @@ def configure(rig: RigFile, data: Path) -> SupervisorConfig:
     return SupervisorConfig(
         host=rig.supervisor.host,
         port=rig.supervisor.port,
-        store=data / "supervisor.sqlite",
+        names=frozenset(name.lower() for name in (rig.supervisor.host, *rig.supervisor.names)),
+        in_container=rig.supervisor.behind == "container",
+        store=data / STORE,
         records=data / "jobs",
         models=data / "models",
     )

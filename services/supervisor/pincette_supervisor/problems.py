@@ -1,5 +1,6 @@
 """Errors as problem details (RFC 9457): what, value, unit, limit, and what to do."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from http import HTTPStatus
@@ -13,6 +14,7 @@ from starlette.exceptions import HTTPException
 from pincette.api.calibration_models import CalibrationName
 from pincette.api.job_models import JobKind
 from pincette.api.problem_models import MEDIA_TYPE, TYPE
+from pincette_supervisor.journal.base import StoreError
 from pincette_supervisor.planning.calibration_support import UnsupportedError
 
 UNITS = {
@@ -26,20 +28,39 @@ UNITS = {
     "_hz": "Hz",
 }
 KINDS = (*get_args(JobKind), *get_args(CalibrationName))
-CODES = {404: "not-found", 405: "method-not-allowed", 422: "invalid-request"}
+CODES = {
+    404: "not-found",
+    405: "method-not-allowed",
+    408: "body-too-slow",
+    413: "body-too-large",
+    422: "invalid-request",
+}
+
+MOST_FAULTS = 20
+"""Of a request, that are told; a person mends one after the other."""
+SERVED = "/api/v1"
+OTHER_VERSION = re.compile(rf"/api/(?!{SERVED.rpartition('/')[2]}(?:/|$))")
 
 
 class ProblemError(Exception):
     """A request that is refused; becomes a problem document."""
 
     def __init__(
-        self, status: int, code: str, title: str, detail: str, **extensions: object
+        self,
+        status: int,
+        code: str,
+        title: str,
+        detail: str,
+        *,
+        headers: Mapping[str, str] | None = None,
+        **extensions: object,
     ) -> None:
         super().__init__(detail)
         self.status = status
         self.code = code
         self.title = title
         self.detail = detail
+        self.headers = headers
         self.extensions = extensions
 
 
@@ -55,6 +76,13 @@ def _document(
     body = {"type": TYPE + code, "title": title, "status": status, "detail": detail, **extensions}
     return JSONResponse(
         body, status_code=status, media_type=MEDIA_TYPE, headers=dict(headers or {})
+    )
+
+
+def answer(error: ProblemError) -> JSONResponse:
+    """The document of a problem."""
+    return _document(
+        error.status, error.code, error.title, error.detail, error.extensions, error.headers
     )
 
 
@@ -113,8 +141,10 @@ def fault(error: Mapping[str, Any]) -> dict[str, str]:
 
 def invalid(errors: Sequence[Mapping[str, Any]]) -> JSONResponse:
     """422 with one entry for each fault of the request."""
-    faults = [fault(error) for error in errors]
+    faults = [fault(error) for error in errors[:MOST_FAULTS]]
     detail = "; ".join(entry["message"] for entry in faults)
+    if len(errors) > MOST_FAULTS:
+        detail += f"; and {len(errors) - MOST_FAULTS} more"
     return _document(
         422, "invalid-request", "The request cannot be used", detail, {"errors": faults}
     )
@@ -124,8 +154,7 @@ def install(app: FastAPI) -> None:
     """Make every error of an application a problem document."""
 
     async def problem(_request: Request, error: Exception) -> JSONResponse:
-        known = cast(ProblemError, error)
-        return _document(known.status, known.code, known.title, known.detail, known.extensions)
+        return answer(cast(ProblemError, error))
 
     async def validation(_request: Request, error: Exception) -> JSONResponse:
         return invalid(cast(RequestValidationError, error).errors())
@@ -135,6 +164,8 @@ def install(app: FastAPI) -> None:
         phrase = HTTPStatus(known.status_code).phrase
         place = f"{request.method} {request.url.path}"
         detail = phrase if known.detail == phrase else str(known.detail)
+        if known.status_code == 404 and OTHER_VERSION.match(request.url.path):
+            detail = f"this supervisor serves {SERVED}, and no other version"
         code = CODES.get(known.status_code, phrase.lower().replace(" ", "-"))
         return _document(
             known.status_code, code, phrase, f"{place}: {detail}", headers=known.headers
@@ -144,7 +175,12 @@ def install(app: FastAPI) -> None:
         detail = f"{request.method} {request.url.path}: {type(error).__name__}: {error}"
         return _document(500, "internal-error", "The supervisor has a fault", detail)
 
+    async def unwritten(_request: Request, error: Exception) -> JSONResponse:
+        title = "The journal cannot be used"
+        return _document(503, "store-failed", title, str(error))
+
     app.add_exception_handler(ProblemError, problem)
+    app.add_exception_handler(StoreError, unwritten)
     app.add_exception_handler(RequestValidationError, validation)
     app.add_exception_handler(HTTPException, http)
     app.add_exception_handler(Exception, unforeseen)

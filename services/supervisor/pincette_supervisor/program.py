@@ -2,18 +2,25 @@
 
 import socket
 import threading
+from collections.abc import Sequence
 from functools import partial
+from typing import Protocol
 
-import uvicorn
+from fastapi import FastAPI
 
 from pincette.config import RigFile
 from pincette.runtime.context import Context
 from pincette.runtime.priority import stand_back
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.buckets import Buckets
+from pincette_supervisor.access.keeper import kept
+from pincette_supervisor.access.opening import gate_of, require_key
 from pincette_supervisor.config import SupervisorConfig, configure
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.worker import Worker
 from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.rest.server import server_of
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.listeners import Listeners
 from pincette_supervisor.running.rig_finder import RigFinder
@@ -47,23 +54,33 @@ def run(context: Context) -> None:
     """Serve REST until told to stop."""
     config = configure(context.rig, context.data)
     listener = bind(config.host, config.port)
+    worker = Worker(played)
+    worker.begin()
     if not context.rig.lockstep:  # which waits for whoever is late
         stand_back()
     try:
         store = Store(config.store)
         try:
-            _serve(context, config, listener, store)
+            access = Access(gate_of(config), names=config.names, buckets=Buckets())
+            with kept(store, access):
+                require_key(config, access.gate)
+                _serve(context, config, listener, store, access, worker)
         finally:
             store.close()
     finally:
+        worker.close()
         listener.close()
 
 
 def _serve(
-    context: Context, config: SupervisorConfig, listener: socket.socket, store: Store
+    context: Context,
+    config: SupervisorConfig,
+    listener: socket.socket,
+    store: Store,
+    access: Access,
+    worker: Worker,
 ) -> None:
     listeners = Listeners()
-    worker = Worker()
     household = Household(
         store, listeners, context.data, context.open_bus, partial(worker.run, played)
     )
@@ -78,13 +95,12 @@ def _serve(
         finder = RigFinder(rigs, context.open_bus, take_up)
         try:
             finder.begin(everywhere)
-            _answer(context, config, listener, rigs, listeners, finder)
+            _answer(context, config, listener, create_app(rigs, access), (finder, rigs, listeners))
         finally:
             finder.close()
             rigs.release()
     finally:
         everywhere.close()
-        worker.close()
 
 
 def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
@@ -97,25 +113,23 @@ def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
     return found
 
 
+class Closing(Protocol):
+    """What ends before the server does, so that no answer is waited for in vain."""
+
+    def close(self) -> None:
+        """End."""
+        ...
+
+
 def _answer(
     context: Context,
     config: SupervisorConfig,
     listener: socket.socket,
-    rigs: Rigs,
-    listeners: Listeners,
-    finder: RigFinder,
+    app: FastAPI,
+    behind: Sequence[Closing],
 ) -> None:
     """Serve REST until told to stop."""
-    server = uvicorn.Server(
-        uvicorn.Config(
-            create_app(rigs),
-            log_config=None,
-            log_level="warning",
-            access_log=False,
-            lifespan="off",
-            timeout_graceful_shutdown=2,
-        )
-    )
+    server = server_of(app)
     # In a thread of its own the server leaves signals to the program's start-up.
     thread = threading.Thread(target=server.run, args=([listener],), name="rest")
     thread.start()
@@ -125,8 +139,7 @@ def _answer(
         context.ready(f"serves at http://{config.host}:{config.port}/api/v1")
         context.stop.wait()
     finally:
-        finder.close()
-        rigs.close()
-        listeners.close()
+        for one in behind:
+            one.close()
         server.should_exit = True
         thread.join(STOP_S)

@@ -1,6 +1,5 @@
 """A rig that plays canned samples as soon as it is armed."""
 
-import json
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,6 +15,7 @@ from pincette.messages import (
     Done,
     Finish,
     JobNotice,
+    Lease,
     Load,
     Message,
     Position,
@@ -28,12 +28,11 @@ from pincette.messages import (
     StatusRequest,
     Trip,
 )
-from pincette.records import folder
-from pincette.records.columns import columns
 from pincette.topics import TOPIC_OF, Question, Topic
 from pincette_supervisor.running.health import PROGRAMS
 
 from . import samples
+from .canned_record import closed
 
 IN_HOLD, IN_APPROACH = 350, 60
 """Ticks of the canned grip."""
@@ -76,6 +75,8 @@ class CannedRig:
         """What the actuator keeps beyond the end of a program."""
         self.detail = ""
         """The actuator's own words."""
+        self.details: dict[str, str] = {}
+        """Those of the others."""
         self.record: Record | None = None
         self.records = Path()
         self.incomplete = ""
@@ -116,6 +117,12 @@ class CannedRig:
         for sink in self._watchers:
             sink(program, False)
 
+    def revive(self, program: str) -> None:
+        """A program is back."""
+        self.silent.discard(program)
+        for sink in self._watchers:
+            sink(program, True)
+
     def idle(self) -> None:
         """What a rig in real time says while nothing plays."""
         self.publish(Position(self.epoch, 0, 0.0, 0.01, valid=True))
@@ -134,7 +141,7 @@ class CannedRig:
         match request:
             case StatusRequest():
                 digest, instance = self.digests[service], self.instances[service]
-                said = self.detail if service == "actuator" else ""
+                said = self.detail if service == "actuator" else self.details.get(service, "")
                 return Status(
                     service, "0.1.0", instance, digest, self.epoch, 0, 0, 0, said, self.calibration
                 )
@@ -161,7 +168,7 @@ class CannedRig:
                 self.acts.append(request.action)
                 self._act(request.action)
                 return Done(seq)
-            case Load():
+            case Load() | Lease():
                 pass
             case _:
                 raise AssertionError(request)
@@ -226,20 +233,20 @@ class CannedRig:
             case "pause":
                 pass
             case "resume":
-                self._say(tick, "resume", None)
+                self.say(tick, "resume", None)
                 self.play(max(self.pause_at or len(self.ticks), self.place + 1))
             case "keep":
                 self._keep(tick)
             case "stop" | "let_go" | "retract":
-                self._say(tick, "stop", "stopped")
+                self.say(tick, "stop", "stopped")
                 self.play(self.place + 1 if held and action == "stop" else None)
             case _ if not held:
                 raise RefusalError("no part is held: release has nothing to let go")
             case _:
-                self._say(tick, action, outcome)
+                self.say(tick, action, outcome)
                 self.play()
 
-    def _say(self, tick: samples.Tick, word: str, outcome: str | None) -> None:
+    def say(self, tick: samples.Tick, word: str, outcome: str | None) -> None:
         """Let an action act at the coming tick, and an outcome be said from there on."""
         self.paused = False
         self.ticks[self.place] = replace(tick, telemetry=replace(tick.telemetry, acted=word))
@@ -265,7 +272,7 @@ class CannedRig:
     def lose(self) -> None:
         """A guard ends the pause: the program goes its way back."""
         tick = self.ticks[self.place]
-        self._say(tick, "", "lost")
+        self.say(tick, "", "lost")
         self.play()
 
     def _keep(self, tick: samples.Tick) -> None:
@@ -275,17 +282,9 @@ class CannedRig:
         self.publish(replace(tick.applied, state="idle", final=True, part_held=True))
 
     def _finish(self, request: Finish) -> Recorded:
-        """Close the record as the recorder does: with a table of the samples."""
         assert self.record is not None
-        assert (self.record.job, self.record.epoch) == (request.job, request.epoch)
         played = [message for tick in self.ticks[: self.place] for message in tick.messages()]
-        about = {key: str(value) for key, value in json.loads(self.record.about).items()}
-        where = self.records / request.job
-        where.mkdir(parents=True, exist_ok=True)
-        table = columns(played, self.rig.rig.period_s)
-        folder.write_samples(where / folder.SAMPLES, table, about)
-        complete = not self.incomplete
-        return Recorded(request.job, len(played), 0, complete, self.incomplete)
+        return closed(self, self.record, request, played)
 
     def _continue(self, tick: samples.Tick) -> None:
         if self.place not in self.pauses:

@@ -10,6 +10,7 @@ from fastapi import FastAPI
 
 from pincette.config import RigFile
 from pincette_supervisor import problems
+from pincette_supervisor.access.gate import Gate
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.rest import routes_events
 from pincette_supervisor.running.conductor import Conductor
@@ -43,6 +44,7 @@ class Bench:
                 return SimpleNamespace(id=bench.active[0]) if bench.active else None
 
         app = FastAPI()
+        app.state.gate = Gate()
         problems.install(app)
         app.include_router(routes_events.routes(Rigs(cast(Conductor, Stub()))))
         return app
@@ -67,7 +69,7 @@ class Stream:
             "query_string": query.encode(),
             "headers": [
                 (name.replace("_", "-").lower().encode(), value.encode())
-                for name, value in headers.items()
+                for name, value in {"host": "localhost", **headers}.items()
             ],
         }
         self._app = app
@@ -112,7 +114,7 @@ class Stream:
 def get(app: FastAPI, path: str, **headers: str) -> httpx.Response:
     async def send() -> httpx.Response:
         transport = httpx.ASGITransport(app)
-        async with httpx.AsyncClient(transport=transport, base_url="http://desk") as client:
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
             return await client.get(path, headers=headers)
 
     return asyncio.run(asyncio.wait_for(send(), GUARD_S))

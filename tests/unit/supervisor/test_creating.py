@@ -86,7 +86,7 @@ def test_a_long_poll_by_revision_answers_with_the_next_change(desk: Desk) -> Non
 
     async def poll() -> httpx.Response:
         transport = httpx.ASGITransport(desk.app)
-        base = "http://desk/api/v1"
+        base = "http://localhost/api/v1"
         async with httpx.AsyncClient(transport=transport, base_url=base) as client:
             query = {"wait": "change", "since": ready["revision"], "timeout_s": 30}
             waiting = asyncio.create_task(client.get(f"/jobs/{taken['id']}", params=query))

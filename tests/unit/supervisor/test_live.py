@@ -238,7 +238,7 @@ def test_the_page_names_the_rig_and_lets_nothing_in(desk: Desk) -> None:
     assert 'action="/api/v1/rigs/demo/estop"' in page.text
     assert "{{" not in page.text
     policy = page.headers["content-security-policy"]
-    assert policy.startswith("default-src 'self';")
+    assert policy.startswith("default-src 'none'; script-src 'self';")
     assert "unsafe" not in policy
     assert "<script>" not in page.text
     assert " style=" not in page.text

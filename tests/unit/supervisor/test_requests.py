@@ -224,3 +224,11 @@ def test_a_plan_says_what_an_error_of_the_part_would_do(desk: Desk) -> None:
     assert errors["position_max_um"] == pytest.approx(worst_um)
     assert errors["force_min_mN"] == pytest.approx(-1.9901e4 / 5000.0 * worst_um)
     assert errors["position_min_um"] < 0.0 < errors["force_max_mN"]
+
+
+def test_a_request_with_countless_faults_gets_an_answer_of_bounded_length(desk: Desk) -> None:
+    odd = {f"odd_{number}": 1 for number in range(5000)}
+    response = desk.post("/jobs", {"kind": "grip", **odd})
+    assert response.status_code == 422
+    assert len(response.content) < 10_000
+    assert response.json()["detail"].endswith("; and 4980 more")

@@ -128,8 +128,8 @@ def test_the_latch_of_an_earlier_supervisors_rig_is_not_cleared_unseen(
 
 
 def test_probes(desk: Desk) -> None:
-    assert desk.call("GET", "/livez").json() == {"status": "alive"}
-    assert desk.call("GET", "/readyz").json() == {"status": "ready", "reasons": []}
+    assert desk.call("GET", "/livez").json()["status"] == "alive"
+    assert desk.call("GET", "/readyz").json()["status"] == "ready"
     assert desk.call("GET", "/version").json()["rig"] == "demo"
 
 

@@ -9,10 +9,10 @@ import os
 import signal
 import threading
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pincette.runtime.priority import stand_back
 
@@ -21,13 +21,30 @@ R = TypeVar("R")
 
 
 class Worker:
-    """One process, begun when it is first needed; safe to use from several threads."""
+    """One process; safe to use from several threads."""
 
-    def __init__(self) -> None:
+    def __init__(self, *ahead: Callable[[Any], Any]) -> None:
+        self._ahead = ahead
+        """Functions whose modules the process loads before it steps back."""
         self._lock = threading.Lock()
         self._pool: ProcessPoolExecutor | None = None
-        self.pid = 0
-        """Of the process, once it has begun."""
+        self._first: Future[int] | None = None
+        """Done, with the number of the process, once that has begun."""
+
+    def begin(self) -> None:
+        """Begin the process, and do not wait for it; otherwise it begins when it is first needed.
+
+        What it loads takes seconds of a processor, and much longer where others keep that busy.
+        """
+        self._begun()
+
+    @property
+    def pid(self) -> int:
+        """Number of the process; 0 before it has begun."""
+        first = self._first
+        if first is None or not first.done() or first.exception() is not None:
+            return 0
+        return first.result()
 
     def run(self, work: Callable[[A], R], argument: A) -> R:
         """Call a pure function of a module there; what it raises is raised here."""
@@ -41,21 +58,25 @@ class Worker:
         with self._lock:
             if self._pool is None:
                 fresh = multiprocessing.get_context("spawn")
-                self._pool = ProcessPoolExecutor(1, mp_context=fresh, initializer=_begin)
-                self.pid = self._pool.submit(os.getpid).result()
+                self._pool = ProcessPoolExecutor(
+                    1, mp_context=fresh, initializer=_begin, initargs=self._ahead
+                )
+                self._first = self._pool.submit(os.getpid)
             return self._pool
 
     def close(self) -> None:
         """End the process, and what it is at."""
         with self._lock:
-            pool, self._pool = self._pool, None
+            pid, pool = self.pid, self._pool
+            self._pool = self._first = None
         if pool is not None:
-            with suppress(ProcessLookupError):
-                os.kill(self.pid, signal.SIGTERM)
+            if pid:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGTERM)
             pool.shutdown(cancel_futures=True)
 
 
-def _begin() -> None:
+def _begin(*_ahead: Callable[[Any], Any]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor hears it too, and says when
     stand_back()
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -1,7 +1,7 @@
 """What a job came to, from its columns; pure."""
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 
@@ -31,6 +31,8 @@ LIMITS = {
 }
 """The actuator's bits of ``limits_active``."""
 TRIPPED = ("frozen", "ramping", "latched")
+ACTIONS = get_args(ActionType)
+"""Words of ``acted`` that are actions: ``lease`` stands before a stop that nobody has asked for."""
 
 
 def grip_result(
@@ -101,6 +103,7 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
             ActionTaken(type=cast(ActionType, word), seq=seq)
             for seq, words in zip(table["seq"], table["acted"], strict=True)
             for word in (words or "").split()
+            if word in ACTIONS
         ],
         "samples": len(table["seq"]),
         "missed_ticks": missed(table),

@@ -1,5 +1,6 @@
 """Takes jobs, one after another, and says how they are."""
 
+import logging
 import threading
 from typing import Literal
 
@@ -7,11 +8,8 @@ from pincette.api.job_models import Job
 from pincette.api.proposal_models import ModelView, Proposal
 from pincette.api.request_models import AnyJobRequest
 from pincette.api.states import ActionType
-from pincette.bus.protocol import BusError
-from pincette.messages import Act
-from pincette.topics import ACT
 from pincette_supervisor import problems
-from pincette_supervisor.journal.store import JobRow, KeyTakenError
+from pincette_supervisor.journal.store import JobRow, KeyTakenError, StoreError
 from pincette_supervisor.model.model_view import use_model
 from pincette_supervisor.model.proposals import Calibrations
 from pincette_supervisor.planning.foretelling import Foreteller, Play
@@ -19,8 +17,10 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.running import planner, refusals
 from pincette_supervisor.running.acting import Acting
+from pincette_supervisor.running.alarm_watch import AlarmWatch
 from pincette_supervisor.running.changes import Changes
 from pincette_supervisor.running.creating import fingerprint_of, new_row
+from pincette_supervisor.running.handing_over import await_end, hand_over
 from pincette_supervisor.running.job import LiveJob
 from pincette_supervisor.running.job_queue import CAPACITY, Queue
 from pincette_supervisor.running.job_view import job_view
@@ -29,11 +29,8 @@ from pincette_supervisor.running.left_over import settle
 from pincette_supervisor.running.run import Run
 from pincette_supervisor.running.site import Site
 
+log = logging.getLogger(__name__)
 JOIN_S = 4.0
-FREED_S = 1.0
-"""In which a rig is free once its job has told its end."""
-KEPT_S = 15.0
-"""In which a job that only holds a part has handed it over, and its record is closed."""
 
 
 class Conductor:
@@ -41,9 +38,11 @@ class Conductor:
 
     def __init__(self, site: Site, play: Play = played) -> None:
         self.site = site
+        self.alarms = site.alarms
         self.calibrations = Calibrations(site.store, site.model)
         self.changes = Changes()
         self.latch = LatchKeeper(site)
+        self.alarm_watch = AlarmWatch(site, lambda: self.active)
         self.foreteller = Foreteller(play)
         self.queue = Queue(site.store, site.events)
         self._lock = threading.RLock()
@@ -80,9 +79,14 @@ class Conductor:
         return planner.plan(self.site, request, moving=live is not None and not live.terminal)
 
     def create(
-        self, request: AnyJobRequest, key: str | None = None, *, predict: bool = True
+        self,
+        request: AnyJobRequest,
+        key: str | None = None,
+        *,
+        predict: bool = True,
+        by: str | None = None,
     ) -> tuple[Job, bool]:
-        """Take a job; the flag says that its key has created it already.
+        """Take a job of somebody; the flag says that its key has created it already.
 
         Raises
         ------
@@ -97,10 +101,11 @@ class Conductor:
         planned = refusals.require_feasible(self.plan(request))
         if predict and (self.active is None or request.queue):
             refusals.require_feasible(self.foreteller.checked(planned))
-        self._hand_over(planned)
+        await_end(self.active)
+        hand_over(self.site, self.active, planned)
         try:
             with self._lock:
-                name = self._take(request, planned, key, fingerprint)
+                name = self._take(request, planned, key, fingerprint, by)
         except KeyTakenError as error:
             return self._replayed(error.job, error.fingerprint, fingerprint), True
         return self.job(name), False
@@ -110,19 +115,13 @@ class Conductor:
             raise refusals.key_reused(job)
         return self.job(job)
 
-    def _hand_over(self, planned: Planned) -> None:
-        """Give a job that has ended a moment to free the rig, or have it hand over its part."""
-        self._await_end()
-        active = self.active
-        if active is not None and active.terminal and active.held and planned.begins_held:
-            try:
-                self.site.bus.ask(ACT, Act("keep"))
-            except BusError as error:
-                raise refusals.unanswered(error) from error
-            active.done.wait(KEPT_S)
-
     def _take(
-        self, request: AnyJobRequest, planned: Planned, key: str | None, fingerprint: str
+        self,
+        request: AnyJobRequest,
+        planned: Planned,
+        key: str | None,
+        fingerprint: str,
+        by: str | None,
     ) -> str:
         if self._closing:
             raise refusals.unready(["the supervisor ends, or takes the rig up anew: ask again"])
@@ -135,7 +134,7 @@ class Conductor:
             refusals.require_ready(self.site, planned)
             if planned.model is not self.site.model.in_use:
                 raise refusals.model_changed()
-        row = new_row(request, planned, self.name)
+        row = new_row(request, planned, self.name, by)
         with self.site.events.telling("state", row.id, state="queued", cause="", kind=row.kind):
             row = self.site.store.add(row, key, fingerprint)
         if waits:
@@ -156,10 +155,15 @@ class Conductor:
             Run(self.site, live, lambda asked: refusals.require_feasible(self.plan(asked))).main()
         finally:
             with self._lock:
-                if live.state != "succeeded" and not self._closing:
-                    self.queue.halt(f"job {live.id} {live.state}: {live.cause}".rstrip(": "))
-                live.finish()
-                self._go_on()
+                try:
+                    if live.state != "succeeded" and not self._closing:
+                        self.queue.halt(f"job {live.id} {live.state}: {live.cause}".rstrip(": "))
+                    live.finish()
+                    self._go_on()
+                except StoreError as error:
+                    log.error("%s", error)
+                finally:
+                    live.finish()
 
     def _go_on(self) -> None:
         """Let the next job of the queue begin, where the rig is free."""
@@ -213,22 +217,17 @@ class Conductor:
 
     def decide(self, name: str, action: Literal["accept", "discard"]) -> Proposal:
         """Accept or discard what a calibration proposes; raises ProblemError."""
-        self._await_end()
+        await_end(self.active)
         with self._lock:
             self._require_free()
             return self.calibrations.act(name, action)
 
     def use_model(self, version: int) -> ModelView:
         """Go over to a version of the model; raises ProblemError."""
-        self._await_end()
+        await_end(self.active)
         with self._lock:
             self._require_free()
             return use_model(self.site.model, version)
-
-    def _await_end(self) -> None:
-        active = self.active
-        if active is not None and active.terminal and not active.held:
-            active.done.wait(FREED_S)
 
     def _require_free(self) -> None:
         if self.active is not None:
@@ -288,6 +287,7 @@ class Conductor:
             live.wake.set()
             thread.join(JOIN_S)
         self.latch.close()
+        self.alarm_watch.close()
 
     def release(self) -> None:
         """Let go of what it has been served with, once nobody asks for it any more."""

@@ -10,8 +10,8 @@ from pincette_supervisor.journal.store import JobRow, utc_now
 from pincette_supervisor.planning.planned import Planned
 
 
-def new_row(request: AnyJobRequest, planned: Planned, rig: str) -> JobRow:
-    """A job of a request, named by the time and by chance."""
+def new_row(request: AnyJobRequest, planned: Planned, rig: str, by: str | None) -> JobRow:
+    """A job of a request and of whoever made it, named by the time and by chance."""
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     return JobRow(
         id=f"{stamp}-{secrets.token_hex(3)}",
@@ -21,6 +21,7 @@ def new_row(request: AnyJobRequest, planned: Planned, rig: str) -> JobRow:
         request=request.model_dump(mode="json", exclude_unset=True),
         plan={**planned.plan.model_dump(mode="json"), "values": planned.values},
         created_at=utc_now(),
+        requested_by=by,
     )
 
 

@@ -1,5 +1,6 @@
 """Whether the programs of a rig can take part in a job, and if not, why, in words."""
 
+import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from time import monotonic
@@ -12,9 +13,10 @@ from pincette.plugins import PluginError
 from pincette.runtime.arming import status
 from pincette.runtime.timing import budget
 from pincette.topics import APPLIED, LOOP, POSITION, RESET
-from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.running.observer import Observer
 
+log = logging.getLogger(__name__)
 ASK_S = 0.7
 FRESH_S = 0.5
 """How long an answer is good before the programs are asked again."""
@@ -66,13 +68,18 @@ class Health:
         if isinstance(actuator, Status) and self._trusted is None:
             self._trusted = actuator.instance
             self._met_before = self._store.noted(self._met) == str(actuator.instance)
-            self._store.note(self._met, str(actuator.instance))
+            self._note(self._met, actuator.instance)
 
     def _ask(self, service: str) -> Status | str:
         try:
             return status(self._bus, service, ASK_S)
         except BusError as error:
             return str(error)
+
+    @property
+    def asked_age_s(self) -> float | None:
+        """How long ago the programs were asked; None before the first time."""
+        return None if self._asked_at == float("-inf") else self._clock() - self._asked_at
 
     def note_armed(self, epoch: int, model_digest: str) -> None:
         """Note with which model an epoch was armed; until the next one all must work with it."""
@@ -111,8 +118,15 @@ class Health:
         self._bus.ask(RESET, Reset(acknowledge=True))
         actuator = status(self._bus, "actuator")
         self._trusted = actuator.instance
-        self._store.note(self._cleared, str(actuator.instance))
-        self._store.note(self._met, str(actuator.instance))
+        self._note(self._cleared, actuator.instance)
+        self._note(self._met, actuator.instance)
+
+    def _note(self, name: str, instance: int) -> None:
+        """Keep what the next supervisor must know; where it cannot, it asks for one more reset."""
+        try:
+            self._store.note(name, str(instance))
+        except StoreError as error:
+            log.error("%s", error)
 
     def latched(self) -> str:
         """Why a person must reset the actuator before a job; empty where nobody needs to."""
@@ -141,7 +155,7 @@ class Health:
                         f"{epoch_digest or 'that of the rig file'}"
                     )
         if not self._rig.lockstep and "sensor" not in found:
-            trouble = self._sensor_trouble()
+            trouble = self.sensor_trouble()
             if trouble:
                 found["sensor"] = trouble
         return found
@@ -150,7 +164,8 @@ class Health:
         """How long the sensor of an idle rig may be silent; it owns the clock in real time."""
         return max(SENSOR_S, SENSOR_PERIODS * self._rig.rig.period_s)
 
-    def _sensor_trouble(self) -> str:
+    def sensor_trouble(self) -> str:
+        """Why the sensor cannot be relied on, by its samples; empty where it can."""
         position = cast("Position | None", self._observer.newest(POSITION))
         age_s, limit_s = self._observer.age_s(POSITION), self.sensor_limit_s()
         if position is None or age_s is None:
@@ -164,6 +179,7 @@ class Health:
         found = [f"{service}: {trouble}" for service, trouble in self.troubles().items()]
         found += [why for why in (self.changed, self._too_slow) if why]
         state, cause = self.latch()
+        cause = self._observer.trips.words(cause, self._rig.rig.period_s)
         if state == "frozen":
             found.append(
                 f"actuator: frozen ({cause}); reset it to keep the part held, then hold or "

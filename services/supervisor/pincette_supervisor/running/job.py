@@ -13,6 +13,7 @@ from pincette.messages import JobNotice
 from pincette_supervisor.journal.store import ActionRow, JobRow, utc_now
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.running.changes import Changes
+from pincette_supervisor.running.lease import Renewal
 from pincette_supervisor.running.site import Site
 
 Telling = AbstractContextManager[list[Callable[[], None]]]
@@ -33,6 +34,8 @@ class LiveJob:
         self.revision = row.revision
         self.epoch = 0
         """Of its samples; 0 before it is armed."""
+        self.renewal: Renewal | None = None
+        """Of the lease under which its program plays."""
         self.cause = ""
         self.held = False
         self.phase = ""
@@ -53,6 +56,8 @@ class LiveJob:
         self._site, self._store, self._changes = site, site.store, out
         self._lock = threading.RLock()
         self._actions: list[tuple[int, ActionType]] = []
+        """Those that have not taken effect, each with its number among all of the job."""
+        self._asked = len(row.actions)
 
     @property
     def standing(self) -> tuple[JobState, int]:
@@ -84,10 +89,18 @@ class LiveJob:
                 values["started_at"] = now
             if STATES[state].terminal:
                 values["ended_at"] = now
-            with self._telling("state", state=state, cause=self.cause, event=event) as kept:
-                revision = self._store.change(self.id, **values)
-                # Who hears of it may act at once, and who sees it here finds it in the journal.
-                kept.append(partial(self._enter, state, revision))
+            told = {"state": state, "cause": self.cause, "event": event}
+            entered = self.moves + 1
+
+            def write() -> None:
+                with self._telling("state", **told) as kept:
+                    revision = self._store.change(self.id, **values)
+                    if self.moves < entered:
+                        # Who hears of it may act at once, and who sees it here finds it there.
+                        kept.append(partial(self._enter, state, revision))
+
+            if not self._site.backlog.do(write):
+                self._enter(state, self.revision + 1)
             self.notify()
         self.wake.set()
         self._changes.tell()
@@ -105,8 +118,12 @@ class LiveJob:
         return self._site.events.telling(kind, self.id, **body)
 
     def _revise(self, **values: object) -> None:
+        def write() -> None:
+            self.revision = max(self.revision, self._store.change(self.id, **values))
+
         with self._lock:
-            self.revision = self._store.change(self.id, **values)
+            if not self._site.backlog.do(write):
+                self.revision += 1
         self._changes.tell()
 
     def notify(self) -> None:
@@ -159,7 +176,8 @@ class LiveJob:
             self._revise()
         if phase != self.phase:
             self.phase = phase
-            self._site.events.tell("phase", self.id, phase=phase, seq=progress.seq, held=held)
+            told = {"phase": phase, "seq": progress.seq, "held": held}
+            self._site.backlog.do(partial(self._site.events.tell, "phase", self.id, **told))
             self.notify()
 
     def proceed(self, segment: int) -> None:
@@ -180,10 +198,15 @@ class LiveJob:
     def asked(self, action: ActionType, by: str) -> None:
         """Keep an action with the job."""
         row = ActionRow(action, utc_now(), by)
-        with self._lock:
+
+        def write() -> None:
             with self._telling("action", type=action, by=by, applied=False, seq=None):
-                number = self._store.add_action(self.id, row)
-            self._actions.append((number, action))
+                self._store.add_action(self.id, row)
+
+        with self._lock:
+            self._site.backlog.do(write)
+            self._actions.append((self._asked, action))
+            self._asked += 1
             self._revise()
 
     def acted(self, action: str, seq: int | None) -> None:
@@ -192,9 +215,14 @@ class LiveJob:
             if action == "resume":  # what it takes back will not act any more
                 self._actions = [entry for entry in self._actions if entry[1] != "pause"]
             entry = next((entry for entry in self._actions if entry[1] == action), None)
-            with self._telling("action", type=action, applied=True, seq=seq):
-                if entry is not None:
-                    self._store.action_took_effect(self.id, entry[0], seq, utc_now())
+            now = utc_now()
+
+            def write() -> None:
+                with self._telling("action", type=action, applied=True, seq=seq):
+                    if entry is not None:
+                        self._store.action_took_effect(self.id, entry[0], seq, now)
+
+            self._site.backlog.do(write)
             if entry is not None:
                 self._actions.remove(entry)
                 self._revise()

@@ -1,5 +1,6 @@
 """A job as it is stored and as it lives, put together for REST."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,6 +22,8 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
     records
         The folder of all records.
     """
+    if live is not None and live.revision > row.revision:  # which the journal could not take yet
+        row = replace(row, state=live.state, cause=live.cause, revision=live.revision)
     busy = live if live is not None and not live.done.is_set() else None
     # Told after the progress that says what for, hence looked at before it.
     waiting = busy is not None and busy.waiting is not None
@@ -41,6 +44,7 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
         request=row.request,
         values=values,
         labels=row.request.get("labels", {}),
+        by=row.requested_by,
         progress=None if busy is None else busy.progress,
         result=row.result,
         actions=[

@@ -1,6 +1,7 @@
 """The record of a job: begun before it moves, closed after its last sample."""
 
 import json
+from functools import partial
 from typing import Any
 
 from pincette.messages import Recorded
@@ -81,4 +82,5 @@ class Keeper:
     def tell(self) -> None:
         """Tell what came of the job, once its state says that it has ended."""
         if self._told:
-            self._site.events.tell("result", self._job.id, state=self._job.state, **self._told)
+            told = {"state": self._job.state, **self._told}
+            self._site.backlog.do(partial(self._site.events.tell, "result", self._job.id, **told))

@@ -1,6 +1,7 @@
 """The emergency stop and the reset of one rig."""
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 from pincette.api.rig_models import Stopped
 from pincette.bus.protocol import BusError, RefusalError
@@ -27,21 +28,22 @@ class LatchKeeper:
     def estop(self, by: str) -> Stopped:
         """Trip the actuator at once; takes no lock and touches no disk."""
         site = self._site
+        site.alarms.expect("estop", by)
         try:
             site.bus.ask(TRIP, Trip("estop"), 1.0)
         except BusError as error:
-            self._aside.submit(self._tell_estop, by, str(error))
+            self._aside.submit(self._tell_estop, str(error))
             raise ProblemError(
                 503,
                 "estop-unconfirmed",
                 "The actuator did not confirm the emergency stop",
                 f"{error}; switch the amplifier off by hand",
             ) from error
-        self._aside.submit(self._tell_estop, by, "")
+        self._aside.submit(self._tell_estop, "")
         return Stopped(rig=site.rig.rig.name, cause="estop", acknowledged=True, detail="")
 
-    def _tell_estop(self, by: str, detail: str) -> None:
-        self._site.events.tell("alarm", None, cause="estop", by=by, detail=detail)
+    def _tell_estop(self, detail: str) -> None:
+        self._site.alarms.tripped("estop", self._site.trip_words("estop"), None, detail)
 
     def reset(self, by: str) -> Stopped:
         """Clear the latch, since a person has seen the cause; a held part stays held."""
@@ -54,7 +56,9 @@ class LatchKeeper:
             ) from error
         except BusError as error:
             raise unanswered(error) from error
-        self._site.events.tell("rig", None, reset=cause, by=by)
+        self._site.alarms.reset()
+        tell = partial(self._site.events.tell, "rig", None, reset=cause, by=by)
+        self._site.backlog.do(tell)
         return Stopped(rig=self._site.rig.rig.name, cause=cause, acknowledged=True, detail="")
 
     def close(self) -> None:

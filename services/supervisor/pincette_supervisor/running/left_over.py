@@ -7,6 +7,7 @@ from pincette.messages import Act, Status
 from pincette.topics import ACT
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.running import recording
+from pincette_supervisor.running.lease import LEASE_ENDED
 from pincette_supervisor.running.part import newest_applied
 from pincette_supervisor.running.site import Site
 
@@ -26,7 +27,7 @@ def settle(site: Site, jobs: Sequence[str]) -> None:
     jobs
         Those that the journal has just marked as interrupted, the newest last.
     """
-    stopped = _stop(site)
+    stopped = _stop(site) or _stopped_by_itself(site)
     row = site.store.get(jobs[-1]) if jobs else None
     if stopped:
         name = None if row is None else row.id
@@ -49,6 +50,16 @@ def _stop(site: Site) -> str:
     except BusError as error:
         return f"the program that still plays could not be stopped: {error}"
     return "the program that still played was stopped after the restart; a held part stays held"
+
+
+def _stopped_by_itself(site: Site) -> str:
+    """What the controller says of a lease that has ended while no supervisor was there."""
+    controller = site.health.statuses.get("controller")
+    words = controller.detail if isinstance(controller, Status) else ""
+    if not words.startswith(LEASE_ENDED):
+        return ""
+    site.alarms.raised("lease", words, severity="alarm", clears="acknowledge")
+    return words
 
 
 def _close_record(site: Site, row: JobRow, epoch: int) -> None:

@@ -11,6 +11,7 @@ from typing import Protocol
 from pincette.bus.protocol import BusError, LatestBus
 from pincette.messages import Message
 from pincette.topics import APPLIED, ASKED, JOB, POSITION, TELEMETRY, TOPICS, Topic
+from pincette_supervisor.running.trips import Trips
 
 KEPT = 4_000_000
 """Messages a collection can hold; about three hours at 50 Hz. What comes after is counted."""
@@ -61,6 +62,8 @@ class Observer:
         """With the time at which it came; None of what was said before anybody listened here."""
         self._alive: dict[str, bool] = {}
         self._collection: Collection | None = None
+        self.trips = Trips(bus, clock)
+        """Asked to listen before anybody else, so that who hears of a trip finds it here."""
         for topic in TOPICS:
             if topic in (JOB, ASKED):
                 continue  # what the supervisor itself tells, and asks

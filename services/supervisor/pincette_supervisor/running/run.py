@@ -8,11 +8,13 @@ from pincette.bus.protocol import BusError, RefusalError
 from pincette.messages import Act
 from pincette.runtime.arming import arm
 from pincette.topics import ACT
+from pincette_supervisor.journal.store import StoreError
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.running import deadlines
 from pincette_supervisor.running.job import LiveJob
 from pincette_supervisor.running.keeping import Keeper
+from pincette_supervisor.running.lease import Renewal, lease_of, renewing
 from pincette_supervisor.running.part import held_words, plays, reset_words
 from pincette_supervisor.running.site import Site
 from pincette_supervisor.running.watch import Watch
@@ -38,8 +40,9 @@ class Run:
             keeper = Keeper(self._site, job, planned, job.epoch)
             collection = observer.collect()
             if self._arm(planned, keeper):
-                Watch(self._site, job, planned, keeper, collection).follow()
-        except (BusError, ProblemError) as error:
+                with renewing(job.renewal):
+                    Watch(self._site, job, planned, keeper, collection).follow()
+        except (BusError, ProblemError, StoreError) as error:
             job.end("fail", str(error))
         finally:
             observer.stop_collecting()
@@ -123,6 +126,7 @@ class Run:
             job.end("fail", f"recorder: {trouble}")
             return False
         job.arm(job.epoch)
+        lease = lease_of(planned.model.rig, job.request, job.epoch)
         try:
             arm(
                 site.bus,
@@ -130,6 +134,7 @@ class Run:
                 epoch=job.epoch,
                 digest=model.rig_file_digest,
                 calibration=model.calibration.text(),
+                lease=lease,
             )
         except BusError as error:
             keeper.give_up(row)
@@ -137,6 +142,8 @@ class Run:
             ending = isinstance(error, RefusalError) and job.state in ("stopping", "aborting")
             job.end("confirm" if ending else "fail", str(error))
             return False
+        if lease is not None:
+            job.renewal = Renewal(site.bus, lease)
         site.health.note_armed(job.epoch, model.digest)
         job.acted("start", 0)
         return True

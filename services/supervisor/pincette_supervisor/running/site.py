@@ -3,12 +3,15 @@
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from time import monotonic
 
 from pincette.config import RigFile
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.running.alarms import AlarmLog
+from pincette_supervisor.running.backlog import Backlog
 from pincette_supervisor.running.events import EventLog
 from pincette_supervisor.running.health import Health
 from pincette_supervisor.running.observer import Observer, WatchedBus
@@ -42,7 +45,23 @@ class Site:
         found = self.health.reasons()
         if self.model.trouble:
             found.append(f"model: {self.model.trouble}")
+        if self.store.trouble:
+            found.append(f"store: {self.store.trouble}")
         return found
+
+    @cached_property
+    def alarms(self) -> AlarmLog:
+        """Of the rig."""
+        return AlarmLog(self.store, self.events, self.backlog)
+
+    @cached_property
+    def backlog(self) -> Backlog:
+        """What the journal could not take yet."""
+        return Backlog()
+
+    def trip_words(self, cause: str) -> str:
+        """Why the actuator has tripped, for people."""
+        return self.observer.trips.words(cause, self.rig.rig.period_s)
 
     @property
     def digest(self) -> str:

@@ -57,6 +57,7 @@ class Household:
             conductor = Conductor(self._site(rig, bus), self.play)
             conductor.site.health.refresh()
             conductor.recover(list(left_over))
+            conductor.alarm_watch.begin()
         except Exception:
             bus.close()
             raise

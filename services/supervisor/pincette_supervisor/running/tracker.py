@@ -10,11 +10,6 @@ from pincette.topics import APPLIED, LOOP, TOPIC_OF, TOPICS, Topic
 from pincette_supervisor.planning.planned import Wait
 from pincette_supervisor.results.result import TRIPPED
 
-CAUSES = {
-    "abort": "abort: the job was aborted",
-    "estop": "estop: an emergency stop was asked for",
-    "restart": "restart: the actuator was started anew",
-}
 EVERY_TICK = [topic for topic in TOPICS if topic.per_tick and topic.producer in LOOP]
 
 
@@ -125,10 +120,6 @@ class Tracker:
     def ending(self) -> str:
         """How the program ended, in the controller's code."""
         return self.outcome or ("released" if self.released else "unfinished")
-
-    def trip_words(self) -> str:
-        """Why the actuator tripped."""
-        return f"actuator tripped: {CAUSES.get(self.trip_cause, self.trip_cause)}"
 
     def progress(self, wait: Wait | None = None) -> Progress:
         """Where the run is, by its newest samples, and what it waits for."""

@@ -18,6 +18,7 @@ from pincette.api.rig_models import (
 from pincette.messages import Applied, Estimate, Position, Status, Telemetry
 from pincette.topics import APPLIED, ESTIMATE, LOOP, POSITION, TELEMETRY, TOPICS
 from pincette_supervisor.running import job_queue
+from pincette_supervisor.running.checks import of_rig
 from pincette_supervisor.running.conductor import Conductor
 from pincette_supervisor.running.health import PROGRAMS
 from pincette_supervisor.running.job import LiveJob
@@ -41,7 +42,8 @@ def rig_view(conductor: Conductor) -> Rig:
     latched = health.latched()
     faults = site.reasons()
     if latched:
-        faults.append(f"actuator: latched ({latched}); reset it once the cause is gone")
+        words = site.trip_words(latched)
+        faults.append(f"actuator: latched ({words}); reset it once the cause is gone")
     reasons = [*faults, *_taken(site, active)]
     startable = [] if faults else _startable(site, active)
     return Rig(
@@ -51,11 +53,13 @@ def rig_view(conductor: Conductor) -> Rig:
         digest=site.digest,
         model=ModelInUse(**site.model.in_use.stamp),
         programs=[_program(site, name) for name in PROGRAMS],
+        checks=of_rig(site, active),
         interlocks=_interlocks(site, latched),
         limits=_limits(site),
         latch=Latch(
             state=state,
             cause=latched or cause,
+            words=site.trip_words(latched or cause),
             clear=f"POST /api/v1/rigs/{rig.rig.name}/reset" if _resettable(site) else "",
         ),
         newest=_newest(site),

@@ -8,6 +8,7 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.running import deadlines, policies
 from pincette_supervisor.running.job import LiveJob
 from pincette_supervisor.running.keeping import Keeper
+from pincette_supervisor.running.lease import LEASE_ENDED, ended_words
 from pincette_supervisor.running.observer import Collection
 from pincette_supervisor.running.silence import gone_words, silent_words
 from pincette_supervisor.running.site import Site
@@ -42,7 +43,7 @@ class Watch:
         """Count of the job's moves when the controller was last asked for something."""
         self._acts_from: int | None = None
         """The seq at which what was asked for acts; None where it was refused."""
-        self._trip_asked = self._pause_asked = False
+        self._trip_asked = self._pause_asked = self._trip_told = False
 
     def follow(self) -> None:
         """Return when the actuator has said that the arming is over, or nobody says anything."""
@@ -83,12 +84,31 @@ class Watch:
             self._told_at = now
             self._site.events.progress(job.id, progress.model_dump(mode="json"))
         for action, seq in tracker.acted:
-            job.acted(action, seq)
+            if action == LEASE_ENDED:
+                self._stopped_by_itself(seq)
+            else:
+                job.acted(action, seq)
         tracker.acted.clear()
         state = job.state
+        if tracker.trip_cause and not self._trip_told:
+            self._trip_told = True
+            words = self._site.trip_words(tracker.trip_cause)
+            self._site.alarms.tripped(tracker.trip_cause, words, job.id)
         if tracker.trip_cause and state in TRIPPABLE:
-            self._site.events.tell("alarm", job.id, cause=tracker.trip_cause)
-            job.move("trip", tracker.trip_words(), only_from=state)
+            job.move("trip", self._trip_words(), only_from=state)
+
+    def _trip_words(self) -> str:
+        return f"actuator tripped: {self._site.trip_words(self._tracker.trip_cause)}"
+
+    def _stopped_by_itself(self, seq: int) -> None:
+        """The controller has heard nothing of this program for the length of the lease."""
+        site, job = self._site, self._job
+        words = ended_words(site.bus, self._rig.safety.lease_s)
+        site.alarms.raised("lease", words, severity="alarm", clears="acknowledge", job=job.id)
+        state = job.state
+        if "stop" in STATES[state].events and job.move("stop", words, only_from=state):
+            # It acts already: asked again, it would begin anew.
+            self._asked_in, self._acts_from = job.moves, seq
 
     def _given_up(self) -> bool:
         """Do what the state asks for; true where nothing more is to be expected of the rig."""
@@ -196,7 +216,7 @@ class Watch:
             # A stop had kept a part, and this is how it was let go.
             self._keeper.keep(tracker, self._collection, over=True)
             if tracker.trip_cause:
-                job.amend(tracker.trip_words())
+                job.amend(self._trip_words())
             self._keeper.tell()
         elif tracker.trip_cause:
             self._close("confirm" if tracker.trip_cause == "abort" else "fail")
@@ -214,7 +234,8 @@ class Watch:
         if event == "fail":
             if tracker.trip_cause and not self._trip_asked:
                 gone = gone_words(self._site)
-                job.cause = f"{tracker.trip_words()}; {gone}" if gone else tracker.trip_words()
+                words = self._trip_words()
+                job.cause = f"{words}; {gone}" if gone else words
             job.blame(outcome_words(tracker.ending()))
         fault = self._keeper.keep(tracker, self._collection, over=over)
         if fault and event == "done":

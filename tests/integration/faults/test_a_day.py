@@ -1,0 +1,77 @@
+"""A day of grips and holds in virtual time, without a fault: nothing trips, nothing is refused."""
+
+import os
+import resource
+from time import perf_counter
+
+import pytest
+
+from pincette.messages import Status, StatusRequest
+from tests.support.scripted import PROGRAM
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_places import T, begun
+
+DAY_H = 24.0
+REST_S = 60.0
+"""Between two grips the rig idles, and every tenth time it rests for longer."""
+LONGEST_S = 20.0
+GROWTH_KB = 20_000
+"""Of the memory after the first hour; what grew with the ticks would be far above it."""
+
+
+def test_some_grips_one_after_the_other_trip_nothing() -> None:
+    live(begun(), 30.0)
+
+
+@pytest.mark.slow
+def test_a_day_without_a_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    hours = float(os.environ.get("PINCETTE_VIRTUAL_HOURS", DAY_H))
+    loop, began_s = begun(), perf_counter()
+    grips = live(loop, 3600.0 * min(1.0, 0.5 * hours))
+    before_kB = memory_kB()
+    grips += live(loop, 3600.0 * hours - loop.now_s)
+    growth_kB, took_s = memory_kB() - before_kB, perf_counter() - began_s
+    with capsys.disabled():
+        print(
+            f"\n{loop.now_s / 3600.0:.1f} h of virtual time in {took_s:.0f} s, {grips} grips, "
+            f"{loop.node('sensor').steps} samples; memory grew by {growth_kB} kB"
+        )
+    assert growth_kB < GROWTH_KB
+
+
+def memory_kB() -> int:
+    """The most that this process has had so far."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def live(loop: VirtualLoop, for_s: float) -> int:
+    """Grip again and again; how often."""
+    until_s, grips = loop.now_s + for_s, 0
+    epoch = loop.node("actuator").state.epoch
+    loop.told = None
+    while True:
+        assert loop.run(loop.now_s + LONGEST_S, lambda: loop.newest.state == "idle")
+        grips += 1
+        check(loop)
+        if loop.now_s >= until_s:
+            return grips
+        loop.run(loop.now_s + (REST_S if grips % 10 == 0 else 5.0 * T))
+        epoch += 1
+        loop.arm(PROGRAM, epoch)
+
+
+def check(loop: VirtualLoop) -> None:
+    """No trip, no refusal, no tick missed, and a part that was gripped."""
+    states = {echo.state for _, echo in loop.applied}
+    assert states <= {"latched", "idle", "armed"}, states
+    view = loop.node("controller").state.player
+    assert view.outcome == "gripped", f"{view.outcome} at {loop.now_s:.0f} s"
+    for name, program in loop.programs.items():
+        status = loop.ask(name, StatusRequest())
+        assert isinstance(status, Status)
+        assert (program.refused, status.missed) == (0, 0), status
+        # Samples of the idle loop that are on their way while it is being armed are of the epoch
+        # before, and rightly not taken.
+        assert status.refused <= 4 * loop.node("actuator").state.epoch, status
+    loop.applied = loop.applied[-1:]
+    loop.put_out = loop.put_out[-1:]

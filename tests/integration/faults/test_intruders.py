@@ -1,0 +1,150 @@
+"""Rows 9, 14 and 15: two controllers, old commands again, foreign publishers; none is obeyed."""
+
+import random
+from dataclasses import replace
+from functools import partial
+
+import pytest
+
+from pincette.codec import encode
+from pincette.messages import (
+    Applied,
+    Command,
+    Estimate,
+    Position,
+    Status,
+    StatusRequest,
+)
+from pincette.topics import APPLIED, COMMAND, ESTIMATE, POSITION
+from tests.support.scripted import PROGRAM
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_places import EPOCH, T, place
+
+WATCHED_S = 1.0
+TIMES_THE_RATE = 10
+
+
+def echoes(loop: VirtualLoop) -> list[Applied]:
+    """Since the controller has spoken in this loop."""
+    first = min(item.seq for item in commands(loop) if item.valid)
+    return [echo for _, echo in loop.applied if echo.seq >= first and echo.epoch == newest(loop)]
+
+
+def newest(loop: VirtualLoop) -> int:
+    return loop.node("actuator").state.epoch
+
+
+def commands(loop: VirtualLoop) -> list[Command]:
+    return [message for _, message in loop.told or [] if isinstance(message, Command)]
+
+
+def check_obeys(loop: VirtualLoop, owner: int, least_share: float = 0.9) -> None:
+    """It follows one owner, tick by tick, and trips of nobody."""
+    asked = {(item.seq, item.voltage_V) for item in commands(loop) if item.owner == owner}
+    answered = [echo for echo in echoes(loop) if echo.answered]
+    assert {echo.state for echo in echoes(loop)} == {"armed"}
+    assert len(answered) >= least_share * WATCHED_S / T
+    limited = [echo for echo in answered if echo.limits_active]
+    wrong = [echo for echo in answered if (echo.seq, echo.voltage_V) not in asked]
+    assert set(map(id, wrong)) <= set(map(id, limited))
+
+
+def status(loop: VirtualLoop) -> Status:
+    reply = loop.ask("actuator", StatusRequest())
+    assert isinstance(reply, Status)
+    return reply
+
+
+def test_of_two_controllers_the_first_keeps_the_rig_and_the_second_is_refused() -> None:
+    for state in ("approach", "hold", "paused"):
+        loop = place(state).loop.fork(3)
+        owner = loop.node("controller").instance
+        loop.add_rival(PROGRAM, EPOCH)
+        loop.run(loop.now_s + WATCHED_S)
+        rival = loop.node("rival").instance
+        assert rival != owner
+        assert len([item for item in commands(loop) if item.owner == rival and item.valid]) > 40
+        check_obeys(loop, owner)
+        told = status(loop)
+        assert told.refused >= 40
+        assert str(rival) in told.detail, "the alarm names the stranger"
+
+
+def test_a_second_controller_is_refused_the_arming() -> None:
+    loop = place("idle").loop.fork(3)
+    loop.add_rival(PROGRAM, EPOCH)
+    loop.arm(PROGRAM, EPOCH + 1)
+    loop.run(loop.now_s + 0.2)
+    check_obeys(loop, loop.node("controller").instance, least_share=0.1)
+
+
+def test_old_commands_again_are_refused_one_by_one() -> None:
+    loop = place("approach").loop.fork(4)
+    loop.run(loop.now_s + 0.3)
+    old = commands(loop)
+    assert len(old) >= 10
+    before = status(loop).refused
+    chance = random.Random(4)
+    for count in range(200):
+        again = chance.choice(old)
+        forged = replace(again, voltage_V=3.9)
+        at_s = loop.now_s + chance.uniform(0.0, WATCHED_S)
+        payload = encode(forged if count % 2 else again)
+        loop.call_at(at_s, partial(stranger_says, payload=payload))
+    loop.run(loop.now_s + WATCHED_S)
+    check_obeys(loop, loop.node("controller").instance)
+    assert status(loop).refused - before >= 190
+
+
+def stranger_says(loop: VirtualLoop, payload: bytes, to: str = "actuator") -> None:
+    """On the topic that the program takes, as the payload of its kind."""
+    topics = {"actuator": COMMAND, "estimator": POSITION, "controller": ESTIMATE}
+    topic = APPLIED if to == "estimator" and b"command_age_s" in payload else topics[to]
+    loop.send(("stranger", to), topic, payload)
+
+
+@pytest.mark.parametrize(
+    ("kind", "listener"),
+    [(Position, "estimator"), (Estimate, "controller"), (Applied, "estimator")],
+)
+def test_a_flood_of_other_epochs_pushes_out_nothing_that_counts(
+    kind: type[Position | Estimate | Applied], listener: str
+) -> None:
+    """Forty times the rate, on every topic but that of the commands."""
+    loop = place("approach").loop.fork(6)
+    loop.run(loop.now_s + 2.0 * T)
+    sample = next(item for _, item in reversed(loop.told or []) if isinstance(item, kind))
+    chance = random.Random(6)
+    begun_s, count = loop.now_s, round(40 * WATCHED_S / T)
+    for number in range(count):
+        forged = replace(sample, epoch=chance.getrandbits(40), seq=sample.seq + number // 40)
+        deed = partial(stranger_says, payload=encode(forged), to=listener)
+        loop.call_at(begun_s + number * WATCHED_S / count, deed)
+    loop.run(begun_s + WATCHED_S)
+    check_obeys(loop, loop.node("controller").instance)
+
+
+def test_a_flood_of_forged_and_broken_commands_is_refused_and_the_loop_goes_on() -> None:
+    """Ten times the rate: other owners, other epochs, the future, the past, and no messages."""
+    loop = place("approach").loop.fork(5)
+    chance = random.Random(5)
+    good = Command(EPOCH, 0, loop.node("controller").instance, 3.9, True, False, False, True)
+    begun_s, count = loop.now_s, round(TIMES_THE_RATE * WATCHED_S / T)
+    for number in range(count):
+        forged = replace(good, seq=chance.choice((-1, 0, 1, 2**40, chance.randrange(200))))
+        match number % 4:
+            case 0:
+                payload = encode(replace(forged, owner=chance.getrandbits(40)))
+            case 1:
+                payload = encode(replace(forged, epoch=chance.getrandbits(40)))
+            case 2:
+                payload = chance.randbytes(chance.randrange(200))
+            case _:
+                payload = encode(replace(good, seq=2**40))
+        at_s = begun_s + number * WATCHED_S / count
+        loop.call_at(at_s, partial(stranger_says, payload=payload))
+    loop.run(begun_s + WATCHED_S)
+    check_obeys(loop, good.owner)
+    unreadable = loop.programs["actuator"].refused
+    assert unreadable >= count // 4
+    assert unreadable + status(loop).refused >= 0.98 * count, "what is refused is counted"

@@ -1,0 +1,99 @@
+"""Row 4 and 15: whatever a field may say, no handler fails and no voltage leaves its limits."""
+
+from dataclasses import fields
+from itertools import pairwise
+from math import inf, nan
+from typing import Any
+
+import pytest
+
+from pincette.messages import Applied, Command, Estimate, Message, Position
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_faults import LinkFault
+from tests.support.virtual_loop_places import T, place
+
+SOURCES: dict[type[Message], str] = {
+    Position: "sensor",
+    Estimate: "estimator",
+    Command: "controller",
+    Applied: "actuator",
+}
+FIELDS = [
+    pytest.param(source, field.name, id=f"{kind.__name__}.{field.name}")
+    for kind, source in SOURCES.items()
+    for field in fields(kind)
+]
+NO_NUMBERS = (nan, inf, -inf)
+NO_VALUES: tuple[Any, ...] = (b"\0", [], [1.0], {"a": 1}, -(2**63))
+ABSURD: tuple[Any, ...] = (1e300, -1e300, 1e15, 2**63, 2**53, 1000, 1, 0, -1, -0.0, 5e-324, "x", "")
+OPTIONAL: tuple[Any, ...] = (None, True, False)
+ONCE_S = 0.9 * T
+WATCHED_S = 4.5 * T
+
+
+def spoilt(state: str, source: str, field: str, value: Any, *, once: bool = True) -> VirtualLoop:
+    """A loop in which a field says something else, once or from here on."""
+    loop = place(state).loop.fork(1)
+    loop.run(loop.now_s + 0.4 * T)
+    end_s = loop.now_s + (ONCE_S if once else WATCHED_S)
+    loop.links.append(LinkFault("corrupt", source, end_s=end_s, field=field, value=value))
+    loop.run(loop.now_s + WATCHED_S)
+    return loop
+
+
+def refused(loop: VirtualLoop) -> int:
+    """Payloads that were no message."""
+    return sum(program.refused for program in loop.programs.values())
+
+
+def check_voltages(loop: VirtualLoop) -> None:
+    """Within the limits, and by steps that the slew limit and the ramp allow."""
+    limits, safety = loop.rig.limits, loop.rig.safety
+    ramp_V = (limits.voltage_max_V - limits.voltage_min_V) * 0.35 * T / safety.ramp_s
+    step_V = max(limits.slew_V_per_s * T, ramp_V)
+    assert len(loop.put_out) > 3
+    for (_, before_V), (_, after_V) in pairwise(loop.put_out):
+        assert limits.voltage_min_V <= after_V <= limits.voltage_max_V
+        assert abs(after_V - before_V) <= step_V + 0.001
+
+
+def is_float(source: str, field: str) -> bool:
+    kind = next(kind for kind, name in SOURCES.items() if name == source)
+    return any(item.name == field and "float" in str(item.type) for item in fields(kind))
+
+
+@pytest.mark.parametrize(("source", "field"), FIELDS)
+def test_what_is_no_value_is_refused_in_the_same_cycle_and_counted(source: str, field: str) -> None:
+    values = (*NO_VALUES, *(NO_NUMBERS if is_float(source, field) else ()))
+    for value in values:
+        loop = spoilt("approach", source, field, value)
+        listeners = {"sensor": 2, "actuator": 1, "estimator": 1, "controller": 1}[source]
+        assert refused(loop) == listeners, f"{source}.{field} = {value!r}"
+        check_voltages(loop)
+        if source != "sensor":
+            states = {echo.state for _, echo in loop.applied}
+            assert states == {"armed"}, f"a false trip by {source}.{field} = {value!r}, once"
+
+
+@pytest.mark.parametrize("state", ["approach", "hold"])
+@pytest.mark.parametrize(("source", "field"), FIELDS)
+def test_no_value_makes_a_handler_fail_or_a_voltage_leave_its_limits(
+    source: str, field: str, state: str
+) -> None:
+    for value in (*ABSURD, *OPTIONAL):
+        check_voltages(spoilt(state, source, field, value, once=value in ABSURD))
+
+
+@pytest.mark.parametrize("source", SOURCES.values())
+def test_absurd_numbers_leave_nothing_behind(source: str) -> None:
+    """Said once and then no more, they neither shut out what is right nor stay in a memory."""
+    for field, value in (("seq", 2**53), ("seq", -1), ("epoch", 0), ("epoch", 2**53)):
+        if source == "sensor":
+            continue  # a sample that is lost for all: test_matrix has it
+        loop = spoilt("approach", source, field, value)
+        loop.run(loop.now_s + 10.0 * T)
+        last = loop.newest
+        assert (last.state, last.answered) == ("armed", True), f"{source}.{field} = {value}"
+        for _, message in (loop.told or [])[-8:]:
+            if isinstance(message, Estimate):
+                assert message.valid, f"{source}.{field} = {value}: {message.fault}"

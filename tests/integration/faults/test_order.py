@@ -1,0 +1,181 @@
+"""Row 13: of samples that come twice, late or in another order, what counts is in order."""
+
+import random
+from collections.abc import Sequence
+from functools import cache
+from typing import cast
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pincette.messages import (
+    Applied,
+    Arm,
+    Command,
+    Estimate,
+    Load,
+    Message,
+    Position,
+    Reset,
+    Sample,
+    Telemetry,
+)
+from pincette.runtime.node import Node
+from pincette.runtime.turns import Turns
+from pincette_actuator import SERVICE as ACTUATOR
+from pincette_controller import SERVICE as CONTROLLER
+from pincette_estimator import SERVICE as ESTIMATOR
+from tests.support.scripted import PROGRAM
+from tests.support.virtual_loop_faults import LinkFault
+from tests.support.virtual_loop_places import EPOCH, T, begun, near_rig, place
+
+RIG = near_rig()
+SAMPLES = 60
+Orders = st.lists(st.tuples(st.integers(0, SAMPLES - 1), st.integers(-3, 3)), max_size=30)
+
+
+class Tape:
+    """An output that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.put_V: list[float] = []
+
+    def write_V(self, voltage_V: float) -> None:
+        self.put_V.append(voltage_V)
+
+    def read_V(self) -> float:
+        return 0.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+@cache
+def recorded() -> dict[type[Message], list[Sample]]:
+    """What a loop said in an approach, by topic and in order."""
+    loop = begun()
+    loop.run(loop.now_s + 1.5 * SAMPLES * T)
+    kinds: dict[type[Message], list[Sample]] = {}
+    for _, message in loop.told or []:
+        if isinstance(message, Position | Estimate | Command | Applied):
+            kinds.setdefault(type(message), []).append(message)
+    return kinds
+
+
+def shuffled(orders: Sequence[tuple[int, int]]) -> list[int]:
+    """Numbers 0 to SAMPLES with some said again, and earlier or later than they are due."""
+    seqs = list(range(SAMPLES))
+    for seq, by in orders:
+        seqs.insert(max(0, min(len(seqs), seq + by)), seq)
+    return seqs
+
+
+def in_order(seqs: Sequence[int]) -> list[int]:
+    """The part of it that is in order."""
+    kept: list[int] = []
+    for seq in seqs:
+        if not kept or seq > kept[-1]:
+            kept.append(seq)
+    return kept
+
+
+def turns_of(service: str, output: Tape | None = None) -> Turns:
+    known = {"estimator": ESTIMATOR, "controller": CONTROLLER, "actuator": ACTUATOR}[service]
+    turns = Turns(Node(known, RIG, output, 1))
+    turns.begin(0.0)
+    questions: dict[str, list[Message]] = {
+        "controller": [Load(PROGRAM)],
+        "actuator": [Reset(acknowledge=True)],
+    }
+    owner = cast(Command, recorded()[Command][0]).owner
+    turns.node.instance = owner
+    for question in (*questions.get(service, []), Arm(EPOCH, owner, RIG.digest())):
+        reply, _ = turns.ask(question, 0.0)
+        assert not isinstance(reply, str), reply
+    return turns
+
+
+def stepped(turns: Turns, samples: Sequence[Sample], now: float) -> list[Message]:
+    for sample in samples:
+        turns.accept(sample, now)
+    said: list[Message] = []
+    while turns.node.due(now + T):
+        said += turns.node.fire(now)
+    return said
+
+
+def by_seq(kind: type[Message], seq: int) -> list[Sample]:
+    return [sample for sample in recorded()[kind] if sample.seq == seq][-1:]
+
+
+def estimates(seqs: Sequence[int]) -> list[Message]:
+    turns = turns_of("estimator")
+    said: list[Message] = []
+    for seq in seqs:
+        said += stepped(turns, [*by_seq(Applied, seq - 1), *by_seq(Position, seq)], 1.0)
+    return said
+
+
+def commands(seqs: Sequence[int]) -> list[Message]:
+    turns = turns_of("controller")
+    said: list[Message] = []
+    for seq in seqs:
+        said += stepped(turns, by_seq(Estimate, seq), 1.0)
+    return [message for message in said if isinstance(message, Command | Telemetry)]
+
+
+def voltages(seqs: Sequence[int]) -> list[float]:
+    tape = Tape()
+    turns = turns_of("actuator", tape)
+    newest, now = -1, 0.0
+    for seq in seqs:
+        now += T * (seq > newest)
+        newest = max(seq, newest)
+        stepped(turns, [*by_seq(Position, seq), *by_seq(Command, seq)], now)
+    return tape.put_V
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(Orders)
+def test_the_estimator_makes_of_it_what_it_makes_of_the_part_in_order(
+    orders: list[tuple[int, int]],
+) -> None:
+    seqs = shuffled(orders)
+    assert estimates(seqs) == estimates(in_order(seqs))
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(Orders)
+def test_the_controller_makes_of_it_what_it_makes_of_the_part_in_order(
+    orders: list[tuple[int, int]],
+) -> None:
+    seqs = shuffled(orders)
+    assert commands(seqs) == commands(in_order(seqs))
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(Orders)
+def test_the_actuator_puts_out_what_it_puts_out_of_the_part_in_order(
+    orders: list[tuple[int, int]],
+) -> None:
+    seqs = shuffled(orders)
+    assert voltages(seqs) == voltages(in_order(seqs))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_loop_whose_messages_all_come_twice_does_what_it_did(seed: int) -> None:
+    """The second of each comes when it will; the numbers are the same to the last bit."""
+    loops = [place("approach").loop.fork(seed) for _ in range(2)]
+    late_s = random.Random(seed).uniform(0.0, 3.0 * T)
+    loops[1].links.append(LinkFault("twice", late_s=late_s))
+    for loop in loops:
+        loop.run(loop.now_s + 1.0)
+    once, twice = (
+        [message for _, message in loop.told or [] if isinstance(message, Telemetry)]
+        for loop in loops
+    )
+    assert len(once) > 45
+    assert [view.x_r_um for view in once] == [view.x_r_um for view in twice]
+    assert {echo.state for _, echo in loops[1].applied} == {"armed"}
+    assert loops[1].node("estimator").refused > 40

@@ -1,0 +1,146 @@
+"""Rows 2, 5, 16 and 17: rates, delays, overruns, clocks and a stuck sensor, in real time."""
+
+import time
+from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
+
+import pytest
+
+from pincette.messages import Estimate, Position, Telemetry
+from tests.support.reactions import TRIPPED
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_bench import scripted
+from tests.support.virtual_loop_faults import LinkFault
+from tests.support.virtual_loop_places import T, begun, place
+
+WATCHED_S = 1.0
+
+
+def tripped(loop: VirtualLoop) -> bool:
+    return any(echo.state in TRIPPED for _, echo in loop.applied)
+
+
+def taken_times(loop: VirtualLoop, since_s: float) -> list[float]:
+    """When commands were taken."""
+    return [at_s for at_s, echo in loop.applied if echo.answered and at_s >= since_s]
+
+
+def longest_gap(times: Sequence[float]) -> float:
+    return max(after - before for before, after in pairwise(times))
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 0.3, 0.6, 0.9, 1.0])
+@pytest.mark.parametrize("link", [("controller", "actuator"), ("estimator", "controller")])
+def test_lost_messages_are_borne_or_trip_by_the_age_limit(
+    link: tuple[str, str], share: float, seed: int
+) -> None:
+    """Of three commands in a row that do not come the last is too old; of two none is."""
+    loop = place("approach").loop.fork(seed)
+    began_s = loop.now_s
+    loop.links.append(LinkFault("lost", *link, share=share))
+    loop.run(began_s + WATCHED_S, lambda: tripped(loop))
+    newest_s = began_s - 0.75 * T  # the last command before, as late as it may have been
+    gap_s = longest_gap([newest_s, *taken_times(loop, began_s), loop.now_s])
+    if tripped(loop):
+        assert gap_s >= 2.0 * T, "a trip needs commands that did not come"
+    else:
+        assert gap_s <= 2.5 * T + 0.3 * T
+    assert tripped(loop) or share < 0.6
+    assert not tripped(loop) or share > 0.02
+
+
+@pytest.mark.parametrize("periods", [0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 2.4, 2.6, 3.0, 5.0])
+def test_delayed_commands_are_taken_up_to_the_age_limit(periods: float) -> None:
+    loop = place("approach").loop.fork(1)
+    loop.links.append(LinkFault("late", "controller", "actuator", late_s=periods * T))
+    loop.run(loop.now_s + WATCHED_S)
+    limit_s = loop.rig.safety.command_age_periods * T
+    for _, echo in loop.applied:
+        assert echo.command_age_s <= limit_s
+    if periods <= 0.5:
+        assert not tripped(loop)
+    if periods >= 2.4:
+        assert tripped(loop)
+
+
+def wall_clock_s(loop: VirtualLoop, at_s: float, step_s: float) -> float:
+    """A clock that somebody sets."""
+    return 1.7e9 + loop.now_s + (step_s if loop.now_s > at_s else 0.0)
+
+
+def test_a_clock_on_the_wall_that_steps_changes_not_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[list[object]] = []
+    for step_s in (0.0, 3600.0, -3600.0):
+        loop = begun(seed=9)
+        monkeypatch.setattr(time, "time", partial(wall_clock_s, loop, loop.now_s + 0.5, step_s))
+        loop.run(loop.now_s + 1.5)
+        told.append([message for _, message in loop.told or []])
+    assert len(told[0]) > 200
+    assert told[0] == told[1] == told[2]
+
+
+@pytest.mark.parametrize("periods", [1.2, 1.7, 3.4])
+def test_a_sensor_that_is_starved_skips_and_never_bursts(periods: float) -> None:
+    """Each of its steps takes longer than the period: the grid is kept, with holes."""
+    loop = place("approach").loop.fork(1)
+    sensor = loop.programs["sensor"]
+    due_at, missed = sensor.turns.due_at, sensor.node.missed
+    assert due_at is not None
+    until_s = loop.now_s + 0.6
+    while loop.now_s < until_s:
+        sensor.slow_s = periods * T
+        loop.run(loop.now_s + 0.2 * T)
+    made = [at_s for at_s, message in loop.told or [] if isinstance(message, Position)]
+    gaps_s = [after - before for before, after in pairwise(made)]
+    assert min(gaps_s) >= T * 0.9, "a missed tick is not caught up"
+    assert sensor.node.missed > missed
+    assert sensor.turns.due_at is not None
+    off_grid = (sensor.turns.due_at - due_at) / T
+    assert abs(off_grid - round(off_grid)) < 1e-6, "the grid is where it was"
+    assert tripped(loop) == (periods > 1.5)
+
+
+@pytest.mark.parametrize("who", ["sensor", "estimator", "controller"])
+@pytest.mark.parametrize(("in_a_row", "trips"), [(1, False), (4, True)])
+def test_one_overrun_is_borne_and_several_in_a_row_trip(
+    who: str, in_a_row: int, trips: bool
+) -> None:
+    loop = place("approach").loop.fork(1)
+    for _ in range(in_a_row):
+        loop.programs[who].slow_s = 0.95 * T
+        loop.run(loop.now_s + T)
+    for _ in range(in_a_row - 1):
+        loop.programs[who].slow_s = 2.2 * T
+        loop.run(loop.now_s + 2.0 * T)
+    loop.run(loop.now_s + 0.2)
+    assert tripped(loop) == trips
+
+
+def test_a_stuck_sensor_is_found_within_ten_samples_of_real_time() -> None:
+    loop = place("approach").loop.fork(1)
+    loop.bench.order(scripted("sensor", "stuck"))
+    began_s = loop.now_s
+    loop.run(began_s + 10.0 * T + T, lambda: tripped(loop))
+    assert tripped(loop)
+    invalid = [
+        message for _, message in loop.told or [] if isinstance(message, Estimate) and message.fault
+    ]
+    assert "stuck" in invalid[0].fault
+    assert "stuck" in loop.newest.cause
+
+
+def test_a_sensor_that_is_stuck_while_nothing_moves_trips_nothing() -> None:
+    loop = place("idle").loop.fork(1)
+    loop.bench.order(scripted("sensor", "stuck"))
+    loop.run(loop.now_s + 1.0)
+    assert not tripped(loop)
+
+
+def test_the_grip_itself_ends_well_in_real_time() -> None:
+    loop = begun(seed=4)
+    loop.run(loop.now_s + 12.0, lambda: loop.newest.final)
+    views = [message for _, message in loop.told or [] if isinstance(message, Telemetry)]
+    assert views[-1].outcome == "gripped"
+    assert not tripped(loop)

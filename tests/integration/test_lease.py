@@ -1,0 +1,126 @@
+"""A lease that ends in lockstep, where only a test asks for one: virtual time, bit by bit."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from pincette import plugins
+from pincette.api.request_models import GripJobRequest
+from pincette.bus.protocol import RefusalError
+from pincette.messages import Applied, Asked, Lease, Message, Reset, Sample, Telemetry, Truth
+from pincette.runtime.arming import arm
+from pincette.runtime.composed import ComposedLoop
+from pincette.runtime.replay.service_alone import replay
+from pincette.topics import LEASE, LOOP, RESET, TOPICS, Topic
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.replay.desk import recorded
+from tests.support.grips import SHORT
+from tests.support.rigs import demo_rig
+
+RIG = demo_rig(SHORT, time="lockstep")
+EPOCH, LENGTH_S = 7, 1.0
+GRIP = GripJobRequest(kind="grip", hold_s=3.0)
+Renew = Callable[[ComposedLoop, int], None]
+
+
+def nobody(_loop: ComposedLoop, _seq: int) -> None:
+    """Renew nothing."""
+
+
+def played(length_s: float, renew: Renew = nobody, most: int = 1000) -> tuple[Message, ...]:
+    """A grip under a lease; ``renew`` is called after every tick, of which there are so many."""
+    loop = ComposedLoop(RIG)
+    said: list[Message] = []
+
+    def take(_topic: Topic, message: Message) -> None:
+        said.append(message)
+        if isinstance(message, Applied) and message.seq >= 0:
+            renew(loop, message.seq)
+
+    for topic in TOPICS:
+        loop.bus.subscribe(topic, take)
+    loop.bus.ask(RESET, Reset(acknowledge=True))
+    program = plan_job(GRIP, RIG).program
+    lease = Lease(EPOCH, length_s)
+    arm(loop.bus, program, epoch=EPOCH, digest=RIG.digest(), lease=lease)
+    while loop.bus.pump():
+        if sum(isinstance(message, Applied) for message in said) > most:
+            break
+    return tuple(
+        item for item in said if not isinstance(item, Sample | Asked) or item.epoch == EPOCH
+    )
+
+
+@cache
+def lost(length_s: float = LENGTH_S) -> tuple[Message, ...]:
+    """A grip whose supervisor is never heard of."""
+    return played(length_s)
+
+
+def ended(messages: tuple[Message, ...]) -> list[Asked]:
+    """What the controller has asked of itself."""
+    return [item for item in messages if isinstance(item, Asked) and item.act is not None]
+
+
+def view(messages: tuple[Message, ...]) -> list[Telemetry]:
+    return [item for item in messages if isinstance(item, Telemetry)]
+
+
+def test_the_program_is_stopped_at_the_tick_at_which_its_lease_has_ended() -> None:
+    (noted,) = ended(lost())
+    assert noted.act is not None
+    assert (noted.act.action, noted.service, noted.topic) == ("stop", "controller", "estimate")
+    # Granted at 0 s; the first sample later than the limit is the next after it.
+    assert noted.seq == round(LENGTH_S / RIG.rig.period_s) + 1
+    acted = [sample.seq for sample in view(lost()) if sample.acted == "lease stop"]
+    assert acted == [noted.seq + 1]
+    last = [item for item in lost() if isinstance(item, Applied)][-1]
+    assert (last.final, last.state, last.part_held) == (True, "idle", False)
+
+
+def test_the_same_lease_gives_the_same_numbers() -> None:
+    assert played(LENGTH_S) == lost()
+
+
+def test_a_held_part_is_held_with_the_force_it_had_long_after() -> None:
+    messages = played(3.0, most=1500)
+    (noted,) = ended(messages)
+    after = [sample for sample in view(messages) if sample.seq > noted.seq]
+    assert len(after) > 1000
+    assert {(sample.held, sample.phase) for sample in after[1:]} == {(True, "hold")}
+    truths = [item for item in messages if isinstance(item, Truth) and item.seq > noted.seq + 50]
+    assert min(item.force_mN for item in truths) > 0.8 * 8.0
+    assert all(
+        item.state == "armed"
+        for item in messages
+        if isinstance(item, Applied) and item.seq > noted.seq
+    )
+
+
+@pytest.mark.parametrize("every", [1, 7, 40])
+def test_renewals_change_no_number_however_often_they_come(every: int) -> None:
+    def renew(loop: ComposedLoop, seq: int) -> None:
+        if seq % every == 0:
+            with suppress(RefusalError):  # once the program has come to its end
+                loop.bus.ask(LEASE, Lease(EPOCH, LENGTH_S))
+
+    def alone(loop: ComposedLoop) -> list[Message]:
+        return loop.play(plan_job(GRIP, RIG).program, EPOCH)
+
+    renewed = [item for item in played(LENGTH_S, renew) if isinstance(item, Sample)]
+    unleased = [item for item in alone(ComposedLoop(RIG)) if isinstance(item, Sample)]
+    wanted = [item for item in unleased if item.epoch == EPOCH]
+    assert renewed == wanted
+    assert view(tuple(renewed))[-1].outcome == "gripped"
+
+
+@pytest.mark.parametrize("name", [name for name in LOOP if name != "sensor"])
+def test_its_end_is_found_in_the_record_and_repeated(name: str, tmp_path: Path) -> None:
+    kept = recorded(tmp_path / "job", RIG, list(lost()), EPOCH)
+    service = plugins.load(plugins.SERVICES, name)
+    findings = replay(service, RIG, kept.messages)
+    assert findings.same, findings
+    assert findings.identical > 50

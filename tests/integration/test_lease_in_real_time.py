@@ -1,0 +1,94 @@
+"""Row 18 in real time, its time virtual: the supervisor falls silent in every state of a job."""
+
+import pytest
+
+from pincette.messages import Asked, Lease, Telemetry
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_places import EPOCH, STATES, T, place
+
+LENGTH_S = 0.5
+PLACES_IN_THE_PERIOD = (0.05, 0.35, 0.65, 0.95)
+TRIPPED = ("frozen", "ramping", "latched")
+STOPPED_S = 0.5
+"""In which a free arm is at rest once its program is asked to stop, with some ticks to spare."""
+PLAYING = tuple(state for state in STATES if state not in ("idle", "stopping"))
+LONG_S = 10.0
+
+
+def granted(state: str, phase: float, length_s: float = LENGTH_S) -> VirtualLoop:
+    """A loop in a state of its job, somewhere in its period, whose lease has just been granted."""
+    loop = place(state).loop.fork(round(100 * phase))
+    loop.run(loop.now_s + phase * T)
+    loop.must("controller", Lease(EPOCH, length_s))
+    return loop
+
+
+def told(loop: VirtualLoop, since_s: float) -> list[tuple[float, Telemetry]]:
+    said = loop.told or []
+    return [(at, one) for at, one in said if isinstance(one, Telemetry) and at > since_s]
+
+
+def asked(loop: VirtualLoop, since_s: float) -> list[tuple[float, Asked]]:
+    """What the controller has asked of itself."""
+    found = [(at, one) for at, one in loop.told or [] if isinstance(one, Asked) and at > since_s]
+    return [(at, one) for at, one in found if one.act is not None and one.act.reason]
+
+
+def tripped(loop: VirtualLoop, since_s: float) -> set[str]:
+    return {echo.state for at, echo in loop.applied if at > since_s} & set(TRIPPED)
+
+
+@pytest.mark.parametrize("state", PLAYING)
+def test_the_program_is_stopped_in_time_and_nothing_trips(state: str) -> None:
+    for phase in PLACES_IN_THE_PERIOD:
+        loop = granted(state, phase)
+        begun_s = loop.now_s
+        loop.run(begun_s + LENGTH_S + STOPPED_S)
+        found = asked(loop, begun_s)
+        if not found:  # the program came to its own end before
+            assert loop.newest.final
+            continue
+        ((ended_s, noted),) = found
+        assert LENGTH_S - T < ended_s - begun_s < LENGTH_S + 2.0 * T
+        assert noted.act is not None
+        assert noted.act.reason.endswith("limit 0.5 s")
+        acted = [one for _, one in told(loop, ended_s) if one.acted]
+        assert [one.acted for one in acted] == ["lease stop"]
+        assert acted[0].seq == noted.seq + 1
+        loop.run(loop.now_s + LONG_S)
+        assert not tripped(loop, begun_s)
+        held = acted[0].held
+        if held:
+            assert loop.newest.state == "armed"
+            assert loop.newest.part_held
+        else:
+            assert (loop.newest.state, loop.newest.final) == ("idle", True)
+
+
+@pytest.mark.parametrize("state", ["approach", "hold", "paused"])
+def test_one_that_is_busy_for_most_of_the_lease_changes_nothing(state: str) -> None:
+    loop = granted(state, 0.5)
+    begun_s = loop.now_s
+    for _ in range(6):
+        loop.run(loop.now_s + 0.9 * LENGTH_S)
+        if isinstance(loop.ask("controller", Lease(EPOCH, LENGTH_S)), str):
+            break  # the program has come to its own end
+    assert not asked(loop, begun_s)
+    assert not tripped(loop, begun_s)
+
+
+def test_without_a_lease_a_pause_lasts_for_as_long_as_it_is_let() -> None:
+    loop = place("paused").loop.fork(1)
+    begun_s = loop.now_s
+    loop.run(begun_s + LONG_S)
+    assert not asked(loop, begun_s)
+    assert told(loop, begun_s)[-1][1].paused
+
+
+def test_a_trip_ends_the_lease_and_needs_no_second_word() -> None:
+    loop = granted("hold", 0.3)
+    begun_s = loop.now_s
+    loop.kill("estimator")
+    loop.run(begun_s + 4.0 * LENGTH_S)
+    assert tripped(loop, begun_s)
+    assert not asked(loop, begun_s)

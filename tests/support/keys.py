@@ -1,0 +1,37 @@
+"""Keys in force at a supervisor, and requests that show them."""
+
+from dataclasses import dataclass
+from typing import get_args
+
+from pincette.api.access_models import Scope
+from pincette_supervisor.access.gate import Gate
+from pincette_supervisor.access.secret import digest_of, new_key
+from pincette_supervisor.journal.base import Base
+from pincette_supervisor.journal.keys import KeyBook
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A key of each scope, by its scope."""
+
+    keys: dict[Scope, str]
+
+    def headers(self, scope: Scope) -> dict[str, str]:
+        """What shows the key of a scope."""
+        return shown(self.keys[scope])
+
+
+def shown(key: str) -> dict[str, str]:
+    """The header that shows a key."""
+    return {"Authorization": f"Bearer {key}"}
+
+
+def key_of_each_scope(store: Base, gate: Gate | None = None) -> Ring:
+    """Keys ``an-observe``, ``an-operate`` and ``an-admin``, in force from here on."""
+    keys: dict[Scope, str] = {scope: new_key() for scope in get_args(Scope)}
+    book = KeyBook(store)
+    for scope, key in keys.items():
+        book.add(f"an-{scope}", digest_of(key), scope)
+    if gate is not None:
+        gate.renew(book)
+    return Ring(keys)

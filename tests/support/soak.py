@@ -1,0 +1,166 @@
+"""Many faults of one running rig, one after another, each anywhere within a period.
+
+``python -m tests.support.soak FILE`` injects, says how it goes on standard error, and writes what
+came of it as JSON; ``tests.support.namespaces.alone`` gives it a network in which links can be cut.
+"""
+
+import argparse
+import json
+import os
+import platform
+import random
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from time import monotonic
+from typing import cast
+
+import httpx
+
+from pincette.config.reading import laid_over
+from tests.support.distributions import Injected, Json, table, tree
+from tests.support.grips import SHORT, make_ready, whole_grip
+from tests.support.injections import CUTS, WATCHED, Fault, inject
+from tests.support.namespaces import alone
+from tests.support.rigs import demo_rig
+from tests.support.running import RunningRig, running_rig
+from tests.support.stalls import BLAMED_S, StallRecorder
+from tests.support.witness import Witness, witness
+
+SEED = 20131
+ROUNDS = 50
+KINDS = ("killed", "stopped", "cut off")
+PROGRAMS = ("controller", "estimator", "sensor")
+TRIES = 3
+START_S, EACH_S = 90.0, 15.0
+"""Longest time that the rig may take to be up, and an injection with all that belongs to it."""
+Failed = (AssertionError, TimeoutError, httpx.HTTPError)
+
+
+def plan(
+    kinds: Sequence[str], programs: Sequence[str], rounds: int, chance: random.Random
+) -> list[Fault]:
+    """Each fault of each program so often, half of them with a part held, in any order.
+
+    The actuator can be killed only: where it hangs, nobody is left whose reaction could be timed.
+    """
+    faults = [
+        Fault(kind, program, count % 2 == 0)
+        for kind in kinds
+        for program in programs
+        for count in range(rounds)
+        if kind == "killed" or program != "actuator"
+    ]
+    chance.shuffle(faults)
+    return faults
+
+
+class Campaign:
+    """The injections as they are made, and what went wrong."""
+
+    def __init__(self, rig: RunningRig, seen: Witness, stalls: StallRecorder, seed: int) -> None:
+        self._rig, self._seen, self._stalls = rig, seen, stalls
+        self._chance = random.Random(seed)
+        self.injected: list[Injected] = []
+        self.failures: list[str] = []
+        self.repeated: list[str] = []
+        """Injections that were made again because the machine had stood still."""
+
+    def run(self, faults: Sequence[Fault]) -> None:
+        """Inject one after the other; a failure does not end it."""
+        begun = monotonic()
+        for number, fault in enumerate(faults, 1):
+            result = self._one(fault)
+            spent_s = monotonic() - begun
+            left_s = spent_s / number * (len(faults) - number)
+            words = f"{number}/{len(faults)} {' '.join(fault.name)}: {result}; {left_s:.0f} s left"
+            print(words, file=sys.stderr, flush=True)
+
+    def _one(self, fault: Fault) -> str:
+        """Inject; again where a stall of a period or more has spoilt what should be seen."""
+        what = " ".join(fault.name)
+        for _ in range(TRIES):
+            begun = monotonic()
+            try:
+                one = inject(self._rig, self._seen, self._stalls, fault, self._chance)
+            except Failed as error:
+                stood_s = max(
+                    (length_s for at, length_s in self._stalls.stalls if at >= begun - 0.1),
+                    default=0.0,
+                )
+                said = f"{what}: {error}"
+                make_ready(self._rig)
+                if stood_s < BLAMED_S:
+                    self.failures.append(said)
+                    return f"FAILED: {error}"
+                self.repeated.append(f"{said} (the machine stood still for {stood_s:.3f} s)")
+            else:
+                self.injected.append(one)
+                reaction_s = one.reaction_s or float("nan")
+                return f"reaction {1e3 * reaction_s:.1f} ms, safe {1e3 * one.safe_s:.1f} ms"
+        self.failures.append(f"{what}: the machine stood still in each of {TRIES} tries")
+        return "given up"
+
+
+def soak(kinds: Sequence[str], programs: Sequence[str], rounds: int, seed: int) -> Json:
+    """Bring a rig up, inject, and return everything as JSON can have it."""
+    faults = plan(kinds, programs, rounds, random.Random(seed))
+    rig = demo_rig(laid_over(SHORT, WATCHED))
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        StallRecorder() as stalls,
+        running_rig(rig, Path(folder)) as running,
+        witness(rig) as seen,
+    ):
+        campaign = Campaign(running, seen, stalls, seed)
+        make_ready(running)
+        whole_grip(running, seen, stalls)
+        campaign.run(faults)
+        stood_s = [length_s for _, length_s in stalls.stalls]
+    about: Json = {
+        "seed": seed,
+        "rounds": rounds,
+        "period_s": rig.rig.period_s,
+        "freeze_s": rig.safety.freeze_s,
+        "stroke_um": rig.limits.position_max_um - rig.limits.position_min_um,
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.release()}, {os.cpu_count()} processors",
+        "stalls": len(stood_s),
+        "longest_stall_s": max(stood_s, default=0.0),
+        "failures": campaign.failures,
+        "repeated": campaign.repeated,
+    }
+    return tree(campaign.injected, about)
+
+
+def injected(file: Path, words: Sequence[str], count: int, *, own_network: bool) -> Json:
+    """Run this program with some words, and read what came of ``count`` injections."""
+    command = [sys.executable, "-m", "tests.support.soak", str(file), *words]
+    limit_s = START_S + EACH_S * count
+    command = alone(command) if own_network else command
+    ran = subprocess.run(command, timeout=limit_s, check=False)
+    if not file.exists():
+        raise AssertionError(f"the injections ended with status {ran.returncode}")
+    return cast(Json, json.loads(file.read_text(encoding="utf-8")))
+
+
+def main() -> int:
+    """Inject as the words on the command line say."""
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("file", type=Path)
+    words.add_argument("--rounds", type=int, default=ROUNDS, help="of each fault and program")
+    words.add_argument("--seed", type=int, default=SEED)
+    words.add_argument("--kinds", nargs="+", default=KINDS, choices=("killed", "stopped", *CUTS))
+    words.add_argument("--programs", nargs="+", default=PROGRAMS)
+    wished = words.parse_args()
+    found = soak(wished.kinds, wished.programs, wished.rounds, wished.seed)
+    wished.file.write_text(json.dumps(found, indent=1, ensure_ascii=False), encoding="utf-8")
+    print(table(found["rows"]))
+    print("\n".join(found["outliers"] + found["failures"]))
+    return 1 if found["failures"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

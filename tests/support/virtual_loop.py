@@ -1,0 +1,67 @@
+"""The virtual loop with those around it: who asks, arms and resets, and who hurts its programs."""
+
+from pincette.control.planning.program import Program as Played
+from pincette.messages import Arm, Document, Load, Message, Reset
+from pincette.runtime.arming import ORDER
+from tests.support.virtual_loop_engine import Engine
+from tests.support.virtual_loop_program import forked_node
+
+PATIENCE_S = 2.0
+
+
+class VirtualLoop(Engine):
+    """A rig in real time whose clock is made; ``fork`` gives a twin that goes on by itself."""
+
+    def ask(self, name: str, request: Message) -> Message | str:
+        """Ask a program; the reply, or the text of a refusal."""
+        replies: list[Message | str] = []
+        self.hand_over(self.programs[name], (request, replies.append))
+        assert self.run(self.now_s + PATIENCE_S, lambda: bool(replies)), f"{name} does not answer"
+        return replies[0]
+
+    def arm(self, program: Played, epoch: int = 1, calibration: str = "") -> None:
+        """Load a program and begin an epoch, as the supervisor does."""
+        owner, digest = self.node("controller").instance, self.rig.digest()
+        self.must("controller", Load(program))
+        for name in ORDER:
+            self.must(name, Arm(epoch, owner, digest, Document(calibration), program.capture_hz))
+
+    def must(self, name: str, request: Message) -> None:
+        """Ask, and fail where that is refused."""
+        reply = self.ask(name, request)
+        assert not isinstance(reply, str), reply
+
+    def reset(self) -> None:
+        """What a person does who has seen the cause."""
+        self.must("actuator", Reset(acknowledge=True))
+
+    def kill(self, name: str) -> None:
+        self.programs[name].alive = False
+
+    def stop(self, name: str, for_s: float) -> None:
+        """The program stands still; what comes waits."""
+        program = self.programs[name]
+        program.stopped_until_s = max(program.stopped_until_s, self.now_s + for_s)
+
+    def restart(self, name: str) -> None:
+        """A fresh program in place of one that was killed, of another instance."""
+        if name in self.fresh:
+            node = forked_node(self.fresh[name], {})
+            node.instance = self.instances
+            self.start(name, node)
+        else:
+            self.add(name, name)
+
+    def add_rival(self, program: Played, epoch: int) -> None:
+        """A second controller, armed for the same epoch as another owner."""
+        node = forked_node(self.fresh["controller"], {})
+        node.instance = self.instances
+        self.start("rival", node)
+        self.must("rival", Load(program))
+        self.must("rival", Arm(epoch, node.instance, self.rig.digest()))
+
+    def put_out_by_module(self) -> float:
+        """What the output's module says that it puts out."""
+        reply = self.bench.module.answer(b"$0180")
+        assert reply is not None
+        return float(reply[3:])

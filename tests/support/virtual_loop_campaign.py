@@ -1,0 +1,123 @@
+"""Very many injections, drawn by a seed, shared out among processes, and what is said of them."""
+
+import json
+import random
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+from tests.support.virtual_loop_catalogue import FATAL, HARMLESS
+from tests.support.virtual_loop_injection import Reaction, inject
+from tests.support.virtual_loop_places import STATES, place
+
+PHASES = 12
+"""Parts of a period; within each part a fault falls anywhere."""
+HARMLESS_SHARE = 0.3
+SHARES = (50.0, 90.0, 99.0, 100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What is said of one fault, or of one state: times in ms, since the fault."""
+
+    name: str
+    count: int
+    reaction_ms: tuple[float, ...]
+    safe_ms: tuple[float, ...]
+    ringing: float
+    """Largest, as a share of the stroke."""
+
+
+def draw(number: int, seed: int) -> Reaction | None:
+    """Injection ``number`` of a campaign: every fault, state and phase comes in its turn."""
+    chance = random.Random(f"{seed} {number}")
+    faults = HARMLESS if chance.random() < HARMLESS_SHARE else FATAL
+    fault, state = chance.choice(faults), chance.choice(STATES)
+    phase = (number % PHASES + chance.random()) / PHASES
+    return inject(place(state), fault, phase, chance.getrandbits(32))
+
+
+def share(begin: int, end: int, seed: int) -> list[Reaction]:
+    """Injections of a campaign by their numbers, in one process."""
+    reactions = [draw(number, seed) for number in range(begin, end)]
+    return [reaction for reaction in reactions if reaction is not None]
+
+
+def campaign(
+    count: int, seed: int, processes: int, tell: Callable[[str], None] = print
+) -> list[Reaction]:
+    """All of them; raises AssertionError where one is not as it must be."""
+    piece = max(1, count // (50 * processes))
+    begins = range(0, count, piece)
+    reactions: list[Reaction] = []
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        ends = [min(begin + piece, count) for begin in begins]
+        shares = pool.map(share, begins, ends, [seed] * len(ends))
+        for end, found in zip(ends, shares, strict=True):
+            reactions += found
+            if end * 10 // count != (end - piece) * 10 // count:
+                tell(f"{end} of {count} injections")
+    return reactions
+
+
+def percentile(values: Sequence[float], share: float) -> float:
+    """The smallest value that so many per cent of the values do not exceed."""
+    ordered = sorted(values)
+    index = max(0, -(-len(ordered) * share // 100) - 1)
+    return ordered[int(index)]
+
+
+def rows_of(reactions: Iterable[Reaction], key: Callable[[Reaction], str]) -> list[Row]:
+    """Sum up by what ``key`` says."""
+    kinds: dict[str, list[Reaction]] = {}
+    for reaction in reactions:
+        kinds.setdefault(key(reaction), []).append(reaction)
+    return [_row(name, found) for name, found in sorted(kinds.items())]
+
+
+def _row(name: str, found: Sequence[Reaction]) -> Row:
+    def spread(times_s: list[float]) -> tuple[float, ...]:
+        return tuple(round(1e3 * percentile(times_s, share), 2) for share in SHARES)
+
+    return Row(
+        name,
+        len(found),
+        spread([reaction.reaction_s for reaction in found]),
+        spread([reaction.safe_s for reaction in found]),
+        round(max(reaction.ringing_share for reaction in found), 4),
+    )
+
+
+def table(title: str, rows: Sequence[Row]) -> str:
+    """As text: medians, percentiles and the worst of both times, and the worst ringing."""
+    lines = [
+        f"{title:<44}{'count':>7}  {'reaction ms: 50 90 99 worst':>31}"
+        f"  {'safe ms: 50 90 99 worst':>31}  ringing"
+    ]
+    for row in rows:
+        both = "".join(
+            "  " + "".join(f"{value:8.1f}" for value in values)
+            for values in (row.reaction_ms, row.safe_ms)
+        )
+        lines.append(f"{row.name:<44}{row.count:>7}{both}  {100.0 * row.ringing:5.1f} %")
+    return "\n".join(lines)
+
+
+def arm_of(reaction: Reaction) -> str:
+    """Held or free."""
+    return "part held" if reaction.held else "arm free"
+
+
+def write_figures(folder: Path, reactions: Sequence[Reaction], count: int, seed: int) -> Path:
+    """Put the tables into a JSON file that documents can be made of."""
+    path = folder / "virtual_faults.json"
+    tables = {
+        "faults": rows_of(reactions, lambda reaction: reaction.fault),
+        "states": rows_of(reactions, lambda reaction: reaction.state),
+        "arms": rows_of(reactions, arm_of),
+    }
+    told = {name: [asdict(row) for row in rows] for name, rows in tables.items()}
+    path.write_text(json.dumps({"injections": count, "seed": seed, **told}, indent=1) + "\n")
+    return path

@@ -1,0 +1,219 @@
+"""Faults of the loop, by the rows of the fault table: those that must trip, and their twins."""
+
+from math import nan
+
+from tests.support.virtual_loop_faults import LinkFault
+from tests.support.virtual_loop_injection import Fault
+from tests.support.virtual_loop_places import T
+
+LINKS = (
+    ("sensor", "estimator"),
+    ("sensor", "actuator"),
+    ("estimator", "controller"),
+    ("controller", "actuator"),
+    ("actuator", "estimator"),
+)
+"""Every arrow of a tick."""
+TO_THE_ACTUATOR = ("sensor", "actuator")
+BEHIND_THE_SENSOR = ("estimator", "controller", "actuator")
+BEFORE_THE_COMMAND = ("sensor", "estimator", "controller")
+ROW_OF_DEAD = {"sensor": 1, "estimator": 6, "controller": 7}
+ROW_OF_HUNG = {"sensor": 1, "estimator": 6, "controller": 8}
+NUMBERS = {
+    "sensor": "x_um",
+    "estimator": "force_mN",
+    "controller": "voltage_V",
+    "actuator": "voltage_V",
+}
+"""The field that matters most of what each program says."""
+HUNG_S = (0.08, 0.2)
+"""Longer than any bound; the shorter ends while the actuator is still frozen or on its ramp."""
+BRIEFLY_S = 0.9 * T
+"""In which a program speaks once at the most."""
+LATE_S = 3.0 * T
+A_LITTLE_LATE_S = 0.4 * T
+ABSURD_SEQ = 2**53
+ECHO_LATE_S = T
+"""An echo that is cut is first missed with the next sample, up to a period after the cut; of the
+other links the actuator itself misses what comes next."""
+STEP_S = 4.0 * T
+
+
+def _link(befalls: str, source: str, to: str, late_s: float = 0.0) -> LinkFault:
+    match befalls:
+        case "lost":
+            return LinkFault("lost", source, to)
+        case "twice":
+            return LinkFault("twice", source, to, late_s=late_s)
+        case "unreadable":
+            return LinkFault("unreadable", source, to)
+        case _:
+            return LinkFault("late", source, to, late_s=late_s)
+
+
+def _echo_s(source: str) -> float:
+    return ECHO_LATE_S if source == "actuator" else 0.0
+
+
+def _isolated(name: str) -> Fault:
+    both = (LinkFault("lost", name, "*"), LinkFault("lost", "*", name))
+    return Fault(f"{name} cut off", 12, "trip", "link", links=both)
+
+
+def _corrupt(source: str, field: str, value: float, row: int, for_s: float | None) -> Fault:
+    must = "trip" if for_s is None else "carry on"
+    link = LinkFault("corrupt", source, field=field, value=value)
+    times = "" if for_s is None else ", once"
+    name, late_s = f"{source}: {field} = {value:g}{times}", _echo_s(source)
+    return Fault(name, row, must, "link", for_s=for_s, links=(link,), late_s=late_s)
+
+
+FATAL: tuple[Fault, ...] = (
+    *(Fault(f"{who} killed", ROW_OF_DEAD[who], "trip", "kill", who) for who in BEFORE_THE_COMMAND),
+    *(
+        Fault(f"{who} hung for {1e3 * for_s:g} ms", ROW_OF_HUNG[who], "trip", "stop", who, for_s)
+        for who in BEFORE_THE_COMMAND
+        for for_s in HUNG_S
+    ),
+    *(
+        Fault(
+            f"{source} -> {to} cut",
+            12,
+            "trip",
+            "link",
+            links=(_link("lost", source, to),),
+            late_s=_echo_s(source),
+        )
+        for source, to in LINKS
+    ),
+    *(_isolated(name) for name in (*BEFORE_THE_COMMAND, "actuator")),
+    *(
+        Fault(
+            f"{source} -> {to} {1e3 * LATE_S:g} ms late",
+            5,
+            "trip",
+            "link",
+            links=(_link("late", source, to, LATE_S),),
+            late_s=_echo_s(source),
+        )
+        for source, to in LINKS
+    ),
+    *(_corrupt(source, field, nan, 4, None) for source, field in NUMBERS.items()),
+    *(
+        Fault(
+            f"{source} unreadable",
+            15,
+            "trip",
+            "link",
+            links=(_link("unreadable", source, "*"),),
+            late_s=_echo_s(source),
+        )
+        for source in NUMBERS
+    ),
+    *(
+        Fault(f"a step of the {who} takes {1e3 * STEP_S:g} ms", 17, "trip", "slow", who, STEP_S)
+        for who in BEFORE_THE_COMMAND
+    ),
+    Fault("sensor over range", 3, "trip", "bench", target="sensor", what="over_range"),
+    Fault("sensor says garbage", 15, "trip", "bench", target="sensor", what="garbage"),
+    Fault("sensor unplugged", 1, "trip", "bench", target="sensor", what="off"),
+)
+"""After each of these no good command comes any more, or none for longer than the age limit."""
+
+HARMLESS: tuple[Fault, ...] = (
+    *(
+        Fault(f"{who} hung for {1e3 * BRIEFLY_S:g} ms", row, "carry on", "stop", who, BRIEFLY_S)
+        for who, row in (*ROW_OF_HUNG.items(), ("actuator", 17))
+    ),
+    *(
+        Fault(
+            f"{source} -> {to}: one lost",
+            12,
+            "carry on",
+            "link",
+            for_s=BRIEFLY_S,
+            links=(_link("lost", source, to),),
+        )
+        for source, to in LINKS
+        if (source, to) != TO_THE_ACTUATOR
+    ),
+    *(
+        Fault(
+            f"{source} -> {to} {1e3 * A_LITTLE_LATE_S:g} ms late",
+            5,
+            "carry on",
+            "link",
+            links=(_link("late", source, to, A_LITTLE_LATE_S),),
+        )
+        for source, to in LINKS
+    ),
+    Fault(
+        "all is said twice",
+        13,
+        "carry on",
+        "link",
+        links=(_link("twice", "*", "*", A_LITTLE_LATE_S),),
+    ),
+    *(
+        Fault(
+            f"{source} -> {to}: one overtaken by the next",
+            13,
+            "carry on",
+            "link",
+            for_s=BRIEFLY_S,
+            links=(_link("late", source, to, 1.2 * T),),
+        )
+        for source, to in LINKS
+        if (source, to) != TO_THE_ACTUATOR
+    ),
+    *(_corrupt(source, NUMBERS[source], nan, 4, BRIEFLY_S) for source in BEHIND_THE_SENSOR),
+    *(_corrupt(source, NUMBERS[source], 1e300, 4, BRIEFLY_S) for source in BEHIND_THE_SENSOR),
+    *(_corrupt(source, "seq", ABSURD_SEQ, 4, BRIEFLY_S) for source in BEHIND_THE_SENSOR),
+    *(
+        Fault(
+            f"a step of the {who} takes {1e3 * 0.6 * T:g} ms",
+            17,
+            "carry on",
+            "slow",
+            who,
+            0.6 * T,
+        )
+        for who in (*BEFORE_THE_COMMAND, "actuator")
+    ),
+    Fault(
+        "sensor over range, once", 3, "carry on", "bench", "", BRIEFLY_S, (), "sensor", "over_range"
+    ),
+    Fault("a second controller", 9, "carry on", "rival"),
+)
+"""The same, just below what may trip: no false trip, and the loop goes on."""
+
+LOST_ONCE: tuple[Fault, ...] = (
+    Fault(
+        "sensor -> actuator: one lost",
+        5,
+        "carry on",
+        "link",
+        for_s=BRIEFLY_S,
+        links=(_link("lost", *TO_THE_ACTUATOR),),
+    ),
+    Fault(
+        "one sample lost for all",
+        5,
+        "carry on",
+        "link",
+        for_s=BRIEFLY_S,
+        links=(_link("lost", "sensor", "*"),),
+    ),
+    Fault(
+        "sensor -> actuator: one overtaken by the next",
+        13,
+        "carry on",
+        "link",
+        for_s=BRIEFLY_S,
+        links=(_link("late", *TO_THE_ACTUATOR, 1.2 * T),),
+    ),
+    _corrupt("sensor", "x_um", nan, 4, BRIEFLY_S),
+    _corrupt("sensor", "x_um", 1e300, 4, BRIEFLY_S),
+    _corrupt("sensor", "seq", ABSURD_SEQ, 4, BRIEFLY_S),
+)
+"""One sample that the actuator does not see."""

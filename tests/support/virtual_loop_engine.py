@@ -1,0 +1,265 @@
+"""The whole loop in real time, and its time virtual: four real nodes, real bytes, one event heap.
+
+Each program goes by the same ``Turns`` as its thread does in a process: it waits, takes what has
+come, steps, tells. Messages travel as bytes, and are decoded where they arrive. What a machine
+makes of it is drawn by a seed:
+
+    computing   0.1 to 0.4 ms before the step, evenly
+    bus         0.1 ms, and exponentially 0.2 ms more, 3 ms at most; in order on each link
+    lines       as the drivers state them; a voltage reaches the plant at the end of its exchange
+
+The same seed gives the same numbers, to the last bit.
+"""
+
+import random
+from collections import deque
+from collections.abc import Callable
+from copy import deepcopy
+from heapq import heappop, heappush
+from typing import Any, Self
+
+from pincette import plugins
+from pincette.codec import CodecError, decode, encode
+from pincette.config import RigFile
+from pincette.messages import Applied, Message
+from pincette.runtime.node import Node
+from pincette.runtime.turns import MOST_AT_ONCE, Turns
+from pincette.topics import LOOP, TOPIC_OF, Topic
+from tests.support.virtual_loop_bench import Clock, VirtualBench
+from tests.support.virtual_loop_faults import Link, LinkFault, on_the_way
+from tests.support.virtual_loop_program import Program, forked_node
+
+COMPUTING_S = (0.0001, 0.0004)
+BUS_S, BUS_MORE_S, BUS_MOST_S = 0.0001, 0.0002, 0.003
+LOOK_S = 0.05
+"""How often a quiet wire lets its instrument look at its watchdog."""
+FIRST_INSTANCE = 11
+
+Told = tuple[float, Message]
+
+
+class Engine:
+    """A rig in real time whose clock is made; ``fork`` gives a twin that goes on by itself."""
+
+    def __init__(self, rig: RigFile, seed: int = 1) -> None:
+        assert not rig.lockstep
+        self.rig = rig
+        self.clock = Clock()
+        self.bench = VirtualBench(rig, self.clock)
+        self.chance = random.Random(seed)
+        self.told: list[Told] | None = []
+        """What was published, with when; None: it is not kept."""
+        self.applied: list[tuple[float, Applied]] = []
+        """What the actuator said, with when."""
+        self.put_out: list[tuple[float, float]] = []
+        """When which voltage reached the plant."""
+        self.links: list[LinkFault] = []
+        self.programs: dict[str, Program] = {}
+        self.listeners: dict[type[Message], list[str]] = {}
+        self._events: list[tuple[float, int, str, str, Any]] = []
+        self._number = 0
+        self._arrived: dict[Link, float] = {}
+        self.instances = FIRST_INSTANCE
+        for name in LOOP:
+            self.add(name, name)
+        self.fresh = {name: forked_node(program.node, {}) for name, program in self.booted()}
+        self._push(LOOK_S, "look", "", None)
+
+    def booted(self) -> list[tuple[str, Program]]:
+        """Programs without an instrument, as they are started."""
+        return [
+            (name, program)
+            for name, program in self.programs.items()
+            if program.node.service.instrument is None
+        ]
+
+    def add(self, name: str, service: str) -> Program:
+        devices = {"sensor": self.bench.sensor, "actuator": self.bench.output}
+        device = devices[service]() if service in devices else None
+        node = Node(plugins.load(plugins.SERVICES, service), self.rig, device, self.instances)
+        return self.start(name, node)
+
+    def start(self, name: str, node: Node) -> Program:
+        self.instances += 1
+        turns = Turns(node)
+        turns.begin(self.now_s)
+        turn = self.programs[name].turn + 1 if name in self.programs else 0
+        program = Program(name, node, turns, deque(), turn=turn)
+        self.programs[name] = program
+        for item in node.service.inputs:
+            listeners = self.listeners.setdefault(item.topic.message, [])
+            if item.role != "pace" and name not in listeners:
+                listeners.append(name)
+        self._push(self.now_s, "run", name, program.turn)
+        return program
+
+    @property
+    def newest(self) -> Applied:
+        """What the actuator said last."""
+        return self.applied[-1][1]
+
+    @property
+    def now_s(self) -> float:
+        return self.clock.now_s
+
+    def node(self, name: str) -> Node:
+        return self.programs[name].node
+
+    def _push(self, at_s: float, what: str, name: str, data: Any) -> None:
+        self._number += 1
+        heappush(self._events, (at_s, self._number, what, name, data))
+
+    def call_at(self, at_s: float, deed: Callable[[Self], None]) -> None:
+        """Do something to the loop at a time."""
+        self._push(at_s, "call", "", deed)
+
+    def run(self, until_s: float, over: Callable[[], bool] = lambda: False) -> bool:
+        """Let time pass, until it has or something is over; says which (true: over)."""
+        while not over():
+            if self._events[0][0] > until_s:
+                self.clock.now_s = until_s
+                return False
+            at_s, _, what, name, data = heappop(self._events)
+            self.clock.now_s = at_s
+            if what == "call":
+                data(self)
+            elif what == "put":
+                self.bench.put_V(data)
+                self.put_out.append((at_s, data))
+            elif what == "look":
+                self.bench.module.idle()
+                self._push(at_s + LOOK_S, "look", "", None)
+            elif what == "arrive":
+                self._arrive(name, *data)
+            else:
+                self._turn(self.programs[name], what, data)
+        return True
+
+    def _turn(self, program: Program, what: str, data: Any) -> None:
+        turn, outputs = data if what == "tell" else (data, ())
+        if not program.alive or turn != program.turn:
+            return
+        if self.now_s < program.stopped_until_s:
+            self._push(program.stopped_until_s, what, program.name, data)
+        elif what == "run":
+            self._collect(program)
+        elif what == "act":
+            self._act(program)
+        else:
+            self._tell(program, outputs)
+
+    def _collect(self, program: Program) -> None:
+        """Take what has come, then see what is to be done."""
+        for _ in range(min(len(program.queue), MOST_AT_ONCE + 1)):
+            item = program.queue.popleft()
+            if isinstance(item, tuple):
+                request, reply = item
+                answer, outputs = program.turns.ask(request, self.now_s)
+                self._publish(program, outputs)
+                self._deliver_voltages(self.now_s)
+                reply(answer)
+            else:
+                program.turns.accept(item, self.now_s)
+        self._go_on(program)
+
+    def _go_on(self, program: Program) -> None:
+        program.turn += 1
+        due = program.node.due(self.now_s)
+        if due or program.turns.due(self.now_s):
+            program.step, program.began_s, program.busy = (
+                "fire" if due else "clock",
+                self.now_s,
+                True,
+            )
+            wait_s = self.chance.uniform(*COMPUTING_S) + program.slow_s
+            program.slow_s = 0.0
+            self._push(self.now_s + wait_s, "act", program.name, program.turn)
+        else:
+            program.busy = False
+            wait_s = 0.0 if program.queue else program.turns.wait_s(self.now_s)
+            self._push(self.now_s + wait_s, "run", program.name, program.turn)
+
+    def _act(self, program: Program) -> None:
+        self.bench.step_begins()
+        node, now = program.node, program.began_s
+        outputs = node.fire(now) if program.step == "fire" else program.turns.take(now)
+        taken, at_s = self.bench.taken, self.now_s + self.bench.taken.silent_s
+        if program.turns.on_grid and not taken.silent_s:
+            at_s += self.bench.lines.sensor_s
+        if taken.written:
+            at_s += self.bench.lines.output_s
+        self._deliver_voltages(at_s)
+        self._push(at_s, "tell", program.name, (program.turn, outputs))
+
+    def _deliver_voltages(self, at_s: float) -> None:
+        for voltage_V in self.bench.taken.voltages_V:
+            self._push(at_s, "put", "", voltage_V)
+        self.bench.taken.voltages_V.clear()
+
+    def _tell(self, program: Program, outputs: tuple[Message, ...]) -> None:
+        self._publish(program, outputs)
+        if program.step == "fire":
+            self._go_on(program)
+        else:
+            program.turns.taken(self.now_s)
+            self._collect(program)
+
+    def _publish(self, program: Program, outputs: tuple[Message, ...]) -> None:
+        for message in outputs:
+            if self.told is not None:
+                self.told.append((self.now_s, message))
+            if isinstance(message, Applied):
+                self.applied.append((self.now_s, message))
+            listeners = self.listeners.get(type(message), ())
+            if listeners:
+                payload = encode(message)
+                for listener in listeners:
+                    self.send((program.name, listener), TOPIC_OF[type(message)], payload)
+
+    def send(self, link: Link, topic: Topic, payload: bytes) -> None:
+        """Put bytes on their way to one program."""
+        delay_s = min(BUS_S + self.chance.expovariate(1.0 / BUS_MORE_S), BUS_MOST_S)
+        at_s = max(self.now_s + delay_s, self._arrived.get(link, 0.0))
+        if not self.links:
+            self._arrived[link] = at_s
+            self._push(at_s, "arrive", link[1], (topic, payload))
+            return
+        for late_s, arrived in on_the_way(self.links, link, payload, self.now_s, self.chance):
+            if late_s == 0.0:
+                self._arrived[link] = at_s
+            self._push(at_s + late_s, "arrive", link[1], (topic, arrived))
+
+    def _arrive(self, name: str, topic: Topic, payload: bytes) -> None:
+        program = self.programs[name]
+        if not program.alive:
+            return
+        try:
+            message = decode(topic.message, payload)
+        except CodecError:
+            program.refused += 1
+            return
+        self.hand_over(program, message)
+
+    def hand_over(self, program: Program, item: Any) -> None:
+        """Put something in a program's queue, and wake it where it waits."""
+        program.queue.append(item)
+        if not program.busy:
+            program.turn += 1
+            self._push(self.now_s, "run", program.name, program.turn)
+
+    def fork(self, seed: int) -> Self:
+        """A twin that goes on from here by itself, by a chance of its own."""
+        memo: dict[int, Any] = {id(shared): shared for shared in self.bench.shared()}
+        twin = object.__new__(type(self))
+        twin.rig, twin.fresh, twin._number = self.rig, self.fresh, self._number
+        twin.clock = deepcopy(self.clock, memo)
+        twin.bench = deepcopy(self.bench, memo)
+        twin.chance = random.Random(seed)
+        twin.told, twin.applied, twin.put_out = [], self.applied[-3:], self.put_out[-3:]
+        twin.links = list(self.links)
+        twin.programs = {name: program.forked(memo) for name, program in self.programs.items()}
+        twin.listeners = {kind: list(names) for kind, names in self.listeners.items()}
+        twin._events = list(self._events)
+        twin._arrived = dict(self._arrived)
+        twin.instances = self.instances
+        return twin

@@ -1,0 +1,80 @@
+"""What may befall a message on its way from one program to another, as data."""
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+import msgpack as untyped_msgpack
+
+msgpack = cast(Any, untyped_msgpack)
+Link = tuple[str, str]
+"""From whom, to whom."""
+Befalls = Literal["lost", "late", "twice", "corrupt", "unreadable"]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkFault:
+    """Befalls messages of a link from a time on.
+
+    ``lost``       it does not arrive.
+    ``late``       it arrives ``late_s`` later, and may be overtaken.
+    ``twice``      it arrives, and once more ``late_s`` later.
+    ``corrupt``    its field ``field`` arrives as ``value``.
+    ``unreadable`` it arrives cut in half.
+    """
+
+    befalls: Befalls
+    source: str = "*"
+    to: str = "*"
+    begin_s: float = 0.0
+    end_s: float = float("inf")
+    late_s: float = 0.0
+    share: float = 1.0
+    field: str = ""
+    value: Any = None
+
+    def hits(self, link: Link, now_s: float, chance: random.Random) -> bool:
+        """Whether it befalls a message that is sent now."""
+        return (
+            self.source in ("*", link[0])
+            and self.to in ("*", link[1])
+            and self.begin_s <= now_s < self.end_s
+            and (self.share >= 1.0 or chance.random() < self.share)
+        )
+
+
+def on_the_way(
+    faults: Sequence[LinkFault],
+    link: Link,
+    payload: bytes,
+    now_s: float,
+    chance: random.Random,
+) -> list[tuple[float, bytes]]:
+    """What arrives of a message: by how much later than it would, and its bytes."""
+    arriving = [(0.0, payload)]
+    for fault in faults:
+        if not fault.hits(link, now_s, chance):
+            continue
+        match fault.befalls:
+            case "lost":
+                return []
+            case "late":
+                arriving = [(late_s + fault.late_s, data) for late_s, data in arriving]
+            case "twice":
+                arriving += [(late_s + fault.late_s, data) for late_s, data in arriving]
+            case "corrupt":
+                arriving = [
+                    (late_s, corrupted(data, fault.field, fault.value)) for late_s, data in arriving
+                ]
+            case "unreadable":
+                arriving = [(late_s, data[: len(data) // 2]) for late_s, data in arriving]
+    return arriving
+
+
+def corrupted(payload: bytes, field: str, value: Any) -> bytes:
+    """The same map with another value in one field, where it has that field."""
+    tree = msgpack.unpackb(payload)
+    if field in tree:
+        tree[field] = value
+    return cast(bytes, msgpack.packb(tree))

@@ -1,0 +1,197 @@
+"""A fault in a virtual loop, and what became of it, held against what must."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tests.support.reactions import REACTION_S, SAFE_S, TRIPPED, within
+from tests.support.scripted import PROGRAM
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_bench import scripted
+from tests.support.virtual_loop_faults import LinkFault
+from tests.support.virtual_loop_places import EPOCH, FREEZE_S, Place
+
+Must = Literal["trip", "carry on"]
+RAMP_S = SAFE_S - REACTION_S
+"""What is left for a ramp of 35 ms, in steps of a quarter of a period."""
+AFTER_S = 0.06
+"""Watched on when all is over: nothing may move, nothing may be taken."""
+WATCHED_S = 0.2
+"""How long a fault that must not trip is given to do so."""
+RINGS_FROM_S, RINGS_TO_S, RINGS_STEP_S = 0.010, 0.022, 0.001
+"""After the last voltage of a ramp, when the output has settled: four periods of the mode."""
+LEAST_STROKE_UM = 1.0
+RINGING_SHARE = 0.05
+"""Of the stroke, that the mode may ring with after a ramp; a step of the output comes on top, which
+is what rounding a voltage may move the arm by."""
+SILENCE = "command_age: no command for "
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What is done to a loop, and what must become of it.
+
+    ``kill``  a program ends without a word.
+    ``stop``  it stands still for ``for_s``.
+    ``slow``  its next step takes ``for_s`` longer.
+    ``link``  ``link`` befalls messages from here on, for ``for_s``.
+    ``bench`` ``target`` and ``what`` are ordered of the rig, for ``for_s``.
+    ``rival`` a second controller, armed for the same epoch, commands too.
+    """
+
+    name: str
+    row: int
+    must: Must
+    deed: Literal["kill", "stop", "slow", "link", "bench", "rival"]
+    who: str = ""
+    for_s: float | None = None
+    links: tuple[LinkFault, ...] = ()
+    target: str = ""
+    what: str = ""
+    late_s: float = 0.0
+    """What the bound allows beyond that of a silence: a sensor that is stuck must be seen to be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reaction:
+    """What became of one injection; times since the fault."""
+
+    fault: str
+    state: str
+    held: bool
+    phase: float
+    reaction_s: float
+    """Until the freeze, or the first voltage of the ramp, was told."""
+    safe_s: float
+    """Until the safe voltage was put out; with a part held, after the freeze."""
+    ringing_um: float
+    stroke_um: float
+    cause: str
+
+    @property
+    def ringing_share(self) -> float:
+        """Of the way that the arm went, for tables; of ``LEAST_STROKE_UM`` where it went less."""
+        return self.ringing_um / max(self.stroke_um, LEAST_STROKE_UM)
+
+
+def befall(loop: VirtualLoop, fault: Fault) -> None:
+    """Let the fault happen now."""
+    match fault.deed:
+        case "kill":
+            loop.kill(fault.who)
+        case "stop":
+            loop.stop(fault.who, fault.for_s or 0.0)
+        case "slow":
+            loop.programs[fault.who].slow_s = fault.for_s or 0.0
+        case "link":
+            loop.links += [_from(loop.now_s, fault.for_s, link) for link in fault.links]
+        case "bench":
+            loop.bench.order(scripted(fault.target, fault.what, for_s=fault.for_s))
+        case "rival":
+            loop.add_rival(PROGRAM, EPOCH)
+
+
+def _from(now_s: float, for_s: float | None, link: LinkFault) -> LinkFault:
+    end_s = float("inf") if for_s is None else now_s + for_s
+    return LinkFault(
+        link.befalls,
+        link.source,
+        link.to,
+        now_s,
+        end_s,
+        link.late_s,
+        link.share,
+        link.field,
+        link.value,
+    )
+
+
+def inject(at: Place, fault: Fault, phase: float, seed: int) -> Reaction | None:
+    """Let a fault happen in a fork of a loop, ``phase`` periods after a grid point, and judge it.
+
+    None where it must not trip, and did not; an idle rig stands still whatever befalls its loop.
+    """
+    loop = at.loop.fork(seed)
+    loop.run(loop.now_s + phase * loop.rig.rig.period_s)
+    befall(loop, fault)
+    said = f"{fault.name} in {at.state}, {phase:.4f} T after a grid point, seed {seed}"
+    if fault.must == "carry on" or at.state == "idle":
+        _check_carries_on(loop, at, said)
+        return None
+    return _check_trips(loop, at, fault, phase, said)
+
+
+def _check_carries_on(loop: VirtualLoop, at: Place, said: str) -> None:
+    began_s, answered, put_out = loop.now_s, 0, len(loop.put_out)
+    loop.run(began_s + WATCHED_S)
+    for at_s, echo in loop.applied:
+        assert echo.state in ("armed", "idle"), f"false trip by {said}: {echo.cause}"
+        answered += echo.answered and at_s > began_s
+    if at.state == "idle":
+        assert len(loop.put_out) == put_out, f"an idle rig moved after {said}"
+    else:
+        ended = any(echo.state == "idle" for _, echo in loop.applied)
+        ticks = WATCHED_S / loop.rig.rig.period_s
+        assert ended or answered >= 0.7 * ticks, f"{answered} commands were taken after {said}"
+
+
+def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said: str) -> Reaction:
+    began_s, begun_um, period_s = loop.now_s, loop.bench.x_um, loop.rig.rig.period_s
+    limit_s = REACTION_S + fault.late_s
+    over_s = began_s + limit_s + RAMP_S + (FREEZE_S + 2.0 * period_s if at.held else 0.0)
+    loop.run(over_s, lambda: loop.newest.state == "latched")
+    tripped = [(at_s, echo) for at_s, echo in loop.applied if echo.state in TRIPPED]
+    assert tripped, f"no trip by {said}: {loop.applied[-1]}"
+    reacted_s, first = tripped[0]
+    assert first.state == ("frozen" if first.part_held else "ramping"), f"{said}: {first}"
+    within(limit_s, reacted_s - began_s, 0.0, f"{said}: the reaction")
+    latched_s = loop.applied[-1][0]
+    assert loop.newest.state == "latched", f"{said}: not latched in time: {loop.applied[-1]}"
+    frozen = [echo for _, echo in tripped if echo.state == "frozen"]
+    assert len({echo.voltage_V for echo in frozen}) <= 1, f"{said}: a frozen voltage moved"
+    ramped_s = next(at_s for at_s, echo in tripped if echo.state == "ramping")
+    if frozen:
+        assert ramped_s - reacted_s >= FREEZE_S - 0.3 * period_s, f"{said}: the freeze was short"
+    _check_ramp(loop, reacted_s, said)
+    loop.run(latched_s + RINGS_FROM_S)
+    ringing_um = 0.0
+    for step in range(round((RINGS_TO_S - RINGS_FROM_S) / RINGS_STEP_S)):
+        loop.run(latched_s + RINGS_FROM_S + step * RINGS_STEP_S)
+        ringing_um = max(ringing_um, loop.bench.ringing_um())
+    stroke_um = abs(begun_um - loop.bench.x_um)
+    loop.run(latched_s + AFTER_S)
+    after = [echo for at_s, echo in loop.applied if at_s >= reacted_s]
+    assert not any(echo.answered for echo in after), f"{said}: a command was taken after the trip"
+    moved = [put_V for at_s, put_V in loop.put_out if at_s > latched_s]
+    assert set(moved) <= {loop.rig.safety.safe_V}, f"{said}: {moved} after the latch"
+    assert {echo.cause for echo in after} == {first.cause}, f"{said}: the first cause was lost"
+    reaction = Reaction(
+        fault=fault.name,
+        state=at.state,
+        held=bool(frozen),
+        phase=phase,
+        reaction_s=reacted_s - began_s,
+        safe_s=_safe_at(loop, reacted_s) - began_s - (ramped_s - reacted_s if frozen else 0.0),
+        ringing_um=ringing_um,
+        stroke_um=stroke_um,
+        cause=first.cause,
+    )
+    within(SAFE_S + fault.late_s, reaction.safe_s, 0.0, f"{said}: the way to the safe voltage")
+    most_um = RINGING_SHARE * stroke_um + loop.bench.step_um
+    assert ringing_um <= most_um, f"{said}: it rings, limit {most_um:.3f} µm: {reaction}"
+    assert first.cause.startswith(SILENCE), f"{said}: {first.cause}"
+    return reaction
+
+
+def _safe_at(loop: VirtualLoop, since_s: float) -> float:
+    """When the safe voltage first reached the plant."""
+    safe_V = loop.rig.safety.safe_V
+    return next(at_s for at_s, put_V in loop.put_out if at_s >= since_s and put_V == safe_V)
+
+
+def _check_ramp(loop: VirtualLoop, since_s: float, said: str) -> None:
+    """From the trip on the voltage goes to the safe one, and never turns back."""
+    safe_V = loop.rig.safety.safe_V
+    away_V = [abs(put_V - safe_V) for at_s, put_V in loop.put_out if at_s >= since_s]
+    assert away_V, f"{said}: nothing was put out"
+    assert away_V == sorted(away_V, reverse=True), f"{said}: the ramp turned back: {away_V}"
+    assert away_V[-1] == 0.0, f"{said}: {away_V[-1]} V away from the safe voltage"

@@ -1,0 +1,86 @@
+"""The wall clock of every program is set by an hour while a part is held: nothing notices it but
+the record, which says so."""
+
+import json
+import os
+from collections.abc import Generator
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.messages import Applied, Telemetry
+from pincette.records import folder, mcap_reading
+from pincette.records.mcap_file import NAME
+from tests.support.grips import SHORT, hold, make_ready
+from tests.support.rigs import demo_rig
+from tests.support.running import RunningRig, running_rig
+from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.witness import Witness, witness
+
+SET_CLOCK = Path(__file__).parents[1] / "support" / "set_clock"
+HOUR_S, SETTLED_S = 3600.0, 0.6
+TRIPPED = ("frozen", "ramping", "latched")
+
+
+@pytest.fixture(scope="module")
+def clock(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("clock") / "shift"
+
+
+@pytest.fixture(scope="module")
+def rig(clock: Path, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PINCETTE_TEST_CLOCK", str(clock))
+        patch.setenv(
+            "PYTHONPATH", os.pathsep.join([str(SET_CLOCK), os.environ.get("PYTHONPATH", "")])
+        )
+        with running_rig(demo_rig(SHORT), tmp_path_factory.mktemp("rig")) as running:
+            yield running
+
+
+@pytest.fixture(scope="module")
+def seen(rig: RunningRig) -> Generator[Witness]:
+    with witness(rig.rig) as outsider:
+        yield outsider
+
+
+def set_by(clock: Path, shift_s: float) -> None:
+    """Set the clock of every program; whole at once, since they read the file meanwhile."""
+    part = clock.with_suffix(".part")
+    part.write_text(repr(shift_s), encoding="utf-8")
+    part.replace(clock)
+    sleep(SETTLED_S)
+
+
+@again_after_a_stall(make_ready)
+def test_an_hour_to_and_fro_changes_no_timing_and_is_in_the_record(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, clock: Path
+) -> None:
+    set_by(clock, 0.0)
+    make_ready(rig)
+    job = hold(rig, seen, stalls)
+    begun_s = monotonic()
+    for shift_s in (HOUR_S, -HOUR_S, 0.0):
+        set_by(clock, shift_s)
+    spent_s = monotonic() - begun_s
+    views = [view for _, view in seen.since(Telemetry, begun_s)]
+    echoes = [echo for _, echo in seen.since(Applied, begun_s)]
+    # As many ticks as time has passed by the clock that counts.
+    ticks = views[-1].seq - views[0].seq
+    assert ticks == pytest.approx(spent_s / rig.rig.rig.period_s, rel=0.1)
+    assert {view.phase for view in views} == {"hold"}
+    assert not [echo for echo in echoes if echo.state in TRIPPED]
+    assert rig.job(job)["state"] == "running"
+    rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
+    ended = rig.ended(job)
+    assert ended["state"] == "succeeded", ended["cause"]
+    assert ended["record_complete"], ended["record_detail"]
+    where = Path(ended["record"])
+    told = json.loads((where / folder.MANIFEST).read_text(encoding="utf-8"))["detail"]
+    steps = [f"set by {step_s:+.1f} s" for step_s in (HOUR_S, -2.0 * HOUR_S, HOUR_S)]
+    assert [step for step in steps if step in told] == steps
+    assert ended["record_detail"] == told
+    # The record's own times go on evenly: no sample lies an hour from its neighbour.
+    samples = mcap_reading.read(where / NAME).messages
+    assert len([one for one in samples if isinstance(one, Telemetry)]) > ticks

@@ -1,0 +1,113 @@
+"""The disk runs full, or becomes read-only, while a job moves: the loop does not notice."""
+
+import os
+import subprocess
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.messages import Applied, Telemetry
+from tests.support.grips import SHORT, hold, make_ready
+from tests.support.rigs import demo_rig
+from tests.support.running import RunningRig, running_rig
+from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.witness import witness
+
+SIZE_MB, LEFT_MB = 24, 4.0
+"""Of the whole disk, and the least room with which a record begins."""
+TRIPPED = ("frozen", "ramping", "latched")
+LAST_S = 15.0
+
+
+@contextmanager
+def small_disk(where: Path) -> Generator[Path]:
+    """A disk of its own in memory; skips, and says why, where none can be had."""
+    if os.geteuid() != 0:
+        pytest.skip("only root may mount a small disk")
+    where.mkdir()
+    words = ["mount", "-t", "tmpfs", "-o", f"size={SIZE_MB}m", "pincette-test", str(where)]
+    mounted = subprocess.run(words, capture_output=True, text=True, check=False)
+    if mounted.returncode:
+        pytest.skip(f"no small disk can be mounted here: {mounted.stderr.strip()}")
+    try:
+        yield where
+    finally:
+        subprocess.run(["umount", "--lazy", str(where)], check=True)
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Generator[RunningRig]:
+    changed = {**SHORT, "recorder": {"min_free_MB": LEFT_MB}}
+    with small_disk(tmp_path / "disk") as disk, running_rig(demo_rig(changed), disk) as running:
+        yield running
+
+
+def fill(rig: RunningRig) -> Path:
+    """Leave no room on the disk of the rig's data."""
+    ballast = rig.data / "ballast"
+    with suppress(OSError), ballast.open("wb", buffering=0) as file:
+        while True:
+            file.write(bytes(65536))
+    return ballast
+
+
+def raised(rig: RunningRig) -> set[str]:
+    """Causes of all alarms."""
+    return {str(row["cause"]) for row in rig.get("/alarms", limit=500)["alarms"]}
+
+
+@again_after_a_stall(make_ready)
+def test_a_disk_that_runs_full_in_a_job_stops_nothing_and_is_told_once_there_is_room(
+    rig: RunningRig, stalls: StallRecorder
+) -> None:
+    make_ready(rig)
+    with witness(rig.rig) as seen:
+        job = hold(rig, seen, stalls)
+        ballast = fill(rig)
+        begun_s = monotonic()
+        sleep(2.0)
+        views = [view for _, view in seen.since(Telemetry, begun_s)]
+        echoes = [echo for _, echo in seen.since(Applied, begun_s)]
+        assert {(view.phase, view.held) for view in views} == {("hold", True)}
+        assert not [echo for echo in echoes if echo.state in TRIPPED]
+        # A person is heard although nothing can be written down.
+        asked = rig.post(f"/jobs/{job}/actions", {"type": "release"})
+        assert asked.status_code == 202, asked.text
+        seen.until(Applied, lambda echo: echo.final, begun_s, LAST_S)
+        assert rig.fleet.members["supervisor"].process.poll() is None
+        refused = rig.post("/jobs", {"kind": "grip", "autostart": True})
+        assert refused.status_code in (409, 503), refused.text
+        ballast.unlink()
+        ended = rig.ended(job)
+        assert ended["state"] in ("succeeded", "failed")
+        assert not ended["record_complete"]
+        assert ended["record_detail"]
+        deadline = monotonic() + LAST_S
+        while not raised(rig) & {"disk", "store"} and monotonic() < deadline:
+            sleep(0.2)
+        assert raised(rig) & {"disk", "store"}
+        make_ready(rig)
+        assert rig.ended(rig.start_grip())["state"] == "succeeded"
+
+
+@again_after_a_stall(make_ready)
+def test_without_room_no_job_begins_and_it_says_why(rig: RunningRig, stalls: StallRecorder) -> None:
+    make_ready(rig)
+    assert stalls is not None
+    ballast = fill(rig)
+    answer = rig.post("/jobs", {"kind": "grip", "autostart": True})
+    if answer.status_code == 201:  # the journal had room left in its file
+        ended = rig.ended(answer.json()["id"])
+        assert ended["state"] == "failed"
+        assert "MB are free" in ended["cause"] or "full" in ended["cause"]
+    else:
+        assert answer.status_code == 503, answer.text
+    (disk,) = [check for check in rig.view()["checks"] if check["name"] == "disk"]
+    assert not disk["ok"]
+    assert disk["words"].endswith(f"limit {LEFT_MB:g} MB")
+    ballast.unlink()
+    make_ready(rig)
+    assert rig.ended(rig.start_grip())["state"] == "succeeded"

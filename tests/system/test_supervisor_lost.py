@@ -1,0 +1,161 @@
+"""The supervisor is killed or hangs while a job moves: the loop goes on, and its lease ends it."""
+
+import signal
+from collections.abc import Generator
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.messages import Applied, Telemetry
+from tests.support.grips import SHORT, approach, hold, kill, make_ready, restart, whole_grip
+from tests.support.rigs import demo_rig
+from tests.support.running import Json, RunningRig, running_rig
+from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.witness import Witness, witness
+
+LEASE_S, SLACK_S = 1.5, 1.0
+"""Length, and what the stop itself, a renewal under way and a busy machine may add."""
+RENEWED = 0.8
+"""Part of its length that a lease still has at least when the supervisor dies."""
+TRIPPED = ("frozen", "ramping", "latched")
+LEASE = "lease: nothing heard from the supervisor for"
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    changed = {**SHORT, "safety": {**SHORT["safety"], "lease_s": LEASE_S}}
+    with running_rig(demo_rig(changed), tmp_path_factory.mktemp("rig")) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def seen(rig: RunningRig) -> Generator[Witness]:
+    with witness(rig.rig) as outsider:
+        yield outsider
+
+
+@pytest.fixture(autouse=True)
+def ready(rig: RunningRig) -> None:
+    make_ready(rig)
+
+
+def stopped_by_itself(seen: Witness, since_s: float) -> float:
+    """When the controller has stopped the program without being asked."""
+    at, _ = seen.until(Telemetry, lambda view: view.acted == "lease stop", since_s)
+    return at
+
+
+def never_tripped(seen: Witness, since_s: float) -> bool:
+    return not [echo for _, echo in seen.since(Applied, since_s) if echo.state in TRIPPED]
+
+
+def lease_alarms(rig: RunningRig, job: str) -> list[Json]:
+    found = rig.get("/alarms", cause="lease", limit=500)["alarms"]
+    return [row for row in found if row["job"] in (job, None) and not row["acknowledged_at"]]
+
+
+def acknowledged(rig: RunningRig) -> None:
+    for row in rig.get("/alarms", open="true", limit=500)["alarms"]:
+        rig.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"}).raise_for_status()
+
+
+@again_after_a_stall(make_ready)
+def test_killed_with_a_free_arm_the_program_comes_to_rest_and_the_job_reads_interrupted(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
+) -> None:
+    acknowledged(rig)
+    job = approach(rig, seen, stalls)
+    killed_s = kill(rig, "supervisor")
+    took_s = stopped_by_itself(seen, killed_s) - killed_s
+    seen.until(Applied, lambda echo: echo.final and echo.state == "idle", killed_s)
+    figures.append(f"supervisor killed: the program was stopped {took_s:.2f} s later")
+    assert RENEWED * LEASE_S - SLACK_S < took_s < LEASE_S + SLACK_S
+    assert never_tripped(seen, killed_s)
+    restart(rig, "supervisor")
+    told = rig.job(job)
+    assert told["state"] == "interrupted"
+    assert LEASE in told["cause"]
+    (row,) = lease_alarms(rig, job)
+    assert row["words"] in told["cause"]
+    # Nothing is latched: the next job begins without a reset.
+    whole_grip(rig, seen, stalls)
+
+
+@again_after_a_stall(make_ready)
+def test_killed_with_a_part_held_it_stays_held_until_the_next_one_lets_it_go(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = hold(rig, seen, stalls)
+    killed_s = kill(rig, "supervisor")
+    ended_s = stopped_by_itself(seen, killed_s)
+    sleep(2.0 * LEASE_S)
+    after = [view for at, view in seen.since(Telemetry, ended_s) if at > ended_s]
+    assert len(after) > LEASE_S / rig.rig.rig.period_s
+    assert {(view.held, view.phase) for view in after} == {(True, "hold")}
+    assert never_tripped(seen, killed_s)
+    restart(rig, "supervisor")
+    assert rig.job(job)["state"] == "interrupted"
+    assert rig.view()["part"] == "held"
+    release = rig.post("/jobs", {"kind": "release", "autostart": True}).raise_for_status()
+    assert rig.ended(release.json()["id"])["state"] == "succeeded"
+
+
+@again_after_a_stall(make_ready)
+def test_one_that_is_back_within_the_lease_has_the_program_stopped_itself(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = hold(rig, seen, stalls)
+    acknowledged(rig)
+    killed_s = kill(rig, "supervisor")
+    restart(rig, "supervisor")
+    back_s = monotonic() - killed_s
+    told = rig.job(job)
+    assert told["state"] == "interrupted"
+    if back_s < RENEWED * LEASE_S - SLACK_S:
+        assert LEASE not in told["cause"]
+    sleep(LEASE_S + SLACK_S)
+    view = rig.view()
+    assert (view["part"], view["latch"]["state"]) == ("held", "armed")
+    # Once the program is stopped there is nothing left for a lease to stop.
+    acted = [one.acted for _, one in seen.since(Telemetry, killed_s) if one.acted]
+    assert acted in (["stop"], ["lease stop"], ["lease stop", "stop"])
+
+
+@again_after_a_stall(make_ready)
+def test_one_that_hangs_for_less_than_the_lease_changes_nothing(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = hold(rig, seen, stalls)
+    begun_s = monotonic()
+    rig.fleet.signal("supervisor", signal.SIGSTOP)
+    sleep(0.4 * LEASE_S)
+    rig.fleet.signal("supervisor", signal.SIGCONT)
+    sleep(1.5 * LEASE_S)
+    assert not [view for _, view in seen.since(Telemetry, begun_s) if view.acted]
+    assert rig.job(job)["state"] == "running"
+    rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
+    assert rig.ended(job)["state"] == "succeeded"
+
+
+@again_after_a_stall(make_ready)
+def test_one_that_hangs_for_longer_finds_the_job_stopped_with_the_cause(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    acknowledged(rig)
+    job = hold(rig, seen, stalls)
+    begun_s = monotonic()
+    rig.fleet.signal("supervisor", signal.SIGSTOP)
+    try:
+        stopped_by_itself(seen, begun_s)
+    finally:
+        rig.fleet.signal("supervisor", signal.SIGCONT)
+    ended = rig.ended(job)
+    assert ended["state"] == "stopped"
+    assert ended["cause"].startswith(LEASE)
+    assert never_tripped(seen, begun_s)
+    (row,) = lease_alarms(rig, job)
+    assert (row["words"], row["job"]) == (ended["cause"], job)
+    assert rig.view()["part"] == "held"
+    rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
+    make_ready(rig)
+    whole_grip(rig, seen, stalls)

@@ -1,0 +1,58 @@
+"""Finite numbers that no sensor and no output can have meant: refused, and remembered nowhere."""
+
+from math import inf, nan
+
+import pytest
+
+from pincette_estimator.config import EstimatorConfig, configure
+from tests.unit.estimator.bench import DEMO, TAUGHT, Bench, a_rig
+
+LINEAR = configure(a_rig(None))
+IDENTIFIED = configure(a_rig(TAUGHT))
+BOTH = pytest.mark.parametrize("config", [LINEAR, IDENTIFIED], ids=["linear", "identified"])
+NONE_UM = (1e300, -1e300, 10_000.0, nan, inf, -inf)
+NONE_V = (1e300, -1e300, 9.01, -6.01, nan, inf)
+"""The limits are -1 V and 4 V, 5 V apart."""
+
+
+@BOTH
+@pytest.mark.parametrize("x_um", NONE_UM)
+def test_a_position_beyond_the_sensor_s_range_is_none(config: EstimatorConfig, x_um: float) -> None:
+    spoilt, sound = Bench(config), Bench(config)
+    for bench in (spoilt, sound):
+        bench.rest(0.0, 0.0)
+    estimate = spoilt.feed(x_um, 0.0)
+    assert (estimate.valid, estimate.degraded, estimate.x_um) == (False, False, 0.0)
+    assert "outside -9999..9999 µm" in estimate.fault
+    sound.seq += 1
+    # What comes next is as after a sample that was no measurement.
+    assert spoilt.feed(0.5, 0.1).force_mN == pytest.approx(sound.feed(0.5, 0.1).force_mN, abs=0.01)
+
+
+@BOTH
+@pytest.mark.parametrize("voltage_V", NONE_V)
+def test_a_voltage_that_no_output_has_is_not_followed(
+    config: EstimatorConfig, voltage_V: float
+) -> None:
+    bench = Bench(config)
+    bench.rest(0.0, 0.2)
+    before = bench.state
+    estimate = bench.feed(0.0, voltage_V)
+    assert (estimate.valid, estimate.degraded) == (False, True)
+    assert estimate.applied_V == before.response.voltage_V
+    assert bench.state.refused == before.refused + 1
+    assert bench.state.response == before.response
+    assert bench.state.past == before.past
+    assert bench.feed(0.0, 0.2).valid
+
+
+@pytest.mark.parametrize(("x_um", "voltage_V"), [(9999.0, 0.0), (-9999.0, 9.0), (0.0, -6.0)])
+def test_what_is_just_possible_is_taken(x_um: float, voltage_V: float) -> None:
+    assert Bench(LINEAR).feed(x_um, voltage_V).valid
+
+
+def test_the_range_is_that_of_the_arm_where_the_sensor_looks_from_the_other_side() -> None:
+    sensor = DEMO.sensor.model_copy(
+        update={"minimum_um": -100.0, "maximum_um": 300.0, "offset_um": 50.0, "direction": -1}
+    )
+    assert configure(DEMO.model_copy(update={"sensor": sensor})).position_um == (-250.0, 150.0)

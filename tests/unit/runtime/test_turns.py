@@ -1,0 +1,145 @@
+"""When a node steps: the sensor's grid, the actuator's wakings, and what is not handed over."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pincette.config import read_rig
+from pincette.messages import Applied, Arm, Estimate, Message, Position, Status, StatusRequest
+from pincette.runtime.node import KEPT, Node
+from pincette.runtime.turns import IDLE_S, Turns
+from pincette_actuator import SERVICE as ACTUATOR
+from pincette_estimator import SERVICE as ESTIMATOR
+from pincette_sensor import SERVICE as SENSOR
+
+RIG = read_rig(Path("deploy/rigs/demo.toml"))
+LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
+T = RIG.rig.period_s
+APPLIED = Applied(1, -1, 0.5, "armed", "", 0, False, False, False, True, 0, 0.0)
+POSITION = Position(1, 0, 0.0, 1.0, True)
+
+
+class Laser:
+    def read_um(self) -> float:
+        return 1.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class Output:
+    def write_V(self, voltage_V: float) -> None:
+        """Moves nothing."""
+
+    def read_V(self) -> float:
+        return 0.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def sensor() -> Turns:
+    turns = Turns(Node(SENSOR, RIG, Laser()))
+    turns.begin(10.0)
+    return turns
+
+
+def estimator(epoch: int = 1) -> Turns:
+    turns = Turns(Node(ESTIMATOR, RIG))
+    turns.begin(10.0)
+    reply, _ = turns.ask(Arm(epoch, 1, RIG.digest()), 10.0)
+    assert not isinstance(reply, str)
+    return turns
+
+
+def test_a_sensor_keeps_to_its_grid() -> None:
+    turns = sensor()
+    assert turns.wait_s(10.0) == pytest.approx(T)
+    assert not turns.due(10.0 + 0.99 * T)
+    for tick in range(1, 100):
+        now = 10.0 + tick * T + 0.001
+        assert turns.due(now)
+        (position,) = turns.take(now)
+        assert isinstance(position, Position)
+        assert position.seq == tick - 1
+        turns.taken(now + 0.002)
+        assert turns.wait_s(now + 0.002) == pytest.approx(T - 0.003)
+    assert turns.node.missed == 0
+
+
+@pytest.mark.parametrize("points", [1, 2, 7])
+def test_missed_points_of_the_grid_are_counted_and_never_caught_up(points: int) -> None:
+    turns = sensor()
+    now = 10.0 + (1 + points) * T + 0.001
+    turns.take(now)
+    turns.taken(now + 0.002)
+    assert turns.node.missed == points
+    assert not turns.due(now + 0.002)
+    assert turns.wait_s(now + 0.002) == pytest.approx(T - 0.003)
+
+
+def test_an_actuator_wakes_four_times_a_period_and_counts_no_missed_wakings() -> None:
+    turns = Turns(Node(ACTUATOR, RIG, Output()))
+    turns.begin(10.0)
+    assert turns.wait_s(10.0) == pytest.approx(0.25 * T)
+    turns.take(10.0 + 3.1 * T)
+    turns.taken(10.0 + 3.1 * T)
+    assert turns.node.missed == 0
+    assert turns.wait_s(10.0 + 3.1 * T) == pytest.approx(0.15 * T)
+
+
+def test_a_program_without_a_clock_waits_for_messages_or_for_a_partner() -> None:
+    turns = estimator()
+    assert turns.wait_s(10.0) == IDLE_S
+    turns.accept(POSITION, 10.0)
+    assert turns.wait_s(10.001) == pytest.approx(0.25 * T - 0.001)
+    assert not turns.due(1e9)
+
+
+def test_in_lockstep_nothing_asks_for_a_step_but_messages() -> None:
+    for service, device in ((SENSOR, Laser()), (ACTUATOR, Output())):
+        turns = Turns(Node(service, LOCKSTEP, device))
+        turns.begin(10.0)
+        assert turns.wait_s(10.0) == IDLE_S
+        assert not turns.due(1e9)
+
+
+def test_what_came_before_is_counted_and_not_stepped_with() -> None:
+    turns = estimator()
+    stepped: list[int] = []
+    for seq in (0, 2, 1, 2, 3):
+        turns.accept(replace(APPLIED, seq=seq - 1), 10.1)
+        turns.accept(replace(POSITION, seq=seq), 10.1)
+        while turns.node.due(10.1):
+            for message in turns.node.fire(10.1):
+                assert isinstance(message, Estimate)
+                stepped.append(message.seq)
+    assert stepped == [0, 2, 3]
+    status, _ = turns.ask(StatusRequest(), 10.1)
+    assert isinstance(status, Status)
+    assert status.refused == 2
+
+
+def test_what_another_epoch_says_does_not_push_out_what_counts() -> None:
+    turns = estimator()
+    turns.accept(APPLIED, 10.0)
+    messages = [POSITION, *(replace(POSITION, epoch=9 + n) for n in range(3))]
+    for message in messages:
+        turns.accept(message, 10.0)
+    said: list[Message] = []
+    while turns.node.due(10.0 + T):
+        said += turns.node.fire(10.0 + T)
+    assert [message.seq for message in said if isinstance(message, Estimate)] == [0]
+
+
+def test_streams_that_wait_are_bounded() -> None:
+    turns = estimator()
+    for epoch in range(2, 1000):
+        turns.accept(replace(POSITION, epoch=epoch), 10.0)
+    steps = 0
+    while turns.node.due(10.0 + T):
+        turns.node.fire(10.0 + T)
+        steps += 1
+    assert steps == KEPT
+    assert turns.node.missed == 998 - KEPT

@@ -1,0 +1,27 @@
+"""A journal on a disk that is full."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+
+import pytest
+from sqlalchemy import Connection
+
+from pincette_supervisor.journal.base import Base
+from pincette_supervisor.journal.store import StoreError
+
+FULL = "the job store: database or disk is full; look at the disk's room and rights"
+
+
+@contextmanager
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> Generator[None]:
+    """Nothing can be written; what is there can be read."""
+
+    @contextmanager
+    def refuse(base: Base) -> Generator[Connection]:
+        base.trouble = FULL
+        raise StoreError(FULL)
+        yield
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Base, "writing", refuse)
+        yield

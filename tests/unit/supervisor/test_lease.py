@@ -1,0 +1,177 @@
+"""The supervisor's side of a lease: granted with the arming, renewed in time, and its end told."""
+
+from collections.abc import Callable
+
+import pytest
+
+from pincette.api.request_models import GripJobRequest
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.config import RigFile
+from pincette.messages import Done, Lease, Message
+from pincette.runtime.arming import arm
+from pincette.topics import LEASE, Question
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.running.lease import RENEWALS, Renewal, lease_of, renewing
+
+from .canned import IN_APPROACH, IN_HOLD, CannedRig
+from .rig import Desk
+
+LENGTH_S = 10.0
+WORDS = "lease: nothing heard from the supervisor for 10.0 s, limit 10 s"
+
+
+class Line(CannedRig):
+    """A controller that takes a lease, or does not, and keeps when it was asked."""
+
+    def __init__(self, rig: RigFile) -> None:
+        super().__init__(rig)
+        self.now_s = 0.0
+        self.answer: Exception | None = None
+        self.takes_s = 0.0
+
+    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+        if question != LEASE:
+            return super().ask(question, request, timeout_s)
+        self.now_s += min(self.takes_s, timeout_s)
+        self.asked.append(f"lease at {self.now_s:g} s")
+        if self.answer is not None:
+            raise self.answer
+        return Done(0)
+
+
+def test_a_job_in_real_time_plays_under_the_lease_of_its_rig(real_time: RigFile) -> None:
+    grip = GripJobRequest(kind="grip")
+    assert lease_of(real_time, grip, 7) == Lease(7, LENGTH_S, "stop")
+    for on_stop, then in (("hold", "stop"), ("release", "let_go"), ("retract", "retract")):
+        asked = grip.model_copy(update={"on_stop": on_stop})
+        lease = lease_of(real_time, asked, 7)
+        assert lease is not None
+        assert lease.then == then
+
+
+def test_neither_lockstep_nor_a_rig_without_a_lease_has_one(
+    rig_file: RigFile, real_time: RigFile
+) -> None:
+    grip = GripJobRequest(kind="grip")
+    assert lease_of(rig_file, grip, 7) is None
+    safety = real_time.safety.model_copy(update={"lease_s": 0.0})
+    assert lease_of(real_time.model_copy(update={"safety": safety}), grip, 7) is None
+
+
+def test_it_is_granted_before_the_first_sample(real_time: RigFile) -> None:
+    bus = Line(real_time)
+    bus.latch = ""
+    program = plan_job(GripJobRequest(kind="grip"), real_time).program
+    arm(bus, program, epoch=7, digest=real_time.digest(), owner=1, lease=Lease(7, LENGTH_S))
+    granted = bus.asked.index("lease at 0 s")
+    assert bus.asked.index("controller/arm") < granted < bus.asked.index("sensor/arm")
+
+
+def test_a_supervisor_that_is_busy_is_in_time(real_time: RigFile) -> None:
+    bus = Line(real_time)
+    renewal = Renewal(bus, Lease(7, LENGTH_S), lambda: bus.now_s)
+    bus.takes_s = 3.0
+    for _ in range(20):
+        bus.now_s += LENGTH_S / RENEWALS
+        assert renewal.age_s < LENGTH_S
+        assert renewal.renew(3.0)
+
+
+def test_what_is_not_answered_is_asked_again_and_what_is_refused_is_not(
+    real_time: RigFile,
+) -> None:
+    bus = Line(real_time)
+    renewal = Renewal(bus, Lease(7, LENGTH_S), lambda: bus.now_s)
+    bus.answer = BusError("nobody answers")
+    bus.now_s = 4.0
+    assert renewal.renew(1.0)
+    assert renewal.age_s == 4.0
+    bus.answer = None
+    assert renewal.renew(1.0)
+    assert renewal.age_s == 0.0
+    bus.answer = RefusalError("nothing plays: a lease has nothing to go on with")
+    assert not renewal.renew(1.0)
+
+
+def test_its_thread_ends_with_the_job(real_time: RigFile) -> None:
+    bus = Line(real_time)
+    with renewing(Renewal(bus, Lease(7, 0.05))):
+        while len(bus.asked) < 3:
+            pass
+    count = len(bus.asked)
+    assert count >= 3
+    with renewing(None):
+        pass
+    assert len(bus.asked) == count
+
+
+def lapse(desk: Desk) -> None:
+    """The controller has stopped by itself, and says so."""
+    desk.bus.details["controller"] = WORDS
+    bus, place = desk.bus, desk.bus.place
+    held = bus.ticks[place].telemetry.held
+    bus.say(bus.ticks[place], "lease stop", "stopped")
+    if not held:  # nor is anything from here on: the arm comes to rest
+        bus.ticks[place:-1] = bus.ticks[place : place + 1]
+    bus.play(place + 1 if held else None)
+
+
+@pytest.mark.parametrize(("place", "held"), [(IN_APPROACH, False), (IN_HOLD, True)])
+def test_a_supervisor_that_was_away_finds_the_job_stopped_with_the_cause(
+    desk: Desk, place: int, held: bool
+) -> None:
+    job = desk.playing_to(place)
+    lapse(desk)
+    ended = desk.ended(job)
+    assert (ended["state"], ended["cause"]) == ("stopped", WORDS)
+    assert desk.bus.acts == []
+    (row,) = desk.get("/alarms")["alarms"]
+    assert (row["cause"], row["words"], row["job"]) == ("lease", WORDS, job)
+    if held:
+        desk.acted(job, "release")
+    assert desk.freed(job)["state"] == "stopped"
+
+
+def test_what_happened_while_no_supervisor_was_there_is_told_by_the_next(
+    rig_file: RigFile, open_desk: Callable[..., Desk]
+) -> None:
+    before = open_desk(rig_file)
+    job = before.playing_to(IN_APPROACH)
+    left_over = before.store.interrupt_left_over("2026-03-01T12:00:00.000Z")
+    assert left_over == [job]
+    after = open_desk(rig_file)
+    after.bus.details["controller"] = WORDS
+    after.health.refresh(force=True)
+    after.conductor.recover(left_over)
+    told = after.get(f"/jobs/{job}")
+    assert told["state"] == "interrupted"
+    assert told["cause"].endswith(WORDS)
+    (row,) = after.get("/alarms")["alarms"]
+    assert row["words"] == WORDS
+
+
+def test_a_stop_by_a_person_is_no_lapse(desk: Desk) -> None:
+    job = desk.playing_to(IN_HOLD)
+    desk.acted(job, "stop")
+    ended = desk.ended(job)
+    assert (ended["state"], ended["cause"]) == ("stopped", "")
+    assert desk.get("/alarms")["alarms"] == []
+
+
+def test_the_lease_is_among_the_checks(desk: Desk) -> None:
+    (check,) = [one for one in desk.get("/rigs/demo")["checks"] if one["name"] == "lease"]
+    assert check["ok"]
+    job = desk.playing_to(IN_HOLD)
+    live = desk.conductor.active
+    assert live is not None
+    now_s = 0.0
+    live.renewal = Renewal(desk.bus, Lease(live.epoch, LENGTH_S), lambda: now_s)
+    now_s = 4.0
+    (check,) = [one for one in desk.get("/rigs/demo")["checks"] if one["name"] == "lease"]
+    assert (check["ok"], check["value"], check["limit"], check["unit"]) == (True, 4.0, 10.0, "s")
+    now_s = 10.5
+    (check,) = [one for one in desk.get("/rigs/demo")["checks"] if one["name"] == "lease"]
+    assert not check["ok"]
+    assert check["words"] == "lease renewed 10.5 s ago, limit 10 s"
+    desk.acted(job, "abort")
+    desk.ended(job)
