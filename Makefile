@@ -2,6 +2,8 @@
 
 PYTHON ?=
 ARGS ?=
+SECURE ?=
+SECURELY := $(if $(filter-out 0,$(SECURE)),--secure)
 BIN := .venv/bin
 TEST_FLAGS := -m "not slow"
 VIRTUAL := tests/unit tests/integration tests/replay
@@ -15,7 +17,7 @@ COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gen
   --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help venv browser demo up test lint paper bench soak pins docs clean
+.PHONY: help venv browser demo up test lint mutants paper bench soak pins docs clean
 
 help: ## this list
 	@echo "pincette: position and force control of a piezoelectric microgripper"
@@ -25,6 +27,7 @@ help: ## this list
 	@echo
 	@echo "  PYTHON=python3.12  the Python that .venv is made with (any from 3.11 on)"
 	@echo "  ARGS='-k grip'     passed on to the command"
+	@echo "  SECURE=1           demo and up: over mutual TLS, with certificates made on the fly"
 
 venv:
 	@for python in $(or $(PYTHON),python3.11 python3.12 python3.13 python3); do \
@@ -41,10 +44,10 @@ browser: venv
 	@$(BIN)/python requirements/browser.py
 
 demo: venv ## a simulated rig grips a bead; nothing else is needed
-	@$(BIN)/pincette demo $(ARGS)
+	@$(BIN)/pincette demo $(SECURELY) $(ARGS)
 
 up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
-	@$(BIN)/pincette up $(ARGS)
+	@$(BIN)/pincette up $(SECURELY) $(ARGS)
 
 test: lint browser ## lint, then all tests but the slow ones: what CI runs
 	@echo "== pytest, in virtual time and in lockstep: on every core"
@@ -65,6 +68,9 @@ lint: venv ## style, types and the direction of imports
 	@echo "== import-linter"
 	@$(BIN)/lint-imports --no-cache --no-logo
 
+mutants: venv ## change the safety module in every small way; its unit tests must notice each
+	@$(BIN)/python -m tests.mutants.run $(ARGS)
+
 paper: venv ## repeat the paper's experiments; writes data/paper/index.html, in some minutes
 	@$(BIN)/pincette paper $(ARGS)
 
@@ -72,8 +78,9 @@ bench: venv ## measure the loop, and a step of the plant; writes bench.json
 	@$(BIN)/python -m tests.bench.loop $(ARGS)
 	@$(BIN)/python -m tests.bench.plant
 
-soak: venv ## the slow tests, some of them minutes long
-	@$(BIN)/pytest -m slow $(ARGS)
+soak: venv ## the slow tests, some of them minutes long; figures go into data/figures
+	@mkdir -p data/figures
+	@PINCETTE_FIGURES=$(CURDIR)/data/figures $(BIN)/pytest -m slow $(ARGS)
 
 pins: venv ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 	@$(BIN)/python -m pip install --quiet uv

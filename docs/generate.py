@@ -120,10 +120,11 @@ def _cell(text: str) -> str:
 
 
 JOB_STATES = runpy.run_path(str(ROOT / "docs" / "job_states.py"))["PAGES"]
+FAULT_TABLE = runpy.run_path(str(ROOT / "docs" / "fault_table.py"))["PAGES"]
 PAGES = {
     REFERENCE / "keys.md": keys_page,
     ROOT / "deploy" / "asyncapi.json": document,
-    **{ROOT / "docs" / place: page for place, page in JOB_STATES.items()},
+    **{ROOT / "docs" / place: page for place, page in (JOB_STATES | FAULT_TABLE).items()},
 }
 
 

@@ -14,9 +14,10 @@ HEAD = """\
 
 Generated from `pincette.cli`; a test compares the two. `pincette COMMAND --help` says the same.
 
-Every command that asks a supervisor takes `--url`, `--at` and `--json`. With `--json` there is one
-JSON document on standard output and nothing else; a refusal is then the problem document
-(RFC 9457), and its words go to standard error as always. `watch --json` prints an event a line.
+Every command that asks a supervisor takes `--url`, `--key`, `--at` and `--json`. With `--json`
+there is one JSON document on standard output and nothing else; a refusal is then the problem
+document (RFC 9457), and its words go to standard error as always. `watch --json` prints an event a
+line.
 A bar is drawn in a terminal alone; elsewhere a job that is followed prints a line for each phase.
 `JOB` is the id of a job, or `last`.
 
@@ -31,7 +32,7 @@ LIKE_A_JOB = {
     "calibrate": "Calibrations and options are those of `pincette job calibrate`.",
 }
 """Commands whose words stand elsewhere already."""
-COMMON = ("--url", "--at", "--json", "--help")
+COMMON = ("--url", "--key", "--at", "--json", "--help")
 
 
 def page() -> str:

@@ -66,9 +66,10 @@ RULES = """\
   the model in use when its turn comes. A job that ends otherwise than `succeeded`, and a
   restart of the supervisor, halt the queue until a person resumes it: `POST
   /api/v1/rigs/{rig}/queue/actions` with `{"type": "resume"}` or `{"type": "clear"}`.
-- A supervisor that is killed leaves its job `interrupted` and the program playing. When it
-  starts again, it asks the controller once to stop; a held part stays held. Nothing goes on by
-  itself.
+- A supervisor that is killed leaves its job `interrupted` and the program playing, in real time
+  for the length of its lease (`[safety] lease_s`): then the controller stops it as the job says.
+  When a supervisor starts again, it asks the controller once to stop; a held part stays held.
+  Nothing goes on by itself.
 """
 
 

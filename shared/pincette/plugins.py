@@ -5,6 +5,7 @@ from typing import Any
 
 SERVICES = "pincette.services"
 PROGRAMS = "pincette.programs"
+KEYS = "pincette.keys"
 POSITION_SENSORS = "pincette.position_sensors"
 VOLTAGE_OUTPUTS = "pincette.voltage_outputs"
 

@@ -11,7 +11,10 @@ from dataclasses import dataclass
 from pincette import messages
 from pincette.messages import Message
 
-ROOT = "pincette/v1"
+NAMESPACE = "pincette"
+WIRE = 1
+"""Version of keys and payloads; a change that breaks a listener raises it."""
+ROOT = f"{NAMESPACE}/v{WIRE}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +76,9 @@ LOAD = Question("load", "controller", messages.Load, messages.Done, "load a prog
 ACT = Question(
     "act", "controller", messages.Act, messages.Done, "stop, pause, resume, release, continue …"
 )
+LEASE = Question(
+    "lease", "controller", messages.Lease, messages.Done, "let the program play on for a while"
+)
 TRIP = Question("trip", "actuator", messages.Trip, messages.Done, "go to the safe state, latch")
 RESET = Question("reset", "actuator", messages.Reset, messages.Done, "clear the latch")
 RECORD = Question("record", "recorder", messages.Record, messages.Done, "begin a job's record")
@@ -96,6 +102,7 @@ RIG_FILE = {
 QUESTIONS = (
     LOAD,
     ACT,
+    LEASE,
     TRIP,
     RESET,
     ORDER,
@@ -126,3 +133,8 @@ def alive_of(token: str) -> tuple[str, str]:
     """Rig and program of a liveliness token; see ``live_key``."""
     rig, _, program = token.removeprefix(f"{ROOT}/").split("/")
     return rig, program
+
+
+def live_key_of_any_wire(rig: str) -> str:
+    """Key expression of all liveliness tokens of a rig, whatever wire version they are of."""
+    return f"{NAMESPACE}/*/{rig}/live/*"

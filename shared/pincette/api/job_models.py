@@ -42,7 +42,7 @@ class Action(BaseModel):
     type: ActionType
     requested_at: str
     by: str
-    """Who asked: the header ``X-Operator``, or the address it came from."""
+    """Who asked, as ``by`` of a job."""
     applied_at: str | None = None
     """When the supervisor learned that it has taken effect."""
     seq: int | None = None
@@ -119,6 +119,7 @@ class Job(BaseModel):
         request={"kind": "grip", "autostart": True},
         values={"force_mN": 20.0, "hold_s": 4.0},
         labels={},
+        by="cell-7",
         progress=None,
         result=None,
         actions=[],
@@ -146,6 +147,9 @@ class Job(BaseModel):
     values: dict[str, Any]
     """What the job works with: the request completed by the rig file; hold_s null has no end."""
     labels: dict[str, str]
+    by: str | None = None
+    """Who asked for it: the name of a key with the caller's label in brackets; without keys the
+    header ``X-Operator``, or the address it came from."""
     progress: Progress | None
     result: dict[str, Any] | None
     """Of a job that has moved: see GripResult, TrackResult and CalibrationResult."""

@@ -8,13 +8,21 @@ MEDIA_TYPE = "application/problem+json"
 TYPE = "urn:pincette:problem:"
 MEANINGS = {
     400: ("bad-request", "the body is not JSON"),
+    401: ("no-key", "a key is wanted, or what was shown opens nothing (needed_scope)"),
+    403: (
+        "scope-too-small",
+        "scope-too-small (with needed_scope, scope), or foreign-page: sent by a page of elsewhere",
+    ),
     404: ("not-found", "no such rig, job or artifact"),
+    408: ("body-too-slow", "the body did not come in time"),
     409: (
         "job-active",
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
         "part-held, queue-full, estop-engaged, rig-latched (with cause), reset-refused, "
         "model-changed, trajectory-stale, recipe-limit",
     ),
+    413: ("body-too-large", "the body is larger than a request may be"),
+    421: ("foreign-host", "the supervisor is asked by a name that is none of its own"),
     422: (
         "limit-violation",
         "invalid-request (with errors: pointer, message), limit-violation (with violations: "
@@ -22,10 +30,11 @@ MEANINGS = {
         "needed_hz, bandwidth_hz, parts), impossible-model, no-prediction, or "
         "idempotency-key-reused (with job)",
     ),
+    429: ("too-many-requests", "the client asks too often (Retry-After)"),
     503: (
         "rig-not-ready",
-        "rig-not-ready (with reasons), estop-unconfirmed, model-not-kept, too-many-listeners, or "
-        "busy: ask again",
+        "rig-not-ready (with reasons), estop-unconfirmed, model-not-kept, store-failed, "
+        "too-many-listeners, or busy: ask again",
     ),
 }
 

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel
 
+from pincette.api.check_models import Check
 from pincette.api.job_models import JobKind, example
 
 RigAction = Literal["start_job", "estop", "reset", "resume_queue", "clear_queue"]
@@ -57,11 +58,18 @@ class Interlock(BaseModel):
 class Latch(BaseModel):
     """The actuator's latch."""
 
-    model_config = example(state="latched", cause="estop", clear="POST /api/v1/rigs/demo/reset")
+    model_config = example(
+        state="latched",
+        cause="estop",
+        words="estop: an emergency stop was asked for",
+        clear="POST /api/v1/rigs/demo/reset",
+    )
 
     state: str
     """latched, idle, armed, frozen, ramping, or unknown."""
     cause: str
+    words: str = ""
+    """The cause for people, with the program that was silent."""
     clear: str
     """What clears it; empty where there is nothing to clear."""
 
@@ -148,6 +156,7 @@ class Rig(BaseModel):
         digest="3f2a9d1c0b7e6655",
         model={"version": 0, "digest": ""},
         programs=[],
+        checks=[],
         interlocks=[],
         limits=[],
         latch={"state": "idle", "cause": "", "clear": ""},
@@ -170,6 +179,8 @@ class Rig(BaseModel):
     """Of the rig file; all programs must have the same."""
     model: ModelInUse
     programs: list[Program]
+    checks: list[Check] = []
+    """Everything that is looked at, each with value and limit."""
     interlocks: list[Interlock]
     limits: list[LimitValue]
     latch: Latch

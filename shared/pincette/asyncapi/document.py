@@ -11,18 +11,17 @@ from pathlib import Path
 from pincette import __version__
 from pincette.asyncapi.fields import reachable, summary
 from pincette.asyncapi.schemas import Json, record_schema
-from pincette.codec import ENCODING
+from pincette.codec import ENCODING, MEDIA_TYPE
 from pincette.config.rig_file import Bus
-from pincette.topics import QUESTIONS, ROOT, TOPICS, Question, Topic, key, live_key, question_key
+from pincette.topics import QUESTIONS, TOPICS, WIRE, Question, Topic, key, live_key, question_key
 
 ASYNCAPI = "3.0.0"
-WIRE = ROOT.rpartition("/")[2]
-"""Version of keys and payloads; a change that breaks a listener raises it."""
 ABOUT = (
     "What the programs of a rig publish and answer over Zenoh. A payload is one MessagePack map "
     "that has every field of its schema, by name, and no other; nil stands for null. Units are "
     "in the names: µm, mN, V, s. Forces are compressive and positive. Everything derived from "
-    "sample k carries its `seq` and the `epoch` of the arming."
+    "sample k carries its `seq` and the `epoch` of the arming. Zenoh's encoding of a payload is "
+    f"`{ENCODING}`."
 )
 PARAMETERS: Json = {
     "rig": {"description": "Name of the rig, as in its rig file.", "examples": ["demo"]},
@@ -64,9 +63,9 @@ def tree() -> Json:
             "version": __version__,
             "description": ABOUT,
             "license": {"name": "Apache-2.0"},
-            "x-pincette-wire": WIRE,
+            "x-pincette-wire": f"v{WIRE}",
         },
-        "defaultContentType": ENCODING,
+        "defaultContentType": MEDIA_TYPE,
         "servers": {"router": _router()},
         "channels": channels | {"live": _live()},
         "operations": operations,

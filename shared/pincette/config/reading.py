@@ -1,5 +1,6 @@
 """Reads rig files: TOML, where it may be laid over another file, and JSON, as programs tell it."""
 
+import reprlib
 import tomllib
 from pathlib import Path
 from typing import Any, cast
@@ -10,6 +11,12 @@ from pincette.config.rig_file import RigFile
 from pincette.config.tables import ConfigError
 
 Tree = dict[str, Any]
+MOST_BYTES = 4 * 2**20
+"""Of a rig file; one with a measured free response is far shorter."""
+SHOWN, MOST_FAULTS = 300, 20
+"""Characters of a value that a fault repeats, and faults that are told."""
+_SHORT = reprlib.Repr()
+_SHORT.maxstring, _SHORT.maxlevel = SHOWN, 3
 BASE = "base"
 """Names the file, beside this one, whose values hold where this one has none."""
 
@@ -30,19 +37,30 @@ def read_rig(path: Path) -> RigFile:
         below = _tables(path.parent / base)
         if BASE in below:
             raise ConfigError(f"rig file {path}:\n  base = {base!r}: that file has a base itself")
-        tables = laid_over(below, tables)
+        try:
+            tables = laid_over(below, tables)
+        except RecursionError as error:
+            raise ConfigError(f"rig file {path}: tables within tables without end") from error
     try:
-        return parse_rig(tables)
+        rig = parse_rig(tables)
     except ConfigError as error:
         raise ConfigError(f"rig file {path}:\n{error}") from error
+    return rig if rig.bus.pki is None else rig.secured(path.parent / rig.bus.pki)
 
 
 def _tables(path: Path) -> Tree:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise ConfigError(f"rig file {path}: {error.strerror}") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
+        raise ConfigError(f"rig file {str(path)!r}: no file can have this name") from error
+    if len(content) > MOST_BYTES:
+        raise ConfigError(f"rig file {path}: larger than {MOST_BYTES} bytes")
+    try:
+        return tomllib.loads(content.decode())
+    except (ValueError, RecursionError) as error:  # also what is no UTF-8, and endless digits
         raise ConfigError(f"rig file {path} is not TOML: {error}") from error
 
 
@@ -73,7 +91,17 @@ def parse_told(text: str) -> RigFile:
 
 
 def _faults(error: ValidationError) -> str:
-    return "\n".join(
-        f"  {'.'.join(str(part) for part in fault['loc'])} = {fault['input']!r}: {fault['msg']}"
-        for fault in error.errors(include_url=False)
-    )
+    faults = error.errors(include_url=False)
+    lines = [
+        f"  {_legible('.'.join(str(part) for part in fault['loc']))} = "
+        f"{_SHORT.repr(fault['input'])}: {_legible(fault['msg'])}"
+        for fault in faults[:MOST_FAULTS]
+    ]
+    more = len(faults) - len(lines)
+    return "\n".join([*lines, f"  and {more} more"] if more else lines)
+
+
+def _legible(text: str) -> str:
+    """A text of one line, whatever a file or another program has put into it."""
+    short = text if len(text) <= SHOWN else f"{text[:SHOWN]}…"
+    return short if short.isprintable() else repr(short)

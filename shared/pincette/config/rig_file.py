@@ -5,14 +5,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from pincette.config.law import Law
+from pincette.config.limits import Limits, Safety, monitor_limits, voltage_limits
 from pincette.config.model import Model
 from pincette.config.recorder import Recorder
 from pincette.config.simulation import Simulation
 from pincette.config.tables import NotNegative, Place, Positive, Table, Url
 from pincette.control.planning.paths import Shape
+from pincette.control.safety.monitors import MonitorLimits
+from pincette.control.safety.voltage import VoltageLimits
 
 Options = dict[str, str | int | float | bool]
 """What only one driver understands; it checks them itself."""
@@ -36,6 +39,12 @@ class Bus(Table):
     router: Place | None = None
     """HOST:PORT of another rig's router that this rig joins: it has no router of its own then, and
     is served by the supervisor at that one. None: its router is its own."""
+    pki: str | None = Field(default=None, exclude=True)
+    """Folder of certificates, relative to the rig file. None: no link is encrypted or closed to
+    anybody. Where the folder is concerns this machine alone: it is told to nobody, recorded
+    nowhere, and no part of the digest."""
+    identity: str = Field(default="operator", exclude=True)
+    """Whose certificate the tools of this machine show, where there are certificates."""
 
     @property
     def router_at(self) -> tuple[str, int]:
@@ -78,43 +87,6 @@ class Output(Table):
     on_silence: Literal["safe", "holds", "unstated"] = "unstated"
     """What the hardware does by itself where its host falls silent: go to a safe value, or hold."""
     options: Options = Field(default_factory=Options)
-
-
-class Limits(Table):
-    """What the rig bears. The actuator enforces the voltage limits, the supervisor all."""
-
-    voltage_min_V: float
-    voltage_max_V: float
-    slew_V_per_s: Positive
-    sweep_V: Positive = 0.1
-    """Amplitude of a swept sine; near the resonance the arm moves 1/(2ζ) times as far."""
-    position_min_um: float
-    position_max_um: float
-    force_max_mN: Positive
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "Limits":
-        if self.voltage_min_V >= self.voltage_max_V:
-            raise ValueError(
-                f"voltage_min_V = {self.voltage_min_V} V is not below "
-                f"voltage_max_V = {self.voltage_max_V} V"
-            )
-        if self.position_min_um >= self.position_max_um:
-            raise ValueError(
-                f"position_min_um = {self.position_min_um} µm is not below "
-                f"position_max_um = {self.position_max_um} µm"
-            )
-        return self
-
-
-class Safety(Table):
-    """How the actuator fails safe."""
-
-    command_age_periods: float = Field(default=2.5, ge=1.5, le=10)
-    ramp_s: float = Field(default=0.035, ge=0.005, le=2.0)
-    safe_V: float = 0.0
-    freeze_s: float = Field(default=10.0, ge=0.0, le=600.0)
-    """How long a held part is kept by a frozen voltage before the ramp releases it."""
 
 
 class Part(Table):
@@ -166,11 +138,20 @@ class Calibrating(Table):
     """From the measurement on; None: without an end."""
 
 
+HostName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]{0,252})$")]
+
+
 class Supervisor(Table):
-    """Where the supervisor listens."""
+    """Where the supervisor listens, and how it is reached."""
 
     host: str = "127.0.0.1"
+    """Beyond loopback it starts only where there are keys."""
     port: int = Field(default=8000, ge=1, le=65535)
+    names: tuple[HostName, ...] = Field(default=(), max_length=20, strict=False)
+    """Names by which it is reached, beside its address; a request for another one is refused."""
+    behind: Literal["nothing", "container"] = "nothing"
+    """``container``: a promise that its port is published on the loopback of the host alone, so
+    that it may listen on every address of its container without keys."""
 
 
 JOINED = "rigs"
@@ -180,6 +161,7 @@ UNSHARED: Mapping[str, set[str] | bool] = {
     "output": {"serial_number"},
     "calibration": True,
     "recorder": True,
+    "supervisor": {"names", "behind"},
 }
 """What may differ between programs: nothing of the loop works with it."""
 
@@ -209,6 +191,16 @@ class RigFile(Table):
         return self.rig.time == "lockstep"
 
     @property
+    def voltage_limits(self) -> VoltageLimits:
+        """What the actuator puts out at most, from one period to the next."""
+        return voltage_limits(self.limits, self.rig.period_s)
+
+    @property
+    def monitors(self) -> MonitorLimits:
+        """The hard limits that the actuator holds every sample against, and its mirror."""
+        return monitor_limits(self.limits, self.safety, self.rig.period_s)
+
+    @property
     def joins(self) -> bool:
         """Whether it joins the router of another rig, and is served by the supervisor there."""
         return self.bus.router is not None
@@ -216,6 +208,10 @@ class RigFile(Table):
     def home(self, data: Path) -> Path:
         """Where records and logs go: each rig that joins another's router has its own folder."""
         return data / JOINED / self.rig.name if self.joins else data
+
+    def secured(self, pki: Path) -> "RigFile":
+        """The same rig with a folder of certificates."""
+        return self.model_copy(update={"bus": self.bus.model_copy(update={"pki": str(pki)})})
 
     @property
     def serial_numbers(self) -> dict[str, str]:

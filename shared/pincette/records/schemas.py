@@ -5,7 +5,7 @@ twice. Names, units included, are those of the dataclasses. ``float | None`` bec
 field, data with fields of its own a nested message, a tuple a repeated field.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from types import UnionType
 from typing import Any, Generic, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -82,12 +82,13 @@ def unpacker(topic: str, descriptor: bytes) -> Callable[[bytes], Any]:
     for file in descriptor_pb2.FileDescriptorSet.FromString(descriptor).file:
         pool.Add(file)
     described = pool.FindMessageTypeByName(known.name)
-    there = {field.name for field in described.fields}
-    odd = [field.name for field in fields(kind) if field.name not in there and _needed(field)]
-    if odd:
-        raise ValueError(f"{topic}: this record is of another version: no {', '.join(odd)} in it")
+    try:
+        from_proto = _reader(kind, described)
+    except KeyError as error:
+        raise ValueError(
+            f"{topic}: this record is of another version: no {error.args[0]} in it"
+        ) from None
     proto: Any = message_factory.GetMessageClass(described)
-    from_proto = _reader(kind, there)
     return lambda payload: from_proto(proto.FromString(payload))
 
 
@@ -177,21 +178,29 @@ def _each(inner: Callable[[Any], dict[str, Any]]) -> Callable[[Any], list[dict[s
     return lambda items: [inner(item) for item in items]
 
 
-def _reader(kind: type, there: Collection[str] | None = None) -> Callable[[Any], Any]:
-    """From a Protobuf message back to ours; what was None was never written."""
+def _reader(kind: type, described: Any = None) -> Callable[[Any], Any]:
+    """From a Protobuf message back to ours; what was None was never written.
+
+    ``described`` is what a file says of the message, where that may be older than this program:
+    fields that it does not know get their defaults. Raises KeyError where one has none.
+    """
     hints = get_type_hints(kind)
-    takes = {
-        field.name: _taker(field.name, hints[field.name])
-        for field in fields(kind)
-        if there is None or field.name in there
-    }
+    there = None if described is None else described.fields_by_name
+    takes: dict[str, Callable[[Any], Any]] = {}
+    for field in fields(kind):
+        if there is None or field.name in there:
+            inner = None if there is None else there[field.name].message_type
+            takes[field.name] = _taker(field.name, hints[field.name], inner)
+    odd = [field.name for field in fields(kind) if field.name not in takes and _needed(field)]
+    if odd:
+        raise KeyError(", ".join(odd))
     return lambda proto: kind(**{name: take(proto) for name, take in takes.items()})
 
 
-def _taker(name: str, hint: Any) -> Callable[[Any], Any]:
+def _taker(name: str, hint: Any, described: Any = None) -> Callable[[Any], Any]:
     inner, optional, repeated = _plain(hint)
     if is_dataclass(inner):
-        read = _reader(cast(type, inner))
+        read = _reader(cast(type, inner), described)
         if repeated:
             return lambda proto: tuple([read(item) for item in getattr(proto, name)])
         if optional:

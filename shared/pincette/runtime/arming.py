@@ -4,8 +4,8 @@ from typing import cast
 
 from pincette.bus.protocol import Bus
 from pincette.control.planning.program import Program
-from pincette.messages import Arm, Document, Load, Status, StatusRequest
-from pincette.topics import ARM, LOAD, STATUS
+from pincette.messages import Arm, Document, Lease, Load, Status, StatusRequest
+from pincette.topics import ARM, LEASE, LOAD, STATUS
 
 ORDER = ("actuator", "estimator", "controller", "sensor")
 """The actuator first: where it refuses, nothing else has changed. The sensor last: in lockstep its
@@ -25,8 +25,15 @@ def arm(
     digest: str,
     owner: int | None = None,
     calibration: str = "",
+    lease: Lease | None = None,
 ) -> None:
     """Load a program and start it.
+
+    Parameters
+    ----------
+    lease
+        How long the controller plays on while nobody grants it another one; None: to the end. It
+        is granted before the first sample, so that no program plays without the one it shall have.
 
     Raises
     ------
@@ -40,3 +47,5 @@ def arm(
     bus.ask(LOAD, Load(program))
     for service in ORDER:
         bus.ask(ARM[service], Arm(epoch, owner, digest, Document(calibration), program.capture_hz))
+        if service == "controller" and lease is not None:
+            bus.ask(LEASE, lease)

@@ -9,17 +9,14 @@ from time import monotonic, sleep
 from pincette.bus.protocol import Bus
 from pincette.messages import Message
 from pincette.runtime.node import Node
+from pincette.runtime.turns import MOST_AT_ONCE, Turns
 from pincette.topics import Question, Topic
 
 Reply = Callable[[Message | str], None]
 Item = Message | tuple[Message, Reply] | None
 
-IDLE_S = 0.5
-"""How often a loop with nothing to do looks whether it shall stop."""
 WIND_DOWN_S = 3.0
 """Longest time an instrument may take to come to rest when its program is ended."""
-MOST_AT_ONCE = 1000
-"""Messages taken before the clock is looked at again, whatever somebody may flood the bus with."""
 
 
 class ServiceLoop:
@@ -30,6 +27,7 @@ class ServiceLoop:
 
     def __init__(self, node: Node, bus: Bus, delay_s: float = 0.0, delay_seed: int = 0) -> None:
         self._node = node
+        self._turns = Turns(node)
         self._bus = bus
         self._queue: SimpleQueue[Item] = SimpleQueue()
         self._delay_s = delay_s
@@ -54,34 +52,16 @@ class ServiceLoop:
 
     def run(self) -> None:
         """Run until stopped."""
-        node = self._node
-        period = node.period_s
-        paced_by_grid = node.service.instrument == "position_sensor" and not node.lockstep
-        wake_periods = None if node.lockstep else node.service.wake_periods
-        every = period if paced_by_grid else wake_periods and wake_periods * period
-        start = monotonic()
-        due_at = start + every if every else None
+        node, turns = self._node, self._turns
+        turns.begin(monotonic())
         while not self._stop.is_set():
-            now = monotonic()
-            waits = [IDLE_S]
-            patience = node.patience(now)
-            if patience is not None:
-                waits.append(patience)
-            if due_at is not None:
-                waits.append(max(0.0, due_at - now))
-            self._collect(min(waits))
-            now = monotonic()
-            while node.due(now):
+            self._collect(turns.wait_s(monotonic()))
+            while node.due(now := monotonic()):
                 self._publish(node.fire(now))
-                now = monotonic()
-            if due_at is not None and every and now >= due_at:
-                self._publish(node.tick(now) if paced_by_grid else node.wake(now))
-                late = int((monotonic() - due_at) / every)
-                if paced_by_grid:
-                    # A missed grid point is skipped, never caught up in a burst.
-                    node.missed += late
-                due_at += (late + 1) * every
-        self._wind_down(every or period)
+            if turns.due(now):
+                self._publish(turns.take(now))
+                turns.taken(monotonic())
+        self._wind_down(turns.every or node.period_s)
 
     def _wind_down(self, every: float) -> None:
         deadline = monotonic() + WIND_DOWN_S
@@ -103,11 +83,11 @@ class ServiceLoop:
             return
         if isinstance(item, tuple):
             request, reply = item
-            answer, outputs = self._node.ask(request, monotonic())
+            answer, outputs = self._turns.ask(request, monotonic())
             self._publish(outputs)
             reply(answer)
         else:
-            self._node.accept(item, monotonic())
+            self._turns.accept(item, monotonic())
 
     def _publish(self, outputs: tuple[Message, ...]) -> None:
         if self._delay_s and outputs:

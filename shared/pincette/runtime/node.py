@@ -20,7 +20,7 @@ from pincette.topics import COMMAND
 
 JOIN_WAIT_PERIODS = 0.25
 KEPT = 16
-"""Samples kept for a join; what waits longer than this has lost its partner."""
+"""Samples kept for a join, where what waits longer has lost its partner, and streams that wait."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +50,8 @@ class Node:
             self.state = service.adopt(self.config, self.state, found_V)
         self.steps = 0
         self.missed = 0
+        self.refused = 0
+        """Samples that were not taken for their number."""
         self._rig = rig
         self._now = 0.0
         # Judged before the loop turns: loading a driver takes longer than a tick.
@@ -77,22 +79,34 @@ class Node:
             waiting = self._waiting[type(message)]
             waiting[sample.epoch, sample.seq] = sample
             if len(waiting) > KEPT:
-                del waiting[next(iter(waiting))]
+                self._forget_one(waiting)
         elif role == "trigger":
             if not self.lockstep:
-                self._drop_older(type(message))
+                self._drop_older(sample)
             self._pending.append(Pending(sample, now))
         elif self.lockstep and sample.seq >= 0 and not cast(Applied, message).final:
             # Arming began tick 0; the applied voltage of seq -1 is where it starts from.
             self._pending.append(Pending(None, (sample.seq + 1) * self.period_s))
 
-    def _drop_older(self, kind: type) -> None:
-        """In real time only the newest sample of a topic counts; a backlog is never played."""
+    def _forget_one(self, waiting: dict[tuple[int, int], Sample]) -> None:
+        """The oldest of another epoch, or else the oldest: no stranger pushes out what counts."""
+        place = next((place for place in waiting if place[0] != self.state.epoch), None)
+        del waiting[next(iter(waiting)) if place is None else place]
+
+    def _drop_older(self, sample: Sample) -> None:
+        """In real time only the newest sample of a stream counts; a backlog is never played.
+
+        What another epoch or owner says is a stream of its own: it must not push out what counts.
+        """
+        stream = _stream(sample)
         for pending in self._pending:
-            if type(pending.sample) is kind:
+            if pending.sample is not None and _stream(pending.sample) == stream:
                 self._pending.remove(pending)
                 self.missed += 1
                 return
+        if len(self._pending) >= KEPT:
+            self._pending.popleft()
+            self.missed += 1
 
     def due(self, now: float) -> bool:
         """Whether a step can be made."""
@@ -101,7 +115,9 @@ class Node:
         first = self._pending[0]
         if first.sample is None or self._complete(first.sample):
             return True
-        return not self.lockstep and now - first.since >= JOIN_WAIT_PERIODS * self.period_s
+        # As ``patience`` counts it, to the last bit: or a driver would wait for no time, again and
+        # again.
+        return not self.lockstep and now >= first.since + JOIN_WAIT_PERIODS * self.period_s
 
     def patience(self, now: float) -> float | None:
         """Seconds until a step must be made without its partner; None where nothing waits."""
@@ -138,9 +154,12 @@ class Node:
         return self._step(values, now)
 
     def wake(self, now: float) -> tuple[Message, ...]:
-        """Step because time has passed, and say to a watched instrument that its host lives."""
+        """Step because time has passed; a watched instrument is fed only by a healthy service."""
         values: list[Any] = list(self._blank)
-        if fault := self._device.keep_alive(now):
+        healthy = self.service.may_feed is None or self.service.may_feed(
+            self.config, self.state, now
+        )
+        if healthy and (fault := self._device.keep_alive(now)):
             values[0] = fault
         return self._step(values, now)
 
@@ -242,7 +261,7 @@ class Node:
             epoch=state.epoch,
             steps=self.steps,
             missed=self.missed,
-            refused=getattr(state, "refused", 0),
+            refused=self.refused + getattr(state, "refused", 0),
             detail=getattr(state, "detail", ""),
             calibration=self.calibration.digest,
         )
@@ -250,6 +269,11 @@ class Node:
     def close(self) -> None:
         """Give the instrument back."""
         self._device.close()
+
+
+def _stream(sample: Sample) -> tuple[type[Sample], int, int | None]:
+    """Topic, epoch and owner."""
+    return type(sample), sample.epoch, getattr(sample, "owner", None)
 
 
 def _published(outputs: tuple[Message | ForInstrument, ...]) -> tuple[Message, ...]:

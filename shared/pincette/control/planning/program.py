@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.laws.law import LawSettings
 from pincette.control.planning.paths import Path
 from pincette.control.planning.sweep import Sweep
 
+RETREATS = ("unload", "retreat")
+"""Phases of the way back."""
 SegmentKind = Literal["zero", "free", "seek", "force", "path", "voltage", "sweep"]
 
 
@@ -89,7 +92,14 @@ class Guards:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """Segments in order, guards, the contact stiffness K_e the plan assumes, and the laws."""
+    """Segments in order, guards, the contact stiffness K_e the plan assumes, and the laws.
+
+    Raises
+    ------
+    ValueError
+        Where it cannot be played: K_e or a duration is impossible, a segment has nothing to
+        follow, or a search has nowhere to go on to.
+    """
 
     segments: tuple[Segment, ...]
     guards: Guards
@@ -102,3 +112,25 @@ class Program:
     """Rate at which the sensor acquires beside the samples of the loop; 0: not."""
     begins_held: bool = False
     """Whether a part is in the gripper when it begins."""
+
+    def __post_init__(self) -> None:
+        require_positive("contact stiffness K_e", self.contact_stiffness_mN_per_um, "mN/µm")
+        for place, segment in enumerate(self.segments):
+            name = f"segment {place} ({segment.phase})"
+            for quantity in ("duration_s", "move_s"):
+                value_s = getattr(segment, quantity)
+                if value_s is not None:
+                    require_not_negative(f"{name}: {quantity}", value_s, "s")
+            for kind in ("path", "sweep"):
+                if segment.kind == kind and getattr(segment, kind) is None:
+                    raise ValueError(f"{name} is a {kind} and has none")
+            if segment.kind == "seek":
+                _check_search(name, segment, last=place + 1 == len(self.segments))
+
+
+def _check_search(name: str, segment: Segment, *, last: bool) -> None:
+    """A search goes on to the next segment where it finds the part, else to the retreat."""
+    if last:
+        raise ValueError(f"{name} seeks a part, and nothing follows")
+    if segment.phase in RETREATS:
+        raise ValueError(f"{name} seeks a part, and is the way back from one")

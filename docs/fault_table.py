@@ -1,0 +1,63 @@
+"""Write the page of the fault table from the register of its tests: `make docs`."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+HEAD = """\
+# Fault table
+
+Generated from `tests/support/fault_table.toml` by `make docs`; a test sees to it that every test
+named here exists. T is the control period, 20 ms on the demo rig. A command is as old as the sample
+it is based on, and is refused beyond 2.5 T. *Safe* means that the actuator takes no command any
+more: with the arm free it ramps to the safe voltage, with a part held it freezes the voltage for a
+bounded time and ramps then; either way it latches, and only a person's reset leads on.
+
+*Virtual time* is the real loop, node for node and byte for byte, with a clock that is made
+(`tests/support/virtual_loop.py`): every fault in every state of a job, at any place of the period,
+with the same numbers at every run. *Real processes* are programs on real links, on a machine that
+stalls now and then; see [what is promised](../explanations/safety.md). Every row has a *twin*: the
+same just below what may trip, which must not trip.
+
+| # | fault | noticed by | what must happen |
+| --- | --- | --- | --- |
+"""
+TESTS = """\
+
+## Tests
+
+"""
+
+
+def fault_table_page() -> str:
+    """The page as Markdown."""
+    from tests.support.fault_table import ROWS
+
+    rows = [f"| {row.number} | {row.fault} | {row.noticed_by} | {row.must} |" for row in ROWS]
+    lines = [HEAD + "\n".join(rows), TESTS.rstrip("\n")]
+    for row in ROWS:
+        lines.append(f"\n**{row.number}. {row.fault}**\n")
+        for title, tests in (
+            ("virtual time", row.virtual),
+            ("real processes", row.real),
+            ("twin", row.twin),
+        ):
+            if tests:
+                lines.append(f"- {title}: " + ", ".join(_named(test) for test in tests))
+        if row.open:
+            lines.append(f"- open: {row.open}")
+    return "\n".join(lines) + "\n"
+
+
+def _named(test: str) -> str:
+    """A test by its name, which leads to its file."""
+    path, _, name = test.partition("::")
+    return f"[`{name or Path(path).stem}`](../../{path})"
+
+
+PAGES: dict[str, Any] = {"reference/fault-table.md": fault_table_page}
+"""By place below docs."""
+
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # the tests are no installed package
