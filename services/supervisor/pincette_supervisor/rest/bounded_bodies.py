@@ -1,7 +1,6 @@
 """How much a request may bring, and in which time."""
 
 import asyncio
-from collections.abc import Callable
 
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
@@ -11,6 +10,9 @@ MOST_BYTES = 1_000_000
 """Of a body: a path of 200 points takes some 20 kB, a recipe less."""
 MOST_S = 10.0
 """From the head of a request to the end of its body."""
+
+BODILESS = ("GET", "HEAD")
+"""Nobody reads what comes with these; a file that is sent only listens for the connection's end."""
 
 
 class BoundedBodies:
@@ -25,28 +27,18 @@ class BoundedBodies:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
-        answered = False
-
-        async def told(message: Message) -> None:
-            nonlocal answered
-            answered = True
-            await send(message)
-
-        announced = Headers(scope=scope).get("content-length", "")
-        await self._app(scope, _bounded(receive, announced, lambda: answered), told)
+        if scope["type"] == "http" and scope["method"] not in BODILESS:
+            receive = _bounded(receive, Headers(scope=scope).get("content-length", ""))
+        await self._app(scope, receive, send)
 
 
-def _bounded(receive: Receive, announced: str, answered: Callable[[], bool]) -> Receive:
+def _bounded(receive: Receive, announced: str) -> Receive:
     until_s = asyncio.get_running_loop().time() + MOST_S
     size, complete = 0, False
 
     async def bounded() -> Message:
         nonlocal size, complete
-        if complete or answered():
-            # Only the end of the connection is still waited for.
+        if complete:
             return await receive()
         if announced.isdecimal() and int(announced) > MOST_BYTES:
             raise _too_large()
