@@ -35,7 +35,7 @@ def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Me
     """Every message of one tick, in the order in which a loop sends them."""
 
     def number() -> float:
-        return chance.choice((-0.0, 1e-300, chance.gauss(0.0, 1.0), chance.uniform(-1e9, 1e9)))
+        return chance.choice((-0.0, 1e-300, chance.gauss(0.0, 1.0), chance.uniform(-1e6, 1e6)))
 
     def later() -> float | None:
         return None if seq < 2 else number()

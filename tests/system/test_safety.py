@@ -42,7 +42,7 @@ WAKE_EARLY_S = 0.15
 """A hung controller goes on while the voltage of a held part is still frozen."""
 WAKE_LATE_S = 0.8
 """It goes on when the actuator is latched and Zenoh has given up its links."""
-SILENCE = re.compile(r"command_age: no command for (\d+) ms, limit 50 ms")
+SILENCE = re.compile(r"command_age: controller silent for (\d+) ms, limit 50 ms")
 
 
 def suffer(rig: RunningRig, seen: Witness, stalls: StallRecorder, *, held: bool) -> Reaction:
