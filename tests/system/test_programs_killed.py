@@ -23,6 +23,8 @@ from tests.support.running import RunningRig
 from tests.support.stalls import StallRecorder, again_after_a_stall
 from tests.support.witness import Witness
 
+ANSWERS_S = 5.0
+
 
 @pytest.fixture(autouse=True)
 def ready(rig: RunningRig) -> None:
@@ -32,6 +34,14 @@ def ready(rig: RunningRig) -> None:
 def missed(rig: RunningRig) -> dict[str, int]:
     """Ticks that each program has missed since it was started."""
     return {program["name"]: program["missed"] for program in rig.view()["programs"]}
+
+
+def await_answers(rig: RunningRig) -> None:
+    """Wait until the supervisor has asked all programs anew, which it does twice a second."""
+    begun = monotonic()
+    while any("nobody answers" in reason for reason in rig.view()["reasons"]):
+        assert monotonic() - begun < ANSWERS_S
+        sleep(0.05)
 
 
 @again_after_a_stall(make_ready)
@@ -119,6 +129,7 @@ def test_a_job_whose_actuator_was_restarted_at_once_has_failed(
     ended = rig.ended(job)
     assert ended["state"] == "failed"
     assert "actuator" in ended["cause"]
+    await_answers(rig)
     assert refused(rig)["type"].endswith("rig-latched")
     reset(rig)
     make_ready(rig)

@@ -61,7 +61,9 @@ class Acting:
             return True
         if action not in allowed:
             raise invalid_action(action, state, allowed)
-        live.asked(action, by)
+        trips = action == "abort" and state in ARMED
+        if not trips:
+            live.asked(action, by)
         try:
             if action in ("release", "continue"):
                 self._site.bus.ask(ACT, Act(action))
@@ -69,8 +71,12 @@ class Acting:
                     live.proceed(waiting)
             elif not live.terminal and not live.move(action, only_from=state):
                 raise TransitionError(f"the job has just become {live.state}")
-            if action == "abort" and state in ARMED:
-                reply = self._site.bus.ask(TRIP, policies.abort_trip(live.request, "abort"), 1.0)
+            if trips:  # before what only the journal wants to know
+                trip = policies.abort_trip(live.request, "abort")
+                try:
+                    reply = self._site.bus.ask(TRIP, trip, 1.0)
+                finally:
+                    live.asked(action, by)
                 live.acted("abort", cast(Done, reply).seq)
         except (RefusalError, TransitionError) as error:
             raise invalid_action(action, live.state, allowed, str(error)) from error
