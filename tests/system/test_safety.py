@@ -43,6 +43,8 @@ WAKE_EARLY_S = 0.15
 WAKE_LATE_S = 0.8
 """It goes on when the actuator is latched and Zenoh has given up its links."""
 SILENCE = re.compile(r"command_age: controller silent for (\d+) ms, limit 50 ms")
+UNHEARD = re.compile(r"command_age: no command for (\d+) ms, limit 50 ms")
+"""As the actuator has it, which knows no more."""
 
 
 def suffer(rig: RunningRig, seen: Witness, stalls: StallRecorder, *, held: bool) -> Reaction:
@@ -79,7 +81,7 @@ def check_words(rig: RunningRig, job: str) -> None:
     assert int(silence[1]) >= 50
     problem = refused(rig)
     assert problem["type"].endswith("rig-latched")
-    assert SILENCE.search(problem["cause"])
+    assert UNHEARD.search(problem["cause"])
     assert silence[0] in problem["detail"]
 
 

@@ -135,27 +135,3 @@ def test_one_that_hangs_for_less_than_the_lease_changes_nothing(
     assert rig.job(job)["state"] == "running"
     rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
     assert rig.ended(job)["state"] == "succeeded"
-
-
-@again_after_a_stall(make_ready)
-def test_one_that_hangs_for_longer_finds_the_job_stopped_with_the_cause(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder
-) -> None:
-    acknowledged(rig)
-    job = hold(rig, seen, stalls)
-    begun_s = monotonic()
-    rig.fleet.signal("supervisor", signal.SIGSTOP)
-    try:
-        stopped_by_itself(seen, begun_s)
-    finally:
-        rig.fleet.signal("supervisor", signal.SIGCONT)
-    ended = rig.ended(job)
-    assert ended["state"] == "stopped"
-    assert ended["cause"].startswith(LEASE)
-    assert never_tripped(seen, begun_s)
-    (row,) = lease_alarms(rig, job)
-    assert (row["words"], row["job"]) == (ended["cause"], job)
-    assert rig.view()["part"] == "held"
-    rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
-    make_ready(rig)
-    whole_grip(rig, seen, stalls)

@@ -16,8 +16,6 @@ from pincette_supervisor.running.tracker import Tracker, outcome_words
 
 LOOK_S = 0.02
 """How often the run looks at what has come."""
-STOOD_S = 0.5
-"""A supervisor that has stood still for so long has not heard what was said meanwhile."""
 LATE_S = 0.5
 """How long the last samples of a run may come after the one that ended it."""
 PROGRESS_S = 0.2
@@ -50,12 +48,7 @@ class Watch:
     def follow(self) -> None:
         """Return when the actuator has said that the arming is over, or nobody says anything."""
         tracker, job = self._tracker, self._job
-        looked_at = self._site.clock()
         while True:
-            now = self._site.clock()
-            if now - looked_at > STOOD_S:
-                self._asked_at = now
-            looked_at = now
             if tracker.take(self._collection.drain()):
                 self._heard_at = self._site.clock()
                 self._share()
