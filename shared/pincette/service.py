@@ -98,8 +98,8 @@ class Service(Generic[R, C, S, I]):
     step: Callable[[C, S, I, float], tuple[S, tuple[Message | ForInstrument, ...]]]
     answer: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | ForInstrument, ...]]]
     instrument: Literal["position_sensor", "voltage_output"] | None = None
-    wake_periods: float | None = None
-    """In real time, step at least this often, in control periods."""
+    wake_s: Callable[[C], float] | None = None
+    """In real time, step at least this often; None: only when something comes."""
     adopt: Callable[[C, S, float], S] | None = None
     """Begin from the voltage that the instrument puts out, whoever set it."""
     carried: tuple[str, ...] = ()

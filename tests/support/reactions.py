@@ -6,6 +6,7 @@ from statistics import median
 
 from pincette.config import RigFile
 from pincette.messages import Applied, Truth
+from pincette_actuator.config import configure
 from tests.support.rigs import output_step_V
 from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
@@ -15,8 +16,6 @@ REACTION_S = 0.060
 """From the fault to the freeze, or to the first step of the ramp: T = 20 ms."""
 SAFE_S = 0.100
 """From the fault to the safe voltage with the arm free."""
-WAKE_PERIODS = 0.25
-"""How often the actuator lets time pass, and so the step of a ramp."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +56,7 @@ def await_reaction(
     ramped_at = _check_ramp(rig, seen, begun_at, kept_V)
     if held:
         limit_s = rig.safety.freeze_s
-        step_s, frozen_s = WAKE_PERIODS * rig.rig.period_s, ramped_at - begun_at
+        step_s, frozen_s = configure(rig).age.wake_s, ramped_at - begun_at
         stood_s = stalls.between(begun_at, ramped_at)
         assert frozen_s >= limit_s - step_s - stood_s
         within(limit_s + rig.rig.period_s, frozen_s, stood_s, "the freeze")
@@ -89,7 +88,7 @@ def _check_instrument(
     rig: RigFile, seen: Witness, begun_at: float, ramped_at: float, kept_V: float
 ) -> None:
     """What the instrument put out: the last voltage until the ramp, the safe one in the end."""
-    step_V, exchange_s = output_step_V(rig), WAKE_PERIODS * rig.rig.period_s
+    step_V, exchange_s = output_step_V(rig), configure(rig).age.wake_s
     put_out = [(at, truth.voltage_V) for at, truth in seen.since(Truth, begun_at - 1.0)]
     # The last command may have been put out just before the ramp, or long before it.
     before = [put_V for at, put_V in put_out if at < ramped_at]

@@ -1,6 +1,6 @@
 """What the actuator takes from the rig file: the limits of the safety module."""
 
-from math import floor
+from math import floor, pi
 
 from pincette.config import ConfigError, RigFile
 from pincette.control.safety.freshness import AgeLimits
@@ -8,8 +8,10 @@ from pincette.control.safety.state import SafetyLimits
 
 GRACE_PERIODS = 50.0
 """How long after arming the first command may come."""
-WAKE_PERIODS = 0.25
-"""How often the actuator looks at its clock in real time."""
+WAKE_PERIODS = 0.2
+"""About how often the actuator looks at its clock in real time."""
+MOST_PERIODS = 0.25
+"""No longer than that between two looks, or a silent controller is noticed late."""
 EXCUSED_PERIODS = 10.0
 """How much of the actuator's own standstill is left out of an age, from one command to the next."""
 
@@ -29,7 +31,7 @@ def configure(rig: RigFile) -> SafetyLimits:
             limit_s=safety.command_age_periods * period_s,
             limit_ticks=floor(safety.command_age_periods),
             grace_s=GRACE_PERIODS * period_s,
-            wake_s=WAKE_PERIODS * period_s,
+            wake_s=wake_s(period_s, rig.model.natural_frequency_rad_per_s),
             excused_s=EXCUSED_PERIODS * period_s,
         ),
         voltage=rig.voltage_limits,
@@ -38,3 +40,18 @@ def configure(rig: RigFile) -> SafetyLimits:
         freeze_s=safety.freeze_s,
         safe_V=safety.safe_V,
     )
+
+
+def wake_s(period_s: float, natural_frequency_rad_per_s: float) -> float:
+    """Time between two looks at the clock, and so between two steps of a ramp, in s.
+
+    An odd number of the mode's half swings π/ω_n, of those within T/4 the nearest to 0.2·T: each
+    step of the ramp then takes back what the one before it has set swinging. Where not even one
+    fits into T/4 it is 0.2·T, since the mode takes such steps for a straight line.
+    """
+    half_swing_s = pi / natural_frequency_rad_per_s
+    about, most = WAKE_PERIODS * period_s / half_swing_s, MOST_PERIODS * period_s / half_swing_s
+    if most < 1.0:
+        return WAKE_PERIODS * period_s
+    swings = min(max(0, round((about - 1.0) / 2.0)), int((most - 1.0) / 2.0))
+    return (2 * swings + 1) * half_swing_s

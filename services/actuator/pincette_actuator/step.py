@@ -15,7 +15,7 @@ from pincette.messages import Command, Message, Position
 from pincette.service import ForInstrument, Input, Service
 from pincette.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TRIP
 from pincette_actuator.answering import answer
-from pincette_actuator.config import WAKE_PERIODS, configure
+from pincette_actuator.config import configure
 from pincette_actuator.state import State
 from pincette_actuator.wire import applied_of, offer_of, order_of
 
@@ -121,6 +121,10 @@ def _answer_tick(limits: SafetyLimits, state: State) -> tuple[State, Outputs]:
     return replace(state, answered_seq=seq), (echo,)
 
 
+def _wake_s(limits: SafetyLimits) -> float:
+    return limits.age.wake_s
+
+
 def _wind_down(limits: SafetyLimits, state: State, now: float) -> tuple[State, bool]:
     state, at_rest = wind_down(limits, state, now)
     return state.settled(), at_rest
@@ -138,7 +142,7 @@ SERVICE: Service[RigFile, SafetyLimits, State, Inputs] = Service(
     step=step,
     answer=answer,
     instrument="voltage_output",
-    wake_periods=WAKE_PERIODS,
+    wake_s=_wake_s,
     adopt=adopt,
     carried=("voltage_V", "part_held", "refused"),
     wind_down=_wind_down,

@@ -61,7 +61,7 @@ class ServiceLoop:
             if turns.due(now):
                 self._publish(turns.take(now))
                 turns.taken(monotonic())
-        self._wind_down(turns.every or node.period_s)
+        self._wind_down(turns.every_s or node.period_s)
 
     def _wind_down(self, every: float) -> None:
         deadline = monotonic() + WIND_DOWN_S

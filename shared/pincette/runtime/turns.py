@@ -20,10 +20,9 @@ MOST_AT_ONCE = 1000
 class Turns:
     """The grid of a sensor, the wakings of an actuator, the patience of a join; no clock."""
 
-    __slots__ = ("due_at", "every", "node", "numbering", "on_grid", "triggers")
+    __slots__ = ("due_at", "node", "numbering", "on_grid", "triggers")
 
     def __init__(self, node: Node) -> None:
-        wake_periods = None if node.lockstep else node.service.wake_periods
         self.node = node
         self.numbering = Numbering(node.period_s)
         self.triggers = frozenset(
@@ -31,15 +30,22 @@ class Turns:
         )
         self.on_grid = node.service.instrument == "position_sensor" and not node.lockstep
         """Whether the clock asks for samples, and not only for a look at what has passed."""
-        self.every = (
-            node.period_s if self.on_grid else wake_periods and wake_periods * node.period_s
-        )
-        """Time between two steps that the clock asks for; None or 0 where it asks for none."""
         self.due_at: float | None = None
+
+    @property
+    def every_s(self) -> float | None:
+        """Time between two steps that the clock asks for, which an arming may change; None where
+        it asks for none."""
+        node = self.node
+        if self.on_grid:
+            return node.period_s
+        wake_s = node.service.wake_s
+        return None if node.lockstep or wake_s is None else wake_s(node.config)
 
     def begin(self, now: float) -> None:
         """Start: the first step that the clock asks for is one interval from now."""
-        self.due_at = now + self.every if self.every else None
+        every_s = self.every_s
+        self.due_at = None if every_s is None else now + every_s
 
     def accept(self, message: Message, now: float) -> None:
         """Hand a message to the node; one that its number rules out is counted, and goes no
@@ -80,9 +86,10 @@ class Turns:
 
         A grid point that is missed is skipped, never caught up in a burst.
         """
-        if self.due_at is None or not self.every:
+        every_s = self.every_s
+        if self.due_at is None or every_s is None:
             return
-        late = int((now - self.due_at) / self.every)
+        late = int((now - self.due_at) / every_s)
         if self.on_grid:
             self.node.missed += late
-        self.due_at += (late + 1) * self.every
+        self.due_at += (late + 1) * every_s

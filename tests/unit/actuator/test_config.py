@@ -1,5 +1,7 @@
 """What the actuator takes from a rig file, each number from its own place."""
 
+from math import pi
+
 import pytest
 
 from pincette.config import ConfigError
@@ -7,7 +9,7 @@ from pincette.control.safety.freshness import AgeLimits
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.voltage import VoltageLimits
-from pincette_actuator.config import configure
+from pincette_actuator.config import configure, wake_s
 from tests.support.rigs import demo_rig
 
 CHANGES = {
@@ -46,7 +48,7 @@ def test_every_limit_comes_from_its_place(time: str) -> None:
             limit_s=3.5 * 0.01,
             limit_ticks=3,
             grace_s=50.0 * 0.01,
-            wake_s=0.25 * 0.01,
+            wake_s=pi / 2437.8,
             excused_s=10.0 * 0.01,
         ),
         voltage=VoltageLimits(-2.0, 5.0, 8.0 * 0.01, 0.05),
@@ -77,3 +79,20 @@ def test_a_safe_voltage_that_cannot_be_put_out_is_refused(safe_V: float) -> None
     with pytest.raises(ConfigError) as caught:
         configure(demo_rig({"safety": {"safe_V": safe_V}}))
     assert str(caught.value) == f"[safety] safe_V = {safe_V} V is outside -1.0..4.0 V"
+
+
+@pytest.mark.parametrize(
+    ("period_s", "frequency_hz", "half_swings"),
+    [(0.02, 388.0, 3), (0.02, 350.0, 3), (0.02, 600.0, 5), (0.02, 263.0, 1), (0.01, 388.0, 1)],
+)
+def test_steps_of_a_ramp_are_odd_half_swings_apart(
+    period_s: float, frequency_hz: float, half_swings: int
+) -> None:
+    taken_s = wake_s(period_s, 2.0 * pi * frequency_hz)
+    assert taken_s == pytest.approx(half_swings / (2.0 * frequency_hz), rel=1e-12)
+    assert taken_s <= 0.25 * period_s
+
+
+@pytest.mark.parametrize("period_s", [0.001, 0.005])
+def test_a_period_too_short_for_half_swings_is_divided(period_s: float) -> None:
+    assert wake_s(period_s, 2437.8) == pytest.approx(0.2 * period_s, rel=1e-12)

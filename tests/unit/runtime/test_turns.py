@@ -1,12 +1,24 @@
 """When a node steps: the sensor's grid, the actuator's wakings, and what is not handed over."""
 
 from dataclasses import replace
+from math import pi
 from pathlib import Path
 
 import pytest
 
-from pincette.config import read_rig
-from pincette.messages import Applied, Arm, Estimate, Message, Position, Status, StatusRequest
+from pincette.config import Calibration, read_rig
+from pincette.messages import (
+    Applied,
+    Arm,
+    Document,
+    Done,
+    Estimate,
+    Message,
+    Position,
+    Reset,
+    Status,
+    StatusRequest,
+)
 from pincette.runtime.node import KEPT, Node
 from pincette.runtime.turns import IDLE_S, Turns
 from pincette_actuator import SERVICE as ACTUATOR
@@ -79,14 +91,25 @@ def test_missed_points_of_the_grid_are_counted_and_never_caught_up(points: int) 
     assert turns.wait_s(now + 0.002) == pytest.approx(T - 0.003)
 
 
-def test_an_actuator_wakes_four_times_a_period_and_counts_no_missed_wakings() -> None:
+def test_an_actuator_keeps_its_grid_of_wakings_and_counts_no_missed_ones() -> None:
     turns = Turns(Node(ACTUATOR, RIG, Output()))
+    wake_s = turns.node.config.age.wake_s
     turns.begin(10.0)
-    assert turns.wait_s(10.0) == pytest.approx(0.25 * T)
-    turns.take(10.0 + 3.1 * T)
-    turns.taken(10.0 + 3.1 * T)
+    assert turns.wait_s(10.0) == pytest.approx(wake_s)
+    turns.take(10.0 + 3.1 * wake_s)
+    turns.taken(10.0 + 3.1 * wake_s)
     assert turns.node.missed == 0
-    assert turns.wait_s(10.0 + 3.1 * T) == pytest.approx(0.15 * T)
+    assert turns.wait_s(10.0 + 3.1 * wake_s) == pytest.approx(0.9 * wake_s)
+
+
+def test_an_arming_with_another_model_moves_the_wakings() -> None:
+    node = Node(ACTUATOR, RIG, Output())
+    turns = Turns(node)
+    slower = Calibration(values={"model.natural_frequency_rad_per_s": 2000.0})
+    turns.ask(Reset(acknowledge=True), 10.0)
+    answer, _ = turns.ask(Arm(2, 7, node.digest, Document(slower.text())), 10.0)
+    assert answer == Done(-1)
+    assert turns.every_s == pytest.approx(3.0 * pi / 2000.0)
 
 
 def test_a_program_without_a_clock_waits_for_messages_or_for_a_partner() -> None:

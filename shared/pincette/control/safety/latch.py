@@ -18,9 +18,6 @@ from pincette.control.safety.voltage import ramp
 
 S = TypeVar("S", bound=SafetyState)
 
-RAMP_LEAD = 0.25
-"""Share of a period by which the ramp is ahead of its clock: its first step comes with the trip."""
-
 
 def arming_objection(state: SafetyState) -> str:
     """Why the actuator may not be armed; empty where it may."""
@@ -136,7 +133,7 @@ def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
         state = ramped(state, now)
     if state.mode != "ramping":
         return state
-    share = (now - state.since_s + RAMP_LEAD * limits.period_s) / limits.ramp_s
+    share = (now - state.since_s + limits.age.wake_s) / limits.ramp_s
     if share >= 1.0:
         return at_safe(limits, state)
     return replace(state, voltage_V=ramp(state.ramp_from_V, limits.safe_V, share))
