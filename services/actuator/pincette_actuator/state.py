@@ -18,7 +18,8 @@ class State(SafetyState):
     """What the instrument plays about ``voltage_V``."""
 
     def settled(self) -> "State":
-        """Outside an arming nothing waits and nothing plays."""
-        if self.mode == "armed" or (self.pending is None and self.sweep is None):
+        """Outside an arming nothing plays; what waits is judged when its sample comes, since in
+        lockstep that ends the tick."""
+        if self.mode == "armed" or self.sweep is None:
             return self
-        return replace(self, pending=None, sweep=None)
+        return replace(self, sweep=None)

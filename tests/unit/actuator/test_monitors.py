@@ -107,11 +107,29 @@ def test_a_stranger_does_not_displace_a_command_that_waits() -> None:
     assert (state.refused, state.taken_seq) == (1, 0)
 
 
-def test_after_a_trip_nothing_waits_and_nothing_plays() -> None:
+def test_what_waited_when_it_tripped_is_refused_when_its_sample_comes() -> None:
     state, _ = play(holding(held=False), (told(1), 0.019))
-    assert state.pending is not None
     state, _, _ = answer(CONFIG, state, Trip("estop"), 0.0195)
-    assert (state.pending, state.sweep) == (None, None)
+    assert state.pending is not None
+    state, outputs = play(state, (position(1), 0.020))
+    assert (state.pending, state.refused, state.mode) == (None, 1, "ramping")
+    assert not any(isinstance(output, Applied) and output.answered for output in outputs)
+
+
+@pytest.mark.parametrize("trips", ["before", "between"])
+def test_in_lockstep_a_command_before_its_sample_ends_the_tick_after_a_trip(trips: str) -> None:
+    state = holding(held=True)
+    if trips == "before":
+        state, _, _ = answer(LOCKSTEP, state, Trip("abort"), 0.02)
+    state, outputs = step(LOCKSTEP, state, told(1), 0.02)
+    assert outputs == ()
+    if trips == "between":
+        state, _, _ = answer(LOCKSTEP, state, Trip("abort"), 0.02)
+    state, outputs = step(LOCKSTEP, state, position(1), 0.02)
+    order, echo = outputs
+    assert order == Drive(state.voltage_V)
+    assert isinstance(echo, Applied)
+    assert (echo.seq, echo.state, echo.answered) == (1, "frozen", False)
 
 
 def test_nobody_speaks_for_the_actuator_in_a_trip() -> None:
