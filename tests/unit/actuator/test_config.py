@@ -10,6 +10,7 @@ from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette_actuator.config import configure, wake_s
+from pincette_actuator.step import SERVICE
 from tests.support.rigs import demo_rig
 
 CHANGES = {
@@ -91,6 +92,11 @@ def test_steps_of_a_ramp_are_odd_half_swings_apart(
     taken_s = wake_s(period_s, 2.0 * pi * frequency_hz)
     assert taken_s == pytest.approx(half_swings / (2.0 * frequency_hz), rel=1e-12)
     assert taken_s <= 0.25 * period_s
+
+
+def test_the_service_wakes_as_often_as_its_ages_say() -> None:
+    assert SERVICE.wake_s is not None
+    assert SERVICE.wake_s(configure(demo_rig())) == pytest.approx(3.0 * pi / 2437.8, rel=1e-12)
 
 
 @pytest.mark.parametrize("period_s", [0.001, 0.005])
