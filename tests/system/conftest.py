@@ -1,5 +1,6 @@
 """What the tests of real processes share: a rig that is up, a witness, and a place for figures."""
 
+import signal
 from collections.abc import Generator
 
 import pytest
@@ -29,6 +30,12 @@ def pytest_terminal_summary(
         terminalreporter.section("figures")
         for line in lines:
             terminalreporter.write_line(line)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ends_with_ctrl_c() -> None:
+    """A shell's background job ignores Ctrl-C, and so would every program that is started here."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="module")
