@@ -36,8 +36,9 @@ from tests.support.running import RunningRig
 from tests.support.stalls import StallRecorder, again_after_a_stall
 from tests.support.witness import Witness
 
-ROUNDS = (4, pytest.param(20, marks=pytest.mark.slow))
-"""Each as often, at chance places within a period; for every commit and for the soak."""
+ROUNDS = (2, pytest.param(20, marks=pytest.mark.slow))
+"""Each as often, at chance places within a period; for every commit and for the soak, `test_soak_faults`
+has more."""
 WAKE_EARLY_S = 0.15
 """A hung controller goes on while the voltage of a held part is still frozen."""
 WAKE_LATE_S = 0.8
