@@ -41,6 +41,8 @@ LOOK_S = 0.002
 BEFORE_S = 0.1
 """A stall this long before a trip may have caused it: the age limit and two periods."""
 TRIPPED = ("frozen", "ramping")
+NOT_YET = (409, 503)
+"""Where a program that was cut off is not back yet, or a job has just begun to end."""
 
 
 def hold(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> str:
@@ -176,7 +178,8 @@ def make_ready(rig: RunningRig, timeout_s: float = 10.0) -> None:
             reset(rig)
         elif view["active_job"] is None and view["part"] == "held":
             release = rig.post("/jobs", {"kind": "release", "autostart": True})
-            rig.ended(release.raise_for_status().json()["id"], timeout_s)
+            if release.status_code not in NOT_YET:
+                rig.ended(release.raise_for_status().json()["id"], timeout_s)
         sleep(0.1)
     raise TimeoutError(f"the rig is not ready: {rig.view()['reasons']}")
 
