@@ -14,11 +14,15 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import httpx
+
 from pincette.api.request_models import GripJobRequest
+from pincette.bus.protocol import BusError
 from pincette.config import Calibration, RigFile, read_rig
 from pincette.config import calibrated as laid
 from pincette.messages import Telemetry, Truth
 from pincette.runtime.composed import ComposedLoop
+from pincette.runtime.fleet import FleetError
 from pincette.sim.drawn.random_rigs import random_simulation
 from pincette.sim.drawn.true_values import TrueValues, true_values
 from pincette.sim.instruments.traits import resolved
@@ -47,6 +51,12 @@ class Row:
     outcome: str
     force_mN: float
     """True force over the hold, of 20 mN."""
+
+    def __str__(self) -> str:
+        """As a line on a terminal."""
+        shares = (f"{NAMES[name]} {_percent(share)} %" for name, share in self.deviations.items())
+        rig = f"{self.pair} rig {self.seed}: {self.outcome}"
+        return ", ".join((rig, f"{self.force_mN:.2f} mN", *shares))
 
     @property
     def misses(self) -> list[str]:
@@ -154,7 +164,11 @@ def runs(pair: str, seeds: Sequence[int]) -> Iterator[Row]:
 
     def one(seed: int) -> Row:
         with tempfile.TemporaryDirectory() as folder:
-            return bring_up(pair, seed, Path(folder))
+            try:
+                return bring_up(pair, seed, Path(folder))
+            except (AssertionError, TimeoutError, BusError, FleetError, httpx.HTTPError) as error:
+                # The others count too.
+                return Row(seed, pair, {}, f"{type(error).__name__}: {error}", 0.0)
 
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
         yield from pool.map(one, seeds)
@@ -229,8 +243,7 @@ def main(file: Path) -> None:
             rows: list[Row] = []
             for row in pool.map(partial(in_one_process, pair), range(1, COUNT + 1)):
                 rows.append(row)
-                shown = {NAMES[name]: _percent(share) for name, share in row.deviations.items()}
-                print(pair, row.seed, row.outcome, f"{row.force_mN:.2f} mN", shown, flush=True)
+                print(row, flush=True)
             tables[pair] = table(rows)
     file.write_text(TEXT.format(**tables), encoding="utf-8")
 

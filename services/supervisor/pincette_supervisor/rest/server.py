@@ -13,6 +13,8 @@ HEAD_S = 10.0
 """From the first sign of a request to the end of its head."""
 HEAD_BYTES = 16_384
 """Of a head; a longer one is refused with 400."""
+KEEP_S = 75
+"""An idle connection is kept for longer than clients do, or a request crosses with its end."""
 STOP_S = 2
 
 
@@ -85,6 +87,7 @@ def server_of(app: ASGIApp) -> uvicorn.Server:
             proxy_headers=False,
             server_header=False,
             h11_max_incomplete_event_size=HEAD_BYTES,
+            timeout_keep_alive=KEEP_S,
             timeout_graceful_shutdown=STOP_S,
         )
     )
