@@ -37,8 +37,8 @@ from tests.support.stalls import StallRecorder, again_after_a_stall
 from tests.support.witness import Witness
 
 ROUNDS = (2, pytest.param(20, marks=pytest.mark.slow))
-"""Each as often, at chance places within a period; for every commit and for the soak, `test_soak_faults`
-has more."""
+"""Each as often, at chance places within a period; for every commit and for the soak, of which
+`test_soak_faults` is the larger part."""
 WAKE_EARLY_S = 0.15
 """A hung controller goes on while the voltage of a held part is still frozen."""
 WAKE_LATE_S = 0.8
