@@ -133,6 +133,7 @@ def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
         state = ramped(state, now)
     if state.mode != "ramping":
         return state
+    # One step ahead of its clock: the first step comes with the trip.
     share = (now - state.since_s + limits.age.wake_s) / limits.ramp_s
     if share >= 1.0:
         return at_safe(limits, state)
