@@ -11,8 +11,11 @@ from typing import Any, cast
 from pincette.bus.links import address_of
 from pincette.security.credentials import Credentials
 
-CONNECT_S, ALERT_S = 1.0, 0.5
-"""How long to wait for a connection, and for a word of refusal after the handshake."""
+ANSWER_S, ALERT_S = 3.0, 0.5
+"""How long to wait for an answer, and for a word of refusal after the handshake.
+
+Zenoh that is spoken to in a language it does not know hangs up after 1 s.
+"""
 PLAIN = "it does not speak TLS: is [bus] pki missing where that one starts?"
 REFUSED = "it does not take the certificate {ours}"
 UNKNOWN = "it believes another authority than the one that has signed {ours}"
@@ -36,15 +39,15 @@ def why_no_link(place: str, credentials: Credentials | None, name: str = "") -> 
     """
     address = address_of(place)
     try:
-        with socket.create_connection(address, CONNECT_S) as line:
-            line.settimeout(CONNECT_S)
+        with socket.create_connection(address, ANSWER_S) as line:
+            line.settimeout(ANSWER_S)
             if credentials is None:
                 return _speaks_tls(place, line)
             return _shaken(place, address[0], line, credentials, name)
     except ConnectionRefusedError:
         return f"nobody listens at {place}"
     except TimeoutError:
-        return f"{place} does not answer within {CONNECT_S:g} s"
+        return f"{place} does not answer within {ANSWER_S:g} s"
     except OSError as error:
         return f"{place}: {error.strerror or error}"
 
