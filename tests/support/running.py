@@ -86,18 +86,13 @@ def running_rig(
         if delays is None:
             fleet.up()
         else:
-            fleet.start(["router"])
-            fleet.start(["rig"])
-            fleet.start_each(
-                {
-                    name: ("--delay-ms", "3", "--delay-seed", str(delays[name]))
-                    if name in delays
-                    else ()
-                    for name in LOOP
-                }
-            )
-            fleet.start(["recorder"])
-            fleet.start(["supervisor"])
+            fleet.start(["router", "rig"])
+            late = {
+                name: ("--delay-ms", "3", "--delay-seed", str(delays[name]))
+                for name in LOOP
+                if name in delays
+            }
+            fleet.start_each({**dict.fromkeys((*LOOP, "recorder", "supervisor"), ()), **late})
         with httpx.Client(base_url=url, timeout=30.0, trust_env=False) as client:
             yield RunningRig(rig, path, data, fleet, client)
     finally:

@@ -166,6 +166,8 @@ def runs(pair: str, seeds: Sequence[int]) -> Iterator[Row]:
         with tempfile.TemporaryDirectory() as folder:
             try:
                 return bring_up(pair, seed, Path(folder))
+            except httpx.HTTPStatusError as error:
+                return Row(seed, pair, {}, error.response.text, 0.0)
             except (AssertionError, TimeoutError, BusError, FleetError, httpx.HTTPError) as error:
                 # The others count too.
                 return Row(seed, pair, {}, f"{type(error).__name__}: {error}", 0.0)

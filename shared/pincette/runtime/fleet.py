@@ -19,6 +19,8 @@ from pincette.topics import LOOP
 START_S = 30.0
 STOP_S = 5.0
 ROUTER_S = 2.0
+LEANED_ON = ("router", "rig")
+"""Programs that the others expect to find."""
 Say = Callable[[str, str], None]
 """Called with a program's name and one line about it."""
 
@@ -144,8 +146,9 @@ class Fleet:
         check_ports(self._rig)
         check_router(self._rig)
         names = self.names()
-        for stage in (("router",), ("rig",), LOOP, ("recorder",), ("supervisor",)):
-            self.start([name for name in names if name in stage])
+        first = [name for name in names if name in LEANED_ON]
+        self.start(first)
+        self.start([name for name in names if name not in first])
 
     def ended(self) -> list[Member]:
         """Programs that have ended by themselves."""

@@ -32,6 +32,9 @@ def require_ready(site: Site, planned: Planned | None) -> None:
         raise ProblemError(
             409, code, "The actuator is latched", reset_words(site, cause), cause=cause
         )
+    if site.reasons():
+        # A program that was late with an answer, or has just come up, is asked once more.
+        site.health.refresh(force=True)
     reasons = site.reasons()
     if reasons:
         raise unready(reasons)
