@@ -6,11 +6,11 @@ SECURE ?=
 SECURELY := $(if $(filter-out 0,$(SECURE)),--secure)
 BIN := .venv/bin
 TEST_FLAGS := -m "not slow"
-VIRTUAL := tests/unit tests/integration tests/replay
+VIRTUAL := tests/project tests/unit tests/integration tests/replay
 # whole programs that keep no clock
 LOCKSTEP := $(patsubst %,tests/system/test_%.py,lockstep orchestrator_example page_calibrations \
   page_jobs page_rigs replay several_rigs twenty_rigs)
-REAL := tests/project tests/contract tests/system
+REAL := tests/contract tests/system
 # pytest's exit status where ARGS leave no test; one half may have none
 NO_TEST := 5
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
@@ -50,7 +50,7 @@ up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 	@$(BIN)/pincette up $(SECURELY) $(ARGS)
 
 test: lint browser ## lint, then all tests but the slow ones: what CI runs
-	@echo "== pytest, in virtual time and in lockstep: on every core"
+	@echo "== pytest, what goes by no clock on the wall: on every core"
 	@$(BIN)/pytest $(TEST_FLAGS) -n logical --dist loadfile $(ARGS) $(VIRTUAL) $(LOCKSTEP); virtual=$$?; \
 	test $$virtual -eq 0 -o $$virtual -eq $(NO_TEST) || exit $$virtual; \
 	echo "== pytest, in real time: one after another"; \
