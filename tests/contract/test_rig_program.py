@@ -8,7 +8,7 @@ from pincette.config import ConfigError, RigFile, read_rig
 from pincette.instruments.icpdas_i7024 import open_output
 from pincette.instruments.keyence_lkg import open_sensor
 from pincette.messages import Truth
-from pincette_rig import PROGRAM
+from pincette_rig.program import run
 from tests.support.rig_program import DeafBus, context_of, offered
 
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
@@ -47,4 +47,4 @@ def test_it_offers_both_instruments_until_stopped(tmp_path: Path, pace: str) -> 
 def test_it_needs_a_simulation(tmp_path: Path) -> None:
     real = _rig_file(tmp_path, "real").model_copy(update={"simulation": None})
     with pytest.raises(ConfigError, match=r"rig 'demo' has no \[simulation\]"):
-        PROGRAM(context_of(real, DeafBus(), bool, tmp_path))
+        run(context_of(real, DeafBus(), bool, tmp_path))

@@ -12,7 +12,7 @@ from pincette.runtime.arming import arm
 from pincette.runtime.composed import ComposedLoop
 from pincette.topics import ESTIMATE, RESET, TELEMETRY, TRUTH
 from pincette_supervisor.journal.recipes import RecipeRow
-from pincette_supervisor.model.rig_model import rig_file_alone
+from pincette_supervisor.model.model_in_use import rig_file_alone
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.recipes import plan_with_recipe
 from tests.support.rigs import demo_rig

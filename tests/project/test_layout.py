@@ -34,7 +34,7 @@ def test_every_service_has_its_entry_point(pyproject: dict[str, Any]) -> None:
     points = pyproject["project"]["entry-points"]
     inside = [name for name in SERVICES if name not in OUTSIDE_THE_LOOP]
     assert points["pincette.services"] == {name: f"pincette_{name}:SERVICE" for name in inside}
-    programs = {name: f"pincette_{name}:PROGRAM" for name in OUTSIDE_THE_LOOP}
+    programs = {name: f"pincette_{name}.program:run" for name in OUTSIDE_THE_LOOP}
     assert programs.items() <= points["pincette.programs"].items()
 
 

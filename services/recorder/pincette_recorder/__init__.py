@@ -1,5 +1,1 @@
 """The recorder as a program: it keeps every sample of every job, and is never in the loop."""
-
-from pincette_recorder.program import run
-
-PROGRAM = run

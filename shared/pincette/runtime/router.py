@@ -6,7 +6,7 @@ from pincette.runtime.context import Context
 from pincette.runtime.priority import come_first
 
 
-def PROGRAM(context: Context) -> None:
+def run(context: Context) -> None:
     """Route until stopped."""
     if not context.rig.lockstep:
         come_first()

@@ -13,7 +13,7 @@ from pincette.config import Calibration, RigFile, calibrated
 from pincette_supervisor.journal import recipes as journal
 from pincette_supervisor.journal.recipes import RecipeBook, RecipeLimitError, RecipeRow
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.model.rig_model import rig_file_alone
+from pincette_supervisor.model.model_in_use import rig_file_alone
 from pincette_supervisor.planning.path_requests import FaultyRequestError
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import played, with_prediction

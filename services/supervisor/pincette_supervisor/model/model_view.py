@@ -5,8 +5,9 @@ from typing import Any
 
 from pincette.api.proposal_models import ModelQuantity, ModelVersion, ModelView
 from pincette.config import ConfigError
+from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, values_of
-from pincette_supervisor.model.rig_model import ModelInUse, RigModel
+from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.model.upkeep import overdue
 from pincette_supervisor.problems import ProblemError
 

@@ -1,9 +1,8 @@
-"""The model in use: the rig file, and over it the version of a model that was accepted."""
+"""Which model is in use: the rig file, and over it the version of a model that was accepted."""
 
 import json
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -12,38 +11,8 @@ from pincette.config import Calibration, ConfigError, RigFile, calibrated
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.model.instruments import Instruments
 from pincette_supervisor.model.model_file import Acceptance, ModelFiles, StoredModel
+from pincette_supervisor.model.model_in_use import RIG_FILE_ALONE, ModelInUse, rig_file_alone
 from pincette_supervisor.model.upkeep import due_at, warnings
-
-RIG_FILE_ALONE = 0
-"""Version that stands for no model."""
-
-
-@dataclass(frozen=True, slots=True)
-class ModelInUse:
-    """A rig with a model, and what the model is."""
-
-    rig: RigFile
-    """The rig file with the model's values in place of its own."""
-    rig_file_digest: str
-    version: int = RIG_FILE_ALONE
-    calibration: Calibration = field(default_factory=Calibration)
-    uncertainties: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
-    acceptances: Mapping[str, Acceptance] = field(default_factory=dict[str, Acceptance])
-
-    @property
-    def digest(self) -> str:
-        """Of the values; empty: the rig file alone."""
-        return self.calibration.digest
-
-    @property
-    def stamp(self) -> dict[str, Any]:
-        """As jobs and records name it."""
-        return {"version": self.version, "digest": self.digest}
-
-
-def rig_file_alone(rig: RigFile) -> ModelInUse:
-    """A rig of which nothing has been calibrated."""
-    return ModelInUse(rig, rig.digest())
 
 
 class RigModel:

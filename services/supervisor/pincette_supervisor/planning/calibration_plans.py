@@ -28,8 +28,8 @@ from pincette.control.planning.contact_stiffness_program import (
 from pincette.control.planning.course import require_bounded
 from pincette.control.planning.free_response_program import free_response_program
 from pincette.control.planning.program import Program
+from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
-from pincette_supervisor.model.rig_model import ModelInUse
 from pincette_supervisor.planning.calibration_course import planned_phases
 from pincette_supervisor.planning.calibration_support import require_sweep
 from pincette_supervisor.planning.contact_values import CONTACT_WISHES, contact_wishes, part_values

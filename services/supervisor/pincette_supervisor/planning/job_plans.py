@@ -21,7 +21,7 @@ from pincette.control.planning.contact_plan import ContactPlan
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.track_plan import TrackRequest, plan_track
-from pincette_supervisor.model.rig_model import ModelInUse, rig_file_alone
+from pincette_supervisor.model.model_in_use import ModelInUse, rig_file_alone
 from pincette_supervisor.planning.calibration_plans import plan_calibration
 from pincette_supervisor.planning.contact_values import CONTACT_WISHES, contact_wishes, part_values
 from pincette_supervisor.planning.laws import choose_law

@@ -25,8 +25,8 @@ from pincette.control.planning.motion_plan import (
     plan_release,
 )
 from pincette.control.planning.profiles import minimum_duration
+from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import ASSUMED
-from pincette_supervisor.model.rig_model import ModelInUse
 from pincette_supervisor.planning.calibration_plans import GAIN_GROWTH, SPEED_FACTOR
 from pincette_supervisor.planning.laws import rig_law
 from pincette_supervisor.planning.path_requests import FaultyRequestError

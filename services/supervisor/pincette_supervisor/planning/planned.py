@@ -11,7 +11,7 @@ from pincette.api.plan_models import Curves, Plan
 from pincette.control.planning.course import Course
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
-from pincette_supervisor.model.rig_model import ModelInUse
+from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.present import Present
 
 CURVE_POINTS = 400

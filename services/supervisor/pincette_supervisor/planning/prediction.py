@@ -9,8 +9,8 @@ from pincette.api.motion_models import MotionPlan
 from pincette.api.plan_models import Plan
 from pincette.api.prediction_models import PredictedCurves, PredictedPhase, Prediction
 from pincette.api.states import GOOD_OUTCOMES
+from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
-from pincette_supervisor.model.rig_model import ModelInUse
 from pincette_supervisor.planning.identified_arm import Instruments
 from pincette_supervisor.planning.laws import SPECTRAL_RADIUS
 from pincette_supervisor.planning.margins import margins, peaks, violations

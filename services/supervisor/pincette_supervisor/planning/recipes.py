@@ -11,7 +11,7 @@ from pincette.api.request_base import StartRequest
 from pincette.api.request_models import AnyJobRequest, GripJobRequest, TrackJobRequest
 from pincette.config import Calibration, calibrated
 from pincette_supervisor.journal.recipes import RecipeRow
-from pincette_supervisor.model.rig_model import ModelInUse
+from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.path_requests import MEMBERS, FaultyRequestError
 from pincette_supervisor.planning.planned import Planned

@@ -13,7 +13,7 @@ from pincette.config import ConfigError, calibrated
 from pincette_supervisor import problems
 from pincette_supervisor.journal.recipes import RecipeBook
 from pincette_supervisor.journal.trajectories import TrajectoryBook, TrajectoryRow
-from pincette_supervisor.model.rig_model import ModelInUse, rig_file_alone
+from pincette_supervisor.model.model_in_use import ModelInUse, rig_file_alone
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.recipes import pinned, plan_with_recipe
 from pincette_supervisor.problems import ProblemError
