@@ -100,9 +100,11 @@ def _begin(
     """Start a grip and see it to a place; again, where the machine stood still on the way."""
     for _ in range(TRIES):
         begun = monotonic()
+        before = _epoch(seen)
         job = rig.start_grip(**wishes)
         while monotonic() < begun + WAIT_S:
-            if any(there(view) for _, view in seen.since(Telemetry, begun)):
+            views = [view for _, view in seen.since(Telemetry, begun)]
+            if any(there(view) for view in views if view.epoch != before):
                 return job
             tripped = [
                 (at, echo) for at, echo in seen.since(Applied, begun) if echo.state in TRIPPED
@@ -116,6 +118,14 @@ def _begin(
         else:
             raise TimeoutError(f"the grip does not get there: {rig.job(job)}")
     raise TimeoutError(f"the machine stood still in each of {TRIES} grips")
+
+
+def _epoch(seen: Witness) -> int:
+    """Of the program that was heard of last, whose telemetry may still come; 0 where none was."""
+    try:
+        return seen.newest(Telemetry).epoch
+    except IndexError:
+        return 0
 
 
 def check_excused(seen: Witness, stalls: StallRecorder, tripped_at: float, echo: Applied) -> None:
