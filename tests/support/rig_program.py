@@ -11,7 +11,7 @@ from pincette.config import RigFile
 from pincette.instruments.protocols import PositionSensor, VoltageOutput
 from pincette.messages import Message, Truth
 from pincette.runtime.context import Context
-from pincette_rig import PROGRAM
+from pincette_rig.program import run
 
 START_S = 5.0
 
@@ -56,7 +56,7 @@ def offered(rig: RigFile, folder: Path) -> Generator[DeafBus]:
     bus, ready = DeafBus(), threading.Event()
 
     context = context_of(rig, bus, ready.set, folder)
-    thread = threading.Thread(target=PROGRAM, args=(context,))
+    thread = threading.Thread(target=run, args=(context,))
     thread.start()
     try:
         assert ready.wait(START_S)

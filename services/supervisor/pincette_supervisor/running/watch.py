@@ -2,15 +2,15 @@
 
 from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
 from pincette.bus.protocol import BusError, RefusalError
-from pincette.messages import Act, Done
-from pincette.topics import ACT, TRIP
+from pincette.messages import Act, Done, Message
+from pincette.topics import ACT, APPLIED, TRIP
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.running import deadlines, policies
 from pincette_supervisor.running.job import LiveJob
 from pincette_supervisor.running.keeping import Keeper
 from pincette_supervisor.running.lease import LEASE_ENDED, ended_words
 from pincette_supervisor.running.observer import Collection
-from pincette_supervisor.running.silence import gone_words, silent_words
+from pincette_supervisor.running.silence import Silence, gone_words, silent_words
 from pincette_supervisor.running.site import Site
 from pincette_supervisor.running.tracker import Tracker, outcome_words
 
@@ -35,8 +35,9 @@ class Watch:
         self._tracker = Tracker(
             job.epoch, self._rig.rig.period_s, planned.planned_s, lockstep=self._rig.lockstep
         )
-        self._heard_at = self._asked_at = site.clock()
-        """When the rig was last heard of, and when it was last asked for something."""
+        self._silence = Silence(site.clock)
+        self._applied: Message | None = None
+        """What the actuator said last."""
         self._over_at: float | None = None
         self._told_at = float("-inf")
         self._asked_in = -1
@@ -49,8 +50,9 @@ class Watch:
         """Return when the actuator has said that the arming is over, or nobody says anything."""
         tracker, job = self._tracker, self._job
         while True:
-            if tracker.take(self._collection.drain()):
-                self._heard_at = self._site.clock()
+            moved = tracker.take(self._collection.drain())
+            self._silence.look(heard=moved if self._rig.lockstep else self._actuator_spoke())
+            if moved:
                 self._share()
             if tracker.over and not self._comes_more():
                 self._conclude()
@@ -61,6 +63,11 @@ class Watch:
             if self._given_up():
                 return
             job.wait(LOOK_S)
+
+    def _actuator_spoke(self) -> bool:
+        """Whether the actuator has said something since this was last asked."""
+        before, self._applied = self._applied, self._site.observer.newest(APPLIED)
+        return self._applied is not before
 
     def _comes_more(self) -> bool:
         """Whether samples of the last tick are on their way: in lockstep none of them is lost."""
@@ -113,7 +120,7 @@ class Watch:
     def _given_up(self) -> bool:
         """Do what the state asks for; true where nothing more is to be expected of the rig."""
         job, tracker = self._job, self._tracker
-        silence = silent_words(self._site, tracker, self._heard_at, self._asked_at)
+        silence = silent_words(self._site, tracker, self._silence.lasts_s)
         state, moves = job.standing
         if STATES[state].terminal:  # stopped, with a part in the gripper
             if silence:
@@ -183,7 +190,7 @@ class Watch:
         job = self._job
         if not self._trip_asked and not self._tracker.trip_cause:
             self._trip_asked = True
-            self._asked_at = self._site.clock()
+            self._silence.look(heard=True)
             cause = f"supervisor: {job.cause}"[:200] if job.cause else "abort"
             try:
                 self._site.bus.ask(TRIP, policies.abort_trip(job.request, cause), 1.0)
