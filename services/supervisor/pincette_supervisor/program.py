@@ -26,6 +26,7 @@ from pincette_supervisor.running.listeners import Listeners
 from pincette_supervisor.running.rig_finder import RigFinder
 from pincette_supervisor.running.rigs import Rigs
 from pincette_supervisor.running.taking_up import Household
+from pincette_supervisor.running.waking import Waking
 
 STOP_S = 5.0
 
@@ -80,9 +81,9 @@ def _serve(
     access: Access,
     worker: Worker,
 ) -> None:
-    listeners = Listeners()
+    listeners, waking = Listeners(), Waking()
     household = Household(
-        store, listeners, context.data, context.open_bus, partial(worker.run, played)
+        store, listeners, context.data, context.open_bus, partial(worker.run, played), waking
     )
     left_over = _by_rig(store, store.interrupt_left_over(utc_now()))
 
@@ -90,6 +91,7 @@ def _serve(
         return household.take_up(rig, left_over.pop(rig.rig.name, ()))
 
     everywhere = context.open_bus()
+    waking.begin()
     try:
         rigs = Rigs(take_up(context.rig))
         finder = RigFinder(rigs, context.open_bus, take_up)
@@ -100,6 +102,7 @@ def _serve(
             finder.close()
             rigs.release()
     finally:
+        waking.close()
         everywhere.close()
 
 

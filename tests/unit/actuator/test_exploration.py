@@ -36,6 +36,9 @@ Move = tuple[str, str, str]
 Key = tuple[object, ...]
 OLDEST = 7
 """Quarters beyond which an age makes no difference: every limit is below."""
+FURTHEST = 3
+"""Samples beyond which a distance makes no difference, ditto; what waits for one that never comes
+would be in a new state with every period."""
 SAMPLES = ("good", "none", "invalid", "beyond")
 COMMANDS: dict[str, dict[str, object]] = {
     "none": {},
@@ -110,9 +113,11 @@ class Place:
             age(state.since_s) if state.mode in ("frozen", "ramping") else 0,
             round(state.ramp_from_V, 6) if state.mode == "ramping" else 0,
             seen,
-            min(3, self.seq - state.taken_seq),
+            min(FURTHEST, self.seq - state.taken_seq),
             min(2, self.seq - state.answered_seq),
-            None if state.pending is None else (self.seq - state.pending.seq, state.pending.valid),
+            None
+            if (waits := state.pending) is None
+            else (min(FURTHEST, self.seq - waits.seq), waits.valid),
             (state.watches.force.count, state.watches.position.count),
             state.unconfirmed,
         )

@@ -77,12 +77,12 @@ def _ages(site: Site) -> Iterator[Check]:
     if site.rig.lockstep:
         return
     limit_s = site.health.sensor_limit_s()
-    age_s = site.observer.age_s(POSITION)
+    age_s = site.observer.silent_s(POSITION)
     trouble = _sensor(site)
     words = f"sensor: {trouble}" if trouble else "the sensor's samples come"
     yield _check("sensor.age", not trouble, words, value=age_s, limit=limit_s, unit="s")
     for program, topic in SPEAKS.items() if plays(site) else ():
-        age_s = site.observer.age_s(topic)
+        age_s = site.observer.silent_s(topic)
         ok = age_s is not None and age_s <= limit_s
         words = f"the {program}'s samples come"
         if age_s is None:

@@ -167,11 +167,11 @@ class Health:
     def sensor_trouble(self) -> str:
         """Why the sensor cannot be relied on, by its samples; empty where it can."""
         position = cast("Position | None", self._observer.newest(POSITION))
-        age_s, limit_s = self._observer.age_s(POSITION), self.sensor_limit_s()
-        if position is None or age_s is None:
+        silent_s, limit_s = self._observer.silent_s(POSITION), self.sensor_limit_s()
+        if position is None or silent_s is None:
             return "no sample has come yet"
-        if age_s > limit_s:
-            return f"silent for {1e3 * age_s:.0f} ms, limit {1e3 * limit_s:.0f} ms"
+        if silent_s > limit_s:
+            return f"silent for {1e3 * silent_s:.0f} ms, limit {1e3 * limit_s:.0f} ms"
         return "" if position.valid else f"reads no position: {position.fault or 'not known why'}"
 
     def reasons(self) -> list[str]:

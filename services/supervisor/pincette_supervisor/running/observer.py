@@ -56,10 +56,18 @@ class Collection:
 class Observer:
     """The newest message of each topic, which programs are alive, and a tap for a run."""
 
-    def __init__(self, bus: WatchedBus, clock: Callable[[], float] = monotonic) -> None:
+    def __init__(
+        self,
+        bus: WatchedBus,
+        clock: Callable[[], float] = monotonic,
+        waking: Callable[[], float] | None = None,
+    ) -> None:
+        """``waking`` is a clock that stands still while this program does; None: nobody knows."""
         self.clock = clock
-        self._newest: dict[str, tuple[Message, float | None]] = {}
-        """With the time at which it came; None of what was said before anybody listened here."""
+        self.waking = waking or (lambda: self.clock())
+        self._newest: dict[str, tuple[Message, tuple[float, float] | None]] = {}
+        """With the time at which it came, by both clocks; None of what was said before anybody
+        listened here."""
         self._alive: dict[str, bool] = {}
         self._collection: Collection | None = None
         self.trips = Trips(bus, clock)
@@ -81,7 +89,7 @@ class Observer:
             self._newest.setdefault(topic.name, (message, None))
 
     def _take(self, topic: Topic, message: Message) -> None:
-        self._newest[topic.name] = (message, self.clock())
+        self._newest[topic.name] = (message, (self.clock(), self.waking()))
         collection = self._collection
         if collection is not None:
             collection.put(message)
@@ -97,7 +105,12 @@ class Observer:
     def age_s(self, topic: Topic) -> float | None:
         """Seconds since the newest message of a topic came; None where none has come yet."""
         entry = self._newest.get(topic.name)
-        return None if entry is None or entry[1] is None else self.clock() - entry[1]
+        return None if entry is None or entry[1] is None else self.clock() - entry[1][0]
+
+    def silent_s(self, topic: Topic) -> float | None:
+        """The same, less the time in which nothing could be heard here."""
+        entry = self._newest.get(topic.name)
+        return None if entry is None or entry[1] is None else self.waking() - entry[1][1]
 
     def alive(self, program: str) -> bool:
         """Whether a program's token is seen."""

@@ -29,8 +29,8 @@ def part(site: Site) -> Part:
 
 def plays(site: Site) -> bool:
     """Whether a program plays."""
-    age_s = site.observer.age_s(APPLIED)
-    return site.health.latch()[0] == "armed" and age_s is not None and age_s < PLAYING_S
+    silent_s = site.observer.silent_s(APPLIED)
+    return site.health.latch()[0] == "armed" and silent_s is not None and silent_s < PLAYING_S
 
 
 def held_words(site: Site) -> str:

@@ -32,11 +32,7 @@ def require_ready(site: Site, planned: Planned | None) -> None:
         raise ProblemError(
             409, code, "The actuator is latched", reset_words(site, cause), cause=cause
         )
-    if site.reasons():
-        # A program that was late with an answer, or has just come up, is asked once more.
-        site.health.refresh(force=True)
-    reasons = site.reasons()
-    if reasons:
+    if reasons := site.lasting_reasons():
         raise unready(reasons)
     words = held_words(site)
     if words and planned is not None and not planned.begins_held:

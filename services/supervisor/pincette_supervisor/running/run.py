@@ -69,8 +69,7 @@ class Run:
         """Why the rig cannot; a latch that means only that it was switched on is cleared."""
         site = self._site
         site.health.refresh(force=True)
-        reasons = site.reasons()
-        if reasons:
+        if reasons := site.lasting_reasons():
             return reasons
         site.health.clear_boot()
         if cause := site.health.latched():

@@ -1,7 +1,5 @@
 """Who of the rig has gone silent, in words."""
 
-from collections.abc import Callable
-
 from pincette.topics import LOOP
 from pincette_supervisor.running.site import Site
 from pincette_supervisor.running.tracker import Tracker
@@ -10,26 +8,6 @@ PROGRAMS = (*LOOP, "rig")
 STALE_S, STALE_PERIODS = 1.0, 10.0
 GONE_S = 1.0
 """Lockstep: how long the loop may stand still once a program's token has vanished."""
-LOOK_COUNTS_S = 0.1
-"""The most that one look counts for; several times what there is between two of them."""
-
-
-class Silence:
-    """How long the rig has said nothing, as far as this program was there to hear it.
-
-    One that was stopped, or that a busy machine did not run, finds everybody silent when it wakes,
-    and hears in its next moments what was said meanwhile.
-    """
-
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self._clock, self._looked_at = clock, clock()
-        self.lasts_s = 0.0
-
-    def look(self, *, heard: bool) -> None:
-        """Look once more; ``heard``: the rig has said something since the last look."""
-        now = self._clock()
-        self.lasts_s = 0.0 if heard else self.lasts_s + min(now - self._looked_at, LOOK_COUNTS_S)
-        self._looked_at = now
 
 
 def gone_words(site: Site) -> str:

@@ -49,6 +49,12 @@ class Site:
             found.append(f"store: {self.store.trouble}")
         return found
 
+    def lasting_reasons(self) -> list[str]:
+        """The same, once the programs were asked anew where one was late, or has just come up."""
+        if self.reasons():
+            self.health.refresh(force=True)
+        return self.reasons()
+
     @cached_property
     def alarms(self) -> AlarmLog:
         """Of the rig."""

@@ -1,8 +1,9 @@
 """Takes up a rig: everything that serves it, put together from its rig file."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from typing import Protocol
 
 from pincette.config import RigFile
@@ -38,6 +39,8 @@ class Household:
     open_bus: OpenBus
     play: Play = played
     """Plays a plan on the model, wherever there is a processor to spare."""
+    waking: Callable[[], float] | None = None
+    """Stands still while this program does."""
 
     def take_up(self, rig: RigFile, left_over: Sequence[str] = ()) -> Conductor:
         """Serve a rig; each has a bus and threads of its own.
@@ -65,7 +68,7 @@ class Household:
 
     def _site(self, rig: RigFile, bus: WatchedBus) -> Site:
         config = configure(rig, rig.home(self.data))
-        observer = Observer(bus)
+        observer = Observer(bus, monotonic, self.waking)
         return Site(
             model=RigModel(rig, config.models, self.store),
             bus=bus,

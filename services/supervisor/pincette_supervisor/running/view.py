@@ -148,7 +148,7 @@ def _interlocks(site: Site, latched: str) -> list[Interlock]:
             )
         )
     if not site.rig.lockstep:
-        age_s, limit_s = site.observer.age_s(POSITION), health.sensor_limit_s()
+        age_s, limit_s = site.observer.silent_s(POSITION), health.sensor_limit_s()
         satisfied = age_s is not None and age_s <= limit_s
         found.append(
             Interlock(name="sensor_age", satisfied=satisfied, value=age_s, limit=limit_s, unit="s")

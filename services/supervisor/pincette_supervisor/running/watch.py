@@ -10,7 +10,7 @@ from pincette_supervisor.running.job import LiveJob
 from pincette_supervisor.running.keeping import Keeper
 from pincette_supervisor.running.lease import LEASE_ENDED, ended_words
 from pincette_supervisor.running.observer import Collection
-from pincette_supervisor.running.silence import Silence, gone_words, silent_words
+from pincette_supervisor.running.silence import gone_words, silent_words
 from pincette_supervisor.running.site import Site
 from pincette_supervisor.running.tracker import Tracker, outcome_words
 
@@ -35,7 +35,7 @@ class Watch:
         self._tracker = Tracker(
             job.epoch, self._rig.rig.period_s, planned.planned_s, lockstep=self._rig.lockstep
         )
-        self._silence = Silence(site.clock)
+        self._heard_at = site.observer.waking()
         self._applied: Message | None = None
         """What the actuator said last."""
         self._over_at: float | None = None
@@ -51,7 +51,8 @@ class Watch:
         tracker, job = self._tracker, self._job
         while True:
             moved = tracker.take(self._collection.drain())
-            self._silence.look(heard=moved if self._rig.lockstep else self._actuator_spoke())
+            if moved if self._rig.lockstep else self._actuator_spoke():
+                self._heard_at = self._site.observer.waking()
             if moved:
                 self._share()
             if tracker.over and not self._comes_more():
@@ -120,7 +121,8 @@ class Watch:
     def _given_up(self) -> bool:
         """Do what the state asks for; true where nothing more is to be expected of the rig."""
         job, tracker = self._job, self._tracker
-        silence = silent_words(self._site, tracker, self._silence.lasts_s)
+        lasts_s = self._site.observer.waking() - self._heard_at
+        silence = silent_words(self._site, tracker, lasts_s)
         state, moves = job.standing
         if STATES[state].terminal:  # stopped, with a part in the gripper
             if silence:
@@ -190,7 +192,7 @@ class Watch:
         job = self._job
         if not self._trip_asked and not self._tracker.trip_cause:
             self._trip_asked = True
-            self._silence.look(heard=True)
+            self._heard_at = self._site.observer.waking()
             cause = f"supervisor: {job.cause}"[:200] if job.cause else "abort"
             try:
                 self._site.bus.ask(TRIP, policies.abort_trip(job.request, cause), 1.0)
