@@ -168,6 +168,7 @@ def test_no_frame_makes_a_service_fail(name: str, time: str) -> None:
 @pytest.mark.parametrize(("name", "time"), SIEGES)
 def test_many_frames_make_no_service_fail(name: str, time: str) -> None:
     seed = random.SystemRandom().randrange(2**32)
+    print(f"seed {seed}")
     told = besiege(name, time, MANY, seed)
-    print(f"seed {seed}: " + ", ".join(f"{what} {count}" for what, count in sorted(told.items())))
+    print(", ".join(f"{what} {count}" for what, count in sorted(told.items())))
     assert all(told[what] for what in ("refused", "heard", "answered", "declined"))

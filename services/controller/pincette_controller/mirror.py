@@ -30,7 +30,7 @@ def mirrored(
     """A command as it may leave; one that is refused keeps the voltage that is applied."""
     numbers = (command.voltage_V, command.force_mN, command.x_d_um)
     if why := nonsense(voltage, *numbers):
-        return watches, _refused(command, estimate, f"the law: {why}", known=False)
+        return watches, refused(command, estimate, f"the law: {why}", known=False)
     watches = watch_command(
         monitors,
         watch_position(monitors, watches, estimate.x_um),
@@ -40,11 +40,12 @@ def mirrored(
         force_mN=command.force_mN,
     )
     why = finding(monitors, watches)
-    return watches, _refused(command, estimate, why, known=True) if why else command
+    return watches, refused(command, estimate, why, known=True) if why else command
 
 
-def _refused(command: Command, estimate: Estimate, why: str, *, known: bool) -> Command:
-    """``known``: whether the numbers that it knows of its sample can be told."""
+def refused(command: Command, estimate: Estimate, why: str, *, known: bool) -> Command:
+    """A command that keeps the voltage that is applied; ``known``: whether the numbers that it
+    knows of its sample can be told."""
     return replace(
         command,
         voltage_V=estimate.applied_V,

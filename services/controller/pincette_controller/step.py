@@ -27,10 +27,10 @@ from pincette.service import ForInstrument, Input, RefusedError, Service
 from pincette.topics import ACT, ARM, COMMAND, ESTIMATE, LEASE, LOAD, STATUS, TELEMETRY
 from pincette_controller import lease as leasing
 from pincette_controller.config import ControllerConfig, configure
-from pincette_controller.mirror import mirrored
+from pincette_controller.mirror import mirrored, refused
 from pincette_controller.player import advance, begin
 from pincette_controller.playing import Player
-from pincette_controller.telling import known_mN, no_command, telemetry_of
+from pincette_controller.telling import known_mN, no_command, telemetry_of, unsayable
 from pincette_controller.wishes import ACTIONS, act, objection, told
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
@@ -168,10 +168,14 @@ def _play(
     watches, command = mirrored(config.monitors, config.voltage, state.watches, command, estimate)
     state = replace(state, watches=watches)
     telemetry = telemetry_of(estimate, before, memory, player, output, told(acted, before, player))
+    astray = unsayable(telemetry)
+    if astray and command.valid:
+        command = refused(command, estimate, astray, known=True)
     if not command.valid:
         state = replace(state, silenced=command.fault, wishes=(), detail=command.fault)
     playing = command.valid and not player.ended
-    return replace(state, player=player, memory=after, playing=playing), (command, telemetry)
+    state = replace(state, player=player, memory=after, playing=playing)
+    return state, (command,) if astray else (command, telemetry)
 
 
 def _limited(limits_active: int) -> int:

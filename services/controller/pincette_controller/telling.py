@@ -1,9 +1,17 @@
 """What the controller tells beside its commands: that it has none, and how it sees a sample."""
 
+from dataclasses import fields
+
+from pincette.codec.bounds import largest
 from pincette.control.laws.law import LawState
 from pincette.control.laws.sliding import LawOutput
 from pincette.messages import Command, Estimate, Telemetry
 from pincette_controller.playing import Player
+
+NUMBERS = tuple(
+    (field.name, largest(field.name)) for field in fields(Telemetry) if "float" in str(field.type)
+)
+"""Of telemetry, each with its largest magnitude."""
 
 
 def known_mN(estimate: Estimate) -> float | None:
@@ -61,3 +69,15 @@ def telemetry_of(
         acted=acted,
         paused=player.paused,
     )
+
+
+def unsayable(telemetry: Telemetry) -> str:
+    """Which number nobody would take, as one that is not finite; empty where all can be told.
+
+    A law has gone astray by then, though its voltage may still look sound.
+    """
+    for name, most in NUMBERS:
+        number = getattr(telemetry, name)
+        if number is not None and not -most <= number <= most:
+            return f"the law: {name} = {number}"
+    return ""

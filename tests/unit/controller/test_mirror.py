@@ -5,8 +5,10 @@ from math import nan
 
 import pytest
 
+from pincette.codec import decode, encode
+from pincette.control.planning.program import Segment
 from pincette.control.safety.monitors import UNSEEN, finding
-from pincette.messages import Command
+from pincette.messages import Command, Telemetry
 from pincette_controller.mirror import mirrored
 from pincette_controller.step import Inputs, State, step
 
@@ -97,3 +99,28 @@ def test_what_a_command_knows_of_its_sample() -> None:
     blind = outputs[0]
     assert isinstance(blind, Command)
     assert (blind.valid, blind.force_mN, blind.x_d_um) == (False, 7.0, None)
+
+
+def test_a_number_that_nobody_would_take_is_not_told_and_ends_the_commands() -> None:
+    segments = (
+        Segment("contact", "seek", 1.0, x_to_um=14.0),
+        Segment("hold", "voltage", 0.6, voltage_to_V=0.0),
+    )
+    soft = replace(program(), segments=segments, contact_stiffness_mN_per_um=5e-324)
+    state: State = Bench(soft).state
+    said: list[tuple[object, ...]] = []
+    for seq in range(80):
+        estimate = replace(QUIET, seq=seq, zero_age_s=0.1, force_mN=3.0)
+        state, outputs = step(CONFIG, state, Inputs(estimate), 0.0)
+        for output in outputs:
+            assert isinstance(output, Command | Telemetry)
+            assert decode(type(output), encode(output)) == output
+        said.append(outputs)
+    astray = next(outputs for outputs in said if len(outputs) == 1)
+    (command,) = astray
+    assert isinstance(command, Command)
+    assert not command.valid
+    assert command.fault == "the law: contact_x_um = -inf"
+    assert command.force_mN == 3.0
+    assert state.silenced == command.fault
+    assert all(len(outputs) == 1 for outputs in said[said.index(astray) :])
