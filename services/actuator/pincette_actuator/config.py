@@ -53,5 +53,5 @@ def wake_s(period_s: float, natural_frequency_rad_per_s: float) -> float:
     about, most = WAKE_PERIODS * period_s / half_swing_s, MOST_PERIODS * period_s / half_swing_s
     if most < 1.0:
         return WAKE_PERIODS * period_s
-    swings = min(max(0, round((about - 1.0) / 2.0)), int((most - 1.0) / 2.0))
+    swings = min(round((about - 1.0) / 2.0), int((most - 1.0) / 2.0))
     return (2 * swings + 1) * half_swing_s

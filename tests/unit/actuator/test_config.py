@@ -84,7 +84,14 @@ def test_a_safe_voltage_that_cannot_be_put_out_is_refused(safe_V: float) -> None
 
 @pytest.mark.parametrize(
     ("period_s", "frequency_hz", "half_swings"),
-    [(0.02, 388.0, 3), (0.02, 350.0, 3), (0.02, 600.0, 5), (0.02, 263.0, 1), (0.01, 388.0, 1)],
+    [
+        (0.02, 388.0, 3),
+        (0.02, 350.0, 3),
+        (0.02, 600.0, 5),
+        (0.02, 263.0, 1),
+        (0.01, 388.0, 1),
+        (0.1, 388.0, 15),
+    ],
 )
 def test_steps_of_a_ramp_are_odd_half_swings_apart(
     period_s: float, frequency_hz: float, half_swings: int
@@ -102,3 +109,7 @@ def test_the_service_wakes_as_often_as_its_ages_say() -> None:
 @pytest.mark.parametrize("period_s", [0.001, 0.005])
 def test_a_period_too_short_for_half_swings_is_divided(period_s: float) -> None:
     assert wake_s(period_s, 2437.8) == pytest.approx(0.2 * period_s, rel=1e-12)
+
+
+def test_one_half_swing_may_take_all_of_the_room() -> None:
+    assert wake_s(1.0, 4.0 * pi) == 0.25

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pincette.control.safety.voltage import SLEW_UP, VOLTAGE_MAX
-from pincette.messages import Applied, Arm, Command, Reset, Trip
+from pincette.messages import Applied, Arm, Command, Done, Reset, Trip
 from pincette.service import Drive, RefusedError
 from pincette_actuator.answering import answer
 from pincette_actuator.step import SERVICE, Inputs, adopt, start
@@ -159,9 +159,11 @@ def test_after_a_trip_no_command_is_taken_until_a_reset() -> None:
 
 @pytest.mark.parametrize("held", [False, True])
 def test_estop_acts_with_the_next_wake(held: bool) -> None:
-    state, _, published = answer(CONFIG, holding(2.0, held=held), Trip("estop"), 0.006)
+    state, _ = play(holding(2.0, held=held), (position(1), 0.005))
+    state, reply, published = answer(CONFIG, state, Trip("estop"), 0.006)
+    assert reply == Done(1)
     assert isinstance(published[0], Applied)
-    assert published[0].state == ("frozen" if held else "ramping")
+    assert (published[0].state, published[0].seq) == ("frozen" if held else "ramping", 1)
     state, outputs = play(state, (WAKE, 0.010))
     assert (state.voltage_V < 2.0) is not held
     assert any(isinstance(output, Drive) for output in outputs) is not held

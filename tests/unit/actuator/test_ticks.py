@@ -35,7 +35,7 @@ def test_a_tick_is_answered_once_and_ordered_where_a_voltage_is_to_be_held(
     assert isinstance(echo, Applied)
     assert (echo.seq, echo.state, echo.answered, echo.command_age_s) == (1, mode, False, 0.0)
     assert state.answered_seq == 1
-    assert state.unconfirmed is not ordered
+    assert state.unconfirmed == (not ordered)
     again, outputs = play(state, (WAKE, UNASKED_S + 0.005))
     assert outputs == []
     assert again.mode == mode

@@ -231,9 +231,10 @@ def test_the_ramp_begins_with_the_trip_and_ends_at_the_safe_voltage() -> None:
 
 
 def test_the_last_step_of_the_ramp_is_the_safe_voltage_itself() -> None:
-    limits = replace(LIMITS, ramp_s=0.04, period_s=0.0)
-    ramping = replace(trip(limits, FREE, "estop", 0.0), since_s=0.0)
-    assert pass_time(limits, ramping, 0.04).mode == "latched"
+    limits = replace(LIMITS, ramp_s=0.03 + LIMITS.age.wake_s)
+    ramping = trip(limits, FREE, "estop", 0.0)
+    assert pass_time(limits, ramping, 0.029).mode == "ramping"
+    assert pass_time(limits, ramping, 0.03).mode == "latched"
 
 
 def test_told_to_end_it_lets_go_and_ramps_once() -> None:

@@ -91,6 +91,8 @@ def test_a_sweep_keeps_amplitude_and_range(about_V: float, amplitude_V: float, w
     assert too_wide(LIMITS, about_V, amplitude_V) == words
 
 
-@pytest.mark.parametrize(("share", "voltage_V"), [(0.0, 2.0), (0.25, 1.75), (1.0, 1.0)])
-def test_the_ramp_is_straight(share: float, voltage_V: float) -> None:
+@pytest.mark.parametrize(
+    ("share", "voltage_V"), [(-0.5, 2.0), (0.0, 2.0), (0.25, 1.75), (1.0, 1.0), (1.5, 1.0)]
+)
+def test_the_ramp_is_straight_and_ends_at_both_ends(share: float, voltage_V: float) -> None:
     assert ramp(2.0, 1.0, share) == voltage_V
