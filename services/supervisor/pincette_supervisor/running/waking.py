@@ -26,13 +26,16 @@ class Waking:
 
     def __call__(self) -> float:
         """Seconds awake since it was made."""
-        looked_at, passed_s = self._looked
-        return passed_s + min(self._clock() - looked_at, LOOK_COUNTS_S)
+        return self._passed_s(self._clock())
 
     def look(self) -> None:
         """See that this program is awake."""
-        passed_s = self()
-        self._looked = self._clock(), passed_s
+        now = self._clock()
+        self._looked = now, self._passed_s(now)
+
+    def _passed_s(self, now: float) -> float:
+        looked_at, passed_s = self._looked
+        return passed_s + min(now - looked_at, LOOK_COUNTS_S)
 
     def begin(self) -> None:
         """Look from here on, in a thread."""
