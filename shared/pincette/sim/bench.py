@@ -70,7 +70,11 @@ class Bench:
             for table, fitted in self.fitted.items():
                 if fitted.server is None:
                     wire = serve(
-                        fitted.url, fitted.instrument, fitted.baud, fitted.terminator or b""
+                        fitted.url,
+                        fitted.instrument,
+                        fitted.baud,
+                        fitted.terminator or b"",
+                        afterwards=self.rig.pass_time,
                     )
                     at[table] = ports.enter_context(wire).url
                     continue

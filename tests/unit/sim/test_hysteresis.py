@@ -1,8 +1,11 @@
+import math
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pincette.sim.plant.hysteresis import BoucWen, advance_hysteresis
+from pincette.sim.plant.hysteresis import BoucWen, advance_hysteresis, follow_voltages
 
 SHAPE = BoucWen(A_um_per_V=9.0, b_per_V=1.04, g_per_V=0.26)
 LEVELS = st.floats(-7.0, 7.0)
@@ -37,6 +40,29 @@ def test_it_is_odd_and_bounded(h_um: float, du_V: float) -> None:
     after = advance_hysteresis(SHAPE, h_um, du_V)
     assert advance_hysteresis(SHAPE, -h_um, -du_V) == -after
     assert abs(after) <= max(abs(h_um), 9.0 / (1.04 + 0.26)) + 1e-9
+
+
+@pytest.mark.parametrize("way_V", np.geomspace(1e-12, 2.0, 60).tolist())
+def test_a_short_way_is_as_exact_as_a_long_one(way_V: float) -> None:
+    along = BoucWen(A_um_per_V=1.0, b_per_V=1.3, g_per_V=0.0)
+    exact = -math.expm1(-1.3 * way_V) / 1.3
+    assert advance_hysteresis(along, 0.0, way_V) == pytest.approx(exact, rel=5e-16, abs=0.0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_many_ways_are_one_after_the_other(seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    # Short ways and long ones, reversals and rests, more than are worked out ahead.
+    sizes = chance.choice([0.0, 1e-6, 1e-3, 0.02, 0.5, 2.0], 300) * chance.choice([-1.0, 1.0], 300)
+    steps = np.where(chance.random(300) < 0.8, np.abs(sizes) * (-1.0) ** (seed % 2), sizes)
+    voltages_V, levels_um = np.cumsum(steps).tolist(), [0.0] * 300
+    h_um = before_V = 0.0
+    one_by_one = list[float]()
+    for voltage_V in voltages_V:
+        h_um, before_V = advance_hysteresis(SHAPE, h_um, voltage_V - before_V), voltage_V
+        one_by_one.append(h_um)
+    assert follow_voltages(SHAPE, 0.0, 0.0, voltages_V, levels_um) == h_um
+    assert levels_um == one_by_one
 
 
 def test_a_cycle_closes_on_itself() -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from pincette.config import ConfigError, RigFile, Simulation
 from pincette.sim.bench import open_bench
-from pincette.sim.rig.rig import SimulatedRig, TruthSink
+from pincette.sim.rig.rig import SimulatedRig, Snapshot, TruthSink
 
 PERIOD_S = 0.02
 
@@ -40,6 +40,19 @@ def test_in_lockstep_the_plant_stands_still_until_a_write(simulation: Simulation
     rig.put_out(1.0)
     assert len({rig.measure_um() for _ in range(10)}) == 1
     assert rig.now_s() == PERIOD_S
+
+
+def test_when_the_plant_moves_through_a_tick_changes_nothing(simulation: Simulation) -> None:
+    seen = list[tuple[Snapshot, float, float]]()
+    for at_once in (False, True):
+        rig = _lockstep(simulation)
+        for tick in range(50):
+            rig.put_out(1.2 * (1.0 - math.cos(0.05 * tick)))
+            if at_once:
+                rig.pass_time()
+                rig.pass_time()
+        seen.append((rig.snapshot(), rig.measure_um(), rig.now_s()))
+    assert seen[0] == seen[1]
 
 
 def test_the_old_voltage_holds_for_the_delay(simulation: Simulation) -> None:

@@ -6,10 +6,11 @@ creeps, and grows wrong where the voltage reverses; its ``error_um`` carries tha
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol, Self
 
 from pincette.control.checks import require_positive
+from pincette.control.replacing import replace
 
 TOLERANCE_UM = 5.0
 TOLERANCE_FRACTION = 0.4

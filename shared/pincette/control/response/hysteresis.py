@@ -96,10 +96,16 @@ def start(model: HysteresisModel) -> HysteresisState:
 def step(
     model: HysteresisModel, state: HysteresisState, voltage_V: float, dt_s: float
 ) -> HysteresisState:
-    """Memory after the voltage went straight to ``voltage_V`` and stayed there for ``dt_s``."""
+    """Memory after the voltage went straight to ``voltage_V`` and stayed there for ``dt_s``.
+
+    Between the thresholds the way du of the voltage makes of z, however it is cut,
+
+        z·e^(-λ·|du|) + sign(du)·(1 - e^(-λ·|du|))/λ
+    """
     u, plays, static_um = voltage_V, state.plays_V, state.static_um
     if u != state.voltage_V:
         before = state.voltage_V
+        way_V, rises = abs(u - before), u - before > 0.0
         moved: list[float] = []
         static_um = model.curvature_um_per_V2 * u * u
         fadings = model.fadings_per_V or repeat(0.0)
@@ -109,9 +115,12 @@ def step(
         ):
             within = y
             if fading != 0.0:
-                keep, rise_V = faded(fading, u - before)
-                within = u - ((before - y) * keep + rise_V)
-            play = max(u - r, min(u + r, within))
+                lost = -expm1(-fading * way_V)
+                rise_V = (lost if rises else -lost) / fading
+                within = u - ((before - y) * (1.0 - lost) + rise_V)
+            low_V, high_V = u - r, u + r
+            play = within if within < high_V else high_V
+            play = play if play > low_V else low_V
             moved.append(play)
             static_um += w * play
         plays = tuple(moved)
@@ -128,16 +137,6 @@ def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:
     for fraction, creep in zip(model.creep_fractions, state.creep_um, strict=True):
         total += fraction * creep
     return total
-
-
-def faded(fading_per_V: float, du_V: float) -> tuple[float, float]:
-    """What ``du_V`` of voltage makes of z: z·e^(-λ·|du|) + sign(du)·(1 - e^(-λ·|du|))/λ.
-
-    Returns factor and addend, in V; λ > 0. The solution of dz/du between the thresholds, so that
-    it does not matter how the way is cut.
-    """
-    lost = -expm1(-fading_per_V * abs(du_V))
-    return 1.0 - lost, (lost if du_V > 0.0 else -lost) / fading_per_V
 
 
 @lru_cache(maxsize=64)

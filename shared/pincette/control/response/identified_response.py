@@ -6,10 +6,11 @@ gain drawn from there misses the slope of the next stroke by more than the model
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sqrt
 
 from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.replacing import replace
 from pincette.control.response.free_response import FreeSample, rest_mean
 from pincette.control.response.hysteresis import (
     HysteresisModel,

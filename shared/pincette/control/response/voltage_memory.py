@@ -36,10 +36,10 @@ class VoltageMemory:
         """Take in a voltage that has held for ``dt_s``."""
         if not self.pieces:
             return VoltageMemory((Piece(voltage_V, dt_s, 0.0),))
-        *before, last = self.pieces
+        before, last = self.pieces[:-1], self.pieces[-1]
         change_V = voltage_V - last.to_V
         if abs(change_V) < SMALL_V:
-            rested = last._replace(rest_s=last.rest_s + dt_s)
+            rested = Piece(last.to_V, last.move_s, last.rest_s + dt_s)
             return VoltageMemory((*before, rested))
         came_from_V = before[-1].to_V if before else 0.0
         if last.rest_s == 0.0 and change_V * (last.to_V - came_from_V) > 0.0:

@@ -4,10 +4,11 @@ A command is heard only from the owner and in the epoch that the arming named. W
 sample is held against the hard limits whether it is valid or not; then it is taken or refused.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 from typing import TypeVar
 
+from pincette.control.replacing import replace
 from pincette.control.safety.freshness import (
     ARRIVALS_KEPT,
     Arrival,

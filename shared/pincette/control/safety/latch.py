@@ -7,9 +7,9 @@ the actuator is latched until a person resets it, and nothing resumes by itself;
 frozen keeps the part, at the voltage that holds it.
 """
 
-from dataclasses import replace
 from typing import TypeVar
 
+from pincette.control.replacing import replace
 from pincette.control.safety.causes import LETS_GO, Cause, cause_of
 from pincette.control.safety.freshness import standstill_s
 from pincette.control.safety.monitors import UNSEEN

@@ -5,8 +5,9 @@ comes first; a limit acts once it has been exceeded for some samples in a row. A
 quantity is not known neither counts nor clears. Words name value, unit and limit.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from pincette.control.replacing import replace
 from pincette.control.safety.causes import Cause
 
 

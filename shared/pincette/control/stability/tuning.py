@@ -5,7 +5,7 @@ in contact, with the sensor's noise and a plan that errs by what the identificat
 leaves open; what it trades is position against force.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import sqrt
@@ -74,6 +74,21 @@ class Tuning:
     """Worst spectral radius of the chosen one."""
 
 
+Sides = Sequence[tuple[float, float]]
+"""Plans: their stiffness in mN/µm, and by how much the force is read too high in mN."""
+Tracked = Sequence[tuple[float, float]]
+"""For each of them the errors in µm and mN, r.m.s."""
+Tracks = Callable[[TuningRig, TuningPath, Sequence[LawSettings], Sides], Iterable[Tracked]]
+"""Plays all of the sides with each law."""
+
+
+def track_each(
+    rig: TuningRig, path: TuningPath, laws: Sequence[LawSettings], sides: Sides
+) -> Iterable[Tracked]:
+    """One track after the other."""
+    return ([track(rig, path, law, *side) for side in sides] for law in laws)
+
+
 def tune(
     rig: TuningRig,
     path: TuningPath,
@@ -83,6 +98,7 @@ def tune(
     radius_limit: float,
     K_P: Sequence[float] = K_P_GRID,
     K_f: Sequence[float] = K_F_GRID,
+    tracks: Tracks = track_each,
 ) -> Tuning:
     """Search K_P and K_f on a grid, the switching term off.
 
@@ -91,9 +107,12 @@ def tune(
     Parameters
     ----------
     radius
-        Worst spectral radius of a law on its intervals; see ``stability``.
+        Worst spectral radius of a law on its intervals; see ``stability``. Of a law that reaches
+        the limit any that does so will do.
     radius_limit
         Candidates that reach it do not count.
+    tracks
+        How the candidates are played; the numbers are those of ``track``.
 
     Raises
     ------
@@ -101,11 +120,13 @@ def tune(
         Where the path is shorter than its settling, or no candidate is within the limit.
     """
     start = control_law.default_settings(scheme, "consistent")
-    left = [
-        _candidate(rig, path, replace(start, K_P=proportional, K_f=force_gain))
+    laws = [
+        replace(start, K_P=proportional, K_f=force_gain)
         for proportional in K_P
         for force_gain in K_f
     ]
+    found = tracks(rig, path, laws, _sides(rig))
+    left = [_candidate(rig, path, law, errors) for law, errors in zip(laws, found, strict=True)]
     radii: dict[LawSettings, float] = {}
     while left:
         front = pareto_front(left)
@@ -133,12 +154,22 @@ def pareto_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
     return tuple(front)
 
 
-def _candidate(rig: TuningRig, path: TuningPath, settings: LawSettings) -> Candidate:
-    """Play the plan too stiff and too soft, the force read too high and too low."""
+def _sides(rig: TuningRig) -> Sides:
+    """Plans too stiff and too soft, the force read too high and too low."""
+    return [
+        (
+            rig.stiffness_mN_per_um * (1.0 + side * rig.stiffness_error),
+            read * rig.force_error_mN,
+        )
+        for side, read in product((-1.0, 1.0), repeat=2)
+    ]
+
+
+def _candidate(
+    rig: TuningRig, path: TuningPath, settings: LawSettings, errors: Tracked
+) -> Candidate:
     position_square = force_square = 0.0
-    for side, read in product((-1.0, 1.0), repeat=2):
-        planned = rig.stiffness_mN_per_um * (1.0 + side * rig.stiffness_error)
-        x_rms, F_rms = track(rig, path, settings, planned, read * rig.force_error_mN)
+    for x_rms, F_rms in errors:
         position_square += 0.25 * x_rms * x_rms
         force_square += 0.25 * F_rms * F_rms
     force_pp = max(path.force_r_mN[path.settled :]) - min(path.force_r_mN[path.settled :])
@@ -191,8 +222,9 @@ def track(
         applied_V = output.voltage_V
         arm.move(applied_V)
         if index >= path.settled:
-            position_square += (arm.x_um - x_r_um) ** 2
-            force_square += (arm.force_mN() - force_r_mN) ** 2
+            off_um, off_mN = arm.x_um - x_r_um, arm.force_mN() - force_r_mN
+            position_square += off_um * off_um
+            force_square += off_mN * off_mN
     return sqrt(position_square / samples), sqrt(force_square / samples)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
-from math import ceil, sqrt
+from math import ceil, inf, sqrt
 
 import numpy as np
 
@@ -82,9 +82,22 @@ def around(
 
 
 @lru_cache(maxsize=1024)
-def worst_case(loop: Loop, intervals: Intervals, limit_radius: float) -> tuple[LoopCase, float]:
-    """Find the case of the largest counted radius, and that radius."""
-    tops = [_worst_of(loop, kind, limit_radius) for kind in _kinds(intervals)]
+def worst_case(
+    loop: Loop, intervals: Intervals, limit_radius: float, *, enough: float = inf
+) -> tuple[LoopCase, float]:
+    """Find the case of the largest counted radius, and that radius.
+
+    Parameters
+    ----------
+    enough
+        The search ends with the first case found that reaches this radius, though another may be
+        worse: all that a refusal wants.
+    """
+    tops: list[tuple[LoopCase, float]] = []
+    for kind in _kinds(intervals):
+        tops.append(_worst_of(loop, kind, limit_radius, enough))
+        if tops[-1][1] >= enough:
+            break
     return max(tops, key=lambda one: one[1])
 
 
@@ -96,7 +109,9 @@ def _kinds(intervals: Intervals) -> Iterator[Intervals]:
         yield replace(intervals, free=False)
 
 
-def _worst_of(loop: Loop, kind: Intervals, limit_radius: float) -> tuple[LoopCase, float]:
+def _worst_of(
+    loop: Loop, kind: Intervals, limit_radius: float, enough: float
+) -> tuple[LoopCase, float]:
     axes = _axes(loop, kind)
     cases = tuple(LoopCase(*values) for values in product(*axes))
     radii = counted_radii(loop, cases, limit_radius)
@@ -104,6 +119,8 @@ def _worst_of(loop: Loop, kind: Intervals, limit_radius: float) -> tuple[LoopCas
     tops = sorted(found, key=lambda one: -one[1])[:CLIMBS]
     share = 0.5
     for _ in range(HALVINGS):
+        if max(radius for _, radius in tops) >= enough:
+            break
         neighbours = [_neighbours(axes, case, share) for case, _ in tops]
         flat = tuple(case for some in neighbours for case in some)
         all_radii = counted_radii(loop, flat, limit_radius).reshape(len(tops), -1)

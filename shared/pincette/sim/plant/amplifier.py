@@ -20,11 +20,17 @@ class AmplifierParameters:
 
     def limited_V(self, input_V: float) -> float:
         """Voltage that it aims at."""
-        return max(-self.saturation_V, min(self.saturation_V, self.gain_ratio * input_V))
+        return limited_V(self, input_V)
 
 
 IDEAL = AmplifierParameters()
 """An amplifier whose output is its input."""
+
+
+def limited_V(amplifier: AmplifierParameters, input_V: float) -> float:
+    """Voltage that an amplifier aims at."""
+    most_V = amplifier.saturation_V
+    return max(-most_V, min(most_V, amplifier.gain_ratio * input_V))
 
 
 def advance_amplifier(
@@ -39,7 +45,7 @@ def advance_amplifier(
     Exact for a constant input. One that moves is followed along a straight line to where the slew
     limit lets it come.
     """
-    start_V, end_V = (amplifier.limited_V(value) for value in input_V)
+    start_V, end_V = limited_V(amplifier, input_V[0]), limited_V(amplifier, input_V[1])
     reach_V = amplifier.slew_V_per_s * dt_s
     goal_V = max(slewed_V - reach_V, min(slewed_V + reach_V, end_V))
     lag_s = amplifier.lag_s

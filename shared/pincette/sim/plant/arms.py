@@ -11,6 +11,7 @@ and K, loaded by k_i·φ_i·x_f + k_p·o.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,17 +47,32 @@ class Arms:
         """Whether the passive arm has a motion of its own."""
         return self.passive_mass > 0.0
 
-    def impulse_mN_s(self, closing_um_per_s: float) -> float:
-        """Impulse that gives both tips one speed: v/(Σ 1/m_i + 1/m_p)."""
-        if not self.passive_moves:
-            return 0.0
-        first, second = self.inverse_masses
-        return closing_um_per_s / (first + second + 1.0 / self.passive_mass)
+
+class ArmNumbers(NamedTuple):
+    """What of ``PlantParameters`` the arms' modes depend on."""
+
+    natural_frequency_rad_per_s: float
+    damping_ratio: float
+    compliance_um_per_mN: float
+    environment_stiffness_mN_per_um: float
+    second_share: float
+    second_frequency_ratio: float
+    second_damping_ratio: float
+    passive_natural_frequency_rad_per_s: float | None
+    passive_damping_ratio: float
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def arms_of(p: PlantParameters) -> Arms:
-    """The modes of a plant's arms; raises ValueError where a motion does not oscillate."""
+    """The modes of a plant's arms; raises ValueError where a motion does not oscillate.
+
+    Plants of the same numbers have the same arms: LAPACK is asked once.
+    """
+    return _arms(ArmNumbers(*(getattr(p, name) for name in ArmNumbers._fields)))
+
+
+@lru_cache(maxsize=64)
+def _arms(p: ArmNumbers) -> Arms:
     shares, omegas, zetas = _driven(p)
     k = 1.0 / (shares * p.compliance_um_per_mN)
     m, c = k / omegas**2, 2.0 * zetas * k / omegas
@@ -80,7 +96,7 @@ def arms_of(p: PlantParameters) -> Arms:
     )
 
 
-def _driven(p: PlantParameters) -> tuple[Matrix, Matrix, Matrix]:
+def _driven(p: ArmNumbers) -> tuple[Matrix, Matrix, Matrix]:
     """Shares, frequencies and damping ratios of the driven arm's modes."""
     omega, second = p.natural_frequency_rad_per_s, p.second_share
     if second == 0.0:

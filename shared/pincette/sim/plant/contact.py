@@ -30,14 +30,24 @@ def static_force_mN(
     if hertz_um_per_mN23 == 0.0:
         return overlap_um / compliance_um_per_mN
     s, b = compliance_um_per_mN, hertz_um_per_mN23
-    root = min(math.cbrt(overlap_um / s), math.sqrt(overlap_um / b))
+    root = min(cube_root(overlap_um / s), math.sqrt(overlap_um / b))
     for _ in range(50):
         value = (s * root + b) * root * root - overlap_um
         lower = root - value / ((3.0 * s * root + 2.0 * b) * root)
         if lower >= root:
             break
+        # The error squares from step to step: after one as small as this it is beyond a double's.
+        settled = root - lower < 1e-9 * root
         root = lower
-    return root**3
+        if settled:
+            break
+    # A power would be the C library's here, and a product where it is compiled.
+    return root * root * root
+
+
+def cube_root(value: float) -> float:
+    """The C library's, which a compiler must be shown."""
+    return math.cbrt(value)
 
 
 def pull_off_mN(radius_um: float, adhesion_J_per_m2: float, roughness: float) -> float:

@@ -9,24 +9,58 @@ Nothing here depends on how the arm moves.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import MutableSequence, Sequence
 from functools import lru_cache
-from itertools import repeat
+from typing import NamedTuple
 
-from pincette.sim.plant.amplifier import IDEAL, advance_amplifier
+from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters, advance_amplifier
 from pincette.sim.plant.creep import creep_gains
-from pincette.sim.plant.hysteresis import advance_hysteresis
+from pincette.sim.plant.hysteresis import BoucWen, follow_voltages
 from pincette.sim.plant.parameters import PlantParameters
-from pincette.sim.plant.state import PlantState
+from pincette.sim.plant.state import CreepStates, PlantState
+
+
+class DriveConstants(NamedTuple):
+    """What a substep of one length works with."""
+
+    dt_s: float
+    lag: float
+    """e^(-dt/τ) of the output."""
+    lags: bool
+    """Whether the output lags at all."""
+    amplifies: bool
+    """Whether the amplifier's output is anything but its input."""
+    amplifier: AmplifierParameters
+    hysteresis: BoucWen
+    d: float
+    kappa: float
+    scale: float
+    gamma: float
+    gains: CreepStates
+    sag_um: float
+
+
+class Electrical(NamedTuple):
+    """What of the plant's state lies before the arms."""
+
+    voltage_V: float
+    slewed_V: float
+    drive_V: float
+    hysteresis_um: float
+    creep_um: CreepStates
 
 
 def rest_um(p: PlantParameters, state: PlantState) -> float:
     """Position x_f that the free arm would rest at, a hung weight included."""
-    w = state.drive_V
-    y = p.piezo_um_per_V * w * (1.0 + p.curvature_per_V * w)
-    y -= p.hysteresis_scale * state.hysteresis_um
-    c0, c1, c2, c3, c4 = state.creep_um
-    return y + c0 + c1 + c2 + c3 + c4 - p.compliance_um_per_mN * p.hung_mN
+    return rest_of(drive_constants(p, p.substep_s), electrical(state))
+
+
+def rest_of(k: DriveConstants, at: Electrical) -> float:
+    """The same of the electrical part alone; can be compiled as it stands."""
+    w = at.drive_V
+    y = k.d * w * (1.0 + k.kappa * w) - k.scale * at.hysteresis_um
+    c0, c1, c2, c3, c4 = at.creep_um
+    return y + c0 + c1 + c2 + c3 + c4 - k.sag_um
 
 
 def quantised_V(p: PlantParameters, voltage_V: float) -> float:
@@ -39,45 +73,130 @@ def drive(
     state: PlantState,
     dt_s: float,
     count: int,
-    targets_V: Iterable[float] | None = None,
+    targets_V: Sequence[float] | None = None,
 ) -> tuple[PlantState, list[float], list[float]]:
     """Substeps of equal length, with a target for each or the present one for all.
 
     Returns the state with its electrical part advanced, and at the end of each substep the
-    position x_f in µm and the voltage at the amplifier's input.
+    position x_f in µm and, where targets are given, the voltage at the amplifier's input.
     """
-    lag = _lag(p.output_lag_s, dt_s)
-    g0, g1, g2, g3, g4 = creep_gains(dt_s)
-    shape, d, kappa, scale = p.hysteresis, p.piezo_um_per_V, p.curvature_per_V, p.hysteresis_scale
-    gamma, sag = p.creep_per_decade, p.compliance_um_per_mN * p.hung_mN
-    amplifier = None if p.amplifier == IDEAL else p.amplifier
-    target, u, h = state.target_V, state.voltage_V, state.hysteresis_um
-    slewed, w = state.slewed_V, state.drive_V
-    c0, c1, c2, c3, c4 = state.creep_um
-    rests_um, voltages_V = list[float](), list[float]()
-    for wanted in repeat(target, count) if targets_V is None else targets_V:
-        target, before, previous = wanted, u, w
-        if u != target:
-            u = target + (u - target) * lag
-        if amplifier is None:
-            w = u
+    each_V = () if targets_V is None else targets_V
+    target_V, rests_um, voltages_V = state.target_V, [0.0] * count, [0.0] * len(each_V)
+    constants, before = drive_constants(p, dt_s), electrical(state)
+    scratch = [0.0] * count
+    after = drive_substeps(constants, before, target_V, each_V, rests_um, voltages_V, scratch)
+    target_V = each_V[-1] if each_V else target_V
+    reached_V = (target_V, after.voltage_V, after.slewed_V, after.drive_V)
+    driven = state.driven(reached_V, after.hysteresis_um, after.creep_um, count * dt_s)
+    return driven, rests_um, voltages_V
+
+
+def electrical(state: PlantState) -> Electrical:
+    """The part of a state that lies before the arms."""
+    return Electrical(
+        state.voltage_V, state.slewed_V, state.drive_V, state.hysteresis_um, state.creep_um
+    )
+
+
+def drive_substeps(
+    k: DriveConstants,
+    before: Electrical,
+    target_V: float,
+    targets_V: Sequence[float],
+    rests_um: MutableSequence[float],
+    voltages_V: MutableSequence[float],
+    scratch: MutableSequence[float],
+) -> Electrical:
+    """As many substeps as ``rests_um`` has places; fills x_f after each, and returns the end.
+
+    The output goes to ``target_V``; where ``targets_V`` has a target for each substep, to those,
+    and ``voltages_V`` is filled with the voltage after each. ``scratch`` is as long as
+    ``rests_um``. Floats and flat records alone, so that it can be compiled as it stands.
+    """
+    at = before.creep_um
+    lasting = at[0] != 0.0 or at[1] != 0.0 or at[2] != 0.0 or at[3] != 0.0 or at[4] != 0.0
+    # The same place holds w, then y, then x_f of a substep.
+    u, slewed, w = _put_out(k, before, target_V, targets_V, rests_um, voltages_V)
+    h = follow_voltages(k.hysteresis, before.drive_V, before.hysteresis_um, rests_um, scratch)
+    _bend(k, rests_um, scratch)
+    if k.gamma != 0.0 or k.sag_um != 0.0 or lasting:
+        at = _crept(k, at, rests_um)
+    return Electrical(u, slewed, w, h, at)
+
+
+def _put_out(
+    k: DriveConstants,
+    before: Electrical,
+    target_V: float,
+    targets_V: Sequence[float],
+    drives_V: MutableSequence[float],
+    voltages_V: MutableSequence[float],
+) -> tuple[float, float, float]:
+    """Output and amplifier: fills w and the voltage after each substep; returns u, slewed and w."""
+    lag, amplifies, plays = k.lag, k.amplifies, len(targets_V) > 0
+    u, slewed, w = before.voltage_V, before.slewed_V, before.drive_V
+    behind = u - target_V
+    for index in range(len(drives_V)):
+        start = u
+        if plays:
+            target_V = targets_V[index]
+            behind = u - target_V
+        behind *= lag
+        u = target_V + behind
+        if plays:
+            voltages_V[index] = u
+        if amplifies:
+            begins = start if k.lags else u
+            slewed, w = advance_amplifier(k.amplifier, slewed, w, (begins, u), k.dt_s)
         else:
-            begins = before if p.output_lag_s > 0.0 else u
-            slewed, w = advance_amplifier(amplifier, slewed, w, (begins, u), dt_s)
-        if w != previous:
-            h = advance_hysteresis(shape, h, w - previous)
-        y = d * w * (1.0 + kappa * w) - scale * h
+            w = u
+        drives_V[index] = w
+    return u, slewed if amplifies else u, w
+
+
+def _bend(k: DriveConstants, ways: MutableSequence[float], levels_um: Sequence[float]) -> None:
+    """Put y in the place of each w, with h after each."""
+    d, kappa, scale = k.d, k.kappa, k.scale
+    for index in range(len(ways)):
+        w = ways[index]
+        ways[index] = d * w * (1.0 + kappa * w) - scale * levels_um[index]
+
+
+def _crept(k: DriveConstants, at: CreepStates, rests_um: MutableSequence[float]) -> CreepStates:
+    """Creep: puts x_f in the place of each y; returns the lags."""
+    gamma, sag, gains = k.gamma, k.sag_um, k.gains
+    # By place, since a compiled kernel has an array there.
+    g0, g1, g2, g3, g4 = gains[0], gains[1], gains[2], gains[3], gains[4]
+    c0, c1, c2, c3, c4 = at
+    for index in range(len(rests_um)):
+        y = rests_um[index]
         push = gamma * y
         c0 += (push - c0) * g0
         c1 += (push - c1) * g1
         c2 += (push - c2) * g2
         c3 += (push - c3) * g3
         c4 += (push - c4) * g4
-        rests_um.append(y + c0 + c1 + c2 + c3 + c4 - sag)
-        voltages_V.append(u)
-    reached_V = (target, u, u if amplifier is None else slewed, w)
-    after = state.driven(reached_V, h, (c0, c1, c2, c3, c4), count * dt_s)
-    return after, rests_um, voltages_V
+        rests_um[index] = y + c0 + c1 + c2 + c3 + c4 - sag
+    return (c0, c1, c2, c3, c4)
+
+
+@lru_cache(maxsize=64)
+def drive_constants(p: PlantParameters, dt_s: float) -> DriveConstants:
+    """What substeps of a length work with."""
+    return DriveConstants(
+        dt_s=dt_s,
+        lag=math.exp(-dt_s / p.output_lag_s) if p.output_lag_s > 0 else 0.0,
+        lags=p.output_lag_s > 0.0,
+        amplifies=p.amplifier != IDEAL,
+        amplifier=p.amplifier,
+        hysteresis=p.hysteresis,
+        d=p.piezo_um_per_V,
+        kappa=p.curvature_per_V,
+        scale=p.hysteresis_scale,
+        gamma=p.creep_per_decade,
+        gains=creep_gains(dt_s),
+        sag_um=p.compliance_um_per_mN * p.hung_mN,
+    )
 
 
 def creep_alone(p: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
@@ -98,8 +217,3 @@ def settling_s(p: PlantParameters, state: PlantState) -> float:
     amplifier = p.amplifier
     way_V = abs(amplifier.limited_V(state.target_V) - state.slewed_V)
     return p.output_lag_s + amplifier.lag_s + way_V / amplifier.slew_V_per_s
-
-
-@lru_cache(maxsize=64)
-def _lag(lag_s: float, dt_s: float) -> float:
-    return math.exp(-dt_s / lag_s) if lag_s > 0 else 0.0

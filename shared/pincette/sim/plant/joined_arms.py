@@ -18,9 +18,19 @@ limit; from then on there is nothing to touch.
 from collections.abc import Sequence
 
 from pincette.sim.plant.arms import arms_of
+from pincette.sim.plant.arms_substeps import pass_substeps
+from pincette.sim.plant.changes import change
 from pincette.sim.plant.contact import static_force_mN
 from pincette.sim.plant.fate import befall
-from pincette.sim.plant.motion import Motion
+from pincette.sim.plant.motion import (
+    Motion,
+    MotionConstants,
+    Tips,
+    force_mN,
+    motion_constants,
+    motion_of,
+    tips_of,
+)
 from pincette.sim.plant.parameters import PlantParameters
 from pincette.sim.plant.state import PlantState
 
@@ -31,26 +41,73 @@ def move_arms(
     dt_s: float,
     start_um: float,
     rests_um: Sequence[float],
+    *,
+    tells: bool = False,
 ) -> tuple[PlantState, list[float]]:
-    """Substeps of equal length, x_f from ``start_um`` to each value; also returns each position.
+    """Substeps of equal length, x_f from ``start_um`` to each value.
 
-    ``state.elapsed_s`` is that of the end.
+    Also returns the position after each; where ``tells`` is not set, none. ``state.elapsed_s`` is
+    that of the end.
     """
-    motion = Motion(p, state, start_um)
+    k = motion_constants(p, dt_s)
+    motion = motion_of(k, tips(state), start_um, there=touchable(p, state))
+    positions_um = [0.0] * (len(rests_um) if tells else 0)
+    dents_um = [0.0] * len(rests_um)
+    if not p.part.may_go or state.part != "there":
+        motion = pass_substeps(k, motion, rests_um, dents_um, positions_um)
+        after = put_into(k, motion, state)
+        return (after.held(state.held_s, None) if p.part.may_go else after), positions_um
     begin_s = state.elapsed_s - len(rests_um) * dt_s
-    positions_um = list[float]()
     held_s, event = state.held_s, None
-    may_go = p.part.may_go and state.part == "there"
+    place_um = [0.0] * (1 if tells else 0)
     for number, rest_um in enumerate(rests_um, start=1):
-        motion.pass_substep(dt_s, rest_um)
-        positions_um.append(motion.tip_um())
-        if may_go and event is None:
+        motion = pass_substeps(k, motion, (rest_um,), dents_um, place_um)
+        positions_um[number - 1 : number] = place_um
+        if event is None:
             now_s = begin_s + number * dt_s
-            held_s, event = befall(p.part, held_s, motion.force_mN(), dt_s, now_s)
+            held_s, event = befall(p.part, held_s, force_mN(k, motion), dt_s, now_s)
             if event is not None:
-                motion.lose_part()
-    after = motion.put_into(state)
-    return (after.held(held_s, event) if may_go else after), positions_um
+                motion = without_part(k, motion)
+    return put_into(k, motion, state).held(held_s, event), positions_um
+
+
+def tips(state: PlantState) -> Tips:
+    """The arms of a state."""
+    second_um, second_speed = state.second_um, state.second_speed_um_per_s
+    values = (
+        state.x_um - second_um,
+        second_um,
+        state.passive_um,
+        state.speed_um_per_s - second_speed,
+        second_speed,
+        state.passive_speed_um_per_s,
+    )
+    return Tips(values, state.joined, state.dent_um)
+
+
+def touchable(p: PlantParameters, state: PlantState) -> bool:
+    """Whether there is anything to touch."""
+    return state.part == "there" and p.environment_stiffness_mN_per_um > 0.0
+
+
+def put_into(k: MotionConstants, motion: Motion, state: PlantState) -> PlantState:
+    """The state with the arms as they are."""
+    found = tips_of(k, motion)
+    first, second, y_um, first_speed, second_speed, y_speed = found.values
+    return state.moved(
+        (first + second, first_speed + second_speed),
+        (second, second_speed),
+        (y_um, y_speed),
+        found.joined,
+        found.dent_um,
+    )
+
+
+def without_part(k: MotionConstants, motion: Motion) -> Motion:
+    """Nothing to touch any more; the arms go on from where they are."""
+    if motion.joined:
+        motion = change(k, motion)
+    return Motion(motion.w, motion.rest_um, motion.joined, False, 0.0)
 
 
 def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float) -> PlantState:
@@ -85,4 +142,5 @@ def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float
 
 def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> float:
     """Contact force with x_f at ``rest_um``; negative where the part sticks and is pulled."""
-    return Motion(p, state, rest_um).force_mN()
+    k = motion_constants(p, p.substep_s)
+    return force_mN(k, motion_of(k, tips(state), rest_um, there=touchable(p, state)))

@@ -16,7 +16,6 @@ it, and by Δ over the step h (a = e^(-h/τ); τ = 0 is a jump at the beginning)
 The eigenvalues come from LAPACK: the same bits on one machine, not on every one.
 """
 
-import cmath
 import math
 from dataclasses import dataclass
 
@@ -51,48 +50,6 @@ class ModalSystem:
     most_watched: tuple[float, ...]
     most_by_input: float
     """Of the bound 2·Σ |watched_i|·(|w_i| + |L_i·(r; 0)·Δ|): the factors of |w_i| and of |Δ|."""
-
-    def modes(self, state: tuple[float, ...], input_um: float, offset_um: float) -> list[complex]:
-        """w of a state."""
-        rests = zip(state, self.rest_by_input, self.rest_by_offset, strict=True)
-        deviation = [s - r * input_um - t * offset_um for s, r, t in rests]
-        result = list[complex]()
-        for row in self.into:
-            w = 0j
-            for weight, value in zip(row, deviation, strict=True):
-                w += weight * value
-            result.append(w)
-        return result
-
-    def state(self, w: list[complex], input_um: float, offset_um: float) -> tuple[float, ...]:
-        """The state that w stands for."""
-        rests = zip(self.out, self.rest_by_input, self.rest_by_offset, strict=True)
-        return tuple(
-            r * input_um + t * offset_um + deviation(weights, w) for weights, r, t in rests
-        )
-
-    def transition(self, dt_s: float, lag_s: float) -> tuple[Weights, Weights]:
-        """Factors e^(µ_i·h), and φ_i·L_i·(r; 0), over a step."""
-        if dt_s <= 0.0 < lag_s:
-            return (1.0 + 0j,) * len(self.rates_per_s), (0j,) * len(self.rates_per_s)
-        factors = tuple(cmath.exp(rate * dt_s) for rate in self.rates_per_s)
-        rest = math.exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0
-        share = -math.expm1(-dt_s / lag_s) if lag_s > 0.0 else 1.0
-        pushes = tuple(
-            push * (factor - rest) / ((1.0 + rate * lag_s) * share)
-            for push, factor, rate in zip(
-                self.pushed_by_input, factors, self.rates_per_s, strict=True
-            )
-        )
-        return factors, pushes
-
-
-def deviation(weights: Weights, w: list[complex]) -> float:
-    """2·Re Σ weights_i·w_i."""
-    total = 0.0
-    for weight, value in zip(weights, w, strict=True):
-        total += weight.real * value.real - weight.imag * value.imag
-    return 2.0 * total
 
 
 def modal_system(

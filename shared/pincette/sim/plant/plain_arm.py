@@ -11,9 +11,10 @@ its ends would feed the oscillation.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 from pincette.sim.plant.parameters import PlantParameters
 from pincette.sim.plant.state import PlantState
@@ -23,7 +24,7 @@ STILL = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class _Mode:
+class PlainMode:
     """Zero-order-hold transition of (x - x_equilibrium, ẋ) over one substep."""
 
     xx: float
@@ -34,31 +35,77 @@ class _Mode:
     """1/ω²: what ẋ² counts beside x² in the energy of the mode."""
 
 
+class PlainConstants(NamedTuple):
+    """What a substep of one length works with."""
+
+    free: PlainMode
+    touching: PlainMode
+    crossing_free: PlainMode
+    """Of a part of the substep, likewise"""
+    crossing_touching: PlainMode
+    ratio: float
+    """K_e·s_p."""
+
+
 def move_plain_arm(
-    p: PlantParameters, state: PlantState, dt_s: float, rests_um: Sequence[float]
+    p: PlantParameters,
+    state: PlantState,
+    dt_s: float,
+    rests_um: Sequence[float],
+    *,
+    tells: bool = False,
 ) -> tuple[PlantState, list[float]]:
-    """Substeps of equal length towards each of the free positions; also returns each position."""
-    free, touching, ratio = _coefficients(p, dt_s)
-    bead = _bead_um(p, state)
-    x, v = state.x_um, state.speed_um_per_s
-    positions_um = list[float]()
-    for equilibrium in rests_um:
-        pressed = (equilibrium + ratio * bead) / (1.0 + ratio) if x > bead else equilibrium
-        mode = touching if x > bead else free
-        e = x - pressed
-        if (x > bead) == (pressed > bead) and (
-            e * e + v * v * mode.per_square < (pressed - bead) * (pressed - bead)
-        ):
-            x, v = pressed + mode.xx * e + mode.xv * v, mode.vx * e + mode.vv * v
-        else:
-            x, v = _cross(p, bead, dt_s, equilibrium, x, v)
-        positions_um.append(x)
+    """Substeps of equal length towards each of the free positions.
+
+    Also returns the position after each; where ``tells`` is not set, none.
+    """
+    positions_um = [0.0] * (len(rests_um) if tells else 0)
+    tip = state.x_um, state.speed_um_per_s
+    constants, bead_um = plain_constants(p, dt_s), first_touch_um(p, state)
+    x, v = plain_substeps(constants, bead_um, tip, rests_um, positions_um)
     return state.moved((x, v), STILL, STILL, False, 0.0), positions_um
+
+
+def plain_substeps(
+    k: PlainConstants,
+    bead: float,
+    tip: tuple[float, float],
+    rests_um: Sequence[float],
+    positions_um: MutableSequence[float],
+) -> tuple[float, float]:
+    """A substep towards each free position; returns x and ẋ.
+
+    ``positions_um``, the position after each, is filled unless it is empty. Floats and flat records
+    alone, so that it can be compiled as it stands.
+    """
+    ratio, stiffer, tells = k.ratio, 1.0 + k.ratio, len(positions_um) > 0
+    free = (k.free.xx, k.free.xv, k.free.vx, k.free.vv, k.free.per_square)
+    pressed = k.touching
+    touching = (pressed.xx, pressed.xv, pressed.vx, pressed.vv, pressed.per_square)
+    x, v = tip
+    for index in range(len(rests_um)):
+        rest, touches = rests_um[index], x > bead
+        if touches:
+            rest = (rest + ratio * bead) / stiffer
+            xx, xv, vx, vv, per_square = touching
+        else:
+            xx, xv, vx, vv, per_square = free
+        e, room = x - rest, rest - bead
+        if touches == (rest > bead) and e * e + v * v * per_square < room * room:
+            x, v = rest + xx * e + xv * v, vx * e + vv * v
+        else:
+            x, v = _cross(k, bead, rests_um[index], x, v)
+        if tells:
+            positions_um[index] = x
+    return x, v
 
 
 def rest_plain_arm(p: PlantParameters, state: PlantState, rest_um: float) -> PlantState:
     """The arm at its equilibrium."""
-    ratio, bead = p.environment_stiffness_mN_per_um * p.compliance_um_per_mN, _bead_um(p, state)
+    ratio, bead = (
+        p.environment_stiffness_mN_per_um * p.compliance_um_per_mN,
+        first_touch_um(p, state),
+    )
     if rest_um > bead:
         rest_um = (rest_um + ratio * bead) / (1.0 + ratio)
     return state.moved((rest_um, 0.0), STILL, STILL, False, 0.0)
@@ -66,35 +113,44 @@ def rest_plain_arm(p: PlantParameters, state: PlantState, rest_um: float) -> Pla
 
 def plain_force_mN(p: PlantParameters, state: PlantState) -> float:
     """F = K_e·max(0, x - x_b)."""
-    return p.environment_stiffness_mN_per_um * max(0.0, state.x_um - _bead_um(p, state))
+    return p.environment_stiffness_mN_per_um * max(0.0, state.x_um - first_touch_um(p, state))
 
 
-def _bead_um(p: PlantParameters, state: PlantState) -> float:
+def first_touch_um(p: PlantParameters, state: PlantState) -> float:
+    """Position x_b of first touch; infinite where there is nothing to touch."""
     there = p.environment_stiffness_mN_per_um > 0 and state.part == "there"
     return p.contact_um if there else math.inf
 
 
 def _cross(
-    p: PlantParameters, bead: float, dt_s: float, equilibrium: float, x: float, v: float
+    k: PlainConstants, bead: float, equilibrium: float, x: float, v: float
 ) -> tuple[float, float]:
     """One substep in which the tip may touch or leave the bead."""
-    free, touching, ratio = _coefficients(p, dt_s / CROSSING_PARTS)
-    pressed = (equilibrium + ratio * bead) / (1.0 + ratio)
+    pressed = (equilibrium + k.ratio * bead) / (1.0 + k.ratio)
     for _ in range(CROSSING_PARTS):
-        mode, rest = (touching, pressed) if x > bead else (free, equilibrium)
+        mode, rest = (k.crossing_touching, pressed) if x > bead else (k.crossing_free, equilibrium)
         e = x - rest
         x, v = rest + mode.xx * e + mode.xv * v, mode.vx * e + mode.vv * v
     return x, v
 
 
 @lru_cache(maxsize=64)
-def _coefficients(p: PlantParameters, dt_s: float) -> tuple[_Mode, _Mode, float]:
-    """Free and contact matrices for one step, and K_e·s_p."""
-    ratio = p.environment_stiffness_mN_per_um * p.compliance_um_per_mN
-    return _mode(p, 1.0, dt_s), _mode(p, 1.0 + ratio, dt_s), ratio
+def plain_constants(p: PlantParameters, dt_s: float) -> PlainConstants:
+    """Free and contact matrices for one step and for its parts."""
+    ratio, part_s = (
+        p.environment_stiffness_mN_per_um * p.compliance_um_per_mN,
+        dt_s / CROSSING_PARTS,
+    )
+    return PlainConstants(
+        _mode(p, 1.0, dt_s),
+        _mode(p, 1.0 + ratio, dt_s),
+        _mode(p, 1.0, part_s),
+        _mode(p, 1.0 + ratio, part_s),
+        ratio,
+    )
 
 
-def _mode(p: PlantParameters, stiffening: float, dt_s: float) -> _Mode:
+def _mode(p: PlantParameters, stiffening: float, dt_s: float) -> PlainMode:
     """Exact transition with ω² = ω_n²·(1 + K_e·s_p) and the free arm's damping σ = ζ·ω_n."""
     sigma = p.damping_ratio * p.natural_frequency_rad_per_s
     squared = p.natural_frequency_rad_per_s**2 * stiffening
@@ -102,4 +158,6 @@ def _mode(p: PlantParameters, stiffening: float, dt_s: float) -> _Mode:
     decay = math.exp(-sigma * dt_s)
     cosine = decay * math.cos(damped * dt_s)
     sine = decay * math.sin(damped * dt_s) / damped
-    return _Mode(cosine + sigma * sine, sine, -squared * sine, cosine - sigma * sine, 1.0 / squared)
+    return PlainMode(
+        cosine + sigma * sine, sine, -squared * sine, cosine - sigma * sine, 1.0 / squared
+    )

@@ -97,10 +97,10 @@ def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> Plan
     """
     if not 0.0 <= dt_s < math.inf:
         raise ValueError(f"dt_s = {dt_s} s: time runs forward and is finite")
-    settled_s = _settled_s(parameters, state) if dt_s > parameters.substep_s else math.inf
-    if dt_s - settled_s > parameters.substep_s:
-        settled = advance(parameters, state, settled_s)
-        return _creep_only(parameters, settled, dt_s - settled_s)
+    moving_s = settled_s(parameters, state) if dt_s > parameters.substep_s else math.inf
+    if dt_s - moving_s > parameters.substep_s:
+        settled = advance(parameters, state, moving_s)
+        return _creep_only(parameters, settled, dt_s - moving_s)
     whole = int(dt_s / parameters.substep_s + 1e-9)
     if whole:
         state, _, _ = _substeps(parameters, state, parameters.substep_s, whole)
@@ -133,17 +133,22 @@ def _substeps(
     count: int,
     targets_V: Sequence[float] | None = None,
 ) -> tuple[PlantState, list[float], list[float]]:
-    """Substeps of equal length; the only code that runs at the substep's rate."""
+    """Substeps of equal length; the only code that runs at the substep's rate.
+
+    Where targets are given, also position and voltage at the end of each.
+    """
     driven, rests_um, voltages_V = drive(p, state, dt_s, count, targets_V)
+    tells = targets_V is not None
     if p.elaborate:
-        after, positions_um = move_arms(p, driven, dt_s, rest_um(p, state), rests_um)
+        start_um = rest_um(p, state)
+        after, positions_um = move_arms(p, driven, dt_s, start_um, rests_um, tells=tells)
     else:
-        after, positions_um = move_plain_arm(p, driven, dt_s, rests_um)
+        after, positions_um = move_plain_arm(p, driven, dt_s, rests_um, tells=tells)
     return after, positions_um, voltages_V
 
 
-def _settled_s(p: PlantParameters, state: PlantState) -> float:
-    """Time after which nothing but creep is left."""
+def settled_s(p: PlantParameters, state: PlantState) -> float:
+    """Time in s after which nothing but creep is left; longer steps are cut there."""
     decay_per_s = p.damping_ratio * p.natural_frequency_rad_per_s
     if p.elaborate:
         decay_per_s = min(decay_per_s, arms_of(p).slowest_decay_per_s)

@@ -39,7 +39,8 @@ class SimulatedRig(Orders):
     ``put_out``, ``put_out_wave`` and ``go_on`` alone, one period at a time; the old voltage holds
     for ``actuation_delay_s`` and the new one for the rest. While nothing is written the plant
     stands still, and looking at it changes nothing: the noise of a sample is keyed by the number
-    of ticks, not of looks.
+    of ticks, not of looks. A voltage is taken at once, so that whoever wrote it need not wait for
+    the plant, which moves by ``pass_time`` or before anything looks at it.
 
     Raises
     ------
@@ -72,6 +73,8 @@ class SimulatedRig(Orders):
         self._looks = 0
         self._ticks = 0
         self._sample: tuple[float, float] | None = None
+        self._written_V: float | None = None
+        """What ended a tick that the plant has yet to pass through; in lockstep."""
         self._lock = threading.Lock()
 
     def now_s(self) -> float:
@@ -88,8 +91,20 @@ class SimulatedRig(Orders):
 
     def put_out(self, voltage_V: float) -> None:
         """Put out a voltage, and end a wave; in lockstep, end the tick."""
-        with self._tick() as timeline:
-            timeline.set_voltage(voltage_V)
+        if not self._lockstep:
+            with self._tick() as timeline:
+                timeline.set_voltage(voltage_V)
+            return
+        with self._present() as timeline:
+            target_V = plant.quantised_V(timeline.parameters, voltage_V)
+            self._end_tick(self._sample or self._look(), target_V)
+            self._written_V = voltage_V
+
+    def pass_time(self) -> None:
+        """In lockstep, let the plant move through the tick that a write has ended."""
+        if self._lockstep:
+            with self._present():
+                pass
 
     def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
         """Begin to put out one voltage each 1/rate, the last for good; in lockstep, end the tick.
@@ -169,20 +184,30 @@ class SimulatedRig(Orders):
     @contextmanager
     def _tick(self) -> Generator[Timeline]:
         """The plant at the moment of a write, which in lockstep ends the tick."""
-        with self._lock:
-            self._catch_up()
-            sample = self._sample or self._look()
-            timeline, delay_s = self._timeline, self._simulation.actuation_delay_s
-            begin_ns = round(self._ticks * self._period_s * NANOSECONDS)
+        with self._present() as timeline:
+            sample, begun = self._sample or self._look(), self._ticks
             if self._lockstep:
-                timeline.pass_to(begin_ns + round(delay_s * NANOSECONDS), delay_s)
+                self._pass_delay(begun)
             yield timeline
             if self._lockstep:
-                end_ns = round((self._ticks + 1) * self._period_s * NANOSECONDS)
-                timeline.pass_to(end_ns, self._period_s - delay_s)
-            seq, self._ticks, self._sample = self._ticks, self._ticks + 1, None
-            if self._truth is not None:
-                self._truth(seq, *sample, timeline.state.target_V)
+                self._pass_rest(begun)
+            self._end_tick(sample, timeline.state.target_V)
+
+    def _end_tick(self, sample: tuple[float, float], target_V: float) -> None:
+        seq, self._ticks, self._sample = self._ticks, self._ticks + 1, None
+        if self._truth is not None:
+            self._truth(seq, *sample, target_V)
+
+    def _pass_delay(self, tick: int) -> None:
+        """Let the old voltage hold until the new one comes."""
+        delay_s = self._simulation.actuation_delay_s
+        begin_ns = round(tick * self._period_s * NANOSECONDS)
+        self._timeline.pass_to(begin_ns + round(delay_s * NANOSECONDS), delay_s)
+
+    def _pass_rest(self, tick: int) -> None:
+        """Let the new voltage hold to the end of the tick."""
+        end_ns = round((tick + 1) * self._period_s * NANOSECONDS)
+        self._timeline.pass_to(end_ns, self._period_s - self._simulation.actuation_delay_s)
 
     def _look(self) -> tuple[float, float]:
         """True position and contact force."""
@@ -191,7 +216,14 @@ class SimulatedRig(Orders):
         return timeline.state.x_um, force_mN
 
     def _catch_up(self) -> None:
-        if not self._lockstep:
+        if self._lockstep:
+            voltage_V, self._written_V = self._written_V, None
+            if voltage_V is not None:
+                written = self._ticks - 1
+                self._pass_delay(written)
+                self._timeline.set_voltage(voltage_V)
+                self._pass_rest(written)
+        else:
             now_s = self._clock()
             if now_s > self._reached_s:
                 end_ns = round((now_s - self._began_s) * NANOSECONDS)

@@ -18,10 +18,16 @@ PIECE_S = 0.0005
 
 Garble = Callable[[bytes], bytes]
 """Makes of an answer with its terminator what arrives of it."""
+Afterwards = Callable[[], None]
+"""Does what an answer need not wait for."""
 
 
 def _untouched(data: bytes) -> bytes:
     return data
+
+
+def _nothing() -> None:
+    pass
 
 
 class Wire:
@@ -34,8 +40,10 @@ class Wire:
         baud: int | None,
         terminator: bytes,
         garble: Garble,
+        afterwards: Afterwards,
     ) -> None:
         self._port = port
+        self._afterwards = afterwards
         self._garble = garble
         self._instrument = instrument
         self._thinking = instrument if isinstance(instrument, Thinking) else None
@@ -100,6 +108,7 @@ class Wire:
                     self._pass(self._thinking.processing_s(request))
                 if reply is not None:
                     self._deliver(line, self._garble(reply + self._terminator))
+                self._afterwards()
 
     def _deliver(self, line: Line, data: bytes) -> None:
         """Send what the line has carried by now, piece by piece, to the end."""
@@ -127,6 +136,7 @@ def serve(
     baud: int | None = None,
     terminator: bytes = TERMINATOR,
     garble: Garble = _untouched,
+    afterwards: Afterwards = _nothing,
 ) -> Wire:
     """Offer an instrument at a driver's url.
 
@@ -138,10 +148,12 @@ def serve(
         Ends each line, in both directions.
     garble
         What arrives of an answer: a part of a frame, or something else.
+    afterwards
+        Called when a line has been answered, from the wire's own thread.
 
     Raises
     ------
     WireError
         Where the port is taken, or is none.
     """
-    return Wire(open_port(url), instrument, baud, terminator, garble)
+    return Wire(open_port(url), instrument, baud, terminator, garble, afterwards)

@@ -65,6 +65,18 @@ def test_five_percent_of_the_resonance_decide() -> None:
     assert case.K_e_mN_per_um > 0.0
 
 
+@pytest.mark.parametrize("force_gain", np.linspace(0.0, 15000.0, 9).tolist())
+def test_a_search_for_enough_refuses_what_the_whole_one_refuses(force_gain: float) -> None:
+    loop = Loop(LawSettings("dsmifc", K_f=force_gain, delta=1e6), ARM, 0.02, force_filter_s=0.03)
+    case, radius = worst_case(loop, PART, LIMIT, enough=LIMIT)
+    whole, worst = worst_case(loop, PART, LIMIT)
+    assert (radius >= LIMIT) == (worst >= LIMIT)
+    assert radius == pytest.approx(counted_radii(loop, (case,), LIMIT)[0], rel=1e-12)
+    assert radius <= worst
+    if worst < LIMIT:
+        assert (case, radius) == (whole, worst)
+
+
 def test_intervals_of_no_width_are_one_case() -> None:
     loop = Loop(LawSettings(), ARM, 0.01, force_filter_s=0.03)
     point = Intervals((2.0, 2.0), False, (1.01, 1.01), (0.2, 0.2))

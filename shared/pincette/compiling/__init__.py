@@ -1,0 +1,14 @@
+"""Functions of floats and flat records, compiled as they stand: one statement, two speeds."""
+
+from pincette.compiling.compiler import CompilerMissingError, available, compiled, of_the_library
+from pincette.compiling.records import as_record, as_structure, record_type
+
+__all__ = [
+    "CompilerMissingError",
+    "as_record",
+    "as_structure",
+    "available",
+    "compiled",
+    "of_the_library",
+    "record_type",
+]

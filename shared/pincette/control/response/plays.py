@@ -1,0 +1,66 @@
+"""The operator of ``hysteresis`` over arrays, in place: for runs by the thousand.
+
+Arrays and flat records alone, so that it can be compiled as it stands. The bits are those of
+``hysteresis.step`` and ``displacement_um``.
+"""
+
+from math import expm1
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.response.hysteresis import HysteresisModel, creep_factors
+
+Floats = NDArray[np.float64]
+
+
+class Plays(NamedTuple):
+    """A ``HysteresisModel`` for steps of one length."""
+
+    thresholds_V: Floats
+    weights_um_per_V: Floats
+    fadings_per_V: Floats
+    creep_factors: Floats
+    creep_fractions: Floats
+    curvature_um_per_V2: float
+
+
+def plays_of(model: HysteresisModel, dt_s: float) -> Plays:
+    """The model's coefficients as arrays."""
+    return Plays(
+        thresholds_V=np.array(model.thresholds_V),
+        weights_um_per_V=np.array(model.weights_um_per_V),
+        fadings_per_V=np.array(model.fadings_per_V or (0.0,) * len(model.thresholds_V)),
+        creep_factors=np.array(creep_factors(model.creep_times_s, dt_s)),
+        creep_fractions=np.array(model.creep_fractions),
+        curvature_um_per_V2=model.curvature_um_per_V2,
+    )
+
+
+def yielded(k: Plays, plays_V: Floats, before_V: float, voltage_V: float) -> float:
+    """Move the plays by a voltage that goes straight to another one; returns the static part, µm.
+
+    y = q·u² + Σ w_i·y_i
+    """
+    u, before = voltage_V, before_V
+    way_V, rises = abs(u - before), u - before > 0.0
+    static_um = k.curvature_um_per_V2 * u * u
+    for index in range(len(plays_V)):
+        r, fading, within = k.thresholds_V[index], k.fadings_per_V[index], plays_V[index]
+        if fading != 0.0:
+            lost = -expm1(-fading * way_V)
+            rise_V = (lost if rises else -lost) / fading
+            within = u - ((before - within) * (1.0 - lost) + rise_V)
+        plays_V[index] = max(u - r, min(u + r, within))
+        static_um += k.weights_um_per_V[index] * plays_V[index]
+    return static_um
+
+
+def crept(k: Plays, creep_um: Floats, static_um: float) -> float:
+    """Let the creep states follow for a step; returns the displacement y + Σ κ_j·c_j in µm."""
+    total_um = static_um
+    for index in range(len(creep_um)):
+        creep_um[index] = static_um + (creep_um[index] - static_um) * k.creep_factors[index]
+        total_um += k.creep_fractions[index] * creep_um[index]
+    return total_um

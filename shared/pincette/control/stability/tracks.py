@@ -1,0 +1,147 @@
+"""``tuning.track`` over arrays, for thousands of gains: several plans played with one law.
+
+Arrays and flat records alone, so that it can be compiled as it stands; the bits are those of
+``track``. The law's step is PBSMIC's; for DSMIFC the linker puts the other one there.
+"""
+
+from typing import NamedTuple
+
+from pincette.control.arm.mode import Mode
+from pincette.control.laws import pbsmic
+from pincette.control.laws.fed import Fed, fed_force
+from pincette.control.laws.pbsmic import PbsmicParameters, PbsmicState
+from pincette.control.response.plays import Floats, Plays, crept, yielded
+
+law_step = pbsmic.step
+
+
+class PressedArm(NamedTuple):
+    """``tuning.TuningRig`` as the tracks need it."""
+
+    old: Mode
+    """Until the voltage arrives; of no matter where it does not lag."""
+    new: Mode
+    delayed: bool
+    ratio: float
+    """K_e/k."""
+    stiffness_mN_per_um: float
+    arm_k_mN_per_um: float
+    offset_um: float
+    """Of the free response."""
+    voltage_V: float
+    static_um: float
+    displacement_um: float
+    """Of its model, at the first touch."""
+
+
+def tracks(
+    k: PressedArm,
+    parameters: PbsmicParameters,
+    begun: PbsmicState,
+    fed: Fed,
+    model: Plays,
+    begun_V: Floats,
+    begun_um: Floats,
+    plays_V: Floats,
+    creep_um: Floats,
+    noise_um: Floats,
+    forces_r_mN: Floats,
+    settled: int,
+    sides: Floats,
+    errors: Floats,
+) -> None:
+    """Play the path once for each row of ``sides``.
+
+    Parameters
+    ----------
+    begun_V, begun_um
+        Memory of the free response at the first touch: its plays and its creep.
+    plays_V, creep_um
+        As long as these; they are overwritten.
+    sides
+        Shape (n, 2): the plan's stiffness in mN/µm, by how much the force is read too high in mN.
+    errors
+        Shape (n, 2): x - x_r in µm and F - F_r in mN, squared and summed; filled.
+    """
+    for side in range(len(sides)):
+        plays_V[:] = begun_V
+        creep_um[:] = begun_um
+        one_track(
+            k,
+            parameters,
+            begun,
+            fed,
+            model,
+            plays_V,
+            creep_um,
+            noise_um,
+            forces_r_mN,
+            settled,
+            sides[side],
+            errors[side],
+        )
+
+
+def one_track(
+    k: PressedArm,
+    parameters: PbsmicParameters,
+    state: PbsmicState,
+    fed: Fed,
+    model: Plays,
+    plays_V: Floats,
+    creep_um: Floats,
+    noise_um: Floats,
+    forces_r_mN: Floats,
+    settled: int,
+    side: Floats,
+    errors: Floats,
+) -> None:
+    """One plan; ``side`` and ``errors`` are rows of those of ``tracks``."""
+    planned_mN_per_um, force_error_mN = side[0], side[1]
+    free_um = k.offset_um + k.displacement_um
+    x_e_um = x_um = free_um
+    v, static_um = 0.0, k.static_um
+    before_r_mN = before_error_mN = 0.0
+    applied_V = k.voltage_V
+    position_square = force_square = 0.0
+    for index in range(len(forces_r_mN)):
+        force_r_mN, noise = forces_r_mN[index], noise_um[index]
+        x_r_um = x_e_um + force_r_mN / planned_mN_per_um
+        true_mN = k.stiffness_mN_per_um * (x_um - x_e_um)
+        read_mN = true_mN + force_error_mN - noise * k.arm_k_mN_per_um
+        force_mN, before_error_mN = fed_force(
+            fed, read_mN, force_r_mN, before_r_mN, before_error_mN
+        )
+        before_r_mN = force_r_mN
+        state, output = law_step(
+            parameters,
+            state,
+            x_um=x_um + noise,
+            force_mN=force_mN,
+            applied_V=applied_V,
+            x_r_um=x_r_um,
+            force_r_mN=force_r_mN,
+            limited=0,
+        )
+        if k.delayed:
+            x_um, v = passed(k.old, free_um, x_e_um, k.ratio, x_um, v)
+        if output.voltage_V != applied_V:
+            static_um = yielded(model, plays_V, applied_V, output.voltage_V)
+        applied_V = output.voltage_V
+        free_um = k.offset_um + crept(model, creep_um, static_um)
+        x_um, v = passed(k.new, free_um, x_e_um, k.ratio, x_um, v)
+        if index >= settled:
+            off_um = x_um - x_r_um
+            off_mN = k.stiffness_mN_per_um * (x_um - x_e_um) - force_r_mN
+            position_square += off_um * off_um
+            force_square += off_mN * off_mN
+    errors[0], errors[1] = position_square, force_square
+
+
+def passed(
+    mode: Mode, free_um: float, touch_um: float, ratio: float, x_um: float, v: float
+) -> tuple[float, float]:
+    """The arm pressed on its contact, after the time of a mode."""
+    rest_um = (free_um + ratio * touch_um) / (1.0 + ratio)
+    off_um = x_um - rest_um
+    return rest_um + mode.xx * off_um + mode.xv * v, mode.vx * off_um + mode.vv * v

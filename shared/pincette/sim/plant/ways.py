@@ -1,0 +1,151 @@
+"""A way in which the arms can move, laid out alike for all arms, and what is computed of it; pure.
+
+Three modes w and six components of the state, in the order q_1, q_2, y, q̇_1, q̇_2, ẏ; what an arm
+does not have is 0. Flat records and numbers alone, so that it can be compiled as it stands; what is
+constant is read by name and by place, since a compiled kernel has arrays in place of tuples there.
+"""
+
+import math
+from typing import NamedTuple
+
+from pincette.sim.plant.modes import ModalSystem
+
+Three = tuple[complex, complex, complex]
+Components = tuple[float, float, float, float, float, float]
+Rows = tuple[Three, Three, Three, Three, Three, Three]
+
+NOTHING: Three = (0j, 0j, 0j)
+
+
+class Way(NamedTuple):
+    """Modes of the arms apart, or joined; see ``ModalSystem``."""
+
+    rates_per_s: Three
+    into: Rows
+    """L, by component."""
+    out: Rows
+    """R, by component."""
+    rest_by_input: Components
+    rest_by_offset: Components
+    pushed_by_input: Three
+    pushed_by_offset: Three
+    tip: Three
+    watched: Three
+    most_watched: tuple[float, float, float]
+    most_by_input: float
+
+
+class Transition(NamedTuple):
+    """Over a step: factors e^(µ_i·h), and φ_i·L_i·(r; 0)."""
+
+    factors: Three
+    pushes: Three
+
+
+def way_of(system: ModalSystem, bending_modes: int) -> Way:
+    """Lay out a system of one or two bending modes, and a passive arm where there are more."""
+    count = len(system.rates_per_s)
+    places = [0, 1, 2] if bending_modes == 2 else [0, 2]
+    places = [*places[:count], *(3 + place for place in places[:count])]
+
+    def rows(values: list[tuple[complex, ...]]) -> Rows:
+        found = [NOTHING] * 6
+        for place, value in zip(places, values, strict=True):
+            found[place] = _three(value)
+        return (found[0], found[1], found[2], found[3], found[4], found[5])
+
+    def components(values: tuple[float, ...]) -> Components:
+        found = [0.0] * 6
+        for place, value in zip(places, values, strict=True):
+            found[place] = value
+        return (found[0], found[1], found[2], found[3], found[4], found[5])
+
+    most = (*system.most_watched, 0.0, 0.0)
+    return Way(
+        rates_per_s=_three(system.rates_per_s),
+        into=rows(list(zip(*system.into, strict=True))),
+        out=rows(list(system.out)),
+        rest_by_input=components(system.rest_by_input),
+        rest_by_offset=components(system.rest_by_offset),
+        pushed_by_input=_three(system.pushed_by_input),
+        pushed_by_offset=_three(system.pushed_by_offset),
+        tip=_three(system.tip),
+        watched=_three(system.watched),
+        most_watched=(most[0], most[1], most[2]),
+        most_by_input=system.most_by_input,
+    )
+
+
+def _three(values: tuple[complex, ...]) -> Three:
+    first, second, third, *_ = (*values, 0j, 0j)
+    return (first, second, third)
+
+
+def modes_of(way: Way, state: Components, input_um: float, offset_um: float) -> Three:
+    """w of a state."""
+    a, b, c = 0j, 0j, 0j
+    for index in range(6):
+        rest_um = way.rest_by_input[index] * input_um
+        apart = state[index] - rest_um - way.rest_by_offset[index] * offset_um
+        row = way.into[index]
+        a += row[0] * apart
+        b += row[1] * apart
+        c += row[2] * apart
+    return (a, b, c)
+
+
+def component(way: Way, index: int, w: Three, input_um: float, offset_um: float) -> float:
+    """A component of the state that w stands for."""
+    rest = way.rest_by_input[index] * input_um + way.rest_by_offset[index] * offset_um
+    return rest + deviation(way.out[index], w)
+
+
+def deviation(weights: Three, w: Three) -> float:
+    """2·Re Σ weights_i·w_i."""
+    p, q, r = weights[0], weights[1], weights[2]
+    a, b, c = w
+    total = p.real * a.real - p.imag * a.imag
+    total += q.real * b.real - q.imag * b.imag
+    total += r.real * c.real - r.imag * c.imag
+    return 2.0 * total
+
+
+def magnitude(w: complex) -> float:
+    """|w|, of numbers whose squares are numbers too."""
+    return math.sqrt(w.real * w.real + w.imag * w.imag)
+
+
+def transition(way: Way, dt_s: float, lag_s: float) -> Transition:
+    """Over a step, with an input that approaches its goal with the time constant ``lag_s``."""
+    if dt_s <= 0.0 < lag_s:
+        return Transition((1.0 + 0j, 1.0 + 0j, 1.0 + 0j), (0j, 0j, 0j))
+    rest = math.exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0
+    share = -math.expm1(-dt_s / lag_s) if lag_s > 0.0 else 1.0
+    rates, pushed = way.rates_per_s, way.pushed_by_input
+    a, b, c = rates[0], rates[1], rates[2]
+    e, f, g = exponential(a, dt_s), exponential(b, dt_s), exponential(c, dt_s)
+    p, q, r = pushed[0], pushed[1], pushed[2]
+    return Transition(
+        (e, f, g),
+        (
+            p * (e - rest) / ((1.0 + a * lag_s) * share),
+            q * (f - rest) / ((1.0 + b * lag_s) * share),
+            r * (g - rest) / ((1.0 + c * lag_s) * share),
+        ),
+    )
+
+
+def exponential(rate_per_s: complex, dt_s: float) -> complex:
+    """e^(µ·h)."""
+    grown, angle = math.exp(rate_per_s.real * dt_s), rate_per_s.imag * dt_s
+    return complex(grown * math.cos(angle), grown * math.sin(angle))
+
+
+def carried(step: Transition, w: Three, moved_um: float) -> Three:
+    """w after a step in which x_f moves by ``moved_um``."""
+    (e, f, g), (p, q, r) = step
+    return (
+        e * w[0] - p * moved_um,
+        f * w[1] - q * moved_um,
+        g * w[2] - r * moved_um,
+    )
