@@ -1,0 +1,1 @@
+"""A lane, from its first tick to its last: floats, flat records and arrays alone; compiled."""
