@@ -8,7 +8,7 @@ from rich.console import Console
 
 from pincette.cli.doctor_finding import COLOURS, Finding
 from pincette.cli.doctor_instruments import WOULD, Consent, instruments, moved
-from pincette.cli.doctor_machine import machine, port_finding, shared_places
+from pincette.cli.doctor_machine import machine, port_finding, shared_places, wishes
 from pincette.cli.doctor_rig import rig_findings
 from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
@@ -45,6 +45,7 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> Iter
         return
     yield Finding(True, f"rig file {rig_path}: rig {rig.rig.name!r}, digest {rig.digest()}")
     yield from rig_findings(rig)
+    yield from wishes(rig)
     yield from shared_places(rig)
     yield from certificates(rig)
     ports = port_finding(rig)

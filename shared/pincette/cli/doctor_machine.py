@@ -17,7 +17,10 @@ import httpx
 from pincette.cli.doctor_finding import Finding, noted
 from pincette.config import RigFile
 from pincette.runtime.fleet import FleetError, check_ports
-from pincette.runtime.priority import FIFO, FIRST
+from pincette.runtime.priority import FIFO
+from pincette.runtime.realtime.asking import FIRST, trial
+from pincette.runtime.realtime.system import Linux
+from pincette.service import services_of
 from pincette.topics import LOOP
 
 FREE_MIB = 200
@@ -86,6 +89,17 @@ def _asked() -> str:
     return "fixed"
 
 
+def wishes(rig: RigFile) -> Iterator[Finding]:
+    """What else the rig file's programs ask of the system, and do not get."""
+    if sys.platform != "linux" or rig.lockstep:
+        return
+    for name in rig.programs:
+        for one in trial(rig.realtime.of(*services_of(name)), Linux()):
+            what = f"[realtime] {name} runs without {one.words}"
+            needed = one.wish in rig.realtime.required
+            yield Finding(False, what, one.remedy) if needed else noted(what, one.remedy)
+
+
 def shared_places(rig: RigFile) -> Iterator[Finding]:
     """Ports and lines that the rig file gives to two of its parts."""
     users: dict[str, list[str]] = defaultdict(list)
@@ -93,6 +107,7 @@ def shared_places(rig: RigFile) -> Iterator[Finding]:
         users[str(rig.bus.port + offset)].append(name)
     if not rig.joins:
         users[str(rig.bus.port)].append("the router")
+    if not (rig.joins or rig.bus.apart):
         users[str(rig.supervisor.port)].append("the supervisor")
     for name, url in (("the sensor", rig.sensor.url), ("the output", rig.output.url)):
         place = urlsplit(url)

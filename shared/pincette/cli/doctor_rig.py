@@ -10,7 +10,8 @@ from pincette.config import ConfigError, Output, RigFile, Sensor, Table
 from pincette.config.calibration import CALIBRATED
 from pincette.instruments.options import read_options
 from pincette.runtime.process import loop_services
-from pincette.runtime.timing import budget
+from pincette.runtime.timing import budget, shared_patience_s
+from pincette.service import services_of
 
 
 def rig_findings(rig: RigFile) -> Iterator[Finding]:
@@ -30,6 +31,7 @@ def rig_findings(rig: RigFile) -> Iterator[Finding]:
         yield Finding(False, str(error), "install the driver, or name another in the rig file")
     except ConfigError as error:
         yield Finding(False, f"options: {error}", "mend the options in the rig file")
+    yield from composed(rig)
     yield from limits(rig)
     yield model(rig)
 
@@ -61,6 +63,25 @@ def timing(rig: RigFile) -> Finding:
         words,
         "raise baud at the instrument and in options.baud (115200), or period_s in the rig file",
     )
+
+
+def composed(rig: RigFile) -> Iterator[Finding]:
+    """What the rig file lets one process do: whether it can, and what is given up."""
+    services = loop_services()
+    for name in rig.rig.composed:
+        try:
+            shared_patience_s(rig, [services[one] for one in services_of(name)])
+        except plugins.PluginError:
+            continue  # told with the drivers
+        except ConfigError as error:
+            yield Finding(False, f"composed: {error}", "mend [rig] composed in the rig file")
+    having = rig.program_of("actuator")
+    if having != "actuator":
+        yield noted(
+            f"composed: the actuator is part of {having}; where that one hangs or is killed, the "
+            "output's own watchdog alone makes the arm safe",
+            "docs/how-to/compose.md says what is given up",
+        )
 
 
 def watchdog(rig: RigFile) -> Finding:

@@ -1,23 +1,10 @@
 """How a command ends, for scripts: one table for the code, the help and the documents."""
 
 from collections.abc import Mapping
-from enum import IntEnum
 
 from pincette.api.job_models import Job
+from pincette.cli.errors import Exit as Exit
 from pincette.client import ClientError, NoAnswerError, ProblemError
-
-
-class Exit(IntEnum):
-    """Exit statuses of the command line."""
-
-    DONE = 0
-    FAILED = 1
-    USAGE = 2
-    NO_ANSWER = 3
-    NOT_READY = 4
-    LIMIT = 5
-    INTERRUPTED = 130
-
 
 MEANINGS: Mapping[Exit, str] = {
     Exit.DONE: "done; a job that was followed has succeeded",

@@ -1,4 +1,4 @@
-"""``pincette rigs``, ``topics`` and ``drivers``: what there is to run, listen to and plug in."""
+"""``pincette rigs``, ``timing``, ``topics`` and ``drivers``: what runs, what is told, what fits."""
 
 import argparse
 from dataclasses import asdict
@@ -8,19 +8,22 @@ from rich.markup import escape
 from pincette import plugins
 from pincette.cli import drivers, topics
 from pincette.cli.exit_status import Exit
-from pincette.cli.options import Words, does, machine, rigged, url
+from pincette.cli.options import Words, addressed, does, machine, rigged, url
 from pincette.cli.output import emit, screen
-from pincette.cli.rest import reached
+from pincette.cli.rest import reached, rig_of
+from pincette.cli.show_timing import timing_table
 from pincette.cli.tables import table
 
 RIGS = "list the rigs of a supervisor: what each does, and why no job can start"
+TIMING = "show how punctual the programs of a loop have been since they were armed"
 TOPICS = "list the keys of a rig and what goes over them"
 DRIVERS = "list the drivers of position sensors and voltage outputs, and their options"
 
 
 def add(word: Words) -> None:
-    """Add all three words."""
+    """Add all four words."""
     does(machine(url(word("rigs", RIGS))), list_rigs)
+    does(addressed(word("timing", TIMING)), show_timing)
     does(machine(rigged(word("topics", TOPICS))), list_topics)
     does(machine(word("drivers", DRIVERS)), list_drivers)
 
@@ -37,6 +40,20 @@ def list_rigs(given: argparse.Namespace) -> int:
         rows.add_row(rig.name, rig.latch.state, rig.part, rig.active_job or "", escape(why))
     screen().print(rows)
     return Exit.DONE
+
+
+def show_timing(given: argparse.Namespace) -> int:
+    """Show lateness, age and execution time of each program; in lockstep there is nothing."""
+    timing = rig_of(given).timing()
+    if given.json:
+        emit(timing)
+        return Exit.DONE
+    console = screen()
+    if timing.programs:
+        console.print(timing_table(timing))
+    for name, why in timing.silent.items():
+        console.print(f"{name}: {why}", markup=False, soft_wrap=True)
+    return Exit.DONE if timing.programs else Exit.FAILED
 
 
 def list_topics(given: argparse.Namespace) -> int:

@@ -8,12 +8,14 @@ from pincette import __version__
 from pincette.cli import (
     alarms,
     audit,
+    bench,
     checks,
     diagnosis,
     exit_status,
     job,
     job_acts,
     key,
+    latency,
     listings,
     model,
     plan,
@@ -60,6 +62,7 @@ else {rig_file.IN_A_CHECKOUT} in a checkout. `pincette COMMAND --help` says more
 COMMANDS: Sequence[Callable[[Words], None]] = (
     up.add,
     diagnosis.add,
+    latency.add,
     plan.add,
     job.add,
     job_acts.add_stop,
@@ -79,6 +82,7 @@ COMMANDS: Sequence[Callable[[Words], None]] = (
     key.add,
     audit.add,
     security.add,
+    bench.add,
     run.add,
 )
 """What adds each word, in the order of the help."""

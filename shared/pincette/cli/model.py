@@ -7,7 +7,7 @@ from pydantic import BaseModel
 from pincette.cli.exit_status import Exit
 from pincette.cli.options import Words, addressed, does, words
 from pincette.cli.output import emit, screen, tree
-from pincette.cli.rest import reached, rig_of
+from pincette.cli.rest import CliError, reached, rig_of
 from pincette.cli.show_model import show_model, show_proposal, show_proposals
 
 ABOUT = "show the model in use, and decide about what calibrations propose"
@@ -23,10 +23,11 @@ WORDS = {
 def add(word: Words) -> None:
     """Add ``model`` with every word below it."""
     below = words(word("model", ABOUT), "what", "WHAT")
-    for name, text in WORDS.items():
-        one = below(name, text)
+    for name, about in WORDS.items():
+        one = below(name, about)
         if name in ("accept", "discard"):
-            one.add_argument("name", metavar="CALIBRATION", help="its id, that of its job")
+            text = "its id, that of its job, or `last`"
+            one.add_argument("name", metavar="CALIBRATION", help=text)
         elif name == "use":
             one.add_argument("version", type=int, metavar="VERSION")
         does(addressed(one), model)
@@ -41,7 +42,7 @@ def model(given: argparse.Namespace) -> int:
             found = [*reached(given).proposals()]
             show = show_proposals
         case "accept" | "discard":
-            found = reached(given).decide(given.name, given.what)
+            found = reached(given).decide(_calibration(given), given.what)
             show = show_proposal
         case "use":
             found = rig_of(given).use_model(given.version)
@@ -54,3 +55,14 @@ def model(given: argparse.Namespace) -> int:
     else:
         show(tree(found), console)
     return Exit.DONE
+
+
+def _calibration(given: argparse.Namespace) -> str:
+    """The calibration that was named; ``last`` is the newest proposal of the rig."""
+    if given.name != "last":
+        return str(given.name)
+    rig = rig_of(given).name
+    found = [one.id for one in reached(given).proposals() if one.rig == rig]
+    if not found:
+        raise CliError("nothing is proposed yet; `pincette job calibrate` measures")
+    return found[0]

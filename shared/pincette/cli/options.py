@@ -4,8 +4,9 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
+from pincette.cli.errors import DEFAULT_URL
 from pincette.cli.key_file import AT, VARIABLE
-from pincette.cli.rest import DEFAULT_URL
+from pincette.runtime import logs
 
 Words = Callable[[str, str], argparse.ArgumentParser]
 """Adds a word with its meaning, and returns its parser."""
@@ -87,3 +88,12 @@ def job_named(word: argparse.ArgumentParser, *, optional: str = "") -> argparse.
     text = f"its id, or `last`{f'; {optional}' if optional else ''}"
     word.add_argument("name", metavar="JOB", nargs="?" if optional else None, help=text)
     return word
+
+
+def log_format(word: argparse.ArgumentParser) -> None:
+    """Let a word be told in which form programs log."""
+    word.add_argument(
+        "--log-format",
+        choices=logs.FORMS,
+        help=f"text, or json, an object a line; that of {logs.VARIABLE} if not given, else text",
+    )

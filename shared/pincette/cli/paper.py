@@ -1,5 +1,6 @@
 """``pincette paper``: repeat the paper's experiments on a simulated rig, and write the report."""
 
+import os
 from pathlib import Path
 from typing import cast
 
@@ -10,6 +11,9 @@ from pincette.cli.rest import CliError
 from pincette.cli.rig_file import opened
 from pincette.paper.closed_loop import StudyError
 from pincette.paper.study import run_study
+
+MOST_WORKERS = 8
+"""Processes; each holds some 300 MB."""
 
 
 def paper(path: Path, folder: Path, rigs: int) -> int:
@@ -35,7 +39,7 @@ def paper(path: Path, folder: Path, rigs: int) -> int:
                 if not console.is_terminal:
                     console.print(f"{100.0 * share:3.0f} %  {what}")
 
-            summary = run_study(rig, folder, show, rigs)
+            summary = run_study(rig, folder, show, rigs, min(MOST_WORKERS, os.cpu_count() or 1))
     except StudyError as error:
         raise CliError(f"the study could not be finished: {error}") from error
     _tell(summary, console)

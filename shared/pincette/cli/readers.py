@@ -1,8 +1,10 @@
-"""Readers of the arguments of a job: numbers with units, levels, points, gains and labels."""
+"""Readers of arguments: numbers with units, levels, points, gains, labels and programs."""
 
 import argparse
 import math
 from collections.abc import Callable
+
+from pincette.service import composed_name
 
 GAINS = ("K_P", "K_I", "K_S", "delta", "M", "B", "K", "K_f")
 
@@ -65,3 +67,11 @@ def label(text: str) -> tuple[str, str]:
     if not equals or not name:
         raise argparse.ArgumentTypeError(f"{text!r} is no label: give NAME=TEXT, such as part=b12")
     return name, value
+
+
+def composed_program(text: str) -> str:
+    """A program that composes services of the loop, by the name that it is known by."""
+    try:
+        return composed_name(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error

@@ -1,17 +1,22 @@
 """``pincette records``: what jobs have left behind, and bringing it here."""
 
 import argparse
+import tempfile
 from pathlib import Path
 
 from rich.console import Console
 
 from pincette.api.job_models import Artifact
+from pincette.api.timing_models import LoopTiming
 from pincette.cli.exit_status import Exit
 from pincette.cli.job_acts import job_of
 from pincette.cli.options import Words, addressed, does, job_named, words
 from pincette.cli.output import emit, screen
 from pincette.cli.rest import rig_of
+from pincette.cli.show_timing import timing_table
 from pincette.cli.tables import clock, size, table
+from pincette.client import JobHandle
+from pincette.records.folder import TIMING
 
 ABOUT = "list records of jobs, and bring their files here"
 SAMPLES = "samples.csv"
@@ -23,7 +28,8 @@ def add(word: Words) -> None:
     one = below("list", "list jobs that have left a record, the newest first")
     one.add_argument("--limit", type=int, default=20, metavar="N", help="%(default)s if not given")
     does(addressed(one), list_records)
-    does(addressed(job_named(below("show", "list the files of a record"))), show)
+    one = job_named(below("show", "list the files of a record, and how punctual the loop was"))
+    does(addressed(one), show)
     one = job_named(below("get", "bring files of a record here, each checked by its SHA-256"))
     one.add_argument("files", nargs="*", metavar="FILE", help="all of them if not given")
     _into(one)
@@ -62,16 +68,24 @@ def list_records(given: argparse.Namespace) -> int:
 
 
 def show(given: argparse.Namespace) -> int:
-    """List the files of a record."""
+    """List the files of a record, and how punctual the loop was while it was made."""
     job = job_of(given)
     files = job.artifacts()
     if given.json:
         emit(files)
         return Exit.DONE
-    _show(files, screen())
+    console = screen()
+    _show(files, console)
+    if TIMING in [file.name for file in files]:
+        console.print(timing_table(_timing(job)))
     if job.job.record_detail:
         print(job.job.record_detail)
     return Exit.DONE
+
+
+def _timing(job: JobHandle) -> LoopTiming:
+    with tempfile.TemporaryDirectory() as folder:
+        return LoopTiming.model_validate_json(job.download(TIMING, Path(folder)).read_bytes())
 
 
 def _show(files: list[Artifact], console: Console) -> None:

@@ -4,24 +4,16 @@ import argparse
 import os
 
 from pincette.cli import key_file
-from pincette.cli.exit_status import Exit
+from pincette.cli.errors import CliError as CliError
+from pincette.cli.errors import Exit
 from pincette.cli.key_file import KeyFileError
 from pincette.client import RigHandle, Supervisor, WhichRigError
 from pincette.client.call import OPERATOR_MAX, who
 
-DEFAULT_URL = "http://127.0.0.1:8000"
 PATIENCE_S = 0.5
 """How long a person waits to learn that nobody answers."""
 FOLLOWED_S = 30.0
 """How long a job is followed on while its supervisor does not answer, as when it is restarted."""
-
-
-class CliError(Exception):
-    """Something a person must do something about; the text says what."""
-
-    def __init__(self, text: str, status: int = Exit.FAILED) -> None:
-        super().__init__(text)
-        self.status = status
 
 
 def reached(given: argparse.Namespace) -> Supervisor:

@@ -8,16 +8,17 @@ from pathlib import Path
 from pincette.cli import rig_file
 from pincette.cli.exit_status import Exit
 from pincette.cli.options import Words, does, machine, words
-from pincette.cli.readers import number
+from pincette.cli.readers import composed_program, number
 from pincette.cli.rest import CliError
 from pincette.cli.security_show import show
-from pincette.security.establishing import DAYS, due, enrol, establish
+from pincette.security.establishing import DAYS, due, enrol, enrol_upstream, establish
 from pincette.security.folder import Folder
 from pincette.security.identity import OPERATOR, PEOPLE, Identity, SecurityError, person
 
 ABOUT = "certificates: who is who on the bus, and so what each may do there"
 INIT = "make an authority, and certificates of a rig's programs, a viewer and an operator"
-ADD = "make certificates of another rig's programs"
+ADD = "make certificates of another rig's programs, or of one that composes several of a rig's"
+UPSTREAM = "make a certificate of a laboratory server's router, which the rig's connects to"
 ISSUE = "make a certificate of another person or tool"
 RENEW = "make certificates anew, before they end"
 REVOKE = "take a person's certificate out, so that the router lets it do nothing more"
@@ -27,7 +28,7 @@ SHOW = "every certificate with its end and its hosts"
 def add(word: Words) -> None:
     """Add ``security`` and the words below it."""
     below = words(word("security", ABOUT), "words", "WORD")
-    one = _lasting(_hosted(_in_folder(below("init", INIT), _init)))
+    one = _composing(_lasting(_hosted(_in_folder(below("init", INIT), _init))))
     one.add_argument(
         "--rig",
         dest="rigs",
@@ -36,8 +37,9 @@ def add(word: Words) -> None:
         metavar="RIG",
         help="its name, once for each rig; that of the rig file if not given",
     )
-    one = _lasting(_hosted(_in_folder(below("add", ADD), _add)))
+    one = _composing(_lasting(_hosted(_in_folder(below("add", ADD), _add))))
     one.add_argument("name", metavar="RIG", help="its name")
+    _lasting(_hosted(_in_folder(below("upstream", UPSTREAM), _upstream)))
     one = _lasting(_in_folder(below("issue", ISSUE), _issue))
     one.add_argument("name", metavar="PERSON", help="a name, all lower case")
     one.add_argument("--role", choices=PEOPLE, required=True, help="what it may do")
@@ -77,6 +79,18 @@ def _hosted(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
     return word
 
 
+def _composing(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    word.add_argument(
+        "--composed",
+        type=composed_program,
+        action="append",
+        default=[],
+        metavar="PROGRAM",
+        help="one that composes services too, as loop or estimator+controller, once for each",
+    )
+    return word
+
+
 def _lasting(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
     word.add_argument(
         "--days",
@@ -89,8 +103,11 @@ def _lasting(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
 
 
 def _init(given: argparse.Namespace, folder: Folder) -> int:
-    rigs = given.rigs or [rig_file.opened(rig_file.chosen(None)).rig.name]
-    establish(folder, rigs, given.hosts, _now(), _days(given))
+    rigs, composed = given.rigs, given.composed
+    if not rigs:
+        rig = rig_file.opened(rig_file.chosen(None)).rig
+        rigs, composed = [rig.name], [*dict.fromkeys([*rig.composed, *composed])]
+    establish(folder, rigs, given.hosts, _now(), _days(given), composed)
     show(folder, _now())
     print(
         f"\n{folder.path}/README.txt says what each file is for. Take authority.key to a safe "
@@ -100,8 +117,14 @@ def _init(given: argparse.Namespace, folder: Folder) -> int:
 
 
 def _add(given: argparse.Namespace, folder: Folder) -> int:
-    made = enrol(folder, given.name, given.hosts, _now(), _days(given))
-    _say("made", made, "restart the router: it knows the rig from then on")
+    made = enrol(folder, given.name, given.hosts, _now(), _days(given), given.composed)
+    _say("made", made, "restart the router: it knows them from then on")
+    return Exit.DONE
+
+
+def _upstream(given: argparse.Namespace, folder: Folder) -> int:
+    made = enrol_upstream(folder, given.hosts, _now(), _days(given))
+    _say("made", (made,), "it and the router of the rig read each other's when they start")
     return Exit.DONE
 
 

@@ -12,10 +12,10 @@ from pincette.security.folder import Folder
 from pincette.security.identity import (
     ROUTER,
     SUPERVISOR,
+    UPSTREAM,
     Identity,
     SecurityError,
     program,
-    programs_of,
 )
 
 
@@ -25,9 +25,10 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
     Only keys that are on this machine are looked at: what runs elsewhere has its key there.
     """
     if rig.bus.pki is None:
-        if not _loopback(rig.bus.host):
+        key, place = ("listen", rig.bus.listen) if rig.bus.listen else ("host", rig.bus.host)
+        if not _loopback(place):
             yield noted(
-                f"certificates: none, and [bus] host = {rig.bus.host!r} is beyond this machine: "
+                f"certificates: none, and [bus] {key} = {place!r} is beyond this machine: "
                 "whoever reaches it can move the arm",
                 "`pincette security init FOLDER`, then [bus] pki; docs/how-to/secure.md",
             )
@@ -49,14 +50,18 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
 
 
 def _programs(rig: RigFile) -> tuple[Identity, ...]:
-    own = programs_of(rig.rig.name)
-    if rig.simulation is None:
-        own = tuple(one for one in own if one.role != "rig")
-    return own if rig.joins else (program(ROUTER, ""), program(SUPERVISOR, ""), *own)
+    beside = ("recorder",) if rig.simulation is None else ("recorder", "rig")
+    own = tuple(program(name, rig.rig.name) for name in (*rig.programs, *beside))
+    if rig.joins:
+        return own
+    above = () if rig.bus.upstream is None else (program(UPSTREAM, ""),)
+    return program(ROUTER, ""), *above, program(SUPERVISOR, ""), *own
 
 
 def _host(rig: RigFile, who: Identity) -> str:
     """Where others connect to it; empty where nobody does."""
+    if who.role == UPSTREAM and rig.bus.upstream_at is not None:
+        return rig.bus.upstream_at[0]
     return rig.bus.host if who.serves else ""
 
 

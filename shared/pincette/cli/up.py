@@ -1,5 +1,6 @@
 """Every program of a rig on this machine: `pincette up` and `pincette demo`."""
 
+import argparse
 import re
 import signal
 from collections.abc import Generator
@@ -11,7 +12,7 @@ from types import FrameType
 from rich.console import Console
 from rich.text import Text
 
-from pincette.cli import security_made
+from pincette.cli import options, security_made
 from pincette.cli.exit_status import of_job
 from pincette.cli.follow import follow
 from pincette.cli.options import Words, does, machine, rigged
@@ -22,8 +23,10 @@ from pincette.cli.show import show_result
 from pincette.client import Supervisor
 from pincette.config import RigFile
 from pincette.runtime.fleet import Fleet, FleetError, Member
+from pincette.runtime.logs import Form
 
 UP = "start every program of a rig on this machine; Ctrl-C ends them"
+SERVER = "the programs of a laboratory server, which [bus] upstream names; none of the loop"
 DEMO = "start a rig, grip its part, show the result, end"
 WATCH_S = 0.3
 LOG_STAMP = re.compile(r"^\d{4}-\d\d-\d\d [\d:,]+ \w+ ", re.MULTILINE)
@@ -39,7 +42,9 @@ def add(word: Words) -> None:
         action="store_true",
         help=f"over mutual TLS, with certificates in the folder {security_made.PLACE} of --data",
     )
-    does(one, lambda given: up(given.rig, given.data, secure=given.secure))
+    one.add_argument("--server", action="store_true", help=SERVER)
+    options.log_format(one)
+    does(one, _up)
     one = machine(rigged(word("demo", DEMO), data=True))
     one.add_argument(
         "--secure", action="store_true", help="over mutual TLS, with certificates for this once"
@@ -47,6 +52,16 @@ def add(word: Words) -> None:
     does(
         one,
         lambda given: demo(given.rig, given.data, machine=given.json, secure=given.secure),
+    )
+
+
+def _up(given: argparse.Namespace) -> int:
+    return up(
+        given.rig,
+        given.data,
+        secure=given.secure,
+        server=given.server,
+        log_format=given.log_format,
     )
 
 
@@ -58,14 +73,22 @@ def _end(_number: int, _frame: FrameType | None) -> None:
 
 
 @contextmanager
-def running(rig: RigFile, rig_path: Path, data: Path, console: Console) -> Generator[Fleet]:
+def running(
+    rig: RigFile,
+    rig_path: Path,
+    data: Path,
+    console: Console,
+    *,
+    server: bool = False,
+    log_format: Form | None = None,
+) -> Generator[Fleet]:
     """A rig that is up, and that is down again afterwards whatever happened."""
 
     def say(name: str, line: str) -> None:
         _say(console, fleet.members[name], "green", line.replace("socket://", ""))
 
     try:
-        fleet = Fleet(rig, rig_path, data, say)
+        fleet = Fleet(rig, rig_path, data, say, server=server, log_format=log_format)
     except OSError as error:
         raise CliError(
             f"folder {data} cannot be made or written ({error.strerror}): name another with --data"
@@ -94,16 +117,25 @@ def _say(console: Console, member: Member, colour: str, line: str) -> None:
     console.print(text, soft_wrap=True)
 
 
-def up(rig_path: Path, data: Path, *, secure: bool = False) -> int:
+def up(
+    rig_path: Path,
+    data: Path,
+    *,
+    secure: bool = False,
+    server: bool = False,
+    log_format: Form | None = None,
+) -> int:
     """Start all programs, a line each; report what ends; end all on Ctrl-C."""
     console = Console(highlight=False)
     rig = opened(rig_path)
+    if server and rig.bus.upstream is None:
+        raise CliError(f"rig {rig.rig.name!r} has no [bus] upstream: HOST:PORT of this server")
     if secure:
         pki = security_made.standing(rig, data)
         rig = rig.secured(pki)
         console.print(f"certificates in {pki}; for tools: {PKI}={pki.resolve()}", soft_wrap=True)
     try:
-        with running(rig, rig_path, data, console) as fleet:
+        with running(rig, rig_path, data, console, server=server, log_format=log_format) as fleet:
             _watch(rig, fleet, console)
     except KeyboardInterrupt:
         console.print("every program has ended")

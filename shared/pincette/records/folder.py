@@ -17,6 +17,7 @@ from pincette.records.columns import COLUMNS, Columns
 LIVE = mcap_file.NAME
 SAMPLES = "samples.parquet"
 BURST = "burst.parquet"
+TIMING = "timing.json"
 PLOTS: Mapping[JobKind, str] = {
     "grip": "grip.png",
     "track": "track.png",
@@ -31,6 +32,7 @@ MEDIA_TYPES = {
     LIVE: "application/octet-stream",
     SAMPLES: "application/vnd.apache.parquet",
     BURST: "application/vnd.apache.parquet",
+    TIMING: "application/json",
     **dict.fromkeys(PLOTS.values(), "image/png"),
     REQUEST: "application/json",
     RESULT: "application/json",

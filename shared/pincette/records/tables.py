@@ -6,10 +6,11 @@ from pincette.records import folder as files
 from pincette.records.bursts import joined
 from pincette.records.columns import columns
 from pincette.records.mcap_reading import Recording
+from pincette.records.timings import loop_timing
 
 
 def write_tables(folder: Path, recording: Recording) -> list[str]:
-    """Write the samples, and the acquisition where there is one; returns what is wrong with them.
+    """Write the samples, with acquisition and timing where there is any; returns what is wrong.
 
     Raises
     ------
@@ -22,6 +23,9 @@ def write_tables(folder: Path, recording: Recording) -> list[str]:
         return ["the record does not say its control period: no table can be made of it"]
     table = columns(recording.messages, period_s)
     files.write_samples(folder / files.SAMPLES, table, recording.about)
+    timing = loop_timing(recording.messages)
+    if timing is not None:
+        files.write_json(folder / files.TIMING, timing.model_dump(exclude={"silent"}))
     try:
         acquired = joined(recording.messages)
     except ValueError as error:

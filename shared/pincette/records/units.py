@@ -17,6 +17,19 @@ UNITS = {
     "_hz": "Hz",
 }
 """Longer ends first, so that the first that fits is the unit."""
+OF_FILES = {
+    "_um_per_V2": "µm/V²",
+    "_mN_per_decade": "mN/decade",
+    "_J_per_m2": "J/m²",
+    "_kg_per_m3": "kg/m³",
+    "_per_V": "1/V",
+    "_periods": "periods",
+    "_days": "days",
+    "_GPa": "GPa",
+    "_MB": "MB",
+    "_GB": "GB",
+}
+"""Units that a rig file has beside those, and no message."""
 
 
 def unit_of(name: str) -> str:
@@ -27,3 +40,9 @@ def unit_of(name: str) -> str:
 def bare(name: str) -> str:
     """A name without its unit."""
     return next((name.removesuffix(end) for end in UNITS if name.endswith(end)), name)
+
+
+def unit_in_file(name: str) -> str:
+    """Unit of a key of the rig file; empty where it has none."""
+    ends = sorted((UNITS | OF_FILES).items(), key=lambda end: -len(end[0]))
+    return next((unit for end, unit in ends if name.endswith(end)), "")

@@ -1,7 +1,6 @@
 """Every word that speaks with a supervisor: what it asks, what it says, how it ends."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +10,19 @@ import pytest
 from pincette.api.event_models import Event
 from pincette.api.job_models import Action, Artifact, Job
 from pincette.api.plan_models import Plan
+from pincette.api.proposal_models import Proposal
 from pincette.api.recipe_models import Recipe, RecipeHistory
 from pincette.api.rig_models import Rig
-from pincette.cli import rest
 from pincette.cli.exit_status import MEANINGS, Exit
 from pincette.cli.main import main
-from pincette.client import Supervisor
 from tests.unit.client import desk
 from tests.unit.client.desk import Desk
 
+from .conftest import At
+
 NAME = desk.example(Job)["id"]
 AT = ("--at", "demo")
+PROPOSED = (("first", "other"), ("second", "demo"), ("third", "demo"))
 RESULT: dict[str, Any] = {
     "outcome": "moved",
     "phases": [],
@@ -32,23 +33,6 @@ RESULT: dict[str, Any] = {
     "warnings": [],
 }
 SUCCEEDED = {"kind": "calibrate", "state": "succeeded", "result": RESULT}
-At = Callable[..., Desk]
-
-
-@pytest.fixture
-def at(monkeypatch: pytest.MonkeyPatch) -> At:
-    """Put a supervisor of prepared answers where the command line looks for one."""
-
-    def place(*answers: Any) -> Desk:
-        supervisor = Desk(*answers)
-
-        def reached(_url: str, **_settings: Any) -> Supervisor:
-            return supervisor.supervisor(0.0)
-
-        monkeypatch.setattr(rest, "Supervisor", reached)
-        return supervisor
-
-    return place
 
 
 def sent(supervisor: Desk, place: int = -1) -> Any:
@@ -154,6 +138,16 @@ def test_the_last_job_needs_no_id(at: At) -> None:
     assert supervisor.paths()[-1] == f"POST /api/v1/jobs/{NAME}/actions"
     at(httpx.Response(200, json={"jobs": []}))
     assert main(["job", "pause", "last", *AT]) == Exit.FAILED
+
+
+def test_the_last_calibration_needs_no_id(at: At) -> None:
+    proposals = [desk.example(Proposal) | {"id": name, "rig": rig} for name, rig in PROPOSED]
+    listed = httpx.Response(200, json={"calibrations": proposals})
+    supervisor = at(listed, httpx.Response(200, json=proposals[1]))
+    assert main(["model", "accept", "last", *AT]) == Exit.DONE
+    assert supervisor.paths()[-1] == "POST /api/v1/calibrations/second/actions"
+    at(httpx.Response(200, json={"calibrations": proposals[:1]}))
+    assert main(["model", "accept", "last", *AT]) == Exit.FAILED
 
 
 def test_stop_waits_until_the_rig_has_confirmed(at: At, capsys: pytest.CaptureFixture[str]) -> None:

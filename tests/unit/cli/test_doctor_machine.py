@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli.doctor_machine import machine, priority
+from pincette.cli.doctor_machine import machine, priority, wishes
+from pincette.config import RigFile, read_rig
+from pincette.config.realtime import RealTime
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is asked for")
 
@@ -45,6 +47,27 @@ def test_asking_changes_nothing_of_the_program_that_asks(tmp_path: Path) -> None
     found = [finding.what for finding in machine(tmp_path)]
     assert (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)) == before
     assert len([what for what in found if what.startswith("priority: ")]) == 1
+
+
+def asking(realtime: RealTime, time: str = "real") -> RigFile:
+    rig = read_rig(Path("deploy/rigs/demo.toml"))
+    changed = rig.rig.model_copy(update={"time": time})
+    return rig.model_copy(update={"realtime": realtime, "rig": changed})
+
+
+def test_what_a_rig_file_asks_for_in_vain_is_noted_or_missing() -> None:
+    before = os.sched_getaffinity(0)
+    (noted,) = wishes(asking(RealTime(cores={"sensor": (1023,)})))
+    assert noted.mark == "note"
+    assert noted.what.startswith("[realtime] sensor runs without processors 1023 of its own")
+    assert "--cpuset-cpus" in noted.remedy
+    every = list(wishes(asking(RealTime(cores=(1023,), required=("cores",)))))
+    assert [one.mark for one in every] == ["missing"] * 4
+    assert os.sched_getaffinity(0) == before
+
+
+def test_in_lockstep_nothing_is_asked_for() -> None:
+    assert list(wishes(asking(RealTime(cores=(1023,)), "lockstep"))) == []
 
 
 def test_the_page_it_names_is_there() -> None:

@@ -28,8 +28,11 @@ def test_at_least_one_random_rig_is_wanted(tmp_path: Path) -> None:
 def test_progress_and_summary_are_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def study(rig: RigFile, folder: Path, progress: Progress, rigs: int) -> dict[str, Any]:
+    def study(
+        rig: RigFile, folder: Path, progress: Progress, rigs: int, workers: int
+    ) -> dict[str, Any]:
         assert (rig.rig.name, folder, rigs) == ("demo", tmp_path, 3)
+        assert 1 <= workers <= paper.MOST_WORKERS
         progress("stability map", 0.25)
         return {"random_rigs": rigs, "table1_force_percent": {"5": 2.8149, "2": 5.78}}
 

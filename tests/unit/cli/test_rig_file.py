@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from pincette.cli import rig_file
 from pincette.cli.main import main
 from pincette.cli.rest import CliError
 from pincette.cli.rig_file import chosen, opened
@@ -45,3 +46,16 @@ def test_an_address_without_a_port_is_refused(tmp_path: Path, url: str) -> None:
     path.write_text(text.replace("socket://127.0.0.1:7462", url), encoding="utf-8")
     with pytest.raises(CliError, match=r"output\.url = .*a port from 1 to 65535"):
         opened(path)
+
+
+def test_what_the_package_brings_along_comes_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours = tmp_path / "demo.toml"
+    ours.write_text("", encoding="utf-8")
+    monkeypatch.setattr(rig_file, "brought", lambda: ours)
+    monkeypatch.delenv("PINCETTE_RIG", raising=False)
+    monkeypatch.chdir(tmp_path)
+    assert chosen(None) == ours
+    monkeypatch.chdir(ROOT)
+    assert chosen(None).resolve() == DEMO

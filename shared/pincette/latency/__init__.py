@@ -1,0 +1,1 @@
+"""How late things are: histograms of durations, and the period that a machine supports; pure."""

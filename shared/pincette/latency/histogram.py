@@ -1,0 +1,149 @@
+"""Histograms of durations over logarithmic buckets: bounded relative error, constant memory; pure.
+
+Durations are counted in whole ns. Bucket b begins at
+
+    n(b) = b                               for b < 64
+    n(b) = (32 + b mod 32) · 2^(⌊b/32⌋-1)  else
+
+so that each power of two is divided into 32 buckets of equal width. A bucket is told by its end,
+so a quantile is never told too short, and at most 1/32 of it, or 1 ns, too long. This is the
+division of HdrHistogram (G. Tene) with five significant bits.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import ceil
+
+BITS = 5
+STEPS = 1 << BITS
+"""Buckets of a power of two."""
+LINEAR = 2 * STEPS
+"""Below so many ns each bucket holds one."""
+LONGEST_BITS = 63
+"""Of a duration in ns: 292 years."""
+BUCKETS = (LONGEST_BITS - BITS - 1) * STEPS + LINEAR
+RELATIVE_ERROR = 1.0 / STEPS
+NS_PER_S = 1e9
+
+
+def bucket_of(duration_ns: int) -> int:
+    """Bucket of a duration in ns; one below zero counts as zero."""
+    if duration_ns < LINEAR:
+        return max(0, duration_ns)
+    shift = duration_ns.bit_length() - BITS - 1
+    return shift * STEPS + (duration_ns >> shift)
+
+
+def first_ns(bucket: int) -> int:
+    """n(b), the shortest duration of a bucket in ns."""
+    if bucket < LINEAR:
+        return bucket
+    shift = bucket // STEPS - 1
+    return (STEPS + bucket % STEPS) << shift
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """Counted durations, as they are told: the buckets that hold any, in order."""
+
+    buckets: tuple[int, ...] = ()
+    """Bucket b begins at b ns below 64, else at (32 + b mod 32) · 2^(b div 32 - 1) ns."""
+    counts: tuple[int, ...] = ()
+    """Durations in each of them."""
+    max_s: float = 0.0
+    """The longest, exactly."""
+
+    def __post_init__(self) -> None:
+        buckets, counts = self.buckets, self.counts
+        if len(buckets) != len(counts):
+            raise ValueError(f"{len(buckets)} buckets with {len(counts)} counts")
+        before = -1
+        for bucket in buckets:
+            if not before < bucket < BUCKETS:
+                raise ValueError(f"bucket {bucket} after {before}: not in order up to {BUCKETS}")
+            before = bucket
+        if any(count <= 0 for count in counts):
+            raise ValueError("a bucket that is told holds nothing")
+
+    @property
+    def count(self) -> int:
+        """How many were counted."""
+        total = 0
+        for count in self.counts:
+            total += count
+        return total
+
+    def quantile_s(self, share: float) -> float | None:
+        """Duration that a share of them does not exceed, in s; None where none was counted.
+
+        The end n(b+1) of the least bucket up to which ⌈share · count⌉ were counted, and no more
+        than the longest: at most 1/32 or 1 ns above the true order statistic, never below it.
+
+        Raises
+        ------
+        ValueError
+            Where the share is not within 0 to 1.
+        """
+        if not 0.0 <= share <= 1.0:
+            raise ValueError(f"share = {share}: not within 0 to 1")
+        rank, reached = max(1, ceil(share * self.count)), 0
+        for bucket, count in zip(self.buckets, self.counts, strict=True):
+            reached += count
+            if reached >= rank:
+                return min(self.max_s, first_ns(bucket + 1) / NS_PER_S)
+        return None
+
+
+def merged(parts: Iterable[Distribution]) -> Distribution:
+    """All that several have counted, exactly as if one had counted it."""
+    together: dict[int, int] = {}
+    max_s = 0.0
+    for part in parts:
+        max_s = max(max_s, part.max_s)
+        for bucket, count in zip(part.buckets, part.counts, strict=True):
+            together[bucket] = together.get(bucket, 0) + count
+    buckets = tuple(sorted(together))
+    return Distribution(buckets, tuple(together[bucket] for bucket in buckets), max_s)
+
+
+class Histogram:
+    """Counts durations; nothing is allocated for one."""
+
+    __slots__ = ("_counts", "_max_s")
+
+    def __init__(self) -> None:
+        self._counts = [0] * BUCKETS
+        self._max_s = 0.0
+
+    def add(self, duration_s: float) -> None:
+        """Count a duration in s; as ``bucket_of`` does, whose call would cost as much again."""
+        if duration_s > self._max_s:
+            self._max_s = duration_s
+        duration_ns = int(duration_s * NS_PER_S)
+        if duration_ns < LINEAR:
+            self._counts[max(0, duration_ns)] += 1
+        else:
+            shift = duration_ns.bit_length() - BITS - 1
+            self._counts[shift * STEPS + (duration_ns >> shift)] += 1
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self._counts = [0] * BUCKETS
+        self._max_s = 0.0
+
+    def told(self) -> Distribution:
+        """What was counted so far."""
+        counts = self._counts
+        longest = bucket_of(int(self._max_s * NS_PER_S))
+        buckets = [bucket for bucket in range(longest + 1) if counts[bucket]]
+        return Distribution(
+            tuple(buckets), tuple([counts[bucket] for bucket in buckets]), self._max_s
+        )
+
+
+def counted(durations_s: Iterable[float]) -> Distribution:
+    """Durations in s, counted."""
+    histogram = Histogram()
+    for duration_s in durations_s:
+        histogram.add(duration_s)
+    return histogram.told()

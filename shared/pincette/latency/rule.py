@@ -1,0 +1,68 @@
+"""Which control period a machine supports, by what was measured on it; pure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pincette.latency.histogram import Distribution
+
+TAIL = 0.999
+LATE_SHARE = 0.1
+"""Of the period: what all but one in a thousand wake-ups keep below."""
+LATEST_SHARE = 0.5
+"""Of the period: what every wake-up keeps below."""
+HOPS = 4
+"""Of a tick: position, estimate and command, and the applied voltage to the estimator."""
+HOPS_SHARE = 0.5
+"""Of the period: what the hops of a tick may take together."""
+FEWEST = 100
+"""Wake-ups without which nothing is said of a period."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Wake-ups on a grid of one period."""
+
+    period_s: float
+    lateness: Distribution
+    missed: int
+    """Points of the grid that were over before the wake-up came."""
+
+
+def objections(measured: Measured, hop: Distribution | None = None) -> tuple[str, ...]:
+    """Why a period T is not supported; none where it is.
+
+    It is where of at least 100 wake-ups on a grid of T
+
+        p99.9 of the lateness ≤ 0.1 T   and   the latest ≤ 0.5 T,
+
+    and, where hops over the bus were measured, 4 · p99.9 of a hop ≤ 0.5 T.
+    """
+    period_s, lateness = measured.period_s, measured.lateness
+    tail_s = lateness.quantile_s(TAIL)
+    if tail_s is None or lateness.count < FEWEST:
+        return (f"{lateness.count} wake-ups, too few to judge by: {FEWEST} are needed",)
+    found: list[str] = []
+    if tail_s > LATE_SHARE * period_s:
+        found.append(_above("p99.9 of the lateness", tail_s, LATE_SHARE, period_s))
+    if lateness.max_s > LATEST_SHARE * period_s:
+        found.append(_above("the latest wake-up", lateness.max_s, LATEST_SHARE, period_s))
+    hop_s = None if hop is None else hop.quantile_s(TAIL)
+    if hop_s is not None and HOPS * hop_s > HOPS_SHARE * period_s:
+        found.append(_above(f"{HOPS} hops at their p99.9", HOPS * hop_s, HOPS_SHARE, period_s))
+    return tuple(found)
+
+
+def _above(what: str, value_s: float, share: float, period_s: float) -> str:
+    return f"{what}: {1e3 * value_s:.3g} ms, limit {share:g} T = {1e3 * share * period_s:.3g} ms"
+
+
+def shortest_supported_s(
+    measured: Sequence[Measured], hop: Distribution | None = None
+) -> float | None:
+    """The shortest period that is supported with every longer one; None where there is none."""
+    found: float | None = None
+    for one in sorted(measured, key=lambda one: one.period_s, reverse=True):
+        if objections(one, hop):
+            break
+        found = one.period_s
+    return found

@@ -1,0 +1,65 @@
+"""What keeps a machine busy while it is measured: a program on every processor, one on the disk."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic
+
+BLOCK = 1 << 20
+BLOCKS = 64
+"""Of a mebibyte each, before the writer begins at the front again."""
+
+
+@contextmanager
+def load(for_s: float) -> Generator[None]:
+    """Keep every processor and the disk busy; after ``for_s`` the programs end by themselves."""
+    wanted = [["cpu"] for _ in range(os.cpu_count() or 1)]
+    with TemporaryDirectory(prefix="pincette-load-") as folder:
+        wanted.append(["disk", str(Path(folder, "block"))])
+        programs = [
+            subprocess.Popen([sys.executable, "-m", __name__, str(for_s), *words])
+            for words in wanted
+        ]
+        try:
+            yield
+        finally:
+            for program in programs:
+                program.terminate()
+            for program in programs:
+                program.wait()
+
+
+def burn(end_s: float) -> None:
+    """Keep a processor from doing anything else."""
+    while monotonic() < end_s:
+        sum(range(10_000))
+
+
+def write(path: Path, end_s: float) -> None:
+    """Write to the disk, and wait for it."""
+    block = os.urandom(BLOCK)
+    with path.open("wb", buffering=0) as file:
+        while True:
+            file.write(block)
+            os.fsync(file.fileno())
+            if monotonic() >= end_s:
+                return
+            if file.tell() >= BLOCKS * BLOCK:
+                file.seek(0)
+
+
+def main(words: Sequence[str]) -> None:
+    """Run one of the programs for so many seconds."""
+    end_s = monotonic() + float(words[0])
+    if words[1] == "cpu":
+        burn(end_s)
+    else:
+        write(Path(words[2]), end_s)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,28 @@
+"""A supervisor of prepared answers in place of the one that the command line looks for."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from pincette.cli import rest
+from pincette.client import Supervisor
+from tests.unit.client.desk import Desk
+
+At = Callable[..., Desk]
+
+
+@pytest.fixture
+def at(monkeypatch: pytest.MonkeyPatch) -> At:
+    """Put a supervisor of prepared answers where the command line looks for one."""
+
+    def place(*answers: Any) -> Desk:
+        supervisor = Desk(*answers)
+
+        def reached(_url: str, **_settings: Any) -> Supervisor:
+            return supervisor.supervisor(0.0)
+
+        monkeypatch.setattr(rest, "Supervisor", reached)
+        return supervisor
+
+    return place

@@ -1,0 +1,101 @@
+"""Rig files that compose services, from the command line: certificates, doctor, what is started."""
+
+from pathlib import Path
+
+import pytest
+
+from pincette.cli import security_made
+from pincette.cli.doctor_finding import Finding
+from pincette.cli.doctor_rig import composed
+from pincette.cli.main import main, parser
+from pincette.cli.security_findings import certificates
+from pincette.config import RigFile, read_rig
+from pincette.runtime.fleet import Fleet
+from pincette.security.folder import Folder
+from pincette.security.identity import OF_A_RIG
+from tests.support.certificates import folder_for
+from tests.support.partitions import composing
+from tests.support.rigs import DEMO, demo_rig
+
+RIG = read_rig(DEMO)
+PAIR = "estimator+controller"
+
+
+def of_rig(folder: Folder) -> set[str]:
+    return {facts.identity.role for facts in folder.all() if facts.identity.rig == "demo"}
+
+
+def test_up_starts_the_programs_that_the_rig_file_names(tmp_path: Path) -> None:
+    def started(rig: RigFile) -> list[str]:
+        return Fleet(rig, Path("rig.toml"), tmp_path, lambda _name, _line: None).names()
+
+    around = ["recorder", "supervisor"]
+    assert started(composing(RIG, "loop")) == ["router", "rig", "loop", *around]
+    assert started(composing(RIG, PAIR)) == ["router", "rig", "sensor", PAIR, "actuator", *around]
+
+
+@pytest.mark.parametrize("name", ["controller+estimator", PAIR])
+def test_run_takes_a_program_by_its_services_in_any_order(name: str) -> None:
+    assert parser().parse_args(["run", name]).name == PAIR
+
+
+def test_run_says_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parser().parse_args(["run", "sensor+recorder"])
+    said = capsys.readouterr().err
+    assert "'recorder' is no service of the loop: wanted 'loop', or at least two of" in said
+    with pytest.raises(SystemExit):
+        parser().parse_args(["run", "sensr"])
+    assert "router, supervisor" in capsys.readouterr().err
+
+
+def test_certificates_on_the_fly_are_made_for_what_is_composed_then_and_later(
+    tmp_path: Path,
+) -> None:
+    security_made.standing(RIG, tmp_path)
+    folder = Folder(tmp_path / security_made.PLACE)
+    assert of_rig(folder) == {*OF_A_RIG}
+    for programs in (("loop",), ("loop",), (PAIR, "sensor+actuator")):
+        security_made.standing(composing(RIG, *programs), tmp_path)
+        assert of_rig(folder) >= {*OF_A_RIG, *programs}
+    security_made.standing(composing(RIG, "loop"), tmp_path / "another")
+    assert of_rig(Folder(tmp_path / "another" / security_made.PLACE)) == {*OF_A_RIG, "loop"}
+
+
+def test_security_makes_them_on_demand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rig.toml"
+    text = DEMO.read_text(encoding="utf-8").replace("[rig]", '[rig]\ncomposed = ["loop"]', 1)
+    path.write_text(text, encoding="utf-8")
+    monkeypatch.setenv("PINCETTE_RIG", str(path))
+    place = tmp_path / "pki"
+    assert main(["security", "init", str(place)]) == 0
+    assert of_rig(Folder(place)) == {*OF_A_RIG, "loop"}
+    capsys.readouterr()
+    assert main(["security", "add", str(place), "demo", "--composed", "controller+estimator"]) == 0
+    assert f"made: demo/{PAIR}\nrestart the router" in capsys.readouterr().out
+    assert main(["security", "add", str(place), "demo", "--composed", PAIR]) == 1
+    assert "not written over" in capsys.readouterr().err
+
+
+def test_doctor_wants_the_certificates_of_the_programs_there_are(tmp_path: Path) -> None:
+    folder = folder_for(tmp_path / "pki", "demo")
+    rig = composing(demo_rig(), "loop").secured(folder.path)
+    missing = [one.what for one in certificates(rig) if one.mark == "missing"]
+    assert len(missing) == 1
+    assert "loop.crt: No such file" in missing[0]
+
+
+def test_doctor_says_what_is_given_up_and_what_cannot_be() -> None:
+    def found(rig: RigFile) -> list[Finding]:
+        return list(composed(rig))
+
+    assert found(RIG) == found(composing(RIG, PAIR)) == []
+    (noted,) = found(composing(RIG, "loop"))
+    assert noted.mark != "missing"
+    assert "the actuator is part of loop" in noted.what
+    slow = RIG.sensor.model_copy(update={"options": {**RIG.sensor.options, "baud": 9600}})
+    late, _ = found(composing(RIG.model_copy(update={"sensor": slow}), "sensor+actuator"))
+    assert late.mark == "missing"
+    assert "let the sensor be a program by itself" in late.what

@@ -1,0 +1,68 @@
+"""``pincette run`` works where only the loop's packages are, and loads nothing else anywhere."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pincette.cli.door import main
+
+OF_PEOPLE = ("httpx", "rich", "pyarrow", "matplotlib", "sqlalchemy", "fastapi", "mcap")
+WITHOUT = """\
+import sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {names!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Missing())
+from pincette.cli.door import main
+sys.exit(main({words!r}))
+"""
+
+
+def without(*words: str) -> "subprocess.CompletedProcess[str]":
+    """Run the command where none of the packages is installed that only people's words need."""
+    script = WITHOUT.format(names=OF_PEOPLE, words=list(words))
+    line = [sys.executable, "-c", script]
+    return subprocess.run(line, capture_output=True, text=True, timeout=60.0, check=False)
+
+
+def test_run_needs_nothing_of_what_only_people_need() -> None:
+    done = without("run", "--help")
+    assert done.returncode == 0, done.stderr
+    assert "--listen ADDRESS" in done.stdout
+
+
+def test_a_program_that_is_not_there_says_which_package_is_missing(tmp_path: Path) -> None:
+    rig = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
+    done = without("run", "recorder", "--rig", str(rig), "--data", str(tmp_path))
+    assert done.returncode == 2
+    assert "pincette_recorder.program:run" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_another_word_says_what_this_place_is_for() -> None:
+    done = without("doctor")
+    assert done.returncode == 2
+    assert "is not installed" in done.stderr
+    assert "`run NAME`" in done.stderr
+    assert without("--version").stdout.startswith("pincette ")
+
+
+def test_where_all_is_there_every_word_works(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["job", "--help"])
+    assert ended.value.code == 0
+    assert "grip" in capsys.readouterr().out
+
+
+def test_run_without_a_rig_file_ends_as_every_word_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("PINCETTE_RIG", raising=False)
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "sensor"]) == 1
+    assert "no rig file" in capsys.readouterr().err

@@ -1,0 +1,45 @@
+"""``pincette timing``, and what ``pincette records show`` says of a loop's punctuality."""
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from pincette.api.job_models import Artifact, Job
+from pincette.api.timing_models import LoopTiming
+from pincette.cli.exit_status import Exit
+from pincette.cli.main import main
+from tests.unit.client import desk
+
+from .conftest import At
+
+NAME = desk.example(Job)["id"]
+AT = ("--at", "demo")
+
+
+def test_how_punctual_a_loop_is_is_shown(
+    at: At, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = LoopTiming.model_validate(desk.example(LoopTiming))
+    at(httpx.Response(200, json=told.model_dump()))
+    assert main(["timing", *AT]) == Exit.DONE
+    shown = capsys.readouterr().out
+    assert [line.split() for line in shown.splitlines()[2:]] == [
+        ["estimator", "lateness", "1000", "0.094", "0.310", "0.550", "0.720", "0"],
+        ["estimator", "age", "1000", "0.094", "0.310", "0.550", "0.720"],
+        ["estimator", "execution", "1000", "0.094", "0.310", "0.550", "0.720"],
+    ]
+    silent: dict[str, Any] = {"programs": [], "silent": {"sensor": "in lockstep no clock is kept"}}
+    at(httpx.Response(200, json=silent))
+    assert main(["timing", *AT]) == Exit.FAILED
+    assert capsys.readouterr().out == "sensor: in lockstep no clock is kept\n"
+    content = told.model_dump_json().encode()
+    (tmp_path / "timing.json").write_bytes(content)
+    sha256 = hashlib.sha256(content).hexdigest()
+    file = desk.example(Artifact, name="timing.json", sha256=sha256)
+    listed = httpx.Response(200, json={"artifacts": [file]})
+    at(desk.job(), listed, listed, httpx.Response(200, content=content))
+    assert main(["records", "show", NAME]) == Exit.DONE
+    assert "estimator   execution" in capsys.readouterr().out

@@ -1,0 +1,60 @@
+"""Which period is supported: each part of the rule, at its limit and beyond it."""
+
+from itertools import chain, repeat
+
+import pytest
+
+from pincette.latency.histogram import counted
+from pincette.latency.rule import Measured, objections, shortest_supported_s
+
+T = 0.02
+
+
+def measured(*late_s: float, period_s: float = T, count: int = 10_000) -> Measured:
+    """Some late wake-ups among those that are 10 µs late."""
+    filled = chain(late_s, repeat(1e-5, count - len(late_s)))
+    return Measured(period_s, counted(filled), 0)
+
+
+def test_a_machine_that_wakes_up_in_time_supports_the_period() -> None:
+    assert objections(measured()) == ()
+    assert objections(measured(0.49 * T)) == ()
+    assert objections(measured(*[0.09 * T] * 100)) == ()
+
+
+def test_a_heavy_tail_is_an_objection() -> None:
+    (why,) = objections(measured(*[0.11 * T] * 11))
+    assert why.startswith("p99.9 of the lateness: 2.2")
+    assert why.endswith("limit 0.1 T = 2 ms")
+
+
+def test_one_wake_up_that_is_far_too_late_is_one() -> None:
+    (why,) = objections(measured(0.51 * T))
+    assert why == "the latest wake-up: 10.2 ms, limit 0.5 T = 10 ms"
+
+
+def test_hops_that_take_half_the_period_are_one() -> None:
+    assert objections(measured(), counted([0.12 * T] * 1000)) == ()
+    (why,) = objections(measured(), counted([0.13 * T] * 1000))
+    assert why.startswith("4 hops at their p99.9: 10.")
+
+
+def test_too_few_wake_ups_say_nothing() -> None:
+    (why,) = objections(measured(count=99))
+    assert why == "99 wake-ups, too few to judge by: 100 are needed"
+    assert objections(measured(count=100)) == ()
+    assert objections(Measured(T, counted([]), 0))
+
+
+@pytest.mark.parametrize(
+    ("fails", "shortest_s"),
+    [((), 0.001), ((0.001,), 0.005), ((0.005,), 0.02), ((0.02,), None), ((0.001, 0.02), None)],
+)
+def test_the_shortest_is_supported_with_every_longer_one(
+    fails: tuple[float, ...], shortest_s: float | None
+) -> None:
+    all_of_them = [
+        measured(*([0.6 * period_s] if period_s in fails else []), period_s=period_s)
+        for period_s in (0.001, 0.02, 0.005)
+    ]
+    assert shortest_supported_s(all_of_them) == shortest_s

@@ -1,0 +1,60 @@
+"""What a record keeps of how punctual the programs say that they were."""
+
+import json
+
+from pincette.messages import Done, Recorded, Telemetry, Timing
+from pincette.records import mcap_reading
+from tests.support.recorded import loop, timing
+
+from .conftest import Bench
+
+
+def test_what_each_program_told_last_of_its_punctuality_is_a_file_of_its_own(bench: Bench) -> None:
+    assert bench.begin() == Done(0)
+    bench.feed([timing("estimator", 10, 0.001), timing("sensor", 12, 0.003), *loop(30)])
+    bench.feed([timing("estimator", 20, 0.001, 0.004)])
+    bench.finish(29)
+    told = json.loads((bench.jobs / "j-1" / "timing.json").read_text(encoding="utf-8"))
+    assert [(one["program"], one["seq"]) for one in told["programs"]] == [
+        ("sensor", 12),
+        ("estimator", 20),
+    ]
+    late = told["programs"][1]["lateness"]
+    assert (late["count"], late["max_s"]) == (2, 0.004)
+    assert told["programs"][1]["age"]["max_s"] is None
+    manifest = json.loads((bench.jobs / "j-1" / "manifest.json").read_text(encoding="utf-8"))
+    files = {file["name"] for file in manifest["files"]}
+    assert {"timing.json", "samples.parquet"} <= files
+
+
+def test_a_loop_that_keeps_no_clock_leaves_no_such_file(bench: Bench) -> None:
+    assert bench.begin() == Done(0)
+    bench.feed(loop(30))
+    bench.finish(29)
+    assert not (bench.jobs / "j-1" / "timing.json").exists()
+
+
+def test_what_a_loop_tells_of_itself_does_not_keep_a_record_open(bench: Bench) -> None:
+    assert bench.begin() == Done(0)
+    bench.feed([message for message in loop(30) if not isinstance(message, Telemetry)])
+    assert bench.finish(29) is None
+    for seq in range(29, 33):
+        bench.feed([timing("sensor", seq, 0.001)])
+        bench.wait(0.1)
+    assert isinstance(bench.reply, Recorded)
+
+
+def test_of_timing_only_what_says_more_is_written(bench: Bench) -> None:
+    assert bench.begin() == Done(0)
+    bench.feed(loop(30)[:-1])
+    for second in range(25):
+        bench.feed([timing("sensor", second, *[0.001] * (second + 1))])
+        bench.wait(1.0)
+        bench.feed([message for message in loop(30)[:-1] if isinstance(message, Telemetry)])
+    bench.feed(loop(30)[-1:])
+    bench.finish(29)
+    bench.wait(5.0)
+    read = mcap_reading.read(bench.jobs / "j-1" / "job.mcap").messages
+    kept = [message for message in read if isinstance(message, Timing)]
+    assert len(kept) == 3
+    assert kept[-1] == timing("sensor", 24, *[0.001] * 25)
