@@ -2,6 +2,6 @@
 
 import sys
 
-from pincette.cli.main import main
+from pincette.cli.door import main
 
 sys.exit(main())

@@ -6,10 +6,10 @@ inputs are data, replay, documents and the links between programs need no second
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, Protocol, TypeVar
 
 from pincette.messages import Message
-from pincette.topics import Question, Topic
+from pincette.topics import LOOP, Question, Topic
 
 C = TypeVar("C")
 S = TypeVar("S")
@@ -111,3 +111,81 @@ class Service(Generic[R, C, S, I]):
 
 
 AnyService = Service[Any, Any, Any, Any]
+
+WHOLE, AND = "loop", "+"
+"""Name of the program that composes the whole loop, and what joins those of others' services."""
+
+
+def services_of(program: str) -> tuple[str, ...]:
+    """Services of the loop that a program runs, in the order of a tick.
+
+    ``sensor`` is a program of one service, ``estimator+controller`` composes two, ``loop`` all; a
+    program outside the loop runs none.
+    """
+    if program == WHOLE:
+        return LOOP
+    names = program.split(AND)
+    return tuple(name for name in LOOP if name in names)
+
+
+def composed_name(text: str) -> str:
+    """The name of a program that composes several services, as it is known by: in their order.
+
+    Raises
+    ------
+    ValueError
+        Where a name is no service's, or comes twice, or there are fewer than two.
+    """
+    wanted = f"wanted {WHOLE!r}, or at least two of {', '.join(LOOP)} with {AND!r} between"
+    names = list(LOOP) if text == WHOLE else text.split(AND)
+    odd = [name for name in names if name not in LOOP]
+    if odd:
+        raise ValueError(f"{odd[0]!r} is no service of the loop: {wanted}")
+    if len(set(names)) < len(names) or len(names) < 2:
+        raise ValueError(f"{text!r} composes nothing: {wanted}")
+    ordered = tuple(name for name in LOOP if name in names)
+    return WHOLE if ordered == LOOP else AND.join(ordered)
+
+
+class Participant(Protocol):
+    """What others see of a program of the loop: what it takes of them, gives and answers."""
+
+    @property
+    def name(self) -> str:
+        """The program's; see ``services_of``."""
+        ...
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """What it takes of other programs."""
+        ...
+
+    @property
+    def questions(self) -> tuple[Question, ...]:
+        """What it answers."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Composed:
+    """Several services as one program; what they tell each other is no input of it."""
+
+    name: str
+    services: tuple[AnyService, ...]
+    """In the order of a tick."""
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """What its services take of others."""
+        own = services_of(self.name)
+        return tuple(
+            item
+            for service in self.services
+            for item in service.inputs
+            if item.topic.producer not in own
+        )
+
+    @property
+    def questions(self) -> tuple[Question, ...]:
+        """What its services answer."""
+        return tuple(question for service in self.services for question in service.questions)

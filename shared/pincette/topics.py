@@ -63,10 +63,18 @@ ASKED = Topic(
     per_tick=False,
     urgent=True,
 )
+TIMING = Topic(
+    "timing",
+    messages.Timing,
+    "every program of the loop",
+    "how punctual it is, about once a second",
+    per_tick=False,
+    urgent=True,
+)
 
 JOB = Topic("job", messages.JobNotice, "supervisor", "a job's state and phase", per_tick=False)
 
-TOPICS = (POSITION, BURST, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH, ASKED, JOB)
+TOPICS = (POSITION, BURST, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH, ASKED, TIMING, JOB)
 TOPIC_OF: dict[type[Message], Topic] = {topic.message: topic for topic in TOPICS}
 
 LOOP = ("sensor", "estimator", "controller", "actuator")
@@ -93,6 +101,12 @@ STATUS = {
     )
     for name in (*LOOP, "recorder")
 }
+TIMING_OF = {
+    name: Question(
+        "timing", name, messages.TimingRequest, messages.Timing, "how punctual it has been"
+    )
+    for name in LOOP
+}
 RIG_FILE = {
     name: Question(
         "rig_file", name, messages.RigFileRequest, messages.RigFileTold, "the rig file it has"
@@ -110,6 +124,7 @@ QUESTIONS = (
     FINISH,
     *ARM.values(),
     *STATUS.values(),
+    *TIMING_OF.values(),
     *RIG_FILE.values(),
 )
 

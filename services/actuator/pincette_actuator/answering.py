@@ -1,7 +1,6 @@
 """What the actuator is asked: to be armed, to trip, to be reset."""
 
-from dataclasses import replace
-
+from pincette.control.replacing import replace
 from pincette.control.safety.causes import as_asked
 from pincette.control.safety.freshness import newest_seq
 from pincette.control.safety.latch import (

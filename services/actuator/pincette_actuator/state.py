@@ -1,8 +1,9 @@
 """What the actuator remembers beside the rules: what waits, what plays, what was answered."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from pincette.control.planning.sweep import Sweep
+from pincette.control.replacing import replace
 from pincette.control.safety.state import SafetyState
 from pincette.messages import Command
 

@@ -1,11 +1,11 @@
 """The actuator as a service: commands and positions in, the instrument's voltage and what became
 of the tick out."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 from pincette.config import RigFile
-from pincette.control.safety.admission import early, judged, sampled, turned_away, unheard
+from pincette.control.replacing import replace
+from pincette.control.safety.admission import Offer, early, judged, sampled, turned_away, unheard
 from pincette.control.safety.causes import Cause
 from pincette.control.safety.feeding import may_feed
 from pincette.control.safety.freshness import newest_seq, skipped_seq
@@ -13,7 +13,7 @@ from pincette.control.safety.latch import awake, pass_time, trip, wind_down
 from pincette.control.safety.state import SafetyLimits
 from pincette.messages import Command, Message, Position
 from pincette.service import ForInstrument, Input, Service
-from pincette.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TRIP
+from pincette.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TIMING_OF, TRIP
 from pincette_actuator.answering import answer
 from pincette_actuator.config import configure
 from pincette_actuator.state import State
@@ -55,14 +55,19 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
         x_um = position.x_um if position.valid else None
         skipped = skipped_seq(state.arrivals, position.seq)
         state = sampled(limits, state, position.seq, x_um, now).settled()
-    if inputs.command is not None:
-        state = _heard(state, inputs.command)
     command = state.pending
-    if command is not None and not early(state, offer_of(command)):
-        state, outputs = _judge(limits, replace(state, pending=None), command, now)
-    elif limits.lockstep:
-        return state, ()
+    if inputs.command is not None:
+        state, command = _heard(state, inputs.command)
+    offer = None if command is None else offer_of(command)
+    if command is not None and offer is not None and not early(state, offer):
+        if state.pending is not None:
+            state = replace(state, pending=None)
+        state, outputs = _judge(limits, state, command, offer, now)
     else:
+        if command is not state.pending:
+            state = replace(state, pending=command)
+        if limits.lockstep:
+            return state, ()
         state, outputs = _let_pass(limits, before, state, now)
     if skipped < 0 or skipped == state.taken_seq:
         return state, outputs
@@ -70,18 +75,22 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     return state, (*outputs, applied_of(state, skipped))
 
 
-def _heard(state: State, command: Command) -> State:
-    """Let a command wait for its judgement; one without authority displaces none that waits."""
-    offer = offer_of(command)
+def _heard(state: State, command: Command) -> tuple[State, Command | None]:
+    """Which command is to be judged; one without authority, or repeated, displaces none that
+    waits."""
+    offer, waits = offer_of(command), state.pending
     if why := unheard(state, offer):
-        return turned_away(state, offer, why)
-    return replace(state, pending=command)
+        return turned_away(state, offer, why), waits
+    if waits is not None and (waits.epoch, waits.seq) >= (command.epoch, command.seq):
+        why = f"command {command.seq} after {waits.seq}"
+        return replace(state, refused=state.refused + 1, refusal=why), waits
+    return state, command
 
 
 def _judge(
-    limits: SafetyLimits, state: State, command: Command, now: float
+    limits: SafetyLimits, state: State, command: Command, offer: Offer, now: float
 ) -> tuple[State, Outputs]:
-    after = judged(limits, state, offer_of(command), now)
+    after = judged(limits, state, offer, now)
     if after.taken_seq != state.taken_seq:
         taken = replace(
             after, sweep=command.sweep, answered_seq=command.seq, unconfirmed=False
@@ -135,7 +144,7 @@ SERVICE: Service[RigFile, SafetyLimits, State, Inputs] = Service(
     summary="authority, age, limits; freeze or ramp to the safe voltage; latch",
     inputs=(Input(COMMAND, "trigger"), Input(POSITION, "trigger")),
     outputs=(APPLIED,),
-    questions=(ARM["actuator"], TRIP, RESET, STATUS["actuator"]),
+    questions=(ARM["actuator"], TRIP, RESET, STATUS["actuator"], TIMING_OF["actuator"]),
     inputs_type=Inputs,
     configure=configure,
     start=start,

@@ -1,8 +1,7 @@
 """What a person may ask of a program that plays."""
 
-from dataclasses import replace
-
 from pincette.control.planning.program import Program, Segment
+from pincette.control.replacing import replace
 from pincette_controller.guarding import STOP_S
 from pincette_controller.playing import Player
 from pincette_controller.steering import enter, follow, has, jump

@@ -1,8 +1,7 @@
 """What ends a segment early: contact, too much force, a lost part, a limit of position."""
 
-from dataclasses import replace
-
 from pincette.control.planning.program import Program, Segment
+from pincette.control.replacing import replace
 from pincette.messages import Estimate
 from pincette_controller.playing import Player
 from pincette_controller.steering import enter, follow, has, jump, let_go

@@ -6,8 +6,7 @@ known of the sample: by that the actuator finds the same, and trips. Were it dea
 limit would act, since no valid command follows.
 """
 
-from dataclasses import replace
-
+from pincette.control.replacing import replace
 from pincette.control.safety.admission import nonsense
 from pincette.control.safety.monitors import (
     MonitorLimits,

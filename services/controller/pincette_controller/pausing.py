@@ -5,8 +5,7 @@ end at rest, at the turning point of a path. There the law goes on regulating, a
 on watching.
 """
 
-from dataclasses import replace
-
+from pincette.control.replacing import replace
 from pincette_controller.playing import Player
 from pincette_controller.references import refer
 
@@ -57,5 +56,5 @@ def at_rest(player: Player, period_s: float) -> bool:
 
 def _at(player: Player, ticks: int, period_s: float) -> tuple[float, float, float]:
     """References of position, force and voltage at a tick of the segment."""
-    found = refer(replace(player, ticks=ticks), period_s)
+    found = refer(player, ticks, period_s)
     return found.x_r_um, found.force_r_mN, found.voltage_V

@@ -4,9 +4,8 @@ Times count in ticks of the controller that could act; a tick without a valid es
 move the program on, and neither does one of a pause.
 """
 
-from dataclasses import replace
-
 from pincette.control.planning.program import Program
+from pincette.control.replacing import replace
 from pincette.messages import Estimate
 from pincette_controller.guarding import guard
 from pincette_controller.pausing import is_over, pause_at_rest
@@ -39,13 +38,16 @@ def advance(program: Program, player: Player, estimate: Estimate, period_s: floa
     player = replace(player, zero=False, bump=False, applied_V=estimate.applied_V)
     if player.ended:
         return player
-    player = replace(guard(program, player, estimate, period_s), resumed=False)
+    player = guard(program, player, estimate, period_s)
+    if player.resumed:
+        player = replace(player, resumed=False)
     player = pause_at_rest(player, period_s)
     while not player.ended and not player.paused and is_over(player, period_s):
         player = pause_at_rest(_next(program, player, estimate), period_s)
     if player.ended or player.paused:
         return player
-    return refer(replace(player, ticks=player.ticks + 1), period_s)
+    ticks = player.ticks + 1
+    return player.at(ticks, refer(player, ticks, period_s))
 
 
 def _next(program: Program, player: Player, estimate: Estimate) -> Player:

@@ -1,9 +1,20 @@
 """Where a program stands."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from pincette.control.planning.contact_line import ContactLine
 from pincette.control.planning.program import Segment
+from pincette.control.replacing import replace
+
+
+class References(NamedTuple):
+    """What the law shall follow in one sample, or the voltage where there is none."""
+
+    x_r_um: float
+    speed_um_per_s: float
+    force_r_mN: float
+    voltage_V: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,3 +63,19 @@ class Player:
     def pressing(self) -> bool:
         """Whether the law is fed the force."""
         return self.segment.presses
+
+    @property
+    def references(self) -> References:
+        """Those that hold."""
+        return References(self.x_r_um, self.speed_um_per_s, self.force_r_mN, self.voltage_V)
+
+    def at(self, ticks: int, references: References) -> "Player":
+        """At another tick of the segment, with the references of that."""
+        return replace(
+            self,
+            ticks=ticks,
+            x_r_um=references.x_r_um,
+            speed_um_per_s=references.speed_um_per_s,
+            force_r_mN=references.force_r_mN,
+            voltage_V=references.voltage_V,
+        )

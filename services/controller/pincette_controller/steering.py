@@ -1,8 +1,7 @@
 """From one segment of a program to another."""
 
-from dataclasses import replace
-
 from pincette.control.planning.program import Program, Segment
+from pincette.control.replacing import replace
 from pincette_controller.playing import Player
 
 

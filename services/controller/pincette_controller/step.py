@@ -1,12 +1,13 @@
 """The controller as a service: an estimate in, a command and the controller's own view out."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from pincette.config import RigFile
 from pincette.control.laws import law as control_law
 from pincette.control.laws.law import Law, LawState
 from pincette.control.planning.program import Program
+from pincette.control.replacing import replace
 from pincette.control.safety.monitors import UNSEEN, Watches
 from pincette.messages import (
     SLEW_DOWN,
@@ -24,7 +25,17 @@ from pincette.messages import (
     Message,
 )
 from pincette.service import ForInstrument, Input, RefusedError, Service
-from pincette.topics import ACT, ARM, COMMAND, ESTIMATE, LEASE, LOAD, STATUS, TELEMETRY
+from pincette.topics import (
+    ACT,
+    ARM,
+    COMMAND,
+    ESTIMATE,
+    LEASE,
+    LOAD,
+    STATUS,
+    TELEMETRY,
+    TIMING_OF,
+)
 from pincette_controller import lease as leasing
 from pincette_controller.config import ControllerConfig, configure
 from pincette_controller.mirror import mirrored, refused
@@ -100,12 +111,12 @@ def _answered(
         return state, ()
     if estimate.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
+    if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
+        return _play(config, state, state.program, estimate)
     state = replace(state, seq=estimate.seq)
     if estimate.tripped and state.playing:
         state = replace(state, playing=False, wishes=(), detail="the actuator has tripped")
-    if not state.playing or not estimate.valid or state.program is None:
-        return state, (no_command(estimate, state.epoch, state.owner, state.silenced),)
-    return _play(config, state, state.program, estimate)
+    return state, (no_command(estimate, state.epoch, state.owner, state.silenced),)
 
 
 def _play(
@@ -119,9 +130,8 @@ def _play(
         force_mN=0.0,
         applied_V=estimate.applied_V,
     )
-    player, later, acted = act(program, before, state.wishes, state.seq, estimate.x_um)
+    player, later, acted = act(program, before, state.wishes, estimate.seq, estimate.x_um)
     player = advance(program, player, estimate, config.period_s)
-    state = replace(state, wishes=later)
     law = state.laws[player.segment.law]
     force_mN = estimate.force_mN if player.pressing else 0.0
     force_r_mN = player.force_r_mN if player.pressing else 0.0
@@ -166,16 +176,22 @@ def _play(
         x_d_um=None if player.ended or not steered else memory.x_d_um,
     )
     watches, command = mirrored(config.monitors, config.voltage, state.watches, command, estimate)
-    state = replace(state, watches=watches)
     telemetry = telemetry_of(estimate, before, memory, player, output, told(acted, before, player))
     astray = unsayable(telemetry)
     if astray and command.valid:
         command = refused(command, estimate, astray, known=True)
+    played = replace(
+        state,
+        seq=estimate.seq,
+        playing=command.valid and not player.ended,
+        player=player,
+        memory=after,
+        wishes=later if command.valid else (),
+        watches=watches,
+    )
     if not command.valid:
-        state = replace(state, silenced=command.fault, wishes=(), detail=command.fault)
-    playing = command.valid and not player.ended
-    state = replace(state, player=player, memory=after, playing=playing)
-    return state, (command,) if astray else (command, telemetry)
+        played = replace(played, silenced=command.fault, detail=command.fault)
+    return played, (command,) if astray else (command, telemetry)
 
 
 def _limited(limits_active: int) -> int:
@@ -249,7 +265,7 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     summary="plays a program of segments: references, a law (PBSMIC or DSMIFC), guards",
     inputs=(Input(ESTIMATE, "trigger"),),
     outputs=(COMMAND, TELEMETRY),
-    questions=(LOAD, ARM["controller"], ACT, LEASE, STATUS["controller"]),
+    questions=(LOAD, ARM["controller"], ACT, LEASE, STATUS["controller"], TIMING_OF["controller"]),
     inputs_type=Inputs,
     configure=configure,
     start=start,

@@ -1,6 +1,6 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import log10
 from typing import NamedTuple
 
@@ -11,11 +11,12 @@ from pincette.control.force.observers import ForceObserver
 from pincette.control.force.to_and_fro import ToAndFro, forgotten_mN
 from pincette.control.force.touch import TouchWatch
 from pincette.control.force.zeroing import zero_refusal
+from pincette.control.replacing import replace
 from pincette.control.response.free_response import FreeResponse, FreeSample
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.messages import Applied, Arm, Done, Estimate, Message, Position
 from pincette.service import Drive, Input, RefusedError, Service
-from pincette.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS
+from pincette.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.stuck import StuckWatch
 
@@ -281,7 +282,7 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
     summary="contact force (53) and perturbation (6) from position k and the voltage of k-1",
     inputs=(Input(POSITION, "trigger"), Input(APPLIED, "join", offset=-1)),
     outputs=(ESTIMATE,),
-    questions=(ARM["estimator"], STATUS["estimator"]),
+    questions=(ARM["estimator"], STATUS["estimator"], TIMING_OF["estimator"]),
     inputs_type=Inputs,
     configure=configure,
     start=start,

@@ -198,7 +198,7 @@ class Keeper:
             recorded = replace(recorded, complete=False, detail=trouble[:MOST_TEXT])
             closing |= {"complete": "false", "detail": recorded.detail}
         if not recorded.complete:
-            log.warning("%s: %s", record.job, recorded.detail)
+            log.warning("%s: %s", record.job, recorded.detail, extra={"job": record.job})
         self.finished += 1
         self.dropped += recorded.dropped
         self._tell_in_folder(record, closing)
@@ -213,7 +213,7 @@ class Keeper:
             about = mcap_reading.read_closing(record.folder / NAME)[0]
             mending.write_manifest(record.folder, about, closing)
         except OSError as error:
-            log.error("%s: %s", record.job, error)
+            log.error("%s: %s", record.job, error, extra={"job": record.job})
 
     def _finished_before(self, request: Finish) -> Recorded | str:
         """What became of a record that was closed without being asked, or broke off."""

@@ -15,16 +15,20 @@ from pincette.messages import (
     Position,
     Sample,
     Telemetry,
+    Timing,
     Truth,
 )
 from pincette.records import mcap_reading
 from pincette.records.losses import lost
 from pincette.records.mcap_file import NAME, McapFile
 from pincette.records.tables import write_tables
+from pincette.topics import TIMING
 
 log = logging.getLogger(__name__)
 MADE = (Position, Estimate, Command, Telemetry, Applied)
 """What a loop that plays says of every sample."""
+TIMING_S = 10.0
+"""How often the programs' timing is kept: each counts on, so that the last one says it all."""
 
 
 class OpenRecord:
@@ -61,9 +65,18 @@ class OpenRecord:
         self.missing = 0
         """Samples that are known to have been sent and never came; see ``losses``."""
         self._newest: dict[type[Message], int] = {}
+        self._timings: dict[str, tuple[Timing, int]] = {}
+        """The newest of each program that is not written yet, with its arrival."""
+        self._timed_at_s = now_s
 
     def put(self, topic: str, message: Message, arrival_ns: int, now_s: float) -> None:
         """Write a message."""
+        if isinstance(message, Timing):  # which a loop tells of itself however idle it is
+            self._timings[message.service] = message, arrival_ns
+            if now_s - self._timed_at_s >= TIMING_S:
+                self._timed_at_s = now_s
+                self._write_timings()
+            return
         self.heard_at_s = now_s
         if not isinstance(message, Truth | JobNotice):
             self._newest[type(message)] = cast(Sample, message).seq
@@ -73,6 +86,14 @@ class OpenRecord:
                 self.over_seq = message.seq
             if self.over_seq is None:
                 self.alive_at_s = now_s
+        self._write(topic, message, arrival_ns)
+
+    def _write_timings(self) -> None:
+        for message, arrival_ns in self._timings.values():
+            self._write(TIMING.name, message, arrival_ns)
+        self._timings.clear()
+
+    def _write(self, topic: str, message: Message, arrival_ns: int) -> None:
         if self.trouble:
             self.refused[topic] += 1
             return
@@ -80,7 +101,13 @@ class OpenRecord:
             self.file.add(message, arrival_ns)
         except ValueError as error:  # a number that no file has room for
             self.refused[topic] += 1
-            log.error("%s: a message of %s cannot be kept: %s", self.job, topic, error)
+            log.error(
+                "%s: a message of %s cannot be kept: %s",
+                self.job,
+                topic,
+                error,
+                extra={"job": self.job},
+            )
         except OSError as error:
             self._give_up(error)
 
@@ -107,6 +134,7 @@ class OpenRecord:
 
         The file is read back for it, so that the tables show what the file really holds.
         """
+        self._write_timings()
         try:
             if not self.trouble:
                 self.file.flush()
@@ -130,8 +158,8 @@ class OpenRecord:
 
     def _give_up(self, error: OSError) -> None:
         self.trouble = f"the record cannot be written: {error}"
-        log.error("%s: %s", self.job, self.trouble)
+        log.error("%s: %s", self.job, self.trouble, extra={"job": self.job})
         try:
             self.file.abandon()
         except OSError as again:
-            log.error("%s: %s", self.job, again)
+            log.error("%s: %s", self.job, again, extra={"job": self.job})

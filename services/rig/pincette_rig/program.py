@@ -26,7 +26,7 @@ def run(context: Context) -> None:
     """
     config = configure(context.rig)
     if not context.rig.lockstep:
-        come_first()
+        come_first(context.rig.realtime.of("rig"))
     bus = context.open_bus()
 
     def tell(seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:

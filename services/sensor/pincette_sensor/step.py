@@ -7,7 +7,7 @@ from typing import NamedTuple
 from pincette.config import RigFile
 from pincette.messages import Arm, Burst, Done, Message, Position
 from pincette.service import Acquired, ForInstrument, Input, Reading, RefusedError, Service
-from pincette.topics import APPLIED, ARM, BURST, POSITION, STATUS
+from pincette.topics import APPLIED, ARM, BURST, POSITION, STATUS, TIMING_OF
 from pincette_sensor.config import SensorConfig, configure
 
 
@@ -92,7 +92,7 @@ SERVICE: Service[RigFile, SensorConfig, State, Inputs] = Service(
     summary="owns the sampling clock, numbers the samples, refuses what is no measurement",
     inputs=(Input(APPLIED, "pace"),),
     outputs=(POSITION, BURST),
-    questions=(ARM["sensor"], STATUS["sensor"]),
+    questions=(ARM["sensor"], STATUS["sensor"], TIMING_OF["sensor"]),
     inputs_type=Inputs,
     configure=configure,
     start=start,

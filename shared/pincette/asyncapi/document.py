@@ -12,7 +12,7 @@ from pincette import __version__
 from pincette.asyncapi.fields import reachable, summary
 from pincette.asyncapi.schemas import Json, record_schema
 from pincette.codec import ENCODING, MEDIA_TYPE
-from pincette.config.rig_file import Bus
+from pincette.config.bus import Bus
 from pincette.topics import QUESTIONS, TOPICS, WIRE, Question, Topic, key, live_key, question_key
 
 ASYNCAPI = "3.0.0"

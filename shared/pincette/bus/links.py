@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 from pincette.security.access import Access
 from pincette.security.credentials import Credentials
-from pincette.service import AnyService
-from pincette.topics import LOOP
+from pincette.service import Participant, services_of
+from pincette.topics import LOOP, Topic
 
 PLAIN, SECURE = "tcp/", "tls/"
 
@@ -47,8 +47,11 @@ def secured(ends: Ends, member: Member) -> Ends:
 
 
 def endpoint(host: str, port: int, program: str) -> str:
-    """Where a program listens: the router at ``port``, the services of the loop after it."""
-    offset = 0 if program == "router" else 1 + LOOP.index(program)
+    """Where a program listens: the router at ``port``, the services of the loop after it.
+
+    One that composes several services listens at the place of each; this is the first.
+    """
+    offset = 0 if program == "router" else 1 + LOOP.index(services_of(program)[0])
     return f"{PLAIN}{host}:{port + offset}"
 
 
@@ -58,9 +61,12 @@ def address_of(endpoint: str) -> tuple[str, int]:
     return host.strip("[]"), int(port)
 
 
-def router_ends(host: str, port: int, *, lockstep: bool = False) -> Ends:
-    """The router's place."""
-    return Ends("router", listen=(endpoint(host, port, "router"),), patient=lockstep)
+def router_ends(
+    host: str, port: int, *, lockstep: bool = False, upstream: tuple[str, int] | None = None
+) -> Ends:
+    """A router's place; with ``upstream`` it connects to another router, whenever that is there."""
+    above = () if upstream is None else (endpoint(*upstream, "router"),)
+    return Ends("router", (endpoint(host, port, "router"),), above, patient=lockstep)
 
 
 def client_ends(host: str, port: int, *, lockstep: bool = False) -> Ends:
@@ -73,24 +79,36 @@ def direct_ends(host: str, port: int, program: str) -> Ends:
     return Ends("client", connect=(endpoint(host, port, program),))
 
 
-def producers(service: AnyService, *, lockstep: bool) -> set[str]:
-    """Programs whose samples a service takes; a pace is taken in lockstep only."""
+def producers(service: Participant, *, lockstep: bool) -> set[str]:
+    """Services whose samples a program takes; a pace is taken in lockstep only."""
     return {item.topic.producer for item in service.inputs if item.role != "pace" or lockstep}
 
 
-def consumers(name: str, services: Mapping[str, AnyService], *, lockstep: bool) -> set[str]:
-    """Services that take what a service produces."""
+def consumers(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> set[str]:
+    """Programs that take what a program produces."""
+    own = services_of(name)
     return {
         other
         for other, service in services.items()
-        if name in producers(service, lockstep=lockstep)
+        if not producers(service, lockstep=lockstep).isdisjoint(own)
     }
 
 
-def partners(name: str, services: Mapping[str, AnyService], *, lockstep: bool) -> set[str]:
-    """Services with which a service has a direct link."""
-    return producers(services[name], lockstep=lockstep) | consumers(
-        name, services, lockstep=lockstep
+def partners(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> set[str]:
+    """Programs with which a program has a direct link."""
+    taken = producers(services[name], lockstep=lockstep)
+    given = consumers(name, services, lockstep=lockstep)
+    return given | {other for other in services if not taken.isdisjoint(services_of(other))}
+
+
+def awaited(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> frozenset[Topic]:
+    """Topics of a program that services of the loop in other programs take."""
+    own = services_of(name)
+    return frozenset(
+        item.topic
+        for service in services.values()
+        for item in service.inputs
+        if item.topic.producer in own and (item.role != "pace" or lockstep)
     )
 
 
@@ -98,17 +116,29 @@ def peer_ends(
     host: str,
     port: int,
     name: str,
-    services: Mapping[str, AnyService],
+    services: Mapping[str, Participant],
     *,
     lockstep: bool,
     router_at: tuple[str, int] | None = None,
 ) -> Ends:
-    """A service's place: it listens, and connects to the partners that come before it.
+    """The place of a program of the loop: it listens, and connects to the partners before it.
 
     The router is ``router_at``, or at ``host`` and ``port`` where that is None.
     """
+    own = services_of(name)
     linked = partners(name, services, lockstep=lockstep)
-    router = endpoint(*(router_at or (host, port)), "router")
-    earlier = [other for other in LOOP[: LOOP.index(name)] if other in linked]
-    connect = (router, *(endpoint(host, port, other) for other in earlier))
-    return Ends("peer", (endpoint(host, port, name),), connect, patient=lockstep)
+    before = [other for other in linked if _place(other) < _place(name)]
+    return Ends(
+        "peer",
+        tuple(endpoint(host, port, service) for service in own),
+        (
+            endpoint(*(router_at or (host, port)), "router"),
+            *(endpoint(host, port, other) for other in sorted(before, key=_place)),
+        ),
+        patient=lockstep,
+    )
+
+
+def _place(program: str) -> int:
+    """Where a program's first service is in a tick."""
+    return LOOP.index(services_of(program)[0])

@@ -11,24 +11,25 @@ class MemoryBus:
     """Deterministic and single-threaded; messages are frozen, so they travel as they are."""
 
     def __init__(self) -> None:
-        self._sinks: dict[Topic, list[Sink]] = {}
+        # By what is sent, since a topic takes longer to be found by.
+        self._sinks: dict[type[Message], list[Sink]] = {}
         self._answerers: dict[Question, Answerer] = {}
         self._queue: deque[tuple[Topic, Message]] = deque()
-        self._latest: dict[Topic, Message] = {}
+        self._latest: dict[type[Message], Message] = {}
 
     def publish(self, message: Message) -> None:
         """Put a message in the queue."""
-        topic = TOPIC_OF[type(message)]
-        self._latest[topic] = message
-        self._queue.append((topic, message))
+        kind = type(message)
+        self._queue.append((TOPIC_OF[kind], message))
+        self._latest[kind] = message
 
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:  # noqa: ARG002  it waits for nobody
         """Return what was published last; see LatestBus."""
-        return self._latest.get(topic)
+        return self._latest.get(topic.message)
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         """Deliver to ``sink`` when the bus is pumped."""
-        self._sinks.setdefault(topic, []).append(sink)
+        self._sinks.setdefault(topic.message, []).append(sink)
 
     def serve(self, question: Question, answerer: Answerer) -> None:
         """Answer a question at once, in the asker's call."""
@@ -51,7 +52,7 @@ class MemoryBus:
         if not self._queue:
             return False
         topic, message = self._queue.popleft()
-        for sink in self._sinks.get(topic, ()):
+        for sink in self._sinks.get(type(message), ()):
             sink(topic, message)
         return True
 

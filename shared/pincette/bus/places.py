@@ -17,28 +17,64 @@ from pincette.bus.links import (
     router_ends,
     secured,
 )
+from pincette.bus.protocol import BusError
 from pincette.config import RigFile
-from pincette.security.access import Access, client_access, router_access, service_access
+from pincette.security.access import (
+    Access,
+    beyond_rig,
+    beyond_upstream,
+    client_access,
+    neighbour_access,
+    router_access,
+    service_access,
+)
 from pincette.security.credentials import checked
 from pincette.security.folder import Folder
-from pincette.security.identity import OPERATOR, ROUTER, Identity, program
-from pincette.service import AnyService
+from pincette.security.identity import OPERATOR, ROUTER, UPSTREAM, Identity, program
+from pincette.service import Participant
 
-THE_ROUTER = program(ROUTER, "")
+THE_ROUTER, THE_UPSTREAM = program(ROUTER, ""), program(UPSTREAM, "")
 
 
 def router_place(rig: RigFile) -> Ends:
     """The router's place."""
-    ends = router_ends(rig.bus.host, rig.bus.port, lockstep=rig.lockstep)
+    bus = rig.bus
+    host = bus.listen or bus.host
+    ends = router_ends(host, bus.port, lockstep=rig.lockstep, upstream=bus.upstream_at)
     folder = _folder(rig)
     if folder is None:
         return ends
-    known = (facts.identity for facts in folder.all())
-    return _joined(ends, folder, THE_ROUTER, router_access(known))
+    known = [facts.identity for facts in folder.all()]
+    beyond = beyond_upstream(known, rig.rig.name, apart=bus.apart)
+    none: Access = {}
+    above = none if bus.upstream is None else neighbour_access(THE_UPSTREAM, beyond)
+    access = {**router_access(known), **above}
+    return _joined(ends, folder, THE_ROUTER, access)
 
 
-def service_place(rig: RigFile, name: str, services: Mapping[str, AnyService]) -> Ends:
-    """The place of a service of the loop, which has an access list of its own."""
+def upstream_place(rig: RigFile) -> Ends:
+    """The place of a laboratory server's router, which that of a rig connects to.
+
+    Raises
+    ------
+    BusError
+        Where the rig file names none.
+    """
+    bus = rig.bus
+    if bus.upstream_at is None:
+        raise BusError(f"rig {rig.rig.name!r} has no [bus] upstream: HOST:PORT of this router")
+    ends = router_ends(*bus.upstream_at, lockstep=rig.lockstep)
+    folder = _folder(rig)
+    if folder is None:
+        return ends
+    known = [facts.identity for facts in folder.all()]
+    below = beyond_rig(known, rig.rig.name, apart=bus.apart)
+    access = {**router_access(known), **neighbour_access(THE_ROUTER, below)}
+    return _joined(ends, folder, THE_UPSTREAM, access)
+
+
+def service_place(rig: RigFile, name: str, services: Mapping[str, Participant]) -> Ends:
+    """The place of a program of the loop, which has an access list of its own."""
     bus, lockstep = rig.bus, rig.lockstep
     ends = peer_ends(bus.host, bus.port, name, services, lockstep=lockstep, router_at=bus.router_at)
     folder = _folder(rig)
@@ -53,32 +89,33 @@ def service_place(rig: RigFile, name: str, services: Mapping[str, AnyService]) -
 def program_place(rig: RigFile, name: str, *, lockstep: bool) -> Ends:
     """The place of a program outside the loop, at the router."""
     return _client(
-        rig, client_ends(*rig.bus.router_at, lockstep=lockstep), program(name, rig.rig.name)
+        rig, client_ends(*rig.bus.served_by, lockstep=lockstep), program(name, rig.rig.name)
     )
 
 
 def tool_place(rig: RigFile) -> Ends:
     """The place of a person's tool, at the router."""
-    return _client(rig, client_ends(*rig.bus.router_at))
+    return _client(rig, client_ends(*rig.bus.served_by))
 
 
 def tool_place_beside(rig: RigFile, service: str) -> Ends:
     """The place of a person's tool beside the router, straight at one service."""
     ends = direct_ends(rig.bus.host, rig.bus.port, service)
-    return _client(rig, ends, server=program(service, rig.rig.name))
+    return _client(rig, ends, server=program(rig.program_of(service), rig.rig.name))
 
 
 def _client(
     rig: RigFile,
     ends: Ends,
     identity: Identity | None = None,
-    server: Identity = THE_ROUTER,
+    server: Identity | None = None,
 ) -> Ends:
     folder = _folder(rig)
     if folder is None:
         return ends
     who = identity or folder.named(rig.bus.identity)
-    return _joined(ends, folder, who, client_access(server))
+    beside = THE_UPSTREAM if rig.bus.apart else THE_ROUTER
+    return _joined(ends, folder, who, client_access(server or beside))
 
 
 def _joined(ends: Ends, folder: Folder, identity: Identity, access: Access) -> Ends:

@@ -57,7 +57,8 @@ class ZenohBus:
         self._shown = ends.member.credentials.identity.name if ends.member else ""
         self._session = open_session(ends, f"{rig}/{program}")
         self._reliable = reliable
-        self._outlets: dict[Topic, _Outlet] = {}
+        self._outlets: dict[type[Message], _Outlet] = {}
+        """By what they send, since a topic takes longer to be found by."""
         self._declaring = threading.Lock()
         self._declared: list[Any] = []
         self.refused = 0
@@ -105,7 +106,7 @@ class ZenohBus:
     def declare(self, topic: Topic) -> None:
         """Make ready to publish a topic, and to tell on the same key what was published last."""
         with self._declaring:
-            if topic in self._outlets:
+            if topic.message in self._outlets:
                 return
             place = key(self._rig, topic)
             outlet = _Outlet(
@@ -126,14 +127,14 @@ class ZenohBus:
                 ),
             )
             self._declared.append(self._session.declare_queryable(place, outlet.tell))
-            self._outlets[topic] = outlet
+            self._outlets[topic.message] = outlet
 
     def publish(self, message: Message) -> None:
         """Send; see Bus."""
-        topic = TOPIC_OF[type(message)]
-        if topic not in self._outlets:
-            self.declare(topic)
-        self._outlets[topic].send(encode(message))
+        kind = type(message)
+        if kind not in self._outlets:
+            self.declare(TOPIC_OF[kind])
+        self._outlets[kind].send(encode(message))
 
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
         """Ask the producer for its newest message; see LatestBus."""
@@ -251,9 +252,9 @@ def _reply(query: zenoh.Query, answer: Message | str) -> None:
             query.reply(query.key_expr, encode(answer), encoding=zenoh.Encoding(ENCODING))
 
 
-def serve_router(ends: Ends, rig: str, wait: Callable[[], None]) -> None:
+def serve_router(ends: Ends, rig: str, wait: Callable[[], None], name: str = "router") -> None:
     """Route between the services of a rig and the tools around it until ``wait`` returns."""
-    session = open_session(ends, f"{rig}/router")
+    session = open_session(ends, f"{rig}/{name}")
     try:
         wait()
     finally:

@@ -7,6 +7,7 @@ from pydantic import BaseModel
 from pincette.api.event_models import EventList
 from pincette.api.proposal_models import ModelView, Proposal, ProposalList
 from pincette.api.rig_models import Rig, RigList, Stopped, StoppedList
+from pincette.api.timing_models import LoopTiming
 from pincette.client.call import Call, model
 
 
@@ -39,6 +40,11 @@ def queue_action(name: str, action: Literal["resume", "clear"]) -> Call[Rig]:
     """Let a halted queue go on, or empty it."""
     body = {"type": action}
     return Call("POST", f"/rigs/{name}/queue/actions", model(Rig), body=body)
+
+
+def timing(name: str) -> Call[LoopTiming]:
+    """How punctual the programs of a rig's loop are."""
+    return Call("GET", f"/rigs/{name}/timing", model(LoopTiming), repeatable=True)
 
 
 def newest_event(name: str | None) -> Call[int]:

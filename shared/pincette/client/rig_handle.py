@@ -9,6 +9,7 @@ from pincette.api.job_models import JobKind
 from pincette.api.proposal_models import ModelView
 from pincette.api.request_models import AnyJobRequest
 from pincette.api.rig_models import Rig, Stopped
+from pincette.api.timing_models import LoopTiming
 from pincette.client import job_calls, rig_calls
 from pincette.client.job_handle import JobHandle
 from pincette.client.kinds import AnyPlan
@@ -89,6 +90,10 @@ class RigHandle:
     def queue(self, action: Literal["resume", "clear"]) -> Rig:
         """Let a halted queue go on, or empty it."""
         return self._line.send(rig_calls.queue_action(self.name, action))
+
+    def timing(self) -> LoopTiming:
+        """How punctual the programs of the loop have been since they were armed."""
+        return self._line.send(rig_calls.timing(self.name))
 
     def model(self) -> ModelView:
         """The model in use."""

@@ -42,7 +42,8 @@ def _plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, tuple):
-        return [_plain(item) for item in cast("tuple[Any, ...]", value)]
+        items = cast("tuple[Any, ...]", value)  # all of one kind
+        return [_plain(item) for item in items] if items and is_dataclass(items[0]) else items
     return value
 
 

@@ -21,30 +21,49 @@ Reader = Callable[[str, Any], Any]
 def record_reader(kind: type) -> Reader:
     """Make the reader of a record: a map that has every field, and no other.
 
-    What is as it should be is told in one expression, several times faster than by a call for each
-    field; the field's reader is called for the rest, and says what is wrong with it.
+    The fields of a map mostly come in the record's own order, and are then taken as they come.
     """
-    hints = get_type_hints(kind)
-    order = [field.name for field in fields(kind)]
+    order = tuple([field.name for field in fields(kind)])
     names = set(order)
-    readers = {f"_read_{name}": _reader(hints[name], name) for name in order}
-    values = ", ".join(_expression(name, hints[name]) for name in order)
-    make = eval(f"lambda {', '.join(order)}: _kind({values})", readers | BY_NAME | {"_kind": kind})
+    make = _maker(kind, order)
 
     def read(place: str, value: Any) -> Any:
         if type(value) is not dict:
             raise CodecError(f"{place}: not a map")
         tree = cast("dict[Any, Any]", value)
-        if tree.keys() != names:
-            raise FieldsError(f"{place}: fields missing or unknown: {named(names ^ tree.keys())}")
         try:
-            return make(**tree)
+            if tuple(tree) == order:
+                return make(*tree.values())
+            if tree.keys() == names:
+                return make(**tree)
         except CodecError as error:
             raise type(error)(f"{place}.{error}") from None
         except ValueError as error:  # data that refuses itself
             raise CodecError(f"{place}: {error}") from error
+        raise FieldsError(f"{place}: fields missing or unknown: {named(names ^ tree.keys())}")
 
     return read
+
+
+def _maker(kind: type, order: tuple[str, ...]) -> Callable[..., Any]:
+    """Make what takes the fields of a record, in their order, and returns it.
+
+    What is as it should be is told in one expression, several times faster than by a call for each
+    field; the field's reader is called for the rest, and says what is wrong with it. A record that
+    checks nothing itself is filled slot by slot, in half the time that its constructor takes.
+    """
+    hints = get_type_hints(kind)
+    readers = {f"_read_{name}": _reader(hints[name], name) for name in order}
+    values = {name: _expression(name, hints[name]) for name in order}
+    if hasattr(kind, "__post_init__") or not hasattr(kind, "__slots__"):
+        make = f"lambda {', '.join(order)}: _kind({', '.join(values.values())})"
+        return eval(make, readers | BY_NAME | {"_kind": kind})
+    slots = {f"_set_{name}": vars(kind)[name].__set__ for name in order}
+    filled = [f"_set_{name}(_record, {values[name]})" for name in order]
+    lines = (f"def make({', '.join(order)}):", "_record = _new(_kind)", *filled, "return _record")
+    scope: dict[str, Any] = readers | slots | BY_NAME | {"_kind": kind, "_new": object.__new__}
+    exec("\n ".join(lines), scope)
+    return scope["make"]
 
 
 def _expression(name: str, hint: Any) -> str:

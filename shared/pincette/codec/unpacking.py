@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from functools import partial
 from typing import Any, cast, get_args, get_origin, get_type_hints
 
 import msgpack as untyped_msgpack
@@ -26,23 +25,35 @@ def unpacker(kind: type) -> Unpack:
     It reserves memory as a list's header asks, before the items come, and lists may nest; so the
     length of a list is bounded before it is read, and most messages have none.
     """
-    limits = {
-        "max_array_len": MAX_ITEMS if _has_list(kind) else FEW,
-        "max_map_len": MAX_FIELDS,
-        "max_bin_len": 0,
-        "max_ext_len": 0,
-    }
-    unpackb = partial(msgpack.unpackb, **limits)
-    carefully = partial(unpackb, object_pairs_hook=_distinct)
+    longest = MAX_ITEMS if _has_list(kind) else FEW
+    unpackb = msgpack.unpackb
     hints = get_type_hints(kind)
     nested = tuple(field.name for field in fields(kind) if _nests(hints[field.name]))
     name, head = kind.__name__, _head(len(fields(kind)))
+
+    def carefully(payload: bytes) -> Any:
+        return unpackb(
+            payload,
+            object_pairs_hook=_distinct,
+            max_array_len=longest,
+            max_map_len=MAX_FIELDS,
+            max_bin_len=0,
+            max_ext_len=0,
+        )
 
     def unpack(payload: bytes) -> Any:
         if len(payload) > MAX_BYTES:
             raise CodecError(f"{name}: {len(payload)} bytes, limit {MAX_BYTES}")
         try:
-            tree = unpackb(payload)
+            # Written out: a partial would merge the limits anew for each message, which takes as
+            # long as unpacking.
+            tree = unpackb(
+                payload,
+                max_array_len=longest,
+                max_map_len=MAX_FIELDS,
+                max_bin_len=0,
+                max_ext_len=0,
+            )
             if not payload.startswith(head):
                 return carefully(payload)
             for field in nested:

@@ -1,9 +1,10 @@
 """The rig file, read and checked."""
 
 from pincette.config.calibration import Calibration, calibrated, parse_calibration
+from pincette.config.instruments import Output, Sensor
 from pincette.config.model import IdentifiedFreeResponse, Model, RecordedFreeResponse
 from pincette.config.reading import parse_rig, parse_told, read_rig
-from pincette.config.rig_file import Output, RigFile, Sensor
+from pincette.config.rig_file import RigFile
 from pincette.config.simulation import Simulation
 from pincette.config.tables import ConfigError, Table
 

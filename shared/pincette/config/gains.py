@@ -1,5 +1,6 @@
 """Gains for a rig file: whether a law may run on it, and which gains suit it best."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +11,16 @@ from pincette.control.laws.law import LawSettings, Scheme
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.profiles import quintic
 from pincette.control.stability.assessment import LIMIT_RADIUS, Assessment, assess
-from pincette.control.stability.tuning import Tuning, TuningPath, TuningRig, tune
+from pincette.control.stability.tuning import (
+    K_F_GRID,
+    K_P_GRID,
+    Tracks,
+    Tuning,
+    TuningPath,
+    TuningRig,
+    track_each,
+    tune,
+)
 from pincette.control.stability.worst_case import worst_case
 
 TUNED_HZ = 0.5
@@ -33,19 +43,34 @@ def judged(rig: RigFile, settings: LawSettings) -> Assessment:
     return assess(loop(rig, settings), intervals(rig))
 
 
-def tuned(rig: RigFile, scheme: Scheme) -> Tuning:
+def tuned(
+    rig: RigFile,
+    scheme: Scheme,
+    *,
+    K_P: Sequence[float] = K_P_GRID,
+    K_f: Sequence[float] = K_F_GRID,
+    tracks: Tracks = track_each,
+) -> Tuning:
     """Search the gains of a scheme on the rig's identified model; the same rig file gives the same.
+
+    ``tracks``: how the search plays, for which ``batch.tuning`` has a quicker way.
 
     Raises
     ------
     ValueError
         Where no gains keep the loop stable.
     """
-    return _tuned(rig.model_dump_json(), scheme)
+    return _tuned(rig.model_dump_json(), scheme, tuple(K_P), tuple(K_f), tracks)
 
 
 @lru_cache(maxsize=8)
-def _tuned(rig_json: str, scheme: Scheme) -> Tuning:
+def _tuned(
+    rig_json: str,
+    scheme: Scheme,
+    K_P: tuple[float, ...],
+    K_f: tuple[float, ...],
+    tracks: Tracks,
+) -> Tuning:
     rig = RigFile.model_validate_json(rig_json)
     path = _path(rig)
     return tune(
@@ -53,8 +78,13 @@ def _tuned(rig_json: str, scheme: Scheme) -> Tuning:
         path,
         scheme,
         # That of an assessment, which would also look for advice on each that is refused.
-        lambda settings: worst_case(loop(rig, settings), intervals(rig), LIMIT_RADIUS)[1],
+        lambda settings: worst_case(
+            loop(rig, settings), intervals(rig), LIMIT_RADIUS, enough=LIMIT_RADIUS
+        )[1],
         radius_limit=LIMIT_RADIUS,
+        K_P=K_P,
+        K_f=K_f,
+        tracks=tracks,
     )
 
 

@@ -16,13 +16,19 @@ class Limits(Table):
     """What the rig bears. The actuator enforces the voltage limits, the supervisor all."""
 
     voltage_min_V: float
+    """At the amplifier's input."""
     voltage_max_V: float
+    """At the amplifier's input."""
     slew_V_per_s: Positive
+    """Highest change of the voltage, whoever asks for it."""
     sweep_V: Positive = 0.1
     """Amplitude of a swept sine; near the resonance the arm moves 1/(2ζ) times as far."""
     position_min_um: float
+    """Lowest position that a job may plan or come to."""
     position_max_um: float
+    """Highest position that a job may plan or come to."""
     force_max_mN: Positive
+    """Highest force that a job may plan or come to."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "Limits":
@@ -43,8 +49,11 @@ class Safety(Table):
     """How the actuator fails safe."""
 
     command_age_periods: float = Field(default=2.5, ge=1.5, le=10)
+    """Age at which a command is too old; without a newer one by then the actuator trips."""
     ramp_s: float = Field(default=0.035, ge=0.005, le=2.0)
+    """From the voltage at a trip to the safe one, where the arm is free."""
     safe_V: float = 0.0
+    """At which the arm is free and at rest."""
     freeze_s: float = Field(default=10.0, ge=0.0, le=600.0)
     """How long a held part is kept by a frozen voltage before the ramp releases it."""
     force_factor: float = Field(default=1.25, ge=1.05, le=3.0)

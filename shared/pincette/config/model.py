@@ -15,11 +15,17 @@ class IdentifiedFreeResponse(Table):
     """The free response as ``pincette teach`` identified it; see ``control.hysteresis``."""
 
     thresholds_V: tuple[float, ...] = Field(strict=False)
+    """r_i of each play; the first is 0, the linear part."""
     weights_um_per_V: tuple[float, ...] = Field(strict=False)
+    """w_i, one for each threshold."""
     creep_times_s: tuple[float, ...] = Field(default=(), strict=False)
+    """τ_j."""
     creep_fractions: tuple[float, ...] = Field(default=(), strict=False)
+    """κ_j, shares of the static displacement, one for each time."""
     fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
+    """λ_i, one for each threshold; empty: nothing fades."""
     curvature_um_per_V2: float = 0.0
+    """q, by which the stroke grows with the square of the voltage."""
     residual_um: NotNegative
     """r.m.s. left of free motion that was not fitted; enters the force uncertainty."""
     press_gain: float = Field(default=1.0, gt=0.5, lt=2.0)
@@ -53,9 +59,13 @@ class RecordedFreeResponse(Table):
     """The free response as recorded branches; see ``control.recorded_response``."""
 
     bottom_V: float
+    """Voltage at which the ascending branch begins."""
     bottom_um: float
+    """Position there."""
     top_V: float
+    """Voltage at which the descending branch begins."""
     top_um: float
+    """Position there."""
     ascending: tuple[float, ...] = Field(strict=False)
     """Shares of the height from bottom to top, at even shares of the voltage's way."""
     descending: tuple[float, ...] = Field(strict=False)
@@ -97,9 +107,13 @@ class Model(Table):
     """The arm as the controller and the estimator know it."""
 
     natural_frequency_rad_per_s: Positive = 2437.8
+    """Of the free arm's first mode, undamped."""
     damping_ratio: Positive = 0.0260
+    """Of that mode."""
     piezo_um_per_V: Positive = 19.0
+    """d_p: free stroke for a volt at the amplifier's input, without hysteresis."""
     compliance_um_per_mN: Positive = 0.46
+    """s_p: how far a force at the tip bends the arm."""
     hysteresis_fraction: NotNegative = 0.06
     """Error of the linear free response, as a share of the voltage travel since the zero."""
     creep_mN_per_decade: NotNegative = 0.3

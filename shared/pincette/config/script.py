@@ -142,9 +142,13 @@ class ScriptedOrder(Table):
     at_s: NotNegative
     """s, in the rig's time since the first voltage was written."""
     target: str
+    """``part``, ``weight``, ``arm``, ``sensor`` or ``output``."""
     what: str
+    """As ``pincette rig`` knows it."""
     value: float | None = None
+    """In the unit of the deed; None: its default."""
     for_s: Positive | None = None
+    """Of a fault; None: until it is healed."""
 
     @model_validator(mode="after")
     def _known(self) -> "ScriptedOrder":

@@ -60,7 +60,7 @@ class Drift(Table):
     """
 
     slope_um_per_s: float = 0.0
-    """µm/s."""
+    """µm/s, steady."""
     amplitude_um: NotNegative = 0.0
     """µm. A."""
     cycle_s: Positive = 600.0

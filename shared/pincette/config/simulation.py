@@ -22,11 +22,13 @@ class Simulation(Table):
     damping_ratio: Positive
     """1, of that mode; paper (54): 0.026."""
     second_mode: SecondMode = SecondMode()
+    """Without it the arm has one mode."""
     compliance_um_per_mN: Positive
     """µm/mN. s_p, of the driven arm's tip, all modes together; paper (55): 0.46."""
     piezo_um_per_V: Positive
     """µm/V at the amplifier's input. d of y = d·u·(1 + κ·u) - h."""
     hysteresis: Hysteresis
+    """Of the arm's free motion."""
     creep_per_decade: NotNegative
     """1, per decade of time after a step; 0.01-0.02 by the literature."""
     sensor_noise_um: NotNegative
@@ -36,11 +38,13 @@ class Simulation(Table):
     averaging_s: NotNegative = 0.0
     """s. The reading is the mean position over this time; the LK-G5000's is up to 4^i samples."""
     drift: Drift = Drift()
+    """Of the reading."""
     output_step_V: Positive | None = None
     """V, of the voltage output; None: as the driver's instrument has it."""
     output_lag_s: NotNegative | None = None
     """s, first-order, of the voltage output; None: as the driver's instrument has it."""
     amplifier: Amplifier = Amplifier()
+    """Without it the arm has the output's voltage."""
     actuation_delay_s: NotNegative
     """Lockstep: from the sample to the arrival of the voltage."""
     bead: bool = True
@@ -54,8 +58,11 @@ class Simulation(Table):
     passive_damping_ratio: Positive = 0.026
     """1, of the passive arm alone; as the driven arm's, assumed."""
     part: Bead = Bead()
+    """What lies there."""
     baud: int = Field(default=115200, ge=1200)
+    """Of the simulated serial lines, where the driver's options name none."""
     truth: bool = True
+    """Whether the true position and force are published, for records and comparison."""
     scripts: bool = False
     """Whether it takes orders: `pincette rig`."""
     script: tuple[ScriptedOrder, ...] = Field(default=(), strict=False)

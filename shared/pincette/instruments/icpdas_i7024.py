@@ -40,9 +40,13 @@ class I7024Options(Table):
     """Address of the module, its channel, checksum, speed of the line, the host watchdog's time."""
 
     address: int = Field(default=1, ge=0, le=255)
+    """Of the module on its line."""
     channel: int = Field(default=0, ge=0, le=3)
+    """Of the module, counted from 0."""
     checksum: bool = False
+    """Whether its lines end with one, as the module is set."""
     baud: Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200] = 115200
+    """Of the serial line."""
     watchdog_s: float = Field(default=0.5, ge=0.0, le=LONGEST_WATCHDOG_S, multiple_of=0.1)
     """0 leaves the watchdog alone."""
 

@@ -52,8 +52,11 @@ class KeyenceOptions(Table):
     """Which output is read, in which unit its display is set, and the line's speed."""
 
     output: int = Field(default=1, ge=1, le=12)
+    """Of the controller, counted from 1."""
     unit: Literal["um", "mm"] = "um"
+    """In which its display is set to count."""
     baud: Literal[9600, 19200, 38400, 57600, 115200] = 115200
+    """Of the serial line."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,9 @@ class NidaqmxInputOptions(Table):
     drive_channel: str = ""
     """Analog input at the amplifier's input, as in cDAQ1Mod1/ai1; without it, no capture."""
     least_V: float = -10.0
+    """Lowest voltage of the input's range."""
     most_V: float = 10.0
+    """Highest voltage of the input's range."""
     average: int = Field(default=1, ge=1, le=1000)
     """Samples of a single reading."""
     rate_hz: Positive = 50_000.0

@@ -29,7 +29,9 @@ class NidaqmxOutputOptions(Table):
     """Range of the output, and how its voltage is known before the first write."""
 
     least_V: float = -10.0
+    """Lowest voltage of the output's range."""
     most_V: float = 10.0
+    """Highest voltage of the output's range."""
     read_channel: str = ""
     """Analog input that measures the output, as in Dev1/_ao0_vs_aognd; read once, at opening."""
     found_V: float = 0.0

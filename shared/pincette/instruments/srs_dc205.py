@@ -66,7 +66,9 @@ class DC205Options(Table):
     """Range of the output, and the line's speed."""
 
     range_V: Literal[1, 10, 100] = 10
+    """Range of the output, either way."""
     baud: Literal[9600, 115200] = 115200
+    """Of the serial line."""
 
 
 class DC205:

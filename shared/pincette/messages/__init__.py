@@ -22,6 +22,7 @@ from pincette.messages.questions import (
     RigFileTold,
     Status,
     StatusRequest,
+    TimingRequest,
     Trip,
 )
 from pincette.messages.samples import (
@@ -32,6 +33,7 @@ from pincette.messages.samples import (
     JobNotice,
     Position,
     Telemetry,
+    Timing,
     Truth,
 )
 
@@ -44,6 +46,7 @@ Message = (
     | Telemetry
     | Truth
     | JobNotice
+    | Timing
     | Asked
     | Arm
     | Load
@@ -57,6 +60,7 @@ Message = (
     | Recorded
     | StatusRequest
     | Status
+    | TimingRequest
     | RigFileRequest
     | RigFileTold
     | Done
@@ -93,6 +97,8 @@ __all__ = [
     "Status",
     "StatusRequest",
     "Telemetry",
+    "Timing",
+    "TimingRequest",
     "Trip",
     "Truth",
 ]

@@ -177,6 +177,11 @@ class Status:
 
 
 @dataclass(frozen=True, slots=True)
+class TimingRequest:
+    """Ask a program of the loop how punctual it is. Refused in lockstep, which keeps no clock."""
+
+
+@dataclass(frozen=True, slots=True)
 class RigFileRequest:
     """Ask a program of the loop which rig file it works with."""
 

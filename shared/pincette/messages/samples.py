@@ -1,8 +1,9 @@
-"""What is published: samples of the loop, each with its number, and what a job is doing."""
+"""What is published: samples of the loop, each with its number, and what is told beside them."""
 
 from dataclasses import dataclass
 
 from pincette.control.planning.sweep import Sweep
+from pincette.latency.histogram import Distribution
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,3 +159,22 @@ class JobNotice:
     held: bool
     at: str
     """UTC."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How punctual a program of the loop has been since its epoch began; in real time only."""
+
+    epoch: int
+    seq: int
+    """The newest sample that is counted; -1 before the first."""
+    service: str
+    missed: int
+    """Samples and points of the grid that were skipped."""
+    lateness: Distribution
+    """Of the wake-ups against the program's own grid; without one, of the samples' arrival against
+    the grid of the earliest among them."""
+    age: Distribution
+    """From the first arrival of a sample's number to the step with what the program acts on."""
+    execution: Distribution
+    """Of the steps, from their begin until all was told; instruments included."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from pincette.batch.tuning import compiled_tracks
 from pincette.config import IdentifiedFreeResponse, RigFile
 from pincette.config.gains import tuned
 from pincette.control.laws.law import LawSettings, Scheme
@@ -21,7 +22,7 @@ class Prepared:
 
     def gains(self, scheme: Scheme) -> LawSettings:
         """The balanced gains of a scheme on the identified model."""
-        return tuned(self.rig, scheme).chosen.settings
+        return tuned(self.rig, scheme, tracks=compiled_tracks).chosen.settings
 
 
 def prepare(rig: RigFile) -> Prepared:

@@ -7,6 +7,9 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from pincette.batch.cases import Case, Run
+from pincette.batch.kernel.lane import COLUMNS
+from pincette.batch.runs import play_all
 from pincette.config import RigFile, derived
 from pincette.control.laws.law import LawSettings
 from pincette.control.planning.contact_plan import ContactPlan
@@ -156,32 +159,64 @@ def record(messages: Sequence[Message], phase: str) -> Record:
     )
 
 
-def full_cycles(rig: RigFile, plan: ContactPlan, messages: Sequence[Message]) -> Record:
-    """The part of a tracked path that has its whole amplitude."""
-    path = next(segment.path for segment in plan.program.segments if segment.path is not None)
-    whole = record(messages, "track")
-    first = round(path.full_from_s / rig.rig.period_s)
-    last = round(path.full_to_s / rig.rig.period_s)
-    columns = {
-        name: getattr(whole, name)[first:last]
-        for name in Record.__slots__
-        if name != "stiffness_mN_per_um"
-    }
-    columns["t_s"] = (columns["t_s"] - columns["t_s"][0]) * rig.rig.period_s
-    return Record(**columns, stiffness_mN_per_um=whole.stiffness_mN_per_um)
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A law on a path."""
+
+    rig: RigFile
+    settings: LawSettings
+    plan: ContactPlan
+    identified: bool = True
+    """Whether the references lie on the contact line identified over the load, or the plan's."""
 
 
 def track(
     rig: RigFile, settings: LawSettings, plan: ContactPlan, *, identified: bool = True
 ) -> tuple[Record, Errors]:
-    """Track a path with one law; the errors are those of its full cycles.
+    """Track a path with one law; the errors are those of its full cycles."""
+    return track_all([Trial(rig, settings, plan, identified)])[0]
 
-    The references lie on the contact line identified over the load, or on the plan's own.
-    """
-    line = "identified" if identified else "planned"
-    program = replace(plan.program, laws=(settings,), contact_line=line)
-    found = full_cycles(rig, plan, play(rig, program))
-    return found, errors(found)
+
+def track_all(trials: Sequence[Trial], workers: int = 1) -> list[tuple[Record, Errors]]:
+    """Track each, on so many processes; raises StudyError where one does not come to its path."""
+    cases: list[Case] = []
+    for trial in trials:
+        line = "identified" if trial.identified else "planned"
+        program = replace(trial.plan.program, laws=(trial.settings,), contact_line=line)
+        cases.append(Case(trial.rig, program))
+    found = [
+        _tracked(case, run)
+        for case, run in zip(cases, play_all(cases, workers=workers), strict=True)
+    ]
+    return [(record_, errors(record_)) for record_ in found]
+
+
+def _tracked(case: Case, run: Run) -> Record:
+    """The part of a tracked path that has its whole amplitude."""
+    whole, period_s = run.during("track"), case.rig.rig.period_s
+    if not whole.shape[1]:
+        raise StudyError(f"no track: ended {run.outcome}")
+    path = next(segment.path for segment in case.program.segments if segment.path is not None)
+    full = whole[:, round(path.full_from_s / period_s) : round(path.full_to_s / period_s)]
+
+    def column(name: str) -> Series:
+        return full[COLUMNS.index(name)]
+
+    return Record(
+        t_s=np.arange(full.shape[1], dtype=np.float64) * period_s,
+        x_um=column("x_um"),
+        x_r_um=column("x_r_um"),
+        true_x_um=column("true_x_um"),
+        force_mN=column("force_mN"),
+        force_r_mN=column("force_r_mN"),
+        true_force_mN=column("true_force_mN"),
+        voltage_V=column("applied_V"),
+        sliding_um=column("sliding_um"),
+        band_um=column("band_um"),
+        perturbation_error_mN=column("perturbation_error_mN"),
+        residual_um=column("residual_um"),
+        stiffness_mN_per_um=float(whole[COLUMNS.index("stiffness_mN_per_um"), -1]),
+    )
 
 
 def errors(found: Record) -> Errors:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from pincette.config import RigFile
 from pincette.control.laws.law import LawSettings, default_settings
 from pincette.paper import printed
-from pincette.paper.closed_loop import Errors, Record, track, tracking_plan
+from pincette.paper.closed_loop import Errors, Record, Trial, track_all, tracking_plan
 from pincette.paper.drawing import BLUE, GREEN, Axis, label, legend, picture
 from pincette.paper.report import Comparison, Picture, Section, Trend
 from pincette.paper.rigs import simulation_of
@@ -16,24 +16,28 @@ from pincette.paper.tracked import listed, percent, plain, traces
 SWEPT = tuple(value for value in printed.K_F_SWEEP if value <= 5000.0)
 
 
-def force_gain(rig: RigFile) -> Section:
-    """Figs. 10 and 11: DSMIFC by K_f, with the paper's plan and with a consistent one."""
+def force_gain(rig: RigFile, workers: int = 1) -> Section:
+    """Figs. 10 and 11: DSMIFC by K_f, with the paper's plan and with a consistent one.
+
+    ``workers``: processes that play the loops.
+    """
     contact = simulation_of(rig).environment_stiffness_mN_per_um
     plans = {
         "mismatched": tracking_plan(rig, stiffness_mN_per_um=printed.PLANNED_STIFFNESS),
         "consistent": tracking_plan(rig, stiffness_mN_per_um=contact),
     }
-    cases: dict[str, dict[float, Errors]] = {}
+    trials = {
+        (f"{set_name} set, {plan_name} plan", gain): Trial(
+            rig, _dsmifc(set_name, gain), plan, identified=plan_name == "consistent"
+        )
+        for set_name in ("consistent", "printed")
+        for plan_name, plan in plans.items()
+        for gain in printed.K_F_SWEEP
+    }
+    cases: dict[str, dict[float, Errors]] = {name: {} for name, _ in trials}
     records: dict[tuple[str, float], Record] = {}
-    for set_name in ("consistent", "printed"):
-        for plan_name, plan in plans.items():
-            name = f"{set_name} set, {plan_name} plan"
-            cases[name] = {}
-            for gain in printed.K_F_SWEEP:
-                settings = _dsmifc(set_name, gain)
-                records[name, gain], cases[name][gain] = track(
-                    rig, settings, plan, identified=plan_name == "consistent"
-                )
+    for (name, gain), found in zip(trials, track_all([*trials.values()], workers), strict=True):
+        records[name, gain], cases[name][gain] = found
     fig10 = records["printed set, mismatched plan", 5000.0]
     main = cases["consistent set, mismatched plan"]
     turned = cases["consistent set, consistent plan"]

@@ -1,5 +1,6 @@
 """The search for gains, drawn, and its choice tried on the rig."""
 
+from pincette.batch.tuning import compiled_tracks
 from pincette.config.gains import tuned
 from pincette.control.laws.law import Scheme
 from pincette.control.stability.tuning import Tuning
@@ -13,7 +14,9 @@ SCHEMES: tuple[Scheme, ...] = ("pbsmic", "dsmifc")
 
 def search(prepared: Prepared) -> Section:
     """Tune both laws on the identified model, then track with what was chosen."""
-    found: dict[str, Tuning] = {scheme: tuned(prepared.rig, scheme) for scheme in SCHEMES}
+    found: dict[str, Tuning] = {
+        scheme: tuned(prepared.rig, scheme, tracks=compiled_tracks) for scheme in SCHEMES
+    }
     plan = tracking_plan(prepared.rig)
     tried: dict[str, Errors] = {
         scheme: track(prepared.rig, tuning.chosen.settings, plan)[1]

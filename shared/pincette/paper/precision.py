@@ -1,8 +1,11 @@
 """How well both laws track with what the paper had not: planning, units and gains in order."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from math import sqrt
+from multiprocessing import get_context
 from statistics import median
 from typing import Any
 
@@ -40,21 +43,42 @@ def sensor_floor_percent(rig: RigFile) -> float:
 
 
 def run_trials(
-    base: RigFile, rigs: int = RIGS, progress: Callable[[int], None] | None = None
+    base: RigFile,
+    rigs: int = RIGS,
+    progress: Callable[[int], None] | None = None,
+    workers: int = 1,
 ) -> list[Trial]:
-    """Draw, calibrate, tune and track: every scheme and frequency on every rig."""
+    """Draw, calibrate, tune and track: every scheme and frequency on every rig, in their order.
+
+    ``progress`` takes how many rigs are done; ``workers`` is how many processes do them.
+    """
     trials: list[Trial] = []
-    for seed in range(1, rigs + 1):
-        rig, draw = random_rig(base, seed)
-        prepared = prepare(rig)
-        for scheme in SCHEMES:
-            settings = prepared.gains(scheme)
-            for frequency_hz in FREQUENCIES_HZ:
-                plan = tracking_plan(prepared.rig, frequency_hz=frequency_hz)
-                _, found = track(prepared.rig, settings, plan)
-                trials.append(Trial(draw, scheme, frequency_hz, settings.K_P, settings.K_f, found))
+    for done, found in enumerate(_by_rig(base, rigs, workers), start=1):
+        trials += found
         if progress is not None:
-            progress(seed)
+            progress(done)
+    return trials
+
+
+def _by_rig(base: RigFile, rigs: int, workers: int) -> Iterator[list[Trial]]:
+    seeds, one = range(1, rigs + 1), partial(_on_rig, base)
+    if workers == 1 or rigs == 1:
+        yield from map(one, seeds)
+        return
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        yield from pool.map(one, seeds)
+
+
+def _on_rig(base: RigFile, seed: int) -> list[Trial]:
+    rig, draw = random_rig(base, seed)
+    prepared = prepare(rig)
+    trials: list[Trial] = []
+    for scheme in SCHEMES:
+        settings = prepared.gains(scheme)
+        for frequency_hz in FREQUENCIES_HZ:
+            plan = tracking_plan(prepared.rig, frequency_hz=frequency_hz)
+            _, found = track(prepared.rig, settings, plan)
+            trials.append(Trial(draw, scheme, frequency_hz, settings.K_P, settings.K_f, found))
     return trials
 
 

@@ -26,7 +26,9 @@ Progress = Callable[[str, float], None]
 """Takes what is being done, and the share of the whole that is done."""
 
 
-def run_study(base: RigFile, folder: Path, progress: Progress, rigs: int) -> dict[str, Any]:
+def run_study(
+    base: RigFile, folder: Path, progress: Progress, rigs: int, workers: int = 1
+) -> dict[str, Any]:
     """Run every experiment, write the report into a folder, and return its summary.
 
     Parameters
@@ -35,6 +37,8 @@ def run_study(base: RigFile, folder: Path, progress: Progress, rigs: int) -> dic
         The demo rig; what is not in the paper comes from it.
     rigs
         How many random rigs.
+    workers
+        Processes that play closed loops; the numbers are the same with any number of them.
     """
     rig = frozen_rig(base)
     progress("teaching the frozen rig", 0.0)
@@ -54,7 +58,7 @@ def run_study(base: RigFile, folder: Path, progress: Progress, rigs: int) -> dic
     table_1, by_K_P = table_one.table_one(taught)
     sections.append(table_1)
     progress("Figs. 10 and 11: DSMIFC", 0.18)
-    sections.append(force_gain.force_gain(taught))
+    sections.append(force_gain.force_gain(taught, workers))
     progress("stability map", 0.26)
     sections.append(dynamics.stability(taught))
     progress("gains", 0.38)
@@ -66,7 +70,7 @@ def run_study(base: RigFile, folder: Path, progress: Progress, rigs: int) -> dic
         progress(f"random rigs: {done} of {rigs}", 0.46 + 0.52 * done / rigs)
 
     one_more(0)
-    trials = precision.run_trials(base, rigs, one_more)
+    trials = precision.run_trials(base, rigs, one_more, workers)
     sections.append(precision.section(base, trials))
     summary = {
         "table1_position_percent": {

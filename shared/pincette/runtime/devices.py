@@ -1,11 +1,14 @@
 """The instruments of a rig: opened by their drivers, or simulated within this process."""
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from math import ceil, inf
 
 from pincette import plugins
 from pincette.config import RigFile
 from pincette.instruments.line.memory_link import MemoryLink
-from pincette.instruments.protocols import Link
+from pincette.instruments.protocols import InstrumentError, Link, PositionSensor
 from pincette.messages import Truth
 from pincette.runtime.instrument import Device
 from pincette.service import AnyService
@@ -16,16 +19,32 @@ LOCKSTEP_TIMEOUT_S = 2.0
 """By the clock on the wall, which in lockstep shall end a run that hangs, never a tick."""
 
 
-def open_device(service: AnyService, rig: RigFile) -> Device:
-    """Open the instrument a service moves or reads; None where it has none."""
+def open_device(service: AnyService, rig: RigFile, at_most_s: float = inf) -> Device:
+    """Open the instrument a service moves or reads; None where it has none.
+
+    A sensor is waited for no longer than ``at_most_s``; see ``timing.shared_patience_s``.
+    """
     patience = {"timeout_s": LOCKSTEP_TIMEOUT_S} if rig.lockstep else {}
     if service.instrument == "position_sensor":
+        patience = patience or {"timeout_s": min(rig.sensor.timeout_s, at_most_s)}
         settings = rig.sensor.model_copy(update=patience)
-        return plugins.load(plugins.POSITION_SENSORS, settings.driver)(settings)
+        opener = plugins.load(plugins.POSITION_SENSORS, settings.driver)
+        return _insisted(partial(opener, settings), rig.sensor.timeout_s / settings.timeout_s)
     if service.instrument == "voltage_output":
         settings = rig.output.model_copy(update=patience)
         return plugins.load(plugins.VOLTAGE_OUTPUTS, settings.driver)(settings)
     return None
+
+
+def _insisted(open_: Callable[[], PositionSensor], times: float) -> PositionSensor:
+    """Open a sensor; the last of so many tries may fail.
+
+    One that is waited for shortly in a tick would else be given up as shortly before the first.
+    """
+    for _ in range(ceil(times) - 1):
+        with suppress(InstrumentError):
+            return open_()
+    return open_()
 
 
 def simulated_bench(rig: RigFile, publish: Callable[[Truth], None]) -> Bench:

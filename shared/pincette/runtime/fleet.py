@@ -13,13 +13,14 @@ from time import monotonic
 from urllib.parse import urlsplit
 
 from pincette.config import RigFile
+from pincette.runtime import logs
 from pincette.runtime.process import READY
 from pincette.topics import LOOP
 
 START_S = 30.0
 STOP_S = 5.0
 ROUTER_S = 2.0
-LEANED_ON = ("router", "rig")
+LEANED_ON = ("router", "upstream", "rig")
 """Programs that the others expect to find."""
 Say = Callable[[str, str], None]
 """Called with a program's name and one line about it."""
@@ -46,10 +47,12 @@ class Member:
 
 
 def ports(rig: RigFile) -> dict[int, str]:
-    """Ports a rig needs on this machine, and what for."""
+    """Ports that the programs of a rig need where its loop is, and what for."""
     wanted = {rig.bus.port + 1 + index: name for index, name in enumerate(LOOP)}
     if not rig.joins:
-        wanted = {rig.bus.port: "router", **wanted, rig.supervisor.port: "supervisor"}
+        wanted = {rig.bus.port: "router", **wanted}
+    if not (rig.joins or rig.bus.apart):
+        wanted[rig.supervisor.port] = "supervisor"
     if rig.simulation is not None:
         for name, url in (("position sensor", rig.sensor.url), ("output", rig.output.url)):
             port = urlsplit(url).port if url.startswith("socket://") else None
@@ -91,20 +94,37 @@ def check_router(rig: RigFile) -> None:
 class Fleet:
     """The programs of one rig as child processes on a leash."""
 
-    def __init__(self, rig: RigFile, path: Path, data: Path, say: Say) -> None:
+    def __init__(
+        self,
+        rig: RigFile,
+        path: Path,
+        data: Path,
+        say: Say,
+        *,
+        server: bool = False,
+        log_format: logs.Form | None = None,
+    ) -> None:
+        """``server``: of a rig with a router upstream, the programs that are beside that one."""
+        self._server = server
         self.members: dict[str, Member] = {}
         self._rig = rig
         self._arguments = ["--rig", str(path), "--data", str(data), "--leash"]
         if rig.bus.pki is not None:
             self._arguments += ["--pki", rig.bus.pki]
+        if log_format is not None:
+            self._arguments += ["--log-format", log_format]
         self._logs = rig.home(data) / "logs"
         self._logs.mkdir(parents=True, exist_ok=True)
         self._say = say
 
     def names(self) -> list[str]:
-        """What `pincette up` starts for this rig."""
+        """What `pincette up` starts for this rig on this machine."""
+        if self._server:
+            return ["upstream", *(("recorder", "supervisor") if self._rig.bus.apart else ())]
         rig = ["rig"] if self._rig.simulation is not None else []
-        own = [*rig, *LOOP, "recorder"]
+        if self._rig.bus.apart:
+            return ["router", *rig, *self._rig.programs]
+        own = [*rig, *self._rig.programs, "recorder"]
         return own if self._rig.joins else ["router", *own, "supervisor"]
 
     def start(self, names: Iterable[str]) -> None:
@@ -117,8 +137,12 @@ class Fleet:
         deadline = monotonic() + START_S
         for member in started:
             while not member.ready.wait(0.05):
-                if member.process.poll() is not None:
-                    raise FleetError(f"{member.name} did not start:\n{member.tail()}")
+                # One that others wait for may have ended.
+                ended = [one for one in started if one.process.poll() is not None]
+                if ended:
+                    raise FleetError(
+                        "\n".join(f"{one.name} did not start:\n{one.tail()}" for one in ended)
+                    )
                 if monotonic() > deadline:
                     raise FleetError(
                         f"{member.name} is not ready after {START_S:g} s:\n{member.tail()}"
@@ -143,8 +167,9 @@ class Fleet:
 
     def up(self) -> None:
         """Start everything: what others lean on first."""
-        check_ports(self._rig)
-        check_router(self._rig)
+        if not self._server:
+            check_ports(self._rig)
+            check_router(self._rig)
         names = self.names()
         first = [name for name in names if name in LEANED_ON]
         self.start(first)
@@ -160,7 +185,7 @@ class Fleet:
 
     def down(self) -> None:
         """End every program: who plans, then the loop, who records it, and what they lean on."""
-        first = ["supervisor"], list(LOOP), ["recorder"]
+        first = ["supervisor"], list(self._rig.programs), ["recorder"]
         others = [name for name in self.members if not any(name in stage for stage in first)]
         for stage in (*first, others):
             _end([self.members[name] for name in stage if name in self.members])

@@ -24,6 +24,8 @@ class Instrument:
 
     def __init__(self, device: Device, period_s: float) -> None:
         self._device = device
+        self._watched = device if isinstance(device, WatchedOutput) else None
+        """Looked at once: it takes long to see whether an object has all that a protocol asks."""
         self._period_s = period_s
         self._fed_at = 0.0
         self._capture_hz = 0.0
@@ -61,11 +63,11 @@ class Instrument:
 
     def keep_alive(self, now: float) -> str:
         """Once a period, say to a watched output that its host lives; returns its fault."""
-        if not isinstance(self._device, WatchedOutput) or now - self._fed_at < self._period_s:
+        if self._watched is None or now - self._fed_at < self._period_s:
             return ""
         self._fed_at = now
         try:
-            self._device.keep_alive()
+            self._watched.keep_alive()
         except InstrumentError as error:
             return str(error)
         return ""
@@ -80,11 +82,11 @@ class Instrument:
         RefusedError
             Where the output does not answer.
         """
-        if not isinstance(self._device, WatchedOutput):
+        if self._watched is None:
             return None
         try:
-            self._device.clear_trip()
-            return self._device.read_V()
+            self._watched.clear_trip()
+            return self._watched.read_V()
         except InstrumentError as error:
             raise RefusedError(f"the voltage output cannot be reset: {error}") from error
 

@@ -8,12 +8,14 @@ from time import monotonic, sleep
 
 from pincette.bus.protocol import Bus
 from pincette.messages import Message
+from pincette.runtime.interpreter import Collector
 from pincette.runtime.node import Node
 from pincette.runtime.turns import MOST_AT_ONCE, Turns
 from pincette.topics import Question, Topic
 
 Reply = Callable[[Message | str], None]
-Item = Message | tuple[Message, Reply] | None
+Item = tuple[Message, Reply | None, float] | None
+"""A message or a question, with whom to answer, and when it came."""
 
 WIND_DOWN_S = 3.0
 """Longest time an instrument may take to come to rest when its program is ended."""
@@ -28,6 +30,7 @@ class ServiceLoop:
     def __init__(self, node: Node, bus: Bus, delay_s: float = 0.0, delay_seed: int = 0) -> None:
         self._node = node
         self._turns = Turns(node)
+        self._collector = Collector()
         self._bus = bus
         self._queue: SimpleQueue[Item] = SimpleQueue()
         self._delay_s = delay_s
@@ -40,10 +43,10 @@ class ServiceLoop:
             bus.serve(question, self._asked)
 
     def _take(self, _topic: Topic, message: Message) -> None:
-        self._queue.put(message)
+        self._queue.put((message, None, monotonic()))
 
     def _asked(self, _question: Question, request: Message, reply: Reply) -> None:
-        self._queue.put((request, reply))
+        self._queue.put((request, reply, monotonic()))
 
     def stop(self) -> None:
         """End the loop; may be called from a signal handler."""
@@ -52,16 +55,34 @@ class ServiceLoop:
 
     def run(self) -> None:
         """Run until stopped."""
-        node, turns = self._node, self._turns
+        turns = self._turns
         turns.begin(monotonic())
         while not self._stop.is_set():
-            self._collect(turns.wait_s(monotonic()))
-            while node.due(now := monotonic()):
-                self._publish(node.fire(now))
-            if turns.due(now):
-                self._publish(turns.take(now))
-                turns.taken(monotonic())
-        self._wind_down(turns.every_s or node.period_s)
+            self.turn()
+        self._wind_down(turns.every_s or self._node.period_s)
+
+    def step_all(self) -> float:
+        """Make every step that is due; returns the time after them."""
+        node, turns = self._node, self._turns
+        now = monotonic()
+        while node.due(now):
+            self._publish(turns.fire(now))
+            now = monotonic()
+            turns.told(now)
+        return now
+
+    def turn(self) -> None:
+        """Wait for something, make every step that is due, and the one that the clock asks for."""
+        turns = self._turns
+        self._collect(turns.wait_s(monotonic()))
+        now = self.step_all()
+        if turns.due(now):
+            self._publish(turns.take(now))
+            now = monotonic()
+            turns.taken(now)
+        if self._queue.empty():
+            self._publish(turns.timing(now))
+            self._collector.turned()
 
     def _wind_down(self, every: float) -> None:
         deadline = monotonic() + WIND_DOWN_S
@@ -71,23 +92,26 @@ class ServiceLoop:
 
     def _collect(self, timeout: float) -> None:
         """Wait for something, then take all that is there: only the newest sample will count."""
+        queue = self._queue
         try:
-            self._handle(self._queue.get(timeout=timeout) if timeout else self._queue.get_nowait())
-            for _ in range(MOST_AT_ONCE):
-                self._handle(self._queue.get_nowait())
+            self._handle(queue.get(timeout=timeout) if timeout else queue.get_nowait())
         except Empty:
             return
+        for _ in range(MOST_AT_ONCE):
+            if queue.empty():  # which is no guess, since only this thread takes from it
+                return
+            self._handle(queue.get_nowait())
 
     def _handle(self, item: Item) -> None:
         if item is None:
             return
-        if isinstance(item, tuple):
-            request, reply = item
-            answer, outputs = self._turns.ask(request, monotonic())
-            self._publish(outputs)
-            reply(answer)
-        else:
-            self._turns.accept(item, monotonic())
+        message, reply, came_at = item
+        if reply is None:
+            self._turns.accept(message, monotonic(), came_at)
+            return
+        answer, outputs = self._turns.ask(message, monotonic())
+        self._publish(outputs)
+        reply(answer)
 
     def _publish(self, outputs: tuple[Message, ...]) -> None:
         if self._delay_s and outputs:

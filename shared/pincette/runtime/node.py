@@ -14,13 +14,14 @@ from pincette.instruments.protocols import VoltageOutput
 from pincette.messages import Applied, Arm, Message, Reset, Sample, Status, StatusRequest
 from pincette.runtime.asking import Notes
 from pincette.runtime.instrument import Device, Instrument
+from pincette.runtime.joins import KEPT, Joins
 from pincette.runtime.timing import too_slow
-from pincette.service import AnyService, ForInstrument, Input, RefusedError
+from pincette.service import AnyService, Drive, ForInstrument, Look, RefusedError, Role, Wave
 from pincette.topics import COMMAND
 
 JOIN_WAIT_PERIODS = 0.25
-KEPT = 16
-"""Samples kept for a join, where what waits longer has lost its partner, and streams that wait."""
+ORDERS = (Drive, Wave, Look)
+"""Outputs that are for the instrument."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,62 +59,51 @@ class Node:
         self._too_slow = too_slow(rig) if service.instrument == "voltage_output" else ""
         self._device = Instrument(device, self.period_s)
         self._instrument = service.instrument is not None
-        self._joins = [item for item in service.inputs if item.role == "join"]
-        self._roles: dict[type, Input] = {item.topic.message: item for item in service.inputs}
-        self._columns = [
-            item.topic.message for item in service.inputs if item.role in ("trigger", "join")
-        ]
+        self._joins = Joins(service)
+        self._roles: dict[type, Role] = {item.topic.message: item.role for item in service.inputs}
         self._paced = any(item.role == "pace" for item in service.inputs)
-        self._waiting: dict[type, dict[tuple[int, int], Sample]] = {
-            item.topic.message: {} for item in self._joins
-        }
         self._pending: deque[Pending] = deque()
         self._notes = Notes(service)
-        self._blank = (None,) * (len(self._columns) + self._instrument)
 
     def accept(self, message: Message, now: float) -> None:
         """Take a message from the bus."""
         sample = cast(Sample, message)
-        role = self._roles[type(message)].role
+        role = self._roles[type(message)]
         if role == "join":
-            waiting = self._waiting[type(message)]
-            waiting[sample.epoch, sample.seq] = sample
-            if len(waiting) > KEPT:
-                self._forget_one(waiting)
+            self._joins.keep(sample, self.state.epoch)
         elif role == "trigger":
-            if not self.lockstep:
-                self._drop_older(sample)
-            self._pending.append(Pending(sample, now))
+            if self.lockstep or self._displaces(sample):
+                self._pending.append(Pending(sample, now))
         elif self.lockstep and sample.seq >= 0 and not cast(Applied, message).final:
             # Arming began tick 0; the applied voltage of seq -1 is where it starts from.
             self._pending.append(Pending(None, (sample.seq + 1) * self.period_s))
 
-    def _forget_one(self, waiting: dict[tuple[int, int], Sample]) -> None:
-        """The oldest of another epoch, or else the oldest: no stranger pushes out what counts."""
-        place = next((place for place in waiting if place[0] != self.state.epoch), None)
-        del waiting[next(iter(waiting)) if place is None else place]
-
-    def _drop_older(self, sample: Sample) -> None:
+    def _displaces(self, sample: Sample) -> bool:
         """In real time only the newest sample of a stream counts; a backlog is never played.
 
-        What another epoch or owner says is a stream of its own: it must not push out what counts.
+        What another epoch or owner says is a stream of its own, and one that is repeated is older:
+        neither must push out what counts.
         """
         stream = _stream(sample)
         for pending in self._pending:
             if pending.sample is not None and _stream(pending.sample) == stream:
+                if sample.seq <= pending.sample.seq:
+                    self.refused += 1
+                    return False
                 self._pending.remove(pending)
                 self.missed += 1
-                return
+                return True
         if len(self._pending) >= KEPT:
             self._pending.popleft()
             self.missed += 1
+        return True
 
     def due(self, now: float) -> bool:
         """Whether a step can be made."""
         if not self._pending:
             return False
         first = self._pending[0]
-        if first.sample is None or self._complete(first.sample):
+        if first.sample is None or self._joins.complete(first.sample):
             return True
         # As ``patience`` counts it, to the last bit: or a driver would wait for no time, again and
         # again.
@@ -125,12 +115,6 @@ class Node:
             return None
         return max(0.0, self._pending[0].since + JOIN_WAIT_PERIODS * self.period_s - now)
 
-    def _complete(self, sample: Sample) -> bool:
-        for item in self._joins:
-            if (sample.epoch, sample.seq + item.offset) not in self._waiting[item.topic.message]:
-                return False
-        return True
-
     def fire(self, now: float) -> tuple[Message, ...]:
         """Make the step that is due; returns what is to be published."""
         pending = self._pending.popleft()
@@ -138,24 +122,24 @@ class Node:
         if sample is None:
             return self.tick(pending.since)
         self._notes.newest = sample
-        values: list[Any] = list(self._blank)
-        values[self._columns.index(type(sample)) + self._instrument] = sample
-        for item in self._joins:
-            kind = item.topic.message
-            partner = self._waiting[kind].pop((sample.epoch, sample.seq + item.offset), None)
-            values[self._columns.index(kind) + self._instrument] = partner
+        values = self._joins.row_of(sample)
         return self._step(values, sample.seq * self.period_s if self.lockstep else now)
+
+    @property
+    def newest(self) -> Sample | None:
+        """The sample of the newest step that one has led to."""
+        return self._notes.newest
 
     def tick(self, now: float) -> tuple[Message, ...]:
         """Step because the grid says so: read the sensor first."""
-        values: list[Any] = list(self._blank)
+        values = self._joins.row()
         if self.service.instrument == "position_sensor":
             values[0] = self._device.read()
         return self._step(values, now)
 
     def wake(self, now: float) -> tuple[Message, ...]:
         """Step because time has passed; a watched instrument is fed only by a healthy service."""
-        values: list[Any] = list(self._blank)
+        values = self._joins.row()
         healthy = self.service.may_feed is None or self.service.may_feed(
             self.config, self.state, now
         )
@@ -177,16 +161,16 @@ class Node:
         self.state, outputs = service.step(
             self.config, self.state, service.inputs_type(*values), now
         )
-        if not self._instrument or not outputs or not isinstance(outputs[0], ForInstrument):
+        if not self._instrument or not outputs or not isinstance(outputs[0], ORDERS):
             return cast("tuple[Message, ...]", outputs)
         fault = self._device.put_out(outputs[0])
         if fault:
-            values = list(self._blank)
+            values = self._joins.row()
             values[0] = fault
             self.state, outputs = service.step(
                 self.config, self.state, service.inputs_type(*values), now
             )
-            if outputs and isinstance(outputs[0], ForInstrument):
+            if outputs and isinstance(outputs[0], ORDERS):
                 self._device.put_out(outputs[0])
         return _published(outputs)
 
@@ -212,13 +196,11 @@ class Node:
             self.config, self.calibration = config, parse_calibration(request.calibration)
             self._now = now
             self._pending.clear()
-            for waiting in self._waiting.values():
-                for place in [place for place in waiting if place[0] != request.epoch]:
-                    del waiting[place]
+            self._joins.begin(request.epoch)
             if self._paced and self.lockstep:
                 self._pending.append(Pending(None, 0.0))
         noted = self._notes.taken(request, self.config, self.state)
-        if outputs and isinstance(outputs[0], ForInstrument):
+        if outputs and isinstance(outputs[0], ORDERS):
             fault = self._device.put_out(outputs[0])
             if fault:
                 return fault, noted
@@ -278,4 +260,4 @@ def _stream(sample: Sample) -> tuple[type[Sample], int, int | None]:
 
 def _published(outputs: tuple[Message | ForInstrument, ...]) -> tuple[Message, ...]:
     """Outputs without what was for the instrument."""
-    return tuple(output for output in outputs if not isinstance(output, ForInstrument))
+    return tuple(output for output in outputs if not isinstance(output, ORDERS))

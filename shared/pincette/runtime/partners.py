@@ -11,7 +11,7 @@ from pincette.bus.zenoh_bus import ZenohBus
 from pincette.codec.wire import update_which
 from pincette.config import RigFile
 from pincette.security.identity import program
-from pincette.service import AnyService
+from pincette.service import Participant, services_of
 
 log = logging.getLogger("pincette")
 POLL_S = 0.05
@@ -24,14 +24,15 @@ def wait_for_partners(
     rig: RigFile,
     bus: ZenohBus,
     ends: Ends,
-    services: Mapping[str, AnyService],
+    services: Mapping[str, Participant],
     stop: threading.Event,
 ) -> bool:
     """Wait until every consumer is linked, so that the first sample is not lost.
 
     Returns false where the program is told to stop before.
     """
-    wanted = consumers(name, services, lockstep=rig.lockstep)
+    programs = consumers(name, services, lockstep=rig.lockstep)
+    wanted = {service for one in programs for service in services_of(one)}
     causes: dict[str, str] = {}
     said, look_s = "", monotonic() + WHY_S
     while not stop.is_set():
@@ -53,7 +54,7 @@ def _cause(name: str, rig: RigFile, ends: Ends) -> str:
     """Why there may be no link to a service of this rig."""
     place = endpoint(rig.bus.host, rig.bus.port, name)
     credentials = ends.member.credentials if ends.member else None
-    return why_no_link(place, credentials, program(name, rig.rig.name).name)
+    return why_no_link(place, credentials, program(rig.program_of(name), rig.rig.name).name)
 
 
 def absent(missing: set[str], wires: Mapping[str, int], causes: Mapping[str, str]) -> str:

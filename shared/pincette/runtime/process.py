@@ -1,38 +1,44 @@
 """One program as one process: start, say that it is ready, stop cleanly, fail with a reason."""
 
-import gc
 import logging
 import os
 import secrets
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from pincette import plugins
+from pincette.bus.links import awaited
 from pincette.bus.places import program_place, service_place
 from pincette.bus.protocol import BusError
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile, read_rig
 from pincette.instruments.protocols import InstrumentError
+from pincette.runtime import logs
+from pincette.runtime.composition import Composition
+from pincette.runtime.composition_loop import CompositionLoop
 from pincette.runtime.context import Context
 from pincette.runtime.devices import open_device
+from pincette.runtime.interpreter import settle
 from pincette.runtime.loop import ServiceLoop
 from pincette.runtime.node import Node
 from pincette.runtime.partners import wait_for_partners
 from pincette.runtime.priority import come_first
 from pincette.runtime.rig_file import serve_rig_file
+from pincette.runtime.timing import shared_patience_s
 from pincette.security.identity import SecurityError
-from pincette.service import AnyService
+from pincette.service import AnyService, Composed, Participant, services_of
 from pincette.sim.wires.ports import WireError
-from pincette.topics import ASKED, LOOP
+from pincette.topics import ASKED, LOOP, TIMING
 
 log = logging.getLogger("pincette")
 READY = "ready: "
 """How a line on standard output begins that says a program serves."""
-OF_THE_ROUTER = ("router", "supervisor")
+OF_THE_ROUTER = ("router", "upstream", "supervisor")
 """Programs that all rigs on one router share."""
 
 CannotStart = (
@@ -58,25 +64,35 @@ class Options:
     delay_seed: int = 0
     pki: Path | None = None
     """Folder of certificates; None: as the rig file says."""
+    listen: str | None = None
+    """Where the router listens; None: as the rig file says."""
+    log_format: logs.Form | None = None
+    """None: as the environment says."""
 
 
 def programs() -> list[str]:
-    """Everything that `pincette run` can start."""
+    """Everything that `pincette run` can start, what composes several of them apart."""
     return [*LOOP, *plugins.names(plugins.PROGRAMS)]
 
 
 def run_program(name: str, rig_path: Path, options: Options) -> int:
     """Run one program until it is told to stop; returns the exit status."""
-    logging.basicConfig(
-        level=logging.INFO, stream=sys.stderr, format=f"%(asctime)s {name} %(message)s"
-    )
+    try:
+        lines = logs.begin(name, logs.chosen(options.log_format))
+    except ValueError as error:
+        sys.stderr.write(f"{name}: {error}\n")
+        return 2
     stop = threading.Event()
     try:
         rig = read_rig(rig_path)
+        if lines is not None:
+            lines.rig = rig.rig.name
         if options.pki is not None:
             rig = rig.secured(options.pki)
-        if name in LOOP:
-            _run_service(name, rig, stop, options)
+        if options.listen is not None:
+            rig = rig.listening(options.listen)
+        if services_of(name):
+            _run_of_loop(name, rig, stop, options)
         else:
             _run_other(name, rig, stop, options)
     except CannotStart as error:
@@ -108,36 +124,65 @@ def loop_services() -> dict[str, AnyService]:
     return {name: plugins.load(plugins.SERVICES, name) for name in LOOP}
 
 
-def _run_service(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
-    if not rig.lockstep:  # which keeps no clock, and would take the whole machine
-        come_first()
+def loop_programs(rig: RigFile) -> dict[str, Participant]:
+    """The programs of a rig's loop as others see them, in the order of a tick."""
     services = loop_services()
-    service = services[name]
-    node = Node(service, rig, open_device(service, rig), secrets.randbits(48))
-    try:
-        ends = service_place(rig, name, services)
+    return {
+        name: services[name]
+        if name in services
+        else Composed(name, tuple(services[one] for one in services_of(name)))
+        for name in rig.programs
+    }
+
+
+def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
+    """Run a service of the loop, or several that the rig file composes."""
+    if name not in rig.programs:
+        raise ConfigError(
+            f"[rig] composed = {list(rig.rig.composed)}: the programs of the loop of rig "
+            f"{rig.rig.name!r} are {', '.join(rig.programs)}, not {name}"
+        )
+    if not rig.lockstep:  # which keeps no clock, and would take the whole machine
+        come_first(rig.realtime.of(*services_of(name)))
+    participants = loop_programs(rig)
+    with ExitStack() as stack:
+        nodes = _opened(name, rig, stack)
+        ends = service_place(rig, name, participants)
         bus = ZenohBus(ends, rig.rig.name, name, reliable=rig.lockstep)
-        try:
-            loop = ServiceLoop(node, bus, options.delay_s, options.delay_seed)
-            for topic in (*service.outputs, ASKED):
-                bus.declare(topic)
-            serve_rig_file(bus, rig, name)
-            bus.announce(name)
+        stack.callback(bus.close)
+        delays = options.delay_s, options.delay_seed
+        if len(nodes) == 1:
+            loop = ServiceLoop(nodes[0], bus, *delays)
+        else:
+            waited = awaited(name, participants, lockstep=rig.lockstep)
+            loop = CompositionLoop(Composition(nodes), bus, waited, *delays)
+        for topic in (*(topic for node in nodes for topic in node.service.outputs), ASKED, TIMING):
+            bus.declare(topic)
+        for service in services_of(name):
+            serve_rig_file(bus, rig, service)
+            bus.announce(service)
 
-            def end() -> None:
-                stop.set()
-                loop.stop()
+        def end() -> None:
+            stop.set()
+            loop.stop()
 
-            _on_stop(end, options)
-            if wait_for_partners(name, rig, bus, ends, services, stop):
-                gc.collect()
-                gc.freeze()
-                _say_ready(f"serves at {ends.listen[0]}")
-                loop.run()
-        finally:
-            bus.close()
-    finally:
-        node.close()
+        _on_stop(end, options)
+        if wait_for_partners(name, rig, bus, ends, participants, stop):
+            settle()
+            _say_ready(f"serves at {ends.listen[0]}")
+            loop.run()
+
+
+def _opened(name: str, rig: RigFile, stack: ExitStack) -> Sequence[Node]:
+    """The nodes of a program with their instruments, which are given back at the end."""
+    services = [plugins.load(plugins.SERVICES, one) for one in services_of(name)]
+    at_most_s = shared_patience_s(rig, services)
+    nodes: list[Node] = []
+    for service in services:
+        device = open_device(service, rig, at_most_s)
+        nodes.append(Node(service, rig, device, secrets.randbits(48)))
+        stack.callback(nodes[-1].close)
+    return nodes
 
 
 def _run_other(name: str, file: RigFile, stop: threading.Event, options: Options) -> None:

@@ -1,15 +1,19 @@
 """Whether the instruments of a rig fit into its control period, by the sum of all they take."""
 
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
+from math import inf
 from typing import cast
 
 from pincette import plugins
-from pincette.config import Output, RigFile, Sensor
+from pincette.config import ConfigError, Output, RigFile, Sensor
 from pincette.instruments.protocols import Timing
+from pincette.service import AnyService
 
-COMPUTING_S = 0.002
-"""Two samples on the bus and four steps, with room for the slow ones among them."""
+PATIENCE_WAKES = 1.5
+"""For how many looks of an actuator at its clock its program may wait for a silent sensor: with the
+third it takes itself for one that was not run, and leaves the time out of every age."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +23,7 @@ class Budget:
     period_s: float
     sensor: Timing
     output: Timing
+    computing_s: float
 
     @property
     def total_s(self) -> float:
@@ -28,7 +33,7 @@ class Budget:
             + self.sensor.response_s
             + self.output.exchange_s
             + self.output.response_s
-            + COMPUTING_S
+            + self.computing_s
         )
 
     @property
@@ -48,7 +53,7 @@ class Budget:
             "sensor response": self.sensor.response_s,
             "command exchange": self.output.exchange_s,
             "output response": self.output.response_s,
-            "computing": COMPUTING_S,
+            "computing": self.computing_s,
         }
         shown = " + ".join(f"{name} {1e3 * part:.1f}" for name, part in parts.items() if part)
         relation = "within" if self.fits else "above"
@@ -72,7 +77,37 @@ def budget(rig: RigFile) -> Budget:
         rig.rig.period_s,
         stated(plugins.POSITION_SENSORS, rig.sensor),
         stated(plugins.VOLTAGE_OUTPUTS, rig.output),
+        rig.realtime.computing_s,
     )
+
+
+def shared_patience_s(rig: RigFile, services: Iterable[AnyService]) -> float:
+    """How long a program may wait for its sensor, in s; without a limit where that delays nobody.
+
+    It delays whoever is to look at the clock meanwhile: in real time, an actuator in the same
+    program.
+
+    Raises
+    ------
+    ConfigError
+        Where the sensor takes longer than that to answer, as its driver states.
+    PluginError
+        Where its driver is not installed.
+    """
+    together = tuple(services)
+    looks_s = [one.wake_s(one.configure(rig)) for one in together if one.wake_s is not None]
+    reads = any(one.instrument == "position_sensor" for one in together)
+    if rig.lockstep or not (looks_s and reads):
+        return inf
+    limit_s = PATIENCE_WAKES * min(looks_s)
+    needed_s = stated(plugins.POSITION_SENSORS, rig.sensor).exchange_s
+    if needed_s > limit_s:
+        raise ConfigError(
+            f"[rig] composed = {list(rig.rig.composed)}: an exchange with the sensor takes "
+            f"{1e3 * needed_s:.1f} ms, limit {1e3 * limit_s:.1f} ms beside the actuator, which "
+            "looks at its clock only in between: let the sensor be a program by itself"
+        )
+    return limit_s
 
 
 def too_slow(rig: RigFile) -> str:

@@ -7,7 +7,8 @@ make every step that is due, and then at most one that the clock asks for.
 
 from typing import cast
 
-from pincette.messages import Arm, Message, Sample
+from pincette.messages import Arm, Message, Sample, TimingRequest
+from pincette.runtime.meter import Meter
 from pincette.runtime.node import Node
 from pincette.runtime.numbering import Numbering
 
@@ -15,12 +16,13 @@ IDLE_S = 0.5
 """How often a loop with nothing to do looks whether it shall stop."""
 MOST_AT_ONCE = 1000
 """Messages taken before the clock is looked at again, whatever somebody may flood the bus with."""
+NO_CLOCK = "in lockstep no clock is kept, and so nothing is late"
 
 
 class Turns:
     """The grid of a sensor, the wakings of an actuator, the patience of a join; no clock."""
 
-    __slots__ = ("due_at", "node", "numbering", "on_grid", "triggers")
+    __slots__ = ("due_at", "meter", "node", "numbering", "on_grid", "triggers")
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -31,6 +33,11 @@ class Turns:
         self.on_grid = node.service.instrument == "position_sensor" and not node.lockstep
         """Whether the clock asks for samples, and not only for a look at what has passed."""
         self.due_at: float | None = None
+        own_grid = self.every_s is not None
+        self.meter = (
+            None if node.lockstep else Meter(node.service, node.period_s, own_grid=own_grid)
+        )
+        """How punctual it is; None where nobody counts, as in lockstep."""
 
     @property
     def every_s(self) -> float | None:
@@ -46,21 +53,31 @@ class Turns:
         """Start: the first step that the clock asks for is one interval from now."""
         every_s = self.every_s
         self.due_at = None if every_s is None else now + every_s
+        if self.meter is not None:
+            self.meter.starts(now)
 
-    def accept(self, message: Message, now: float) -> None:
-        """Hand a message to the node; one that its number rules out is counted, and goes no
-        further."""
-        judged = not self.node.lockstep and type(message) in self.triggers
-        if judged and not self.numbering.admits(cast(Sample, message), now):
-            self.node.refused += 1
-        else:
-            self.node.accept(message, now)
+    def accept(self, message: Message, now: float, came_at: float | None = None) -> None:
+        """Hand a message to the node that came at ``came_at``, or just now; one that its number
+        rules out is counted, and goes no further."""
+        if not self.node.lockstep and type(message) in self.triggers:
+            sample = cast(Sample, message)
+            if not self.numbering.admits(sample, now):
+                self.node.refused += 1
+                return
+            if self.meter is not None:
+                self.meter.came(sample, now if came_at is None else came_at)
+        self.node.accept(message, now)
 
     def ask(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
         """Ask the node: its reply, or the text of a refusal, and what is to be published."""
-        answer, outputs = self.node.ask(request, now)
+        node, meter = self.node, self.meter
+        if isinstance(request, TimingRequest):
+            return NO_CLOCK if meter is None else meter.timing(node.missed), ()
+        answer, outputs = node.ask(request, now)
         if isinstance(request, Arm) and not isinstance(answer, str):
             self.numbering.begin(request.epoch, now)
+            if meter is not None:
+                meter.begin(request.epoch, node.missed)
         return answer, outputs
 
     def wait_s(self, now: float) -> float:
@@ -77,15 +94,31 @@ class Turns:
         """Whether the clock asks for a step."""
         return self.due_at is not None and now >= self.due_at
 
+    def fire(self, now: float) -> tuple[Message, ...]:
+        """Make the step that messages have led to; returns what is to be published."""
+        outputs = self.node.fire(now)
+        if self.meter is not None:
+            self.meter.fired(self.node.newest, now, outputs)
+        return outputs
+
+    def told(self, now: float) -> None:
+        """What came of that step is published."""
+        if self.meter is not None:
+            self.meter.told(now)
+
     def take(self, now: float) -> tuple[Message, ...]:
         """Make the step that the clock asks for; returns what is to be published."""
-        return self.node.tick(now) if self.on_grid else self.node.wake(now)
+        outputs = self.node.tick(now) if self.on_grid else self.node.wake(now)
+        if self.meter is not None and self.due_at is not None:
+            self.meter.clocked(self.due_at, now, outputs)
+        return outputs
 
     def taken(self, now: float) -> None:
         """That step is over, and told: the next one keeps to the grid.
 
         A grid point that is missed is skipped, never caught up in a burst.
         """
+        self.told(now)
         every_s = self.every_s
         if self.due_at is None or every_s is None:
             return
@@ -93,3 +126,8 @@ class Turns:
         if self.on_grid:
             self.node.missed += late
         self.due_at += (late + 1) * every_s
+
+    def timing(self, now: float) -> tuple[Message, ...]:
+        """How punctual it is, where it is time to tell; for when nothing waits."""
+        meter = self.meter
+        return (meter.timing(self.node.missed),) if meter is not None and meter.due(now) else ()

@@ -10,9 +10,17 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pincette.security.identity import OPERATOR, ROUTER, Identity, program
-from pincette.security.rights import EVERY_TOKEN, EVERY_TOPIC, Rights, may_ask, rights
-from pincette.service import AnyService
+from pincette.security.identity import (
+    OPERATOR,
+    PEOPLE,
+    ROUTER,
+    ROUTERS,
+    SUPERVISOR,
+    Identity,
+    program,
+)
+from pincette.security.rights import EVERY_TOKEN, EVERY_TOPIC, Rights, may_ask, rights, united
+from pincette.service import Participant, services_of
 from pincette.topics import NAMESPACE, key, question_key
 
 Flow = Literal["ingress", "egress"]
@@ -35,7 +43,32 @@ Access = Mapping[str, tuple[Rule, ...]]
 
 def router_access(identities: Iterable[Identity]) -> Access:
     """What a router lets pass from and to each identity that it knows."""
-    return {one.name: _of_router(rights(one)) for one in identities if one.role != ROUTER}
+    return {one.name: _of_router(rights(one)) for one in identities if one.role not in ROUTERS}
+
+
+def neighbour_access(router: Identity, beyond: Iterable[Identity]) -> Access:
+    """What a router lets pass from and to another router: what any of those beyond it may do.
+
+    Who is who is known to the router that each is connected to, and held to its own list there.
+    """
+    return {router.name: _of_router(united(map(rights, beyond)))}
+
+
+def beyond_upstream(known: Iterable[Identity], rig: str, *, apart: bool) -> tuple[Identity, ...]:
+    """Who may be beside a laboratory server's router, as that of a rig sees it.
+
+    People always, and where the rig is served from there, its supervisor and its recorder.
+    """
+    served = {SUPERVISOR, program("recorder", rig).name} if apart else set[str]()
+    return tuple(one for one in known if one.role in PEOPLE or one.name in served)
+
+
+def beyond_rig(known: Iterable[Identity], rig: str, *, apart: bool) -> tuple[Identity, ...]:
+    """Who may be beside a rig's router, as that of a laboratory server sees it."""
+    known = tuple(known)
+    other = {one.name for one in beyond_upstream(known, rig, apart=apart) if one.role not in PEOPLE}
+    own = (one for one in known if one.rig in ("", rig) and one.role not in ROUTERS)
+    return tuple(one for one in own if one.name not in other)
 
 
 def _of_router(own: Rights) -> tuple[Rule, ...]:
@@ -56,12 +89,12 @@ def _of_router(own: Rights) -> tuple[Rule, ...]:
 
 
 def service_access(
-    service: AnyService, rig: str, partners: Mapping[str, AnyService], operators: Collection[str]
+    service: Participant, rig: str, partners: Mapping[str, Participant], operators: Collection[str]
 ) -> Access:
-    """What a service of the loop lets pass from and to the router, its partners, and operators.
+    """What a program of the loop lets pass from and to the router, its partners, and operators.
 
-    ``partners`` are the services that it has a direct link to. From a partner it takes what its
-    step takes, and nothing from the router. ``operators`` may trip it without the router.
+    ``partners`` are the programs that it has a direct link to. From a partner it takes what its
+    steps take, and nothing from the router. ``operators`` may trip it without the router.
     """
     own = program(service.name, rig)
     lists: dict[str, tuple[Rule, ...]] = {ROUTER: _from_router(rights(own))}
@@ -86,7 +119,7 @@ def _from_router(own: Rights) -> tuple[Rule, ...]:
     )
 
 
-def _from_partner(service: AnyService, partner: AnyService, rig: str) -> tuple[Rule, ...]:
+def _from_partner(service: Participant, partner: Participant, rig: str) -> tuple[Rule, ...]:
     taken, given = _between(partner, service, rig), _between(service, partner, rig)
     here, there = (rights(program(one.name, rig)) for one in (service, partner))
     return (
@@ -101,9 +134,10 @@ def _from_partner(service: AnyService, partner: AnyService, rig: str) -> tuple[R
     )
 
 
-def _between(giver: AnyService, taker: AnyService, rig: str) -> tuple[str, ...]:
-    """Keys of what one service takes of another."""
-    wanted = {item.topic for item in taker.inputs if item.topic.producer == giver.name}
+def _between(giver: Participant, taker: Participant, rig: str) -> tuple[str, ...]:
+    """Keys of what one program takes of another."""
+    given = services_of(giver.name)
+    wanted = {item.topic for item in taker.inputs if item.topic.producer in given}
     return tuple(sorted(key(rig, topic) for topic in wanted))
 
 

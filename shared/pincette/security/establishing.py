@@ -9,6 +9,7 @@ from pincette.security.identity import (
     OPERATOR,
     ROUTER,
     SUPERVISOR,
+    UPSTREAM,
     VIEWER,
     Identity,
     person,
@@ -27,6 +28,7 @@ authority.crt     whom every program believes; each machine needs a copy
 authority.key     makes further certificates, and whoever has it is let in everywhere: no program
                   reads it, so take it away to a safe place and bring it back to add, issue, renew
 router.*          the router
+upstream.*        the router of a laboratory server, where there is one
 supervisor.*      the supervisor
 RIG/PROGRAM.*     the programs of a rig
 viewer.*          for tools that look on: reads all, writes nothing
@@ -38,9 +40,16 @@ those of the operators; a program needs authority.crt, its own .crt and its own 
 
 
 def establish(
-    folder: Folder, rigs: Sequence[str], hosts: Sequence[str], now: datetime, days: float = DAYS
+    folder: Folder,
+    rigs: Sequence[str],
+    hosts: Sequence[str],
+    now: datetime,
+    days: float = DAYS,
+    composed: Sequence[str] = (),
 ) -> None:
     """Begin a folder: an authority, the programs of some rigs, a viewer and an operator.
+
+    ``composed`` are programs of each rig that compose services of its loop.
 
     Raises
     ------
@@ -50,7 +59,7 @@ def establish(
     wanted = [
         program(ROUTER, ""),
         program(SUPERVISOR, ""),
-        *(one for rig in rigs for one in programs_of(rig)),
+        *(one for rig in rigs for one in programs_of(rig, composed)),
         person(VIEWER, VIEWER),
         person(OPERATOR, OPERATOR),
     ]
@@ -60,12 +69,40 @@ def establish(
 
 
 def enrol(
-    folder: Folder, rig: str, hosts: Sequence[str], now: datetime, days: float = DAYS
+    folder: Folder,
+    rig: str,
+    hosts: Sequence[str],
+    now: datetime,
+    days: float = DAYS,
+    composed: Sequence[str] = (),
 ) -> tuple[Identity, ...]:
-    """Add the programs of a rig; raises SecurityError where it has certificates already."""
-    wanted = programs_of(rig)
+    """Add the programs of a rig; to one that is there, those that compose services of its loop.
+
+    Raises
+    ------
+    SecurityError
+        Where one of them has a certificate already.
+    """
+    wanted = programs_of(rig, composed)
+    if composed and rig in folder.rigs():
+        wanted = tuple(one for one in wanted if one.role in composed)
     _issue(folder, wanted, hosts, now, days)
     return wanted
+
+
+def enrol_upstream(
+    folder: Folder, hosts: Sequence[str], now: datetime, days: float = DAYS
+) -> Identity:
+    """Add the router of a laboratory server, reached at some hosts.
+
+    Raises
+    ------
+    SecurityError
+        Where it has a certificate already.
+    """
+    identity = program(UPSTREAM, "")
+    _issue(folder, [identity], hosts, now, days)
+    return identity
 
 
 def due(folder: Folder, now: datetime) -> Iterator[Identity]:

@@ -5,12 +5,16 @@ The name of a certificate is also the place of its file: ``demo/controller`` is 
 """
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+from pincette.service import services_of
 from pincette.topics import LOOP
 
-ROUTER, SUPERVISOR = "router", "supervisor"
-SHARED = (ROUTER, SUPERVISOR)
+ROUTER, UPSTREAM, SUPERVISOR = "router", "upstream", "supervisor"
+ROUTERS = (ROUTER, UPSTREAM)
+"""That of a rig, and that of a laboratory server, which it connects to."""
+SHARED = (*ROUTERS, SUPERVISOR)
 """Programs that all rigs on one router have in common."""
 OF_A_RIG = (*LOOP, "recorder", "rig")
 """Programs that each rig has of its own."""
@@ -42,7 +46,7 @@ class Identity:
     @property
     def serves(self) -> bool:
         """Whether others connect to it."""
-        return self.role == ROUTER or self.role in LOOP
+        return self.role in ROUTERS or bool(services_of(self.role))
 
 
 def program(name: str, rig: str) -> Identity:
@@ -50,8 +54,8 @@ def program(name: str, rig: str) -> Identity:
     return Identity(name if name in SHARED else f"{rig}/{name}", name)
 
 
-def programs_of(rig: str) -> tuple[Identity, ...]:
-    """Every program that a rig has of its own.
+def programs_of(rig: str, composed: Iterable[str] = ()) -> tuple[Identity, ...]:
+    """Every program that a rig has of its own, and those that compose services of its loop.
 
     Raises
     ------
@@ -59,7 +63,7 @@ def programs_of(rig: str) -> tuple[Identity, ...]:
         Where that is no name of a rig.
     """
     _checked(rig, "rig")
-    return tuple(program(name, rig) for name in OF_A_RIG)
+    return tuple(program(name, rig) for name in (*OF_A_RIG, *composed))
 
 
 def person(name: str, role: str) -> Identity:

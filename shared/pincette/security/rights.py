@@ -1,16 +1,19 @@
 """What each identity may say, hear, ask and answer; it follows from the topics and questions."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from itertools import chain
 
 from pincette.security.identity import (
     OF_A_RIG,
     OPERATOR,
     PEOPLE,
-    ROUTER,
+    ROUTERS,
     SUPERVISOR,
     VIEWER,
     Identity,
 )
+from pincette.service import services_of
 from pincette.topics import (
     LOOP,
     NAMESPACE,
@@ -54,19 +57,31 @@ class Rights:
 def rights(identity: Identity) -> Rights:
     """What an identity may do; a router says nothing of its own.
 
-    The services of the loop hear nothing by way of the router: what they take comes directly.
+    The services of the loop hear nothing by way of the router: what they take comes directly. A
+    program that composes some of them may do what they may, and no more.
     """
     role, rig = identity.role, identity.rig or ANY
-    if role == ROUTER:
+    if role in ROUTERS:
         return Rights()
-    published = (f"{ROOT}/{rig}/*",)
+    published, roles = (f"{ROOT}/{rig}/*",), services_of(role) or (role,)
     return Rights(
-        tells=tuple(key(rig, topic) for topic in TOPICS if tells(role, topic)),
-        answers=tuple(question_key(rig, one) for one in QUESTIONS if one.service == role),
+        tells=tuple(key(rig, one) for one in TOPICS if any(tells(role, one) for role in roles)),
+        answers=tuple(question_key(rig, one) for one in QUESTIONS if one.service in roles),
         asks=tuple(question_key(rig, one) for one in QUESTIONS if may_ask(role, one)),
         hears=published if role in (*PEOPLE, SUPERVISOR, "recorder") else (),
-        lives=(_token(rig, role),) if role in (*OF_A_RIG, SUPERVISOR) else (),
+        lives=tuple(_token(rig, role) for role in roles if role in (*OF_A_RIG, SUPERVISOR)),
         sees=(live_key_of_any_wire(rig),),
+    )
+
+
+def united(several: Iterable[Rights]) -> Rights:
+    """What any of several may do, each key expression once."""
+    every = [*several]
+    return Rights(
+        *(
+            tuple(dict.fromkeys(chain.from_iterable(getattr(one, field.name) for one in every)))
+            for field in fields(Rights)
+        )
     )
 
 

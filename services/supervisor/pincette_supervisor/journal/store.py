@@ -182,6 +182,13 @@ class Store(Base):
         with self.reading() as base:
             return _select(base, select(JOBS).where(waits).order_by(JOBS.c.number))
 
+    def counted(self) -> dict[tuple[str, str, str], int]:
+        """How many jobs there are, by rig, kind and state; none where there is none."""
+        names = JOBS.c.rig, JOBS.c.kind, JOBS.c.state
+        with self.reading() as base:
+            found = base.execute(select(*names, func.count()).group_by(*names)).all()
+        return {(rig, kind, state): count for rig, kind, state, count in found}
+
     def add_event(self, at: str, rig: str, job: str | None, kind: str, body: dict[str, Any]) -> int:
         """Keep an event; returns its number, which rises and is never given twice."""
         with self.writing() as base:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pincette import plugins
 from pincette.config import ConfigError, RigFile
-from pincette.runtime.timing import COMPUTING_S, budget
+from pincette.runtime.timing import budget
 from pincette_supervisor.planning.identified_arm import (
     TIME_CONSTANTS,
     Instruments,
@@ -36,7 +36,7 @@ def stated_instruments(rig: RigFile) -> Instruments:
         timing = budget(rig)
     except (ConfigError, plugins.PluginError):
         return Instruments(0.0, 0.0)
-    delay_s = timing.sensor.exchange_s + COMPUTING_S + timing.output.exchange_s
+    delay_s = timing.sensor.exchange_s + timing.computing_s + timing.output.exchange_s
     lag_s = timing.output.response_s / TIME_CONSTANTS
     return Instruments(min(delay_s, rig.rig.period_s), lag_s)
 

@@ -19,6 +19,7 @@ from pincette_supervisor.rest import (
     routes_events,
     routes_jobs,
     routes_live,
+    routes_metrics,
     routes_page,
     routes_probes,
     routes_recipes,
@@ -65,6 +66,7 @@ def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
     app.include_router(routes_page.routes(rigs))
     app.include_router(routes_documents.routes())
     app.include_router(routes_probes.routes(rigs))
+    app.include_router(routes_metrics.routes(rigs))
     _version(app, rigs)
     plain: Callable[[], dict[str, Any]] = app.openapi
 

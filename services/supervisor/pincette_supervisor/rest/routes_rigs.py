@@ -14,11 +14,13 @@ from pincette.api.rig_models import (
     Stopped,
     StoppedList,
 )
+from pincette.api.timing_models import LoopTiming
 from pincette_supervisor.model.model_view import model_view
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.guard import ADMIN, OBSERVE, OPERATE, Note
 from pincette_supervisor.rest.headers import Who, sender
 from pincette_supervisor.running.conductor import Conductor
+from pincette_supervisor.running.punctuality import punctuality
 from pincette_supervisor.running.rigs import Rigs
 from pincette_supervisor.running.view import rig_view
 
@@ -84,6 +86,11 @@ def routes(rigs: Rigs) -> APIRouter:
         conductor = rigs.get(rig)
         conductor.order_queue(body.type, who)
         return rig_view(conductor)
+
+    @router.get("/rigs/{rig}/timing", responses=responses(404, 503), dependencies=[OBSERVE])
+    def timing(rig: str) -> LoopTiming:  # pyright: ignore[reportUnusedFunction]
+        """How punctual the programs of the loop have been since they were armed."""
+        return punctuality(rigs.get(rig).site.bus)
 
     @router.get("/rigs/{rig}/model", responses=responses(404, 503), dependencies=[OBSERVE])
     def model(rig: str) -> ModelView:  # pyright: ignore[reportUnusedFunction]

@@ -1,9 +1,11 @@
 """What the supervisor adds to a record: picture, request, result, report, and last the manifest."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from pincette.api.timing_models import LoopTiming
 from pincette.messages import Recorded
 from pincette.records import folder as files
 from pincette_supervisor.journal.store import JobRow
@@ -44,6 +46,14 @@ def write_documents(
         picture=picture,
         whose=whose,
         state=state,
+        timing=_timing(folder),
     )
     files.write_bytes(folder / files.REPORT, page.encode())
     files.write_manifest(folder, {**whose, **state})
+
+
+def _timing(folder: Path) -> LoopTiming | None:
+    """What the recorder has kept of the programs' punctuality."""
+    with suppress(OSError, ValueError):
+        return LoopTiming.model_validate_json((folder / files.TIMING).read_bytes())
+    return None

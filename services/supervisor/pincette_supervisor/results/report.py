@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any, cast
 
+from pincette.api.timing_models import LoopTiming
+from pincette.records.timings import rows
 from pincette.records.units import bare, unit_of
 
 ABSENT = "–"
@@ -41,6 +43,7 @@ def report(
     picture: bytes,
     whose: Mapping[str, str],
     state: Mapping[str, bool | str],
+    timing: LoopTiming | None = None,
 ) -> str:
     """Draw up the page.
 
@@ -58,6 +61,8 @@ def report(
         Job, rig, model and time; see ``archive.about``.
     state
         Whether the record is complete, and why not.
+    timing
+        How punctual the programs were; None where nobody counted.
     """
     outcome = str(result.get("outcome", "")).replace("_", " ")
     title = f"{kind}: {outcome}"
@@ -76,6 +81,8 @@ def report(
         if isinstance(value, Sequence) and not isinstance(value, str):
             heading = TITLES.get(name, name.replace("_", " ").capitalize())
             parts.append(_section(heading, _list(cast("Sequence[Any]", value))))
+    if timing is not None:
+        parts.append(_section("Timing", _list([*rows(timing)])))
     parts.append(_section("Asked for", _pairs(_scalars(values))))
     parts.append(_section("Made with", _pairs(whose.items())))
     body = "\n".join(part for part in parts if part)

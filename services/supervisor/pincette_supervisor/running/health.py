@@ -133,6 +133,8 @@ class Health:
         state, cause = self.latch()
         if state != "latched" or self._boot_may_be_cleared():
             return ""
+        if cause == "boot" and not isinstance(self.statuses.get("actuator"), Status):
+            return ""  # until it answers nobody knows which one it is, and that is told
         return cause or "unknown"
 
     def troubles(self) -> dict[str, str]:

@@ -1,5 +1,6 @@
 """A job while it lives: its state, moved by events along the table, and who waits for it."""
 
+import logging
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -16,6 +17,7 @@ from pincette_supervisor.running.changes import Changes
 from pincette_supervisor.running.lease import Renewal
 from pincette_supervisor.running.site import Site
 
+log = logging.getLogger(__name__)
 Telling = AbstractContextManager[list[Callable[[], None]]]
 PLAYS = ("running", "pausing")
 """States in which the program's time goes on."""
@@ -91,6 +93,9 @@ class LiveJob:
                 values["ended_at"] = now
             told = {"state": state, "cause": self.cause, "event": event}
             entered = self.moves + 1
+
+            say = {"job": self.id, "state": state, "cause": self.cause}
+            log.info("job %s is %s", self.id, state, extra=say)
 
             def write() -> None:
                 with self._telling("state", **told) as kept:

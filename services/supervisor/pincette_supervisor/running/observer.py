@@ -6,11 +6,12 @@ Sinks run in threads of the bus, so they do nothing but append and assign.
 from collections import deque
 from collections.abc import Callable
 from time import monotonic
-from typing import Protocol
+from typing import Protocol, cast
 
 from pincette.bus.protocol import BusError, LatestBus
-from pincette.messages import Message
-from pincette.topics import APPLIED, ASKED, JOB, POSITION, TELEMETRY, TOPICS, Topic
+from pincette.messages import Applied, Message
+from pincette.topics import APPLIED, ASKED, JOB, POSITION, TELEMETRY, TIMING, TOPICS, Topic
+from pincette_supervisor.metrics.tally import Tally
 from pincette_supervisor.running.trips import Trips
 
 KEPT = 4_000_000
@@ -63,6 +64,7 @@ class Observer:
         waking: Callable[[], float] | None = None,
     ) -> None:
         """``waking`` is a clock that stands still while this program does; None: nobody knows."""
+        self._bus = bus
         self.clock = clock
         self.waking = waking or (lambda: self.clock())
         self._newest: dict[str, tuple[Message, tuple[float, float] | None]] = {}
@@ -70,21 +72,29 @@ class Observer:
         listened here."""
         self._alive: dict[str, bool] = {}
         self._collection: Collection | None = None
+        self.tally = Tally(cast("Applied | None", _latest(bus, APPLIED)))
+        """What is counted of the rig, for metrics; it knows what is old before it hears of it."""
         self.trips = Trips(bus, clock)
         """Asked to listen before anybody else, so that who hears of a trip finds it here."""
         for topic in TOPICS:
-            if topic in (JOB, ASKED):
+            if topic in (JOB, ASKED, TIMING):
                 continue  # what the supervisor itself tells, and asks
             bus.subscribe(topic, self._take)
+        bus.subscribe(TIMING, self.tally.take)
         bus.watch(self._turn)
         for topic in SAID:
             self._catch_up(bus, topic)
 
+    def asked_anew(self, topic: Topic) -> list[Message]:
+        """What its producer said last, whether it was heard here or not; none where it is silent.
+
+        To be called by whoever may wait for an answer.
+        """
+        message = _latest(self._bus, topic)
+        return [] if message is None else [message]
+
     def _catch_up(self, bus: WatchedBus, topic: Topic) -> None:
-        try:
-            message = bus.latest(topic)
-        except BusError:
-            return  # a program that hangs; who asks for its status hears of it
+        message = _latest(bus, topic)
         if message is not None:
             self._newest.setdefault(topic.name, (message, None))
 
@@ -93,6 +103,7 @@ class Observer:
         collection = self._collection
         if collection is not None:
             collection.put(message)
+        self.tally.take(topic, message)
 
     def _turn(self, program: str, alive: bool) -> None:
         self._alive[program] = alive
@@ -128,3 +139,10 @@ class Observer:
     def stop_collecting(self) -> None:
         """Keep the newest only."""
         self._collection = None
+
+
+def _latest(bus: LatestBus, topic: Topic) -> Message | None:
+    try:
+        return bus.latest(topic)
+    except BusError:
+        return None  # a program that hangs; who asks for its status hears of it

@@ -27,7 +27,8 @@ def silent_words(site: Site, tracker: Tracker, lasts_s: float) -> str:
         if killed and lasts_s > min(GONE_S, site.guard_s):
             return killed
         if lasts_s > site.guard_s:
-            return f"{tracker.silent()} is silent: no progress for {site.guard_s:g} s"
+            silent = site.rig.program_of(tracker.silent())
+            return f"{silent} is silent: no progress for {site.guard_s:g} s"
         return ""
     limit_s = max(STALE_S, STALE_PERIODS * site.rig.rig.period_s)
     if lasts_s > limit_s:

@@ -3,7 +3,7 @@
 from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.messages import Act, Done, Message
-from pincette.topics import ACT, APPLIED, TRIP
+from pincette.topics import ACT, APPLIED, TELEMETRY, TRIP
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.running import deadlines, policies
 from pincette_supervisor.running.job import LiveJob
@@ -74,10 +74,14 @@ class Watch:
         """Whether samples of the last tick are on their way: in lockstep none of them is lost."""
         if self._tracker.trip_cause or self._tracker.complete:
             return False
-        now = self._site.clock()
+        now = self._site.observer.waking()
         if self._over_at is None:
             self._over_at = now
-        return now - self._over_at < (self._site.guard_s if self._rig.lockstep else LATE_S)
+        if now - self._over_at < (self._site.guard_s if self._rig.lockstep else LATE_S):
+            return True
+        # A busy link loses samples, and how a program ended is told once.
+        self._tracker.take(self._site.observer.asked_anew(TELEMETRY))
+        return False
 
     def _share(self) -> None:
         """Let requests and listeners see how far the run is."""
@@ -122,7 +126,8 @@ class Watch:
         """Do what the state asks for; true where nothing more is to be expected of the rig."""
         job, tracker = self._job, self._tracker
         lasts_s = self._site.observer.waking() - self._heard_at
-        silence = silent_words(self._site, tracker, lasts_s)
+        # Once it is over, what comes late has a limit of its own.
+        silence = "" if tracker.over else silent_words(self._site, tracker, lasts_s)
         state, moves = job.standing
         if STATES[state].terminal:  # stopped, with a part in the gripper
             if silence:

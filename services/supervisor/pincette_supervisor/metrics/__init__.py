@@ -1,0 +1,1 @@
+"""What Prometheus is told of the rigs: all of it from what their programs tell anyway."""

@@ -1,0 +1,127 @@
+"""Every metric there is, with its labels and its meaning: what is served, and the page about it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["counter", "gauge", "histogram"]
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """One metric."""
+
+    name: str
+    """As Prometheus stores it, with base units: seconds and newtons."""
+    kind: Kind
+    labels: tuple[str, ...]
+    meaning: str
+    where: str = ""
+    """Where it is told, if not everywhere."""
+
+
+REAL_TIME = "in real time"
+BUILD = Family("pincette_build_info", "gauge", ("version",), "1; the supervisor's version")
+UP = Family(
+    "pincette_service_up",
+    "gauge",
+    ("rig", "service"),
+    "1 where a program's token is seen and it has answered when it was last asked",
+)
+UNUSABLE = Family("pincette_rigs_unusable", "gauge", (), "rigs that were found and are not served")
+LEFT_OUT = Family("pincette_rigs_left_out", "gauge", (), "rigs served beyond those told of here")
+LATCHED = Family(
+    "pincette_latched", "gauge", ("rig",), "1 where a person must reset the rig before it moves"
+)
+TRIPS = Family("pincette_trips_total", "counter", ("rig", "cause"), "trips of the actuator")
+LATENESS = Family(
+    "pincette_lateness_seconds",
+    "histogram",
+    ("rig", "service"),
+    "sensor, actuator: wake-ups against their own grid; estimator, controller: arrival of their "
+    "samples",
+    REAL_TIME,
+)
+AGE = Family(
+    "pincette_tick_age_seconds",
+    "histogram",
+    ("rig", "service"),
+    "from the first arrival of a sample's number to the step with what the program acts on",
+    REAL_TIME,
+)
+EXECUTION = Family(
+    "pincette_execution_seconds",
+    "histogram",
+    ("rig", "service"),
+    "of a step until all was told, instruments included",
+    REAL_TIME,
+)
+COMMAND_AGE = Family(
+    "pincette_command_age_seconds",
+    "histogram",
+    ("rig",),
+    "age of the commands that the actuator took; its limit trips the rig",
+)
+MISSED = Family(
+    "pincette_missed_ticks_total",
+    "counter",
+    ("rig", "service"),
+    "samples and points of the grid that a program has skipped",
+    REAL_TIME,
+)
+UNANSWERED = Family(
+    "pincette_unanswered_ticks_total",
+    "counter",
+    ("rig",),
+    "ticks of an armed actuator without a command that it took",
+)
+DEGRADED = Family(
+    "pincette_degraded_estimates_total",
+    "counter",
+    ("rig",),
+    "estimates made without the voltage of the sample before",
+)
+DROPPED = Family(
+    "pincette_dropped_total",
+    "counter",
+    ("rig", "service", "kind"),
+    "`gap`: numbers that lacked between two samples of an armed loop, as the supervisor heard "
+    "them; `refused`: messages and commands that the program refused; `record`: messages that "
+    "the records lack",
+)
+PEAK = Family(
+    "pincette_force_peak_newtons",
+    "gauge",
+    ("rig",),
+    "highest estimated contact force of the newest arming that had any",
+)
+PEAKS = Family(
+    "pincette_arming_force_peak_newtons",
+    "histogram",
+    ("rig",),
+    "the same of every arming that is over, so that none is missed between two scrapes",
+)
+JOBS = Family("pincette_jobs", "gauge", ("rig", "kind", "state"), "jobs in the journal")
+QUEUE_HALTED = Family(
+    "pincette_queue_halted", "gauge", ("rig",), "1 where the queue waits for a person"
+)
+FAMILIES: Sequence[Family] = (
+    BUILD,
+    UP,
+    UNUSABLE,
+    LEFT_OUT,
+    LATCHED,
+    TRIPS,
+    LATENESS,
+    AGE,
+    EXECUTION,
+    COMMAND_AGE,
+    MISSED,
+    UNANSWERED,
+    DEGRADED,
+    DROPPED,
+    PEAK,
+    PEAKS,
+    JOBS,
+    QUEUE_HALTED,
+)
