@@ -2,7 +2,8 @@
 
 Run by make, with any Python from 3.11 on and its standard library alone. A stamp in .venv says
 for which requirements and which place it was filled, so that a moved checkout, another Python or
-a changed requirement fills it again and nothing else does.
+a changed requirement fills it again and nothing else does. The environment variable VENV names
+another folder than .venv.
 """
 
 import fcntl
@@ -16,6 +17,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+VENV = os.environ.get("VENV", ".venv")
 PINS = Path("requirements/dev.txt")
 SOURCES = (PINS, Path("pyproject.toml"))
 EVERY_S = 10.0
@@ -36,7 +38,7 @@ def wanted_stamp(root: Path) -> str:
 
 def is_usable(root: Path, *, this_python: bool) -> bool:
     """Whether .venv can be filled further: it runs, was made here, and with a wanted Python."""
-    venv = root / ".venv"
+    venv = root / VENV
     ask = "import sys; print('%d.%d' % sys.version_info[:2])"
     try:
         # A virtual environment does not bear to be moved: its scripts name their interpreter.
@@ -52,7 +54,7 @@ def is_usable(root: Path, *, this_python: bool) -> bool:
 
 def run(what: str, command: list[str], total: int = 0) -> None:
     """Run a step, its output into a log, its progress onto the screen."""
-    log = ROOT / ".venv/install.log"
+    log = ROOT / VENV / "install.log"
     begin = shown = time.monotonic()
     terminal = sys.stdout.isatty()
     print(f"  {what}", flush=True)
@@ -92,7 +94,7 @@ def progress(log: Path, total: int) -> str:
 
 def fill(root: Path, *, this_python: bool) -> None:
     """Make .venv where needed, and install."""
-    venv = root / ".venv"
+    venv = root / VENV
     if not is_usable(root, this_python=this_python):
         shutil.rmtree(venv, ignore_errors=True)
         venv.mkdir()
@@ -105,13 +107,13 @@ def fill(root: Path, *, this_python: bool) -> None:
 
 def main() -> int:
     """Fill .venv unless its stamp says that it is filled; one make at a time."""
-    stamp = ROOT / ".venv/stamp"
+    stamp = ROOT / VENV / "stamp"
     wanted = wanted_stamp(ROOT)
 
     this_python = "--this-python" in sys.argv
 
     def is_filled() -> bool:
-        if not stamp.exists() or not (ROOT / ".venv/bin/python").exists():
+        if not stamp.exists() or not (ROOT / VENV / "bin/python").exists():
             return False
         if this_python and not is_usable(ROOT, this_python=True):
             return False
@@ -123,16 +125,16 @@ def main() -> int:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            print("another make fills .venv: waiting", flush=True)
+            print(f"another make fills {VENV}: waiting", flush=True)
             fcntl.flock(lock, fcntl.LOCK_EX)
         if is_filled():
             return 0
         begin = time.monotonic()
-        print(f"filling .venv with Python {platform.python_version()}", flush=True)
+        print(f"filling {VENV} with Python {platform.python_version()}", flush=True)
         stamp.unlink(missing_ok=True)
         fill(ROOT, this_python=this_python)
         stamp.write_text(wanted, encoding="utf-8")
-        print(f".venv is ready after {time.monotonic() - begin:.0f} s", flush=True)
+        print(f"{VENV} is ready after {time.monotonic() - begin:.0f} s", flush=True)
     return 0
 
 
