@@ -1,6 +1,7 @@
 """Write the pages that are derived from the code: `make docs`."""
 
 import runpy
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from types import UnionType
@@ -12,6 +13,7 @@ from pincette.asyncapi.fields import notes, reachable, summary
 from pincette.messages import Document
 from pincette.records.units import unit_of
 
+Pages = dict[Any, Callable[[], str]]
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "docs" / "reference"
 
@@ -119,12 +121,18 @@ def _cell(text: str) -> str:
     return text.replace("|", r"\|")
 
 
-JOB_STATES = runpy.run_path(str(ROOT / "docs" / "job_states.py"))["PAGES"]
-FAULT_TABLE = runpy.run_path(str(ROOT / "docs" / "fault_table.py"))["PAGES"]
-PAGES = {
+def _pages(name: str) -> Pages:
+    """The pages that another file of this folder makes."""
+    return runpy.run_path(str(ROOT / "docs" / name))["PAGES"]
+
+
+IN_DOCS = _pages("job_states.py") | _pages("fault_table.py") | _pages("metrics_table.py")
+PAGES: dict[Path, Callable[[], str]] = {
     REFERENCE / "keys.md": keys_page,
     ROOT / "deploy" / "asyncapi.json": document,
-    **{ROOT / "docs" / place: page for place, page in (JOB_STATES | FAULT_TABLE).items()},
+    **{ROOT / "docs" / place: page for place, page in IN_DOCS.items()},
+    **_pages("generate_rest.py"),
+    **_pages("generate_configuration.py"),
 }
 
 

@@ -1,0 +1,181 @@
+"""Write docs/reference/configuration.md from the models of the rig file."""
+
+import json
+import re
+import runpy
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast, get_args
+
+from pydantic import TypeAdapter
+
+from pincette import plugins
+from pincette.asyncapi.fields import notes
+from pincette.cli.drivers import TABLES
+from pincette.config import RigFile, Table
+from pincette.config.calibration import CALIBRATED, EXPECTED
+from pincette.config.rig_file import UNSHARED
+from pincette.records.units import OF_FILES, UNITS, unit_in_file
+
+DOCS = Path(__file__).resolve().parent
+PAGE = DOCS / "reference" / "configuration.md"
+words: Any = SimpleNamespace(**runpy.run_path(str(DOCS / "schema_words.py")))
+
+LEADING = re.compile(r"([^\s.,;]+)(?:[.,;] ?| |$)")
+WORD = re.compile(r"[a-z]+[ ,;]")
+KNOWN_UNITS = {*UNITS.values(), *OF_FILES.values(), "1", "mN·s²/µm", "mN·s/µm", "mN/mN"}
+"""With which the text of a quantity may begin, whose name carries none."""
+
+HEAD = """\
+# Configuration
+
+Generated from the models of `pincette.config` by `make docs`; a test compares the two.
+
+Everything that a rig is stands in one TOML file, the rig file, which every program of the rig is
+given. It is that of `--rig`, else of the environment variable `PINCETTE_RIG`, else
+[demo.toml](../../deploy/rigs/demo.toml). An unknown key, a value of another type and a value
+beyond its limits are refused with the place, the value and what is wanted. A key without a
+default must be there; *none* as a default means that it is left out.
+
+Before the first table, `base = "FILE"` may name another rig file, relative to this one, whose
+values hold where this one has none; that file has no base itself.
+
+A **c** behind a key: a calibration may find it, and the model in use then holds in place of the
+rig file ([calibrate](../how-to/calibrate.md)). An **r**: a recipe may replace it for one job
+([recipes](../how-to/recipes.md)). An **l**: local, may differ from one machine to the next, since
+it is no part of what the programs compare.
+
+"""
+DRIVERS = """\
+## Options of the drivers
+
+`options` in `[sensor]` and `[output]` is a table of its own for each driver; `pincette drivers`
+shows those of the drivers that are installed, also of [other
+packages](../how-to/add-a-driver.md).
+
+"""
+
+
+def configuration_page() -> str:
+    """The page, as Markdown."""
+    body = "".join(_tables(RigFile, ""))
+    return (HEAD + body + DRIVERS + "".join(_drivers())).rstrip() + "\n"
+
+
+def _below(annotation: Any) -> type[Table] | None:
+    """The table that a field holds, by itself, or not, or in a list."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return annotation
+    return next((kind for part in get_args(annotation) if (kind := _below(part))), None)
+
+
+def _tables(kind: type[Table], path: str) -> Iterator[str]:
+    """The section of a table, then those of the tables within it, as deep as they go."""
+    inner = {name: _below(field.annotation) for name, field in kind.model_fields.items()}
+    if path:
+        yield f"## {_head(path)}\n\n{words.cell(kind.__doc__ or '')}\n\n"
+        yield _rows(kind, path, [name for name, below in inner.items() if below is None])
+    for name, below in inner.items():
+        if below is not None:
+            place = f"{path}.{name}" if path else name
+            in_list = "tuple" in str(kind.model_fields[name].annotation)
+            yield from _tables(below, f"{place}[]" if in_list else place)
+
+
+def _head(path: str) -> str:
+    return f"`[[{path.removesuffix('[]')}]]`" if path.endswith("[]") else f"`[{path}]`"
+
+
+def _rows(kind: type[Table], path: str, names: list[str]) -> str:
+    properties, texts = kind.model_json_schema()["properties"], notes(kind)
+    rows: list[tuple[str, ...]] = []
+    for name in names:
+        schema = _said(properties[name])
+        unit, text = _unit_and_text(name, texts[name])
+        rows.append(
+            (
+                f"`{name}`{_marks(path, name)}",
+                words.type_words(schema, str),
+                unit,
+                _default(kind, name),
+                words.cell(words.limit_words(schema)),
+                words.cell(text),
+            )
+        )
+    return words.table(("key", "type", "unit", "default", "limits", "meaning"), *rows)
+
+
+def _unit_and_text(name: str, text: str) -> tuple[str, str]:
+    """The unit that a text begins with, else that of the name; and the text without it."""
+    found = LEADING.match(text)
+    if found is None or found[1] not in KNOWN_UNITS:
+        return unit_in_file(f"_{name}"), text
+    rest = text[found.end() :]
+    return found[1], rest[:1].upper() + rest[1:] if WORD.match(rest) else rest
+
+
+def _said(schema: dict[str, Any]) -> dict[str, Any]:
+    """Without null, which TOML does not have."""
+    parts = [part for part in words.variants(schema) if not words.is_null(part)]
+    return parts[0] if len(parts) == 1 else {"anyOf": parts}
+
+
+def _default(kind: type[Table], name: str) -> str:
+    field = kind.model_fields[name]
+    if field.is_required():
+        return ""
+    value: Any = field.get_default(call_default_factory=True)
+    if value is None:
+        return "*none*"
+    text: str = json.dumps(TypeAdapter(Any).dump_python(value, mode="json"), ensure_ascii=False)
+    return f"`{text}`"
+
+
+def _marks(path: str, name: str) -> str:
+    quantity, local = f"{path}.{name}", UNSHARED.get(path, ())
+    marks = [
+        letter
+        for letter, holds in (
+            ("c", quantity in CALIBRATED),
+            ("r", quantity in EXPECTED),
+            ("l", local is True or name in cast("set[str]", local) or _untold(path, name)),
+        )
+        if holds
+    ]
+    return f" **{', '.join(marks)}**" if marks else ""
+
+
+def _untold(path: str, name: str) -> bool:
+    """Whether a key is left out of what the programs tell each other."""
+    field = RigFile.model_fields.get(path)
+    kind = None if field is None else _below(field.annotation)
+    return kind is not None and bool(kind.model_fields[name].exclude)
+
+
+def _drivers() -> Iterator[str]:
+    for group, rig_table in TABLES.items():
+        for entry in plugins.registered(group):
+            if plugins.origin(entry).partition(" ")[0] != "pincette":
+                continue
+            plugins.load(group, entry.name)
+            for name, thing in vars(sys.modules[entry.module]).items():
+                own = isinstance(thing, type) and thing.__module__ == entry.module
+                if own and issubclass(thing, Table) and name.endswith("Options"):
+                    yield f"### `{entry.name}` in `[{rig_table}]`\n\n"
+                    yield f"{words.cell(thing.__doc__ or '')}\n\n"
+                    yield _rows(thing, "options", list(thing.model_fields))
+
+
+PAGES = {PAGE: configuration_page}
+
+
+def main() -> None:
+    """Write the page."""
+    PAGE.write_text(configuration_page(), encoding="utf-8")
+    print(PAGE.relative_to(DOCS.parent))
+
+
+if __name__ == "__main__":
+    main()

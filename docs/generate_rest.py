@@ -1,0 +1,206 @@
+"""Write docs/reference/rest.md from the OpenAPI document and the models behind it."""
+
+import importlib
+import json
+import pkgutil
+import runpy
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from pydantic import BaseModel
+
+import pincette.api
+from pincette.asyncapi.fields import notes
+from pincette.records.units import unit_of
+from pincette_supervisor.rest.openapi import document
+
+DOCS = Path(__file__).resolve().parent
+PAGE = DOCS / "reference" / "rest.md"
+Json = dict[str, Any]
+words: Any = SimpleNamespace(**runpy.run_path(str(DOCS / "schema_words.py")))
+
+HEAD = """\
+# REST
+
+Generated from the supervisor's OpenAPI document and the models of `pincette.api` by `make docs`;
+a test compares the two. The same for programs is
+[deploy/openapi.json](../../deploy/openapi.json), which the supervisor serves at `/openapi.json`.
+
+Units are in the names of fields. A field that is not known is refused, as is a number that is not
+finite. Where the supervisor has [keys](../how-to/rest-keys.md), a request carries one as
+`Authorization: Bearer KEY`, with the scope that is named at each path; a page that has signed in
+has a cookie in its place. *Required* stands for a field without a default that a request must
+have, and an answer always has.
+
+## Errors
+
+Every error is a [Problem](#problem), of the type `application/problem+json` (RFC 9457). Its
+`type` is `urn:pincette:problem:` and the code that is named here; what stands in brackets comes
+as further members.
+
+"""
+
+
+def rest_page() -> str:
+    """The page, as Markdown."""
+    tree: Json = json.loads(document())
+    errors = _errors(tree)
+    parts = [HEAD, words.table(("status", "when"), *_error_rows(errors))]
+    tags: dict[str, list[str]] = {}
+    for path, methods in tree["paths"].items():
+        for method, said in methods.items():
+            text = "".join(_operation(tree, f"{method.upper()} {path}", said))
+            tags.setdefault(said["tags"][0], []).append(text)
+    for tag, texts in tags.items():
+        parts += [f"## {tag.capitalize()}\n\n", *texts]
+    parts.append("## Models\n\n")
+    models = _models()
+    for name in sorted(tree["components"]["schemas"]):
+        parts.append(_model(name, tree["components"]["schemas"][name], models.get(name)))
+    return "".join(parts).rstrip() + "\n"
+
+
+def _link(name: str) -> str:
+    return f"[{name}](#{name.lower()})"
+
+
+def _resolved(tree: Json, response: Json) -> Json:
+    if "$ref" not in response:
+        return response
+    return tree["components"]["responses"][response["$ref"].rpartition("/")[2]]
+
+
+def _errors(tree: Json) -> set[tuple[str, str]]:
+    """Statuses from 400 on, each with what it says."""
+    return {
+        (status, words.cell(_resolved(tree, response)["description"]))
+        for methods in tree["paths"].values()
+        for said in methods.values()
+        for status, response in said["responses"].items()
+        if status >= "400"
+    }
+
+
+def _error_rows(errors: set[tuple[str, str]]) -> list[tuple[str, str]]:
+    return [(status, text) for status, text in sorted(errors)]
+
+
+def _operation(tree: Json, head: str, said: Json) -> Iterator[str]:
+    yield f"### `{head}`\n\n"
+    yield "\n\n".join(map(words.cell, said["description"].split("\n\n"))) + "\n\n"
+    scopes = [scope for way in said.get("security", ()) for scope in way.get("key", ())]
+    wanted = f"Scope: `{scopes[0]}`." if scopes else "Open to everybody."
+    body = said.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema")
+    takes = f" Body: {words.type_words(body, _link)}." if body else ""
+    yield f"{wanted}{takes}\n\n"
+    rows = [_parameter(parameter) for parameter in said.get("parameters", ())]
+    if rows:
+        head_row = ("parameter", "in", "type", "unit", "default", "limits", "meaning")
+        yield words.table(head_row, *rows)
+    yield from _answers(tree, said["responses"])
+
+
+def _parameter(parameter: Json) -> tuple[str, ...]:
+    schema: Json = parameter["schema"]
+    return (
+        f"`{parameter['name']}`",
+        parameter["in"],
+        words.type_words(_stated(schema), _link),
+        unit_of(parameter["name"]),
+        "*required*" if parameter["required"] else _default(schema),
+        words.cell(words.limit_words(schema)),
+        words.cell(parameter.get("description", "")),
+    )
+
+
+def _stated(schema: Json) -> Json:
+    """Without null: a parameter that is not given is left out."""
+    parts = [part for part in words.variants(schema) if not words.is_null(part)]
+    return parts[0] if len(parts) == 1 else {"anyOf": parts}
+
+
+def _default(schema: Json) -> str:
+    value = schema.get("default")
+    return "" if value is None else f"`{json.dumps(value, ensure_ascii=False)}`"
+
+
+def _answers(tree: Json, responses: Json) -> Iterator[str]:
+    rows: list[tuple[str, ...]] = []
+    for status, response in sorted(responses.items()):
+        said = _resolved(tree, response)
+        if status < "400":
+            text = said["description"].replace("Successful Response", "")
+            rows.append((status, words.cell(text), _content(said.get("content", {}))))
+    yield words.table(("status", "when", "answer"), *rows)
+    refused = ", ".join(status for status in sorted(responses) if status >= "400")
+    yield f"[Errors](#errors): {refused}.\n\n"
+
+
+def _content(content: Json) -> str:
+    kinds = [
+        words.type_words(inner["schema"], _link)
+        if kind == "application/json" and inner.get("schema")
+        else f"`{kind}`"
+        for kind, inner in content.items()
+    ]
+    return " or ".join(kinds)
+
+
+def _models() -> dict[str, type[BaseModel]]:
+    """The models of the interface, by name."""
+    found: dict[str, type[BaseModel]] = {}
+    for module in pkgutil.iter_modules(pincette.api.__path__, "pincette.api."):
+        for name, thing in vars(importlib.import_module(module.name)).items():
+            if isinstance(thing, type) and issubclass(thing, BaseModel):
+                found[name] = thing
+    return found
+
+
+def _texts(kind: type[BaseModel] | None) -> dict[str, str]:
+    """What the source says of each field, of a model and of those that it stands on."""
+    texts: dict[str, str] = {}
+    for part in () if kind is None else kind.__mro__[:-1]:
+        if issubclass(part, BaseModel) and part is not BaseModel:
+            texts = notes(part) | texts
+    return texts
+
+
+def _model(name: str, schema: Json, kind: type[BaseModel] | None) -> str:
+    said = words.cell(schema.get("description", "").split("\n\n")[0])
+    head = f"### {name}\n\n{said}\n\n" if said else f"### {name}\n\n"
+    if "properties" not in schema:
+        return f"{head}{words.type_words(schema, _link).capitalize()}\n\n"
+    texts, required = _texts(kind), schema.get("required", [])
+    rows = [
+        (
+            f"`{field}`",
+            words.type_words(inner, _link),
+            unit_of(field),
+            "*required*" if field in required else _default(inner),
+            words.cell(words.limit_words(inner)),
+            words.cell(texts.get(field, "")),
+        )
+        for field, inner in schema["properties"].items()
+    ]
+    table = words.table(("field", "type", "unit", "default", "limits", "meaning"), *rows)
+    examples = [_shown(example) for example in schema.get("examples", ())]
+    return head + table + "".join(examples)
+
+
+def _shown(example: Json) -> str:
+    return f"```json\n{json.dumps(example, ensure_ascii=False, indent=2)}\n```\n\n"
+
+
+PAGES = {PAGE: rest_page}
+
+
+def main() -> None:
+    """Write the page."""
+    PAGE.write_text(rest_page(), encoding="utf-8")
+    print(PAGE.relative_to(DOCS.parent))
+
+
+if __name__ == "__main__":
+    main()
