@@ -3,6 +3,7 @@
 from pincette.bus.links import Ends, endpoint
 from pincette.codec import encode
 from pincette.messages import Applied, Command, Estimate, Message, Position
+from pincette.runtime.process import loop_services
 from pincette.topics import LOOP
 
 EXAMPLES: dict[str, Message] = {
@@ -15,6 +16,8 @@ EXAMPLES: dict[str, Message] = {
 }
 SIZES = {name: len(encode(message)) for name, message in EXAMPLES.items()}
 """Bytes that each service hands on within a tick."""
+REQUESTS = {"sensor": b"MS,01", "actuator": b"#010+01.000"}
+"""What those with an instrument ask it."""
 
 
 def hop_key(role: str) -> str:
@@ -27,11 +30,26 @@ def start_key() -> str:
     return "pincette/bench/start"
 
 
-def ends(port: int, role: str) -> Ends:
-    """A ring of four peers, each with one link to the one before it."""
-    place = LOOP.index(role)
-    earlier = [LOOP[place - 1]] if place else []
-    if role == LOOP[-1]:
-        earlier.append(LOOP[0])
+def heard(role: str, *, whole: bool) -> list[str]:
+    """Roles whose hops a role takes: the one before it; ``whole``: all that its service takes."""
+    before = LOOP[LOOP.index(role) - 1]
+    if not whole:
+        return [before]
+    producers = {item.topic.producer for item in loop_services()[role].inputs}
+    return sorted({before, *producers}, key=LOOP.index)
+
+
+def ends(port: int, role: str, *, whole: bool = False) -> Ends:
+    """A peer in a ring, with a link to each that it hears or that hears it."""
+    earlier = [
+        other
+        for other in LOOP[: LOOP.index(role)]
+        if other in heard(role, whole=whole) or role in heard(other, whole=whole)
+    ]
     connect = tuple(endpoint("127.0.0.1", port, other) for other in earlier)
     return Ends("peer", (endpoint("127.0.0.1", port, role),), connect)
+
+
+def routed_ends(port: int) -> Ends:
+    """A place at a router, by way of which everything goes."""
+    return Ends("client", connect=(endpoint("127.0.0.1", port, "router"),))

@@ -16,7 +16,7 @@ from pincette.api.request_models import GripJobRequest
 from pincette.asyncapi.document import document, tree
 from pincette.asyncapi.schemas import type_schema
 from pincette.codec import encode, msgpack
-from pincette.config.rig_file import Bus
+from pincette.config.bus import Bus
 from pincette.messages import Act, Applied, Load, Position
 from pincette.topics import QUESTIONS, ROOT, TOPICS, key, question_key
 from pincette_supervisor.planning.job_plans import plan_job

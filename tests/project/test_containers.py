@@ -1,123 +1,185 @@
-"""The compose file and the image run the programs there are, from pins that are the same."""
+"""The compose files run the programs there are, each with a health check, bounds and no rights."""
 
 import re
 import shutil
-import socket
 import subprocess
-import tomllib
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
+import yaml
 
-from pincette.config import parse_rig, read_rig
+from pincette.bus.links import endpoint
+from pincette.config import read_rig
 from pincette.runtime.fleet import ports
 from pincette.runtime.priority import FIFO
-from pincette.runtime.process import programs
 from pincette.topics import LOOP
+from tests.support.contained import contained
 
 HOLDS_THE_NETWORK = "loopback"
+OF_THE_LOOP = (*LOOP, "rig", "router")
+"""What the image `pincette-loop` is for."""
+OVERLAYS = ("listen", "offline", "real-rig", "real-time", "secure")
+Tree = dict[str, Any]
+
+
+def read(path: Path) -> Tree:
+    return cast(Tree, yaml.safe_load(path.read_text(encoding="utf-8")))
 
 
 @pytest.fixture(scope="module")
-def compose(root: Path) -> str:
-    return (root / "docker-compose.yml").read_text(encoding="utf-8")
+def compose(root: Path) -> Tree:
+    return read(root / "docker-compose.yml")
 
 
 @pytest.fixture(scope="module")
-def services(compose: str) -> dict[str, str]:
-    """The text of each service, by its name."""
-    part = re.split(r"^(?:services|volumes):\n", compose, flags=re.MULTILINE)[1]
-    pieces = re.split(r"^  ([a-z]+):.*\n", part, flags=re.MULTILINE)[1:]
-    return dict(zip(pieces[::2], pieces[1::2], strict=True))
+def services(compose: Tree) -> dict[str, Tree]:
+    return cast(dict[str, Tree], compose["services"])
 
 
-def test_there_is_a_service_for_each_program(services: dict[str, str]) -> None:
-    assert sorted(services) == sorted([*programs(), HOLDS_THE_NETWORK])
-    for name in programs():
-        assert f"command: [run, {name}" in services[name]
-        assert "<<: *program" in services[name]
+def overlay(root: Path, name: str) -> dict[str, Tree]:
+    return cast(dict[str, Tree], read(root / f"deploy/{name}.yml")["services"])
 
 
-def test_health_is_asked_for_at_the_ports_of_the_rig_file(
-    root: Path, services: dict[str, str]
+def test_there_is_a_service_for_each_program(services: dict[str, Tree]) -> None:
+    assert sorted(services) == sorted([*contained(), HOLDS_THE_NETWORK])
+    for name in contained():
+        assert services[name]["command"][:2] == ["run", name]
+        assert services[name]["network_mode"] == f"service:{HOLDS_THE_NETWORK}"
+
+
+def test_each_runs_from_the_smallest_image_that_has_it(services: dict[str, Tree]) -> None:
+    small = {name for name, service in services.items() if service["image"] == "pincette-loop"}
+    assert small == {*OF_THE_LOOP, HOLDS_THE_NETWORK}
+    assert {services[name]["image"] for name in set(services) - small} == {"pincette"}
+
+
+def test_one_service_builds_each_image_and_none_is_pulled(services: dict[str, Tree]) -> None:
+    built = {name: one["build"] for name, one in services.items() if "build" in one}
+    assert {services[name]["image"]: build["target"] for name, build in built.items()} == {
+        "pincette-loop": "pincette-loop",
+        "pincette": "pincette",
+    }
+    assert len(built) == 2
+    for name in contained():
+        assert services[name]["pull_policy"] == "never"
+
+
+def test_every_container_is_bounded_and_has_no_rights(services: dict[str, Tree]) -> None:
+    for name, service in services.items():
+        assert service["read_only"] is True, name
+        assert service["cap_drop"] == ["ALL"], name
+        assert service["security_opt"] == ["no-new-privileges:true"], name
+        assert service["init"] is True, name
+        assert service["restart"] == "unless-stopped", name
+        assert re.fullmatch(r"\d+[mg]", service["mem_limit"]), name
+        assert service["memswap_limit"] == service["mem_limit"], name
+        assert 8 <= service["pids_limit"] <= 256, name
+        assert not service.get("privileged"), name
+
+
+def test_the_loop_weighs_more_than_what_stands_beside_it(services: dict[str, Tree]) -> None:
+    least = min(services[name]["cpu_shares"] for name in OF_THE_LOOP)
+    assert least >= 8 * max(services[name]["cpu_shares"] for name in ("recorder", "supervisor"))
+
+
+def test_health_is_asked_for_where_the_rig_file_has_the_programs(
+    root: Path, services: dict[str, Tree]
 ) -> None:
     rig = read_rig(root / "deploy/rigs/demo.toml")
+    wanted: dict[str, set[str]] = {}
     for port, purpose in ports(rig).items():
         name = "rig" if purpose.startswith("simulated") else purpose
-        assert re.search(rf"\b{port}\b", services[name]), f"{name} does not look at {port}"
+        wanted.setdefault(name, set()).add(str(port))
+    router = endpoint(rig.bus.host, rig.bus.port, "router").rpartition(":")[2]
+    for name in set(contained()) - {"supervisor"}:
+        asked = services[name]["healthcheck"]["test"]
+        assert asked[:2] == ["CMD", "serves"]
+        place = asked.index("--to") if "--to" in asked else len(asked)
+        assert set(asked[2:place]) == wanted.get(name, set()), name
+        assert asked[place:] == ([] if name == "router" else ["--to", router]), name
+    assert f":{rig.supervisor.port}/readyz" in services["supervisor"]["healthcheck"]["test"][-1]
 
 
-def test_nothing_is_published_beyond_this_machine(compose: str, services: dict[str, str]) -> None:
-    assert re.findall(r"ports: (.*)", compose) == ['["127.0.0.1:8000:8000"]']
-    assert "ports:" in services[HOLDS_THE_NETWORK]
+def test_health_is_asked_for_soon_at_first_and_seldom_later(services: dict[str, Tree]) -> None:
+    for name, service in services.items():
+        health = service["healthcheck"]
+        assert (health["start_interval"], health["interval"]) == ("1s", "30s"), name
+        assert health["start_period"] == "60s", name
 
 
-def test_what_ticks_may_be_given_its_fixed_priority(root: Path) -> None:
-    over = (root / "deploy/real-time.yml").read_text(encoding="utf-8")
-    assert f"  router: &ticks\n    ulimits: {{ rtprio: {FIFO} }}\n" in over
-    given = re.findall(r"^  (\w+): [&*]ticks$", over, re.MULTILINE)
-    assert sorted(given) == sorted([*LOOP, "rig", "router"])
+def test_programs_start_after_what_they_lean_on(services: dict[str, Tree]) -> None:
+    for name in set(contained()) - {"router"}:
+        assert services[name]["depends_on"]["router"] == {"condition": "service_healthy"}
+    for name in ("sensor", "actuator"):
+        rig = services[name]["depends_on"]["rig"]
+        assert rig == {"condition": "service_healthy", "required": False}
 
 
-def test_records_go_into_one_volume(compose: str, services: dict[str, str]) -> None:
-    assert compose.endswith("volumes:\n  data:\n")
-    writing = {name for name, text in services.items() if "--data, /data" in text}
+def test_nothing_is_published_beyond_this_machine(root: Path, services: dict[str, Tree]) -> None:
+    published = {name: one["ports"] for name, one in services.items() if "ports" in one}
+    assert published == {HOLDS_THE_NETWORK: ["127.0.0.1:8000:8000"]}
+    listening = overlay(root, "listen")
+    assert listening[HOLDS_THE_NETWORK]["ports"] == [
+        "${PINCETTE_PUBLISH:-127.0.0.1}:7447:7447",
+    ]
+    assert listening["router"]["environment"] == {"PINCETTE_LISTEN": "0.0.0.0"}
+
+
+def test_records_go_into_one_volume(compose: Tree, services: dict[str, Tree]) -> None:
+    assert compose["volumes"] == {"data": None}
+    writing = {name for name, one in services.items() if one.get("command", [])[2:] != []}
     assert writing == {"recorder", "supervisor"}
-    assert {name for name, text in services.items() if 'volumes: ["data:/data"]' in text} == writing
-
-
-def test_one_service_builds_the_image(compose: str) -> None:
-    assert compose.count("build:") == 1
-    assert compose.count("image: pincette\n") == 2
-
-
-def _ran(command: list[str], folder: Path) -> bool:
-    return subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode == 0
-
-
-def test_the_files_are_valid(root: Path) -> None:
-    if shutil.which("docker") is None or not _ran(["docker", "compose", "version"], root):
-        # An engine may come without this plug-in; what else the file must be is tested without it.
-        pytest.skip("no docker compose here: its files are not validated")
-    for over in ([], ["-f", "docker-compose.yml", "-f", "deploy/real-time.yml"]):
-        command = ["docker", "compose", *over, "config", "--quiet"]
-        done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize("name", ["run", "build"])
-def test_the_image_is_filled_from_the_pins_that_are_tested(root: Path, name: str) -> None:
-    def pins(file: str) -> set[str]:
-        text = (root / "requirements" / file).read_text(encoding="utf-8")
-        return {line.rstrip(" \\") for line in text.splitlines()}
-
-    used = pins(f"{name}.txt")
-    assert len(used) > 5
-    assert used - pins("dev.txt") == set()
-    assert f"--require-hashes -r requirements/{name}.txt" in (root / "deploy/Dockerfile").read_text(
-        encoding="utf-8"
+    assert {name for name, one in services.items() if one.get("volumes") == ["data:/data"]} == (
+        writing
     )
 
 
-def test_the_image_listens_where_compose_publishes(root: Path) -> None:
-    rig = (root / "deploy/rigs/demo.toml").read_text(encoding="utf-8")
-    assert re.search(r'^\[supervisor\]\nhost = "127\.0\.0\.1"\nport = 8000$', rig, re.MULTILINE)
+@pytest.mark.parametrize("name", ["real-time", "real-rig"])
+def test_what_ticks_may_be_given_its_fixed_priority(root: Path, name: str) -> None:
+    over = overlay(root, name)
+    given = {one for one, service in over.items() if "ulimits" in service}
+    assert given == {*OF_THE_LOOP} - ({"rig"} if name == "real-rig" else set())
+    assert {over[one]["ulimits"]["rtprio"] for one in given} == {FIFO}
 
 
-def test_the_rig_file_of_the_image_promises_what_compose_keeps(root: Path, compose: str) -> None:
-    text = (root / "deploy/rigs/demo.toml").read_text(encoding="utf-8")
-    script = (root / "deploy/Dockerfile").read_text(encoding="utf-8")
-    (change,) = re.findall(r"sed -i '([^']+)'", script)
-    command = ["sed", change]
-    made = subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout
-    supervisor = parse_rig(tomllib.loads(made)).supervisor
-    assert (supervisor.host, supervisor.behind) == ("0.0.0.0", "container")
-    assert parse_rig(tomllib.loads(text)).supervisor.behind == "nothing"
-    assert '"127.0.0.1:8000:8000"' in compose
+def test_a_real_rig_has_no_simulated_one_and_one_rig_file(root: Path) -> None:
+    over = overlay(root, "real-rig")
+    assert over["rig"] == {"profiles": ["simulated"]}
+    for name in set(contained()) - {"rig"}:
+        assert over[name]["volumes"][0].endswith(":/etc/pincette/rig.toml:ro"), name
+    assert {name for name in over if "devices" in over[name]} == {"sensor", "actuator"}
 
 
-def test_listens(root: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-        assert subprocess.call([root / "deploy/listens", str(port)]) == 0
-    assert subprocess.call([root / "deploy/listens", str(port)]) == 1
+def test_no_program_holds_the_key_of_the_authority(root: Path) -> None:
+    over = overlay(root, "secure")
+    for name in contained():
+        assert over[name]["environment"] == {"PINCETTE_PKI": "/pki/made"}
+        assert over[name]["volumes"] == ["pki:/pki:ro"]
+        waits = over[name]["depends_on"]["certificates"]
+        assert waits == {"condition": "service_completed_successfully"}
+    maker = over["certificates"]
+    assert maker["volumes"] == ["pki:/pki", "authority:/authority"]
+    assert maker["network_mode"] == "none"
+    assert "/authority/" in maker["command"][0]
+
+
+def _ran(command: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=60.0, check=False
+    )
+
+
+@pytest.mark.parametrize("name", ["", *OVERLAYS])
+def test_the_files_are_valid(root: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ("RIG_FILE", "SENSOR", "OUTPUT"):
+        monkeypatch.setenv(f"PINCETTE_{variable}", "/dev/null")
+    over = ["-f", "docker-compose.yml", *(["-f", f"deploy/{name}.yml"] if name else [])]
+    if name:
+        assert set(overlay(root, name)) <= {*contained(), HOLDS_THE_NETWORK, "certificates"}
+    docker = shutil.which("docker")
+    if docker is None or _ran([docker, "compose", "version"], root).returncode:
+        # An engine may come without this plug-in; what else the file must be is tested without it.
+        pytest.skip("no docker compose here: its files are read, but not validated")
+    done = _ran([docker, "compose", *over, "config", "--quiet"], root)
+    assert done.returncode == 0, done.stderr

@@ -15,6 +15,7 @@ FOREIGN = re.compile(
     re.VERBOSE,
 )
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+CODE = re.compile(r"`[^`\n]*`")
 
 
 def text_of(path: Path) -> str:
@@ -60,7 +61,7 @@ def anchors(path: Path) -> set[str]:
 
 
 def dead_links(path: Path) -> Iterator[str]:
-    for target in LINK.findall(text_of(path)):
+    for target in LINK.findall(CODE.sub("", text_of(path))):
         if "://" in target or target.startswith("mailto:"):
             continue
         name, _, anchor = target.partition("#")
@@ -78,7 +79,7 @@ def test_no_document_has_a_dead_link(files: list[Path], root: Path) -> None:
 
 def test_dead_links_are_found(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("# A head\n[a](#a-head) [b](#b) [c](page.md#a-head) [d](none.md)\n")
+    page.write_text("# A head\n[a](#a-head) [b](#b) [c](page.md#a-head) [`d`](none.md) `[e](e)`\n")
     assert list(dead_links(page)) == ["#b", "none.md"]
 
 

@@ -53,7 +53,8 @@ class Visit:
         while not there():
             if monotonic() > deadline:
                 raise TimeoutError(
-                    f"{words} within {timeout_s:g} s; {self.page.inner_text('body')}"
+                    f"{words} within {timeout_s:g} s; it logged {self.errors}; "
+                    f"{self.page.inner_text('body')}"
                 )
             self.page.wait_for_timeout(50)
 

@@ -15,6 +15,7 @@ from pincette.codec.kinds import KINDS
 from pincette.control.laws.law import LawSettings
 from pincette.control.planning.paths import Knot, Path
 from pincette.control.planning.sweep import Sweep
+from pincette.latency.histogram import Distribution, counted
 from pincette.messages import Document, Message
 
 Chance = random.Random
@@ -31,6 +32,7 @@ SELF_CHECKED: dict[type, tuple[Any, ...]] = {
         Path("position", "triangle", 12.0, 8.0, 2.0, 3, corner=0.1),
         Path("voltage", "waypoints", knots=(Knot(0.0, 0.0, 0.0), Knot(1.0, 2.0, 0.0))),
     ),
+    Distribution: (Distribution(), counted((0.0, 1e-6, 1e-6)), counted((5e-4, 0.02, 2e9))),
 }
 """Records that refuse what makes no sense: some that do."""
 

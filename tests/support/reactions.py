@@ -63,7 +63,8 @@ def await_reaction(
     else:
         begun_at = ramped_at
     stood_s = stalls.between(ramped_at, safe_at)
-    within(SAFE_S - REACTION_S, safe_at - ramped_at, stood_s, "the ramp")
+    account = seen.account(safe_at, safe_at - ramped_at)
+    within(SAFE_S - REACTION_S, safe_at - ramped_at, stood_s, f"{account}\nthe ramp")
     _check_instrument(rig, seen, begun_at, ramped_at, kept_V)
     return Reaction(
         begun_at - fault_s,

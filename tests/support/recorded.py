@@ -8,6 +8,7 @@ from pincette.control.laws.law import LawSettings
 from pincette.control.planning.paths import Knot, Path
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.planning.sweep import Sweep
+from pincette.latency.histogram import counted
 from pincette.messages import (
     Applied,
     Asked,
@@ -19,6 +20,7 @@ from pincette.messages import (
     Message,
     Position,
     Telemetry,
+    Timing,
     Truth,
 )
 from pincette.records.mcap_file import McapFile
@@ -132,6 +134,12 @@ def asked() -> Asked:
     laws = (LawSettings(), LawSettings("dsmifc"))
     load = Load(Program((held, moved), guards, 2.17, laws))
     return Asked(EPOCH, -1, "controller", "", load=load)
+
+
+def timing(service: str, seq: int, *lates_s: float) -> Timing:
+    """How punctual a program says that it was."""
+    spent = counted([0.0004] * len(lates_s))
+    return Timing(EPOCH, seq, service, 2, counted(lates_s), counted(()), spent)
 
 
 def write(path: FilePath, messages: list[Message], *, finish: bool = True) -> McapFile:

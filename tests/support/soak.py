@@ -20,20 +20,20 @@ from typing import cast
 import httpx
 
 from pincette.config.reading import laid_over
+from pincette.runtime.interpreter import settle
 from tests.support.distributions import Injected, Json, table, tree
 from tests.support.grips import SHORT, make_ready, whole_grip
 from tests.support.injections import CUTS, WATCHED, Fault, inject
 from tests.support.namespaces import alone
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import BLAMED_S, StallRecorder
+from tests.support.stalls import BLAMED_S, SPAN_S, STALL_S, TRIES, StallRecorder
 from tests.support.witness import Witness, witness
 
 SEED = 20131
 ROUNDS = 50
 KINDS = ("killed", "stopped", "cut off")
 PROGRAMS = ("controller", "estimator", "sensor")
-TRIES = 3
 START_S, EACH_S = 90.0, 15.0
 """Longest time that the rig may take to be up, and an injection with all that belongs to it."""
 Failed = (AssertionError, TimeoutError, httpx.HTTPError)
@@ -86,10 +86,7 @@ class Campaign:
             try:
                 one = inject(self._rig, self._seen, self._stalls, fault, self._chance)
             except Failed as error:
-                stood_s = max(
-                    (length_s for at, length_s in self._stalls.stalls if at >= begun - 0.1),
-                    default=0.0,
-                )
+                stood_s = self._stalls.most(begun - SPAN_S)
                 said = f"{what}: {error}"
                 make_ready(self._rig)
                 if stood_s < BLAMED_S:
@@ -118,7 +115,7 @@ def soak(kinds: Sequence[str], programs: Sequence[str], rounds: int, seed: int) 
         make_ready(running)
         whole_grip(running, seen, stalls)
         campaign.run(faults)
-        stood_s = [length_s for _, length_s in stalls.stalls]
+        stood_s = [length_s for _, length_s in stalls.stalls if length_s > STALL_S]
     about: Json = {
         "seed": seed,
         "rounds": rounds,
@@ -155,6 +152,7 @@ def main() -> int:
     words.add_argument("--kinds", nargs="+", default=KINDS, choices=("killed", "stopped", *CUTS))
     words.add_argument("--programs", nargs="+", default=PROGRAMS)
     wished = words.parse_args()
+    settle()
     found = soak(wished.kinds, wished.programs, wished.rounds, wished.seed)
     wished.file.write_text(json.dumps(found, indent=1, ensure_ascii=False), encoding="utf-8")
     print(table(found["rows"]))

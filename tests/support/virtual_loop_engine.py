@@ -181,8 +181,8 @@ class Engine:
 
     def _act(self, program: Program) -> None:
         self.bench.step_begins()
-        node, now = program.node, program.began_s
-        outputs = node.fire(now) if program.step == "fire" else program.turns.take(now)
+        turns, now = program.turns, program.began_s
+        outputs = turns.fire(now) if program.step == "fire" else turns.take(now)
         taken, at_s = self.bench.taken, self.now_s + self.bench.taken.silent_s
         if program.turns.on_grid and not taken.silent_s:
             at_s += self.bench.lines.sensor_s
@@ -199,6 +199,7 @@ class Engine:
     def _tell(self, program: Program, outputs: tuple[Message, ...]) -> None:
         self._publish(program, outputs)
         if program.step == "fire":
+            program.turns.told(self.now_s)
             self._go_on(program)
         else:
             program.turns.taken(self.now_s)

@@ -44,6 +44,7 @@ class Program:
         twin.turns = copy(self.turns)
         twin.turns.node = twin.node
         twin.turns.numbering = self.turns.numbering.copy()
+        twin.turns.meter = None
         twin.queue = deque(self.queue)
         return twin
 
@@ -53,7 +54,7 @@ def forked_node(node: Node, memo: dict[int, Any]) -> Node:
     twin = copy(node)
     inner, own = vars(node), vars(twin)
     own["_pending"] = deque(inner["_pending"])
-    own["_waiting"] = {kind: dict(waiting) for kind, waiting in inner["_waiting"].items()}
+    own["_joins"] = inner["_joins"].copy()
     own["_notes"] = copy(inner["_notes"])
     own["_device"] = deepcopy(inner["_device"], memo)
     return twin

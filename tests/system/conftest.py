@@ -1,11 +1,14 @@
 """What the tests of real processes share: a rig that is up, a witness, and a place for figures."""
 
+import gc
 import signal
+import sys
 from collections.abc import Generator
 
 import pytest
 from playwright.sync_api import Browser
 
+from pincette.runtime.interpreter import settle
 from tests.support.browser import open_browser
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig
@@ -36,6 +39,20 @@ def pytest_terminal_summary(
 def ends_with_ctrl_c() -> None:
     """A shell's background job ignores Ctrl-C, and so would every program that is started here."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def settled() -> Generator[None]:
+    """What is measured here is the loop, not how long this process looks through its memory.
+
+    With what pytest has imported that takes a tenth of a second, at times in a thread that runs as
+    early as the loop does.
+    """
+    interval_s = sys.getswitchinterval()
+    settle()
+    yield
+    sys.setswitchinterval(interval_s)
+    gc.enable()
 
 
 @pytest.fixture(scope="module")

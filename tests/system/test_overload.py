@@ -75,7 +75,7 @@ class Account:
                 self._note(stalls, after_s, words, after_s - before_s + period_s)
 
     def _note(self, stalls: StallRecorder, at_s: float, words: str, span_s: float) -> None:
-        stood_s = stalls.between(at_s - span_s, at_s)
+        stood_s = stalls.between(at_s - span_s, at_s, STALL_S)
         if stood_s < STALL_S:
             self.unexplained.append(
                 f"{words}; stalls in {1e3 * span_s:.0f} ms: {1e3 * stood_s:.1f} ms"

@@ -22,7 +22,9 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```sh\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
 MAKE = [block.strip() for block in BLOCKS if block.startswith("make ")]
 LISTENING = [block.strip() for block in BLOCKS if "subscribe.py" in block]
-SHELL = [block for block in BLOCKS if block.strip() not in (*MAKE, *LISTENING)]
+CONTAINERS = [block.strip() for block in BLOCKS if block.startswith("docker ")]
+"""Run by tests/engine/test_brief.py."""
+SHELL = [block for block in BLOCKS if block.strip() not in (*MAKE, *LISTENING, *CONTAINERS)]
 BLOCK_S = 90.0
 RIG = "http://127.0.0.1:8000/api/v1/rigs/demo"
 
@@ -63,6 +65,7 @@ def made_up(folder: Path) -> Generator[None]:
 def test_no_command_escapes() -> None:
     assert MAKE == ["make demo", "make test", "make up"]
     assert LISTENING == [".venv/bin/python docs/examples/subscribe.py"]
+    assert len(CONTAINERS) == 1
     unread = [text for text in SAYS if not any(text in block for block in SHELL)]
     assert unread == []
     assert all(any(text in block for text in SAYS) for block in SHELL)

@@ -19,7 +19,7 @@ from tests.support.grips import hold, kill, make_ready, restart, whole_grip
 from tests.support.hogs import hog
 from tests.support.rigs import Tree, rig_toml
 from tests.support.running import RunningRig
-from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.stalls import STALL_S, StallRecorder, again_after_a_stall
 from tests.support.witness import Witness
 
 LOOK_S = 1.5
@@ -30,6 +30,8 @@ CPU_SHARE = 0.5
 """Of one processor, that the actuator may take while it refuses."""
 LOST = 12
 """Ticks of the flood, one in twenty, in which a forged command may have pushed the true one out."""
+ACCOUNT_S = 0.3
+"""Of what was heard before a trip that should not be, told where there is one."""
 AGE_S = 0.010
 """Half a period: what the age of a command may come to."""
 
@@ -60,12 +62,13 @@ def check_undisturbed(
 ) -> list[Applied]:
     """The actuator has answered each tick with a command, but for a few, or for stalls."""
     echoes = seen.since(Applied, since_s)
-    assert {echo.state for _, echo in echoes} == {"armed"}
+    for at, echo in echoes:
+        assert echo.state == "armed", f"{echo.cause}\n{seen.account(at, ACCOUNT_S)}"
     period_s = rig.rig.rig.period_s
     lost = [
         echo.seq
         for at, echo in echoes
-        if not echo.answered and stalls.between(at - 3.0 * period_s, at) == 0.0
+        if not echo.answered and stalls.between(at - 3.0 * period_s, at, STALL_S) == 0.0
     ]
     assert len(lost) <= most_lost, f"no command was taken for {lost}, nor a stall recorded"
     return [echo for _, echo in echoes]

@@ -11,7 +11,7 @@ from pincette.messages import Estimate, Message
 from pincette.records import schemas
 from pincette.records.schemas import SCHEMAS
 from pincette.topics import TOPICS
-from tests.support.recorded import asked, loop, name_of, notice
+from tests.support.recorded import asked, loop, name_of, notice, timing
 
 
 def _bits(message: Message) -> list[Any]:
@@ -20,7 +20,9 @@ def _bits(message: Message) -> list[Any]:
 
 
 @pytest.mark.parametrize(
-    "message", [*loop(4), notice(), asked()], ids=lambda m: f"{type(m).__name__}"
+    "message",
+    [*loop(4), notice(), asked(), timing("sensor", 3, 0.001, 0.002)],
+    ids=lambda m: f"{type(m).__name__}",
 )
 def test_a_message_comes_back_bit_for_bit(message: Message) -> None:
     schema = SCHEMAS[name_of(message)]

@@ -119,6 +119,16 @@ def test_real_time_plays_no_backlog() -> None:
     assert node.missed == 299
 
 
+def test_a_sample_that_is_repeated_pushes_out_none_that_waits() -> None:
+    node = joiner(RIG)
+    for seq in (5, 0, 5):
+        node.accept(position(seq), 10.0)
+    node.accept(replace(APPLIED_0, seq=4), 10.0)
+    node.fire(10.0)
+    assert [inputs.position for inputs, _ in node.state.seen] == [position(5)]
+    assert (node.missed, node.refused) == (0, 2)
+
+
 def test_lockstep_answers_every_tick_in_virtual_time() -> None:
     node = joiner(LOCKSTEP)
     for seq in range(3):

@@ -14,9 +14,11 @@ from pincette.security.access import (
     router_access,
     service_access,
 )
-from pincette.security.identity import OF_A_RIG, Identity, person, program, programs_of
+from pincette.security.identity import OF_A_RIG, person, program, programs_of
 from pincette.security.rights import Rights, may_ask, rights, tells
 from pincette.topics import COMMAND, LOOP, QUESTIONS, TOPICS, Topic, key, live_key, question_key
+
+from .listed import lets
 
 SERVICES = loop_services()
 VIEWER, OPERATOR = person("anna", "viewer"), person("otto", "operator")
@@ -24,27 +26,6 @@ ROUTER, SUPERVISOR = program("router", ""), program("supervisor", "")
 PROGRAMS = (*programs_of("left"), *programs_of("right"))
 EVERYBODY = (SUPERVISOR, *PROGRAMS, VIEWER, OPERATOR)
 AT_ROUTER = router_access([ROUTER, *EVERYBODY])
-
-
-def lets(access: Access, who: Identity, flow: str, message: str, wanted: str) -> bool:
-    """Whether a list lets a message of somebody pass: a rule's key must include the message's."""
-    return any(
-        message in rule.messages and rule.flow == flow and includes(granted, wanted)
-        for rule in access.get(who.name, ())
-        for granted in rule.keys
-    )
-
-
-def includes(granted: str, wanted: str) -> bool:
-    """Whether a key expression of whole-chunk wildcards includes another one."""
-    ours, theirs = granted.split("/"), wanted.split("/")
-    if ours[-1] == "**":
-        return theirs[: len(ours) - 1] == ours[:-1]
-    return (
-        len(ours) == len(theirs)
-        and "**" not in theirs
-        and all(one in ("*", other) for one, other in zip(ours, theirs, strict=True))
-    )
 
 
 def list_of(name: str, *, lockstep: bool = False) -> Access:

@@ -26,6 +26,7 @@ from pincette.messages import (
     RigFileTold,
     Status,
     StatusRequest,
+    TimingRequest,
     Trip,
 )
 from pincette.topics import TOPIC_OF, Question, Topic
@@ -168,6 +169,8 @@ class CannedRig:
                 self.acts.append(request.action)
                 self._act(request.action)
                 return Done(seq)
+            case TimingRequest():
+                return samples.timing(service, self.place)
             case Load() | Lease():
                 pass
             case _:

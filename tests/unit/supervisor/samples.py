@@ -7,7 +7,17 @@ from random import Random
 
 from pincette.control.arm.plant import consistent_arm, discretize
 from pincette.control.planning.path_shapes import sinusoid
-from pincette.messages import Applied, Command, Estimate, Message, Position, Telemetry, Truth
+from pincette.messages import (
+    Applied,
+    Command,
+    Estimate,
+    Message,
+    Position,
+    Telemetry,
+    Timing,
+    Truth,
+)
+from tests.support import recorded
 
 PERIOD_S = 0.02
 PLANT = discretize(consistent_arm(2437.8, 0.026, 19.0, 0.46), PERIOD_S)
@@ -215,3 +225,8 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
         ),
         Truth(seq, x_um, force_r_mN, voltage_V),
     )
+
+
+def timing(service: str, seq: int) -> Timing:
+    """How punctual a program says that it was: once it was late by 1 ms."""
+    return recorded.timing(service, seq, 1e-3)

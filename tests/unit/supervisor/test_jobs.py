@@ -9,6 +9,7 @@ import pytest
 
 from pincette.config import RigFile
 from pincette.records import folder
+from tests.support.partitions import composing
 
 from . import samples
 from .canned import IN_APPROACH, IN_HOLD
@@ -235,6 +236,15 @@ def test_lockstep_names_the_program_that_is_silent(
     job = desk.ended(desk.grip()["id"])
     assert job["state"] == "failed"
     assert job["cause"] == "estimator is silent: no progress for 0.05 s"
+
+
+def test_lockstep_names_a_program_of_several_services_as_a_whole(
+    rig_file: RigFile, open_desk: Callable[..., Desk]
+) -> None:
+    desk = open_desk(composing(rig_file, "loop"), guard_s=0.05)
+    desk.bus.pause_at = 50
+    job = desk.ended(desk.grip()["id"])
+    assert job["cause"] == "loop is silent: no progress for 0.05 s"
 
 
 def test_lockstep_names_the_program_that_was_killed(

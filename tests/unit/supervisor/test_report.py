@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from pincette.api.result_models import GripResult, MotionResult, TrackResult
+from pincette.api.timing_models import LoopTiming
 from pincette_supervisor.results.report import report
 
 WHOSE = {"job": "20260301-1", "rig": "demo", "model_version": "3", "created_at": "2026-03-01"}
@@ -37,7 +38,7 @@ class Page(HTMLParser):
             self.text.append(data.strip())
 
 
-def _example(model: type[GripResult | TrackResult | MotionResult]) -> dict[str, Any]:
+def _example(model: type[GripResult | TrackResult | MotionResult | LoopTiming]) -> dict[str, Any]:
     extra: Any = model.model_config.get("json_schema_extra")
     return dict(extra["examples"][0])
 
@@ -106,3 +107,21 @@ def test_a_calibration_has_its_values_and_what_it_states() -> None:
     page = _page(result, kind="calibrate")
     assert {"the arm follows", "19.1", "µm/V", "rests on <compliance>"} <= set(page.text)
     assert "calibrate: moved" in page.text
+
+
+def test_how_punctual_the_loop_was_is_a_table() -> None:
+    timing = LoopTiming.model_validate(_example(LoopTiming))
+    text = _page(_example(GripResult), timing=timing).text
+    begin = text.index("Timing")
+    assert text[begin + 1 : begin + 9] == [
+        "program",
+        "quantity",
+        "count",
+        "p50 / s",
+        "p99 / s",
+        "p999 / s",
+        "max / s",
+        "missed",
+    ]
+    assert text[begin + 9 : begin + 12] == ["estimator", "lateness", "1000"]
+    assert "Timing" not in _page(_example(GripResult)).text

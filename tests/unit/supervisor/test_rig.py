@@ -22,10 +22,35 @@ def test_a_rig_that_was_switched_on_can_start(desk: Desk) -> None:
     assert {"quantity": "force_max", "value": 40.0, "unit": "mN"} in rig["limits"]
 
 
+def test_each_program_says_how_punctual_it_is(desk: Desk) -> None:
+    desk.bus.silent.add("controller")
+    timing = desk.get("/rigs/demo/timing")
+    assert [one["program"] for one in timing["programs"]] == ["sensor", "estimator", "actuator"]
+    late = {"count": 1, "p50_s": 1e-3, "p99_s": 1e-3, "p999_s": 1e-3, "max_s": 1e-3}
+    assert timing["programs"][0]["lateness"] == late
+    assert timing["programs"][0]["age"]["p50_s"] is None
+    assert list(timing["silent"]) == ["controller"]
+    assert "nobody answers controller/timing" in timing["silent"]["controller"]
+
+
 def test_the_boot_latch_is_cleared_once(desk: Desk) -> None:
     for _ in range(2):
         assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
     assert desk.bus.asked.count("actuator/reset") == 1
+
+
+def test_an_actuator_that_does_not_answer_has_nothing_that_a_person_could_clear(desk: Desk) -> None:
+    desk.bus.idle()
+    desk.bus.silent.add("actuator")
+    desk.health.refresh(force=True)
+    assert desk.get("/rigs/demo")["reasons"][0].startswith("actuator: nobody answers")
+    refused = desk.post("/jobs", {"kind": "grip"})
+    assert (refused.status_code, refused.json()["reasons"]) == (
+        503,
+        ["actuator: nobody answers actuator/status within 0.7 s"],
+    )
+    desk.bus.silent.discard("actuator")
+    assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
 
 
 def test_an_actuator_that_was_started_anew_needs_a_person(desk: Desk) -> None:

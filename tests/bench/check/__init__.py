@@ -1,0 +1,1 @@
+"""Whether a measured ratio has become worse than its noise explains."""

@@ -1,0 +1,102 @@
+"""A service by itself, to which a recorded grip is played as bytes.
+
+The messages go through the whole way of a program: decoded, queued, joined, stepped with, encoded.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from pincette import plugins
+from pincette.api.request_models import GripJobRequest
+from pincette.bus.protocol import Answerer, Sink
+from pincette.codec import decode, encode
+from pincette.config import RigFile
+from pincette.control.planning.program import Program
+from pincette.messages import Message, Position
+from pincette.runtime.loop import ServiceLoop
+from pincette.service import AnyService
+from pincette.topics import LOOP, Question, Topic
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.support.alone import recording, service_alone
+from tests.support.rigs import demo_rig
+
+
+class NullBus:
+    """A bus that brings bytes when it is told to, and takes bytes to nowhere."""
+
+    def __init__(self) -> None:
+        self._sinks: dict[Topic, Sink] = {}
+        self.sent = b""
+
+    def publish(self, message: Message) -> None:
+        self.sent = encode(message)
+
+    def subscribe(self, topic: Topic, sink: Sink) -> None:
+        self._sinks[topic] = sink
+
+    def serve(self, question: Question, answerer: Answerer) -> None:
+        """Nobody asks."""
+
+    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Nothing to leave."""
+
+    def deliver(self, topic: Topic, payload: bytes) -> None:
+        self._sinks[topic](topic, decode(topic.message, payload))
+
+
+class Alone:
+    """A service, the recorded inputs that are played to it, and what it says to them."""
+
+    def __init__(self, name: str, rig: RigFile, program: Program, said: Sequence[Message]) -> None:
+        self.service: AnyService = plugins.load(plugins.SERVICES, name)
+        self._run = (rig, program, said)
+        topics = {item.topic.message: item.topic for item in self.service.inputs}
+        produced = {topic.message for topic in self.service.outputs}
+        self.inputs = [(topics[type(item)], encode(item)) for item in said if type(item) in topics]
+        self.outputs = [item for item in said if type(item) in produced]
+        self.ticks = sum(isinstance(item, Position) for item in said)
+
+    def begun(
+        self, service: AnyService | None = None, each: Callable[[], None] | None = None
+    ) -> Callable[[], None]:
+        """A fresh service, armed; returns what plays all inputs to it, as a program would.
+
+        ``each`` is called before every input.
+        """
+        node, _ = service_alone(service or self.service, *self._run)
+        bus = NullBus()
+        loop = ServiceLoop(node, bus)
+
+        def play() -> None:
+            loop.step_all()
+            for topic, payload in self.inputs:
+                if each is not None:
+                    each()
+                bus.deliver(topic, payload)
+                loop.turn()
+
+        return play
+
+    def steps(self) -> list[tuple[Any, ...]]:
+        """Arguments of every step that the service makes."""
+        made: list[tuple[Any, ...]] = []
+        step = self.service.step
+
+        def noted(*arguments: Any) -> Any:
+            made.append(arguments)
+            return step(*arguments)
+
+        self.begun(replace(self.service, step=noted))()
+        return made
+
+
+def recorded_grip() -> dict[str, Alone]:
+    """Every service of the loop, with the same grip of the demo rig."""
+    rig = demo_rig({"rig": {"name": "bench"}, "simulation": {"truth": False}}, time="lockstep")
+    program = plan_job(GripJobRequest(kind="grip"), rig).program
+    said = recording(rig, program)
+    return {name: Alone(name, rig, program, said) for name in LOOP}

@@ -1,0 +1,1 @@
+"""The loop in lockstep beside rings of do-nothing processes: rates, tails, CPU, their ratios."""

@@ -1,0 +1,30 @@
+"""How long the ticks of each contestant take: what share exceeds a length."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pincette.paper.drawing import BLUE, GREEN, ORANGE, RED, Axis, label, legend, picture
+from tests.bench.loop.contestant import Contestant
+
+COLOURS = (BLUE, ORANGE, GREEN, RED, "#6b5b95", "#7a8b3f", "#444444")
+HEIGHT_IN = 4.0
+
+
+def draw(path: Path, contestants: Sequence[Contestant]) -> None:
+    """Write a picture of all ticks of all blocks."""
+
+    def lines(axes: list[Axis]) -> None:
+        (axis,) = axes
+        for contestant, colour in zip(contestants, COLOURS, strict=False):
+            ticks_ms = sorted(
+                1e3 * tick_s for block in contestant.blocks for tick_s in block.ticks_s
+            )
+            count = len(ticks_ms)
+            shares = [(count - place) / count for place in range(count)]
+            axis.plot(ticks_ms, shares, color=colour, label=contestant.name, drawstyle="steps-pre")
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        label(axis, "length of a tick in ms", "share of ticks that take longer")
+        legend(axis)
+
+    path.write_bytes(picture(1, 1, HEIGHT_IN, lines))

@@ -1,0 +1,86 @@
+"""The real programs of the loop, in lockstep, with their simulated instruments."""
+
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from time import perf_counter
+
+from pincette.bus.places import program_place
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.config import RigFile
+from pincette.control.planning.program import Guards, Program, Segment
+from pincette.messages import Reset
+from pincette.runtime.arming import arm, status
+from pincette.runtime.fleet import Fleet
+from pincette.sim.bench import open_bench
+from pincette.sim.wires.wire import serve
+from pincette.topics import LOOP, RESET
+from tests.bench.loop.contestant import Contestant
+from tests.bench.loop.watch import Stopwatch, at_rest, obeyed, wait
+from tests.support.rigs import demo_rig, rig_toml
+
+GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
+
+
+def bench_rig() -> RigFile:
+    """The demo rig in lockstep on ports of its own, without the simulation's own log."""
+    return demo_rig({"rig": {"name": "bench"}, "simulation": {"truth": False}}, time="lockstep")
+
+
+def resting(ticks: int, period_s: float) -> Program:
+    """A program that rests for a number of ticks; the law regulates all along."""
+    return Program((Segment("rest", "free", ticks * period_s, x_to_um=0.0),), GUARDS, 2.17)
+
+
+@contextmanager
+def real_loop(
+    name: str, folder: Path, rig: RigFile, *, plant: bool = False
+) -> Generator[Contestant]:
+    """Router, services and instruments; the instruments are in this process.
+
+    ``plant``: they have one. Without it they do as little as those of a bare ring, so that both
+    are held up alike.
+    """
+    simulated = open_bench(rig, perf_counter)
+    sensor, output = simulated.sensor.answer, simulated.output.answer
+    watch = Stopwatch(sensor if plant else at_rest(rig.sensor.noise_um, sensor))
+    taker = Stopwatch(output if plant else obeyed(output))
+    folder.mkdir(exist_ok=True)
+    path = folder / "bench.toml"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    fleet = Fleet(rig, path, folder, lambda _name, _line: None)
+    after = simulated.rig.pass_time
+    with (
+        serve(rig.sensor.url, watch),
+        serve(rig.output.url, taker, afterwards=after),
+        _up(fleet, rig) as bus,
+    ):
+        epoch = 0
+
+        def run(ticks: int) -> None:
+            nonlocal epoch
+            epoch += 1
+            wish = resting(ticks, rig.rig.period_s)
+            arm(bus, wish, epoch=epoch, digest=rig.digest())
+            wait(lambda: len(watch.asked_s) >= ticks, name)
+            wait(lambda: status(bus, "actuator").detail.startswith("idle"), name)
+
+        processes = {role: fleet.members[role].process.pid for role in LOOP}
+        yield Contestant(name, run, watch, processes | {"instruments": os.getpid()})
+
+
+@contextmanager
+def _up(fleet: Fleet, rig: RigFile) -> Generator[ZenohBus]:
+    """The programs, ready to be armed, and a place among them."""
+    try:
+        fleet.start(["router"])
+        fleet.start(LOOP)
+        bus = ZenohBus(program_place(rig, "supervisor", lockstep=True), rig.rig.name, "bench")
+        try:
+            bus.ask(RESET, Reset(acknowledge=True))
+            yield bus
+        finally:
+            bus.close()
+    finally:
+        fleet.down()

@@ -1,0 +1,129 @@
+"""Rings of do-nothing processes: over Zenoh, direct or by a router, and over bare sockets."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from time import sleep
+from typing import Literal
+
+from pincette.bus.links import Ends, endpoint, router_ends
+from pincette.bus.zenoh_bus import open_session
+from pincette.sim.wires.wire import serve
+from pincette.topics import LOOP
+from tests.bench.loop.contestant import Contestant
+from tests.bench.loop.watch import Stopwatch, blank, wait
+from tests.bench.shape import start_key
+from tests.support.rigs import free_ports
+
+MATCHED_S = 1.0
+"""Until every member of a ring knows the others."""
+Process = subprocess.Popen[bytes]
+
+
+@contextmanager
+def zenoh_ring(name: str, kind: Literal["", "routed", "whole"] = "") -> Generator[Contestant]:
+    """Four processes that hand on by Zenoh.
+
+    ``routed``: each by way of a router alone; ``whole``: each takes all that its service takes.
+    """
+    port = free_ports(8)
+    with ExitStack() as stack:
+        if kind == "routed":
+            stack.enter_context(open_session(router_ends("127.0.0.1", port), "bench/router"))
+        wires, watch = stack.enter_context(_blank_instruments(port))
+        words = [kind] if kind else []
+        processes = stack.enter_context(
+            _processes("tests.bench.ring", {role: [str(port), *words] for role in LOOP}, wires)
+        )
+        first = endpoint("127.0.0.1", port, "router" if kind == "routed" else LOOP[0])
+        session = stack.enter_context(open_session(Ends("client", connect=(first,)), "bench"))
+        sleep(MATCHED_S)
+
+        def start(ticks: int) -> None:
+            session.put(start_key(), str(ticks).encode())
+
+        yield _contestant(name, watch, processes, start)
+
+
+@contextmanager
+def socket_ring(name: str) -> Generator[Contestant]:
+    """Four processes that hand on by Unix sockets: what the machine itself takes for a tick."""
+    port = free_ports(8)
+    pairs = [socket.socketpair() for _ in LOOP]
+    with ExitStack() as stack:
+        for pair in pairs:
+            for one in pair:
+                stack.enter_context(one)
+        wires, watch = stack.enter_context(_blank_instruments(port))
+        places = {
+            role: [str(pairs[place - 1][1].fileno()), str(pairs[place][0].fileno())]
+            for place, role in enumerate(LOOP)
+        }
+        processes = stack.enter_context(_processes("tests.bench.sockets", places, wires))
+        begin = processes[LOOP[0]].stdin
+        assert begin is not None
+
+        def start(ticks: int) -> None:
+            begin.write(b"%d\n" % ticks)
+            begin.flush()
+
+        yield _contestant(name, watch, processes, start)
+
+
+def _contestant(
+    name: str, watch: Stopwatch, processes: Mapping[str, Process], start: Callable[[int], None]
+) -> Contestant:
+    def run(ticks: int) -> None:
+        start(ticks)
+        wait(lambda: len(watch.asked_s) >= ticks, name)
+
+    numbers = {role: process.pid for role, process in processes.items()}
+    return Contestant(name, run, watch, numbers | {"instruments": os.getpid()})
+
+
+@contextmanager
+def _blank_instruments(port: int) -> Generator[tuple[dict[str, str], Stopwatch]]:
+    """A sensor and an output without a plant; where they are, and what times the ticks."""
+    watch = Stopwatch(blank)
+    wires = {
+        "sensor": f"socket://127.0.0.1:{port + 6}",
+        "actuator": f"socket://127.0.0.1:{port + 7}",
+    }
+    with serve(wires["sensor"], watch), serve(wires["actuator"], Stopwatch(blank)):
+        yield wires, watch
+
+
+@contextmanager
+def _processes(
+    module: str,
+    words: Mapping[str, Sequence[str]],
+    wires: Mapping[str, str],
+) -> Generator[dict[str, Process]]:
+    """One process a role, each told its instrument and its own words, once all are ready.
+
+    Words that are numbers of open sockets are handed on with them.
+    """
+    started = {
+        role: subprocess.Popen(
+            [sys.executable, "-m", module, role, wires.get(role, "-"), *words[role]],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            pass_fds=[int(word) for word in words[role]] if "sockets" in module else (),
+        )
+        for role in LOOP
+    }
+    try:
+        for process in started.values():
+            if process.stdout is None or process.stdout.readline() != b"ready\n":
+                raise RuntimeError(f"a process of {module} did not start")
+        yield started
+    finally:
+        for process in started.values():
+            process.terminate()
+            process.communicate()

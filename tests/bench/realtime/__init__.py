@@ -1,0 +1,1 @@
+"""Loops in real time: how punctual, at which rate, with how many rigs and listeners."""

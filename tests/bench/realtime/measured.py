@@ -1,0 +1,110 @@
+"""Punctuality and CPU of some rigs over a time."""
+
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic, sleep
+
+import numpy as np
+import zenoh
+
+from pincette.bus.links import client_ends
+from pincette.bus.zenoh_bus import open_session
+from pincette.latency.histogram import Distribution, first_ns, merged
+from pincette.topics import ROOT
+from tests.bench.loop.machine import cpu_s, stolen_s
+from tests.bench.realtime.rigs import Rig, numbers, rigs_up
+from tests.support.rigs import Tree
+from tests.support.stalls import StallRecorder
+
+SETTLED_S = 2.0
+"""After the start, whose imports take the processors for themselves."""
+SHARES = {"p50": 0.5, "p99": 0.99, "p999": 0.999, "max": 1.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What some rigs took, all of them together."""
+
+    rigs: int
+    listeners: int
+    rate_hz: float
+    seconds: float
+    ticks: int
+    missed: int
+    """Points of the sensor's grid that were skipped, and samples that no service acted on."""
+    stalls: int
+    """Times of more than 5 ms in which a processor was not run, or ran something else."""
+    stolen_s: float
+    age_ms: dict[str, float]
+    """Of the newest sample where the actuator acts on it."""
+    lateness_ms: dict[str, float]
+    """Of the sensor's wake-ups against its grid."""
+    deviation: float
+    """Of an interval between two samples from the period, r.m.s., over the period."""
+    cores: dict[str, float]
+    """Processors that a program kept busy, over all rigs."""
+
+
+def measured(rigs: int, listeners: int, seconds: float, own: Tree) -> Measured:
+    """Start rigs, let their loops run for a time, and end them; ``own``: see ``rigs_up``."""
+    with (
+        TemporaryDirectory() as folder,
+        rigs_up(rigs, Path(folder), own) as up,
+        listening(listeners, up[0]),
+    ):
+        sleep(SETTLED_S)
+        period_s = up[0].file.rig.period_s
+        for rig in up:
+            rig.begin(seconds + SETTLED_S)
+        processes, stolen = numbers(up), stolen_s()
+        with StallRecorder() as recorder:
+            before, begin_s = _cpu(processes), monotonic()
+            sleep(seconds)
+            spent, passed_s = _cpu(processes), monotonic() - begin_s
+        told = [rig.timing() for rig in up]
+        return Measured(
+            rigs=rigs,
+            listeners=listeners,
+            rate_hz=1.0 / period_s,
+            seconds=passed_s,
+            ticks=sum(one["sensor"].seq + 1 for one in told),
+            missed=sum(timing.missed for one in told for timing in one.values()),
+            stalls=len(recorder.stalls),
+            stolen_s=stolen_s() - stolen,
+            age_ms=_spread(one["actuator"].age for one in told),
+            lateness_ms=_spread(one["sensor"].lateness for one in told),
+            deviation=_deviation_s(one["sensor"].lateness for one in told) / period_s,
+            cores={name: (spent[name] - before[name]) / passed_s for name in spent},
+        )
+
+
+def _cpu(processes: Mapping[str, Sequence[int]]) -> dict[str, float]:
+    return {name: sum(cpu_s(one) for one in some) for name, some in processes.items()}
+
+
+def _spread(parts: Iterator[Distribution]) -> dict[str, float]:
+    whole = merged(parts)
+    return {name: 1e3 * (whole.quantile_s(share) or 0.0) for name, share in SHARES.items()}
+
+
+def _deviation_s(parts: Iterator[Distribution]) -> float:
+    """Standard deviation of the difference of two latenesses that know nothing of each other."""
+    whole = merged(parts)
+    middles_s = [5e-10 * (first_ns(bucket) + first_ns(bucket + 1)) for bucket in whole.buckets]
+    return sqrt(2.0 * np.cov(middles_s, fweights=whole.counts, ddof=0))
+
+
+@contextmanager
+def listening(count: int, rig: Rig) -> Generator[None]:
+    """Clients of the router, each of which takes all that the rig says."""
+    place = client_ends(rig.file.bus.host, rig.file.bus.port)
+    with ExitStack() as stack:
+        for number in range(count):
+            session = stack.enter_context(open_session(place, f"listener {number}"))
+            ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(1)
+            session.declare_subscriber(f"{ROOT}/{rig.file.rig.name}/**", ring)
+        yield

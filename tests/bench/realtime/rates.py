@@ -1,0 +1,50 @@
+"""Measure how punctual a loop is by its rate, as four programs and as one.
+
+On an idle machine, without a fixed priority unless one is asked for. Adds to ``bench.json``; run by
+``python -m tests.bench.realtime.rates``.
+"""
+
+import argparse
+from dataclasses import asdict
+
+from tests.bench.loop.report import keep
+from tests.bench.realtime.measured import measured
+from tests.bench.realtime.table import head, tell
+from tests.support.rigs import Tree
+
+RATES_HZ = (50.0, 100.0, 200.0, 500.0, 1000.0)
+SECONDS = 60.0
+SHARED_OUT: tuple[Tree, ...] = ({}, {"composed": ["loop"]})
+SLOWEST_S = 0.0052
+"""Two periods of the mode; a quicker loop estimates the force with a filter that knows the mode."""
+
+
+def main() -> None:
+    """Measure, print, keep."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.bench.realtime.rates", description=__doc__
+    )
+    parser.add_argument("--hz", type=float, nargs="*", default=RATES_HZ)
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="each; %(default)g")
+    parser.add_argument("--priority", type=int, default=0, help="SCHED_FIFO; 0: none")
+    given = parser.parse_args()
+    head()
+    found = [
+        tell(measured(1, 0, given.seconds, _rig(1.0 / rate_hz, shared_out, given.priority)))
+        for rate_hz in given.hz
+        for shared_out in SHARED_OUT
+    ]
+    keep({}, {"rates": [asdict(one) for one in found]})
+
+
+def _rig(period_s: float, shared_out: Tree, priority: int) -> Tree:
+    observer = {} if period_s > SLOWEST_S else {"force_observer": "kalman"}
+    return {
+        "rig": {"period_s": period_s, **shared_out},
+        "model": observer,
+        "realtime": {"priority": priority, "computing_s": period_s},
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""A program that composes services, over real TLS: it speaks for them, and for nobody else."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+from collections.abc import Callable, Generator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.bus.places import program_place, router_place, service_place
+from pincette.bus.protocol import BusError
+from pincette.bus.zenoh_bus import ZenohBus, open_session
+from pincette.cli.tripping import trip_past_supervisor
+from pincette.codec import encode
+from pincette.config import RigFile
+from pincette.messages import Arm, Command, Done, Message, Trip
+from pincette.runtime.process import loop_programs
+from pincette.security.establishing import enrol
+from pincette.security.folder import Folder
+from pincette.security.identity import SecurityError, program
+from pincette.topics import ARM, COMMAND, TOPICS, TRIP, key, live_key
+from tests.bench.shape import EXAMPLES
+from tests.support.certificates import NOW, Intruder, folder_for
+from tests.support.partitions import composing
+from tests.support.rigs import demo_rig
+
+WAIT_S = 5.0
+QUIET_S = 0.3
+"""Within which a put that is let through has long arrived."""
+PAIR = "estimator+controller"
+OWN = {"estimate", "command", "telemetry", "asked"}
+TRUE = Command(2**40, 8, 3, 1.5, part_held=False, zero=False, final=False, valid=True)
+
+
+@dataclass
+class Site:
+    """A program of two services, the actuator beside it, a supervisor, and what they heard."""
+
+    rig: RigFile
+    folder: Folder
+    pair: ZenohBus
+    actuator: ZenohBus
+    supervisor: ZenohBus
+    commands: list[Message] = field(default_factory=list[Message])
+    told: set[str] = field(default_factory=set[str])
+    """Topics that have come to the supervisor."""
+    asked: list[Message] = field(default_factory=list[Message])
+
+    def answer(
+        self, _question: object, request: Message, reply: Callable[[Message | str], None]
+    ) -> None:
+        self.asked.append(request)
+        reply(Done(1))
+
+    def begin(self) -> None:
+        self.actuator.subscribe(COMMAND, lambda _topic, message: self.commands.append(message))
+        for topic in TOPICS:
+            self.supervisor.subscribe(topic, lambda topic, _message: self.told.add(topic.name))
+        self.actuator.serve(TRIP, self.answer)
+        for service in ("controller", "sensor"):
+            self.pair.serve(ARM[service], self.answer)
+        for service in ("estimator", "controller", "sensor"):
+            self.pair.announce(service)
+        self.actuator.announce("actuator")
+        self.until(lambda: self.supervisor.alive() >= {"estimator", "controller", "actuator"})
+        self.until(lambda: "actuator" in self.pair.alive())
+
+    def until(self, there: Callable[[], bool]) -> None:
+        deadline = monotonic() + WAIT_S
+        while not there():
+            assert monotonic() < deadline, (self.commands, self.told)
+            sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Generator[Site]:
+    folder = folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
+    enrol(folder, "demo", (), NOW, composed=[PAIR])
+    rig = composing(demo_rig(), PAIR).secured(folder.path)
+    programs = loop_programs(rig)
+    with ExitStack() as stack:
+        stack.enter_context(open_session(router_place(rig), "router"))
+        pair, actuator = (
+            ZenohBus(service_place(rig, name, programs), "demo", name)
+            for name in (PAIR, "actuator")
+        )
+        place = program_place(rig, "supervisor", lockstep=False)
+        made = Site(rig, folder, pair, actuator, ZenohBus(place, "demo", "supervisor"))
+        for bus in (pair, actuator, made.supervisor):
+            stack.callback(bus.close)
+        made.begin()
+        yield made
+
+
+def test_it_says_what_its_services_say_and_nothing_else(site: Site) -> None:
+    for topic in TOPICS:
+        site.pair.declare(topic)
+    names = {type(example): example for example in (*EXAMPLES.values(), TRUE)}
+    before = len(site.commands)
+    for message in names.values():
+        site.pair.publish(message)
+    site.until(lambda: len(site.commands) > before and "estimate" in site.told)
+    sleep(QUIET_S)
+    said = {topic.name for topic in TOPICS if topic.message in names}
+    assert {"position", "applied"} <= said, "it has tried to say what others say"
+    assert site.told == said & OWN
+
+
+def test_it_answers_and_is_there_for_its_services_alone(site: Site) -> None:
+    request = Arm(1, 1, "")
+    assert site.supervisor.ask(ARM["controller"], request) == Done(1)
+    with pytest.raises(BusError, match="nobody answers sensor/arm"):
+        site.supervisor.ask(ARM["sensor"], request, 0.3)
+    assert site.supervisor.alive() == {"estimator", "controller", "actuator"}
+    with pytest.raises(BusError, match="may demo/estimator\\+controller ask it"):
+        site.pair.ask(TRIP, Trip("estop"), 0.3)
+
+
+@pytest.mark.parametrize("who", ["controller", "estimator"])
+def test_a_certificate_of_one_of_its_services_commands_nothing(site: Site, who: str) -> None:
+    """Where the rig file composes it, the service by itself is no partner any more."""
+    intruder = Intruder(who, site.folder.credentials(program(who, "demo")))
+    before = len(site.commands)
+    with intruder.joined("127.0.0.1", site.rig.bus.port + 4) as session:
+        session.put(key("demo", COMMAND), encode(TRUE))
+        session.liveliness().declare_token(live_key("demo", "sensor"))
+        sleep(QUIET_S)
+    assert len(site.commands) == before
+
+
+def test_a_rig_file_that_composes_wants_the_certificate_for_it(site: Site) -> None:
+    rig = composing(site.rig, "loop")
+    with pytest.raises(SecurityError, match=r"loop\.crt: No such file"):
+        service_place(rig, "loop", loop_programs(rig))
+
+
+def test_an_emergency_stop_goes_straight_to_an_actuator_beside_it(site: Site) -> None:
+    assert trip_past_supervisor(site.rig, "demo").ways == {"demo": "at the actuator"}
+    assert site.asked[-1] == Trip("estop")
+
+
+def test_an_emergency_stop_goes_straight_to_a_program_of_all(site: Site) -> None:
+    enrol(site.folder, "demo", (), NOW, composed=["loop"])
+    rig = composing(demo_rig(), "loop").secured(site.folder.path)
+    whole = ZenohBus(service_place(rig, "loop", loop_programs(rig)), "demo", "loop")
+    whole.serve(TRIP, site.answer)
+    site.asked.clear()
+    assert trip_past_supervisor(rig, "demo").ways == {"demo": "at the actuator"}
+    assert site.asked == [Trip("estop")]
+    whole.close()

@@ -1,0 +1,40 @@
+"""One real measurement of this machine, by programs of its own over a bus of its own."""
+
+import pytest
+
+from pincette.config.realtime import Wishes
+from pincette.runtime.measuring import machine
+from pincette.runtime.measuring.machine import MeasuringError, measure
+from pincette.runtime.measuring.worker import command
+
+NONE = Wishes(priority=0, timer_slack_s=0.0)
+
+
+def test_a_real_machine_is_measured() -> None:
+    """How punctual it is, is its own affair: only that it was looked at is asserted."""
+    told: list[str] = []
+
+    def progress(what: str, part_s: float) -> None:
+        assert part_s > 0.0
+        told.append(what)
+
+    found = measure((0.002, 0.001), 1.0, NONE, progress, loaded=False)
+    assert told == ["wake-ups each 2 ms", "wake-ups each 1 ms", "hops over the bus"]
+    assert [one.period_s for one in found.wake_ups] == [0.002, 0.001]
+    assert all(one.lateness.count > 0 for one in found.wake_ups)
+    assert all(one.lateness.max_s > 0.0 for one in found.wake_ups)
+    assert found.hop.count > 0
+    assert found.refused == ""
+    assert not found.loaded
+
+
+def test_a_program_that_fails_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    def other(wishes: Wishes, _task: str, *numbers: float) -> list[str]:
+        return command(wishes, "no such task", *numbers)
+
+    def progress(_what: str, _part_s: float) -> None:
+        """Nobody looks."""
+
+    monkeypatch.setattr(machine, "command", other)
+    with pytest.raises(MeasuringError, match="has failed"):
+        measure((0.001,), 1.0, NONE, progress, loaded=False)

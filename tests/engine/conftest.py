@@ -1,0 +1,35 @@
+"""What the tests in containers share: an engine, and a witness of the machine's stalls."""
+
+import signal
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+from tests.support.checkout import await_demo_ports
+from tests.support.engine import engine
+from tests.support.engine_stalls import ContainerStalls
+
+HERE = Path(__file__).parent
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if HERE in item.path.parents:
+            item.add_marker(pytest.mark.engine)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def an_engine() -> Generator[None]:
+    # A shell's background job ignores Ctrl-C, and so would every program that is started here.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    await_demo_ports()
+    with engine():
+        yield
+
+
+@pytest.fixture(scope="module")
+def stalls() -> Generator[ContainerStalls]:
+    """To be named after what builds the images."""
+    with ContainerStalls() as recorder:
+        yield recorder

@@ -1,0 +1,162 @@
+"""A program is killed in its container while a part is held: the fault table's outcome."""
+
+import os
+import signal
+from collections.abc import Generator
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.messages import Applied
+from tests.support.engine_rig import ContainerRig, container_rig, only_root, until_seen_again
+from tests.support.engine_stalls import ContainerStalls
+from tests.support.grips import hold, make_ready, refused, reset, whole_grip
+from tests.support.reactions import TRIPPED
+from tests.support.stalls import again_after_a_stall
+from tests.support.witness import Witness, witness
+
+BESIDE_S = 1.0
+"""Time for which the loop is seen to go on without a program that stands beside it."""
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[ContainerRig]:
+    only_root()
+    with container_rig("pincette-crash", tmp_path_factory.mktemp("crash")) as running:
+        yield running
+
+
+@pytest.fixture(autouse=True)
+def ready(rig: ContainerRig) -> None:
+    rig.containers.until_healthy()
+    make_ready(rig)
+
+
+@pytest.fixture
+def seen(rig: ContainerRig) -> Generator[Witness]:
+    """Anew for each test, since the router may be another one."""
+    with witness(rig.rig) as outsider:
+        yield outsider
+
+
+def killed(rig: ContainerRig, name: str) -> tuple[float, int]:
+    """Kill a program; when, and how often Docker had started it again before."""
+    before = rig.containers.restarts(name)
+    now = monotonic()
+    rig.containers.signal(name, signal.SIGKILL)
+    return now, before
+
+
+def comes_back(rig: ContainerRig, name: str, before: int) -> None:
+    """See Docker start a program again, and the supervisor find it."""
+    rig.containers.until_restarted(name, before)
+    until_seen_again(rig)
+
+
+@pytest.mark.parametrize("name", ["sensor", "estimator", "controller", "rig"])
+@again_after_a_stall(make_ready)
+def test_without_a_program_of_the_loop_the_part_is_kept_and_the_rig_latched(
+    rig: ContainerRig, seen: Witness, stalls: ContainerStalls, name: str
+) -> None:
+    job = hold(rig, seen, stalls)
+    kept_V = seen.newest(Applied).voltage_V
+    at_s, before = killed(rig, name)
+    _, first = seen.until_state(TRIPPED, at_s)
+    if name != "rig":  # whose own output is gone
+        assert first.state == "frozen"
+        assert abs(first.voltage_V - kept_V) < 0.1
+    ended = rig.ended(job)
+    assert ended["state"] == "failed", ended
+    assert ended["cause"]
+    comes_back(rig, name, before)
+    assert rig.view()["latch"]["state"] == "latched"
+    assert refused(rig)["type"].endswith("rig-latched")
+    reset(rig)
+    make_ready(rig)
+    whole_grip(rig, seen, stalls)
+
+
+@again_after_a_stall(make_ready)
+def test_an_actuator_that_was_started_again_moves_nothing_before_a_reset(
+    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+) -> None:
+    job = hold(rig, seen, stalls)
+    at_s, before = killed(rig, "actuator")
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    assert "actuator" in ended["cause"]
+    comes_back(rig, "actuator", before)
+    assert refused(rig)["type"].endswith("rig-latched")
+    after = [echo for _, echo in seen.since(Applied, at_s + 0.5) if echo.state == "armed"]
+    assert after == []
+    reset(rig)
+    make_ready(rig)
+    whole_grip(rig, seen, stalls)
+
+
+@again_after_a_stall(make_ready)
+def test_without_the_recorder_the_loop_goes_on_and_the_record_says_so(
+    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+) -> None:
+    job = hold(rig, seen, stalls)
+    at_s, before = killed(rig, "recorder")
+    goes_on(seen, at_s)
+    comes_back(rig, "recorder", before)
+    rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
+    ended = rig.ended(job)
+    assert ended["state"] == "succeeded", ended["cause"]
+    assert ended["record_complete"] is False
+    make_ready(rig)
+    whole_grip(rig, seen, stalls)
+
+
+@again_after_a_stall(make_ready)
+def test_without_the_supervisor_the_part_stays_held_and_its_job_is_interrupted(
+    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+) -> None:
+    job = hold(rig, seen, stalls)
+    at_s, before = killed(rig, "supervisor")
+    goes_on(seen, at_s)
+    comes_back(rig, "supervisor", before)
+    assert rig.job(job)["state"] == "interrupted"
+    assert not [echo for _, echo in seen.since(Applied, at_s) if echo.state in TRIPPED]
+    make_ready(rig)
+    whole_grip(rig, seen, stalls)
+
+
+@again_after_a_stall(make_ready)
+def test_without_the_router_the_loop_goes_on_and_is_found_again(
+    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+) -> None:
+    job = hold(rig, seen, stalls)
+    _, before = killed(rig, "router")
+    comes_back(rig, "router", before)
+    assert rig.job(job)["state"] in ("running", "failed", "stopped")
+    with witness(rig.rig) as again:
+        sleep(BESIDE_S)
+        assert again.newest(Applied).state in ("armed", "idle", "latched")
+        make_ready(rig)
+        whole_grip(rig, again, stalls)
+
+
+def test_who_holds_the_network_is_started_again_and_the_others_are_made_anew(
+    rig: ContainerRig, stalls: ContainerStalls
+) -> None:
+    before = rig.containers.restarts("loopback")
+    os.kill(rig.containers.process("loopback"), signal.SIGKILL)
+    deadline = monotonic() + 30.0
+    while rig.containers.restarts("loopback") == before:
+        assert monotonic() < deadline, "loopback is not started again"
+        sleep(0.2)
+    rig.containers.project.up("--force-recreate")
+    make_ready(rig)
+    with witness(rig.rig) as again:
+        whole_grip(rig, again, stalls)
+
+
+def goes_on(seen: Witness, since_s: float) -> None:
+    """See the loop work on for a while, at its period and without a trip."""
+    sleep(BESIDE_S)
+    echoes = [echo for _, echo in seen.since(Applied, since_s)]
+    assert {echo.state for echo in echoes} == {"armed"}
+    assert len(echoes) > 0.5 * BESIDE_S / 0.02

@@ -1,0 +1,109 @@
+"""The network of the containers is cut at one program's port, and heals; packets are dropped."""
+
+import shutil
+import subprocess
+from collections.abc import Generator
+from contextlib import contextmanager
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.messages import Applied
+from tests.support.engine import told
+from tests.support.engine_rig import ContainerRig, container_rig, only_root, until_seen_again
+from tests.support.engine_stalls import ContainerStalls
+from tests.support.grips import hold, make_ready, refused, reset, whole_grip
+from tests.support.reactions import TRIPPED
+from tests.support.stalls import again_after_a_stall
+from tests.support.witness import Witness, witness
+
+ROUTER, CONTROLLER = 7447, 7450
+CUT_S = 1.0
+"""Longer than Zenoh takes to give up a link, shorter than the lease of a job."""
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[ContainerRig]:
+    only_root()
+    if shutil.which("iptables") is None or shutil.which("nsenter") is None:
+        pytest.skip("no iptables or no nsenter here to cut a network with")
+    with container_rig("pincette-cut", tmp_path_factory.mktemp("cut")) as running:
+        yield running
+
+
+@pytest.fixture(autouse=True)
+def ready(rig: ContainerRig) -> None:
+    rig.containers.until_healthy()
+    make_ready(rig)
+
+
+@pytest.fixture
+def seen(rig: ContainerRig) -> Generator[Witness]:
+    with witness(rig.rig) as outsider:
+        yield outsider
+
+
+def in_network(process: int, *command: str) -> None:
+    """Run a command in the network of a container's process."""
+    line = ["nsenter", "--target", str(process), "--net", *command]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=10.0, check=False)
+    assert done.returncode == 0, f"{' '.join(line)}\n{done.stderr}"
+
+
+@contextmanager
+def cut(rig: ContainerRig, port: int) -> Generator[float]:
+    """Drop what goes to and from a port of the containers' loopback; since when."""
+    init = told("inspect", "-f", "{{.State.Pid}}", rig.containers.project.container("loopback"))
+    rules = [
+        ["INPUT", "-i", "lo", "-p", "tcp", side, str(port), "-j", "DROP"]
+        for side in ("--sport", "--dport")
+    ]
+    for rule in rules:
+        in_network(int(init), "iptables", "-I", *rule)
+    try:
+        yield monotonic()
+    finally:
+        for rule in rules:
+            in_network(int(init), "iptables", "-D", *rule)
+
+
+@again_after_a_stall(make_ready)
+def test_without_the_router_the_loop_goes_on_and_all_find_it_again(
+    rig: ContainerRig, stalls: ContainerStalls
+) -> None:
+    with witness(rig.rig) as seen:
+        job = hold(rig, seen, stalls)
+        ticks = seen.newest(Applied).seq
+        with cut(rig, ROUTER):
+            sleep(CUT_S)
+        until_seen_again(rig)
+    with witness(rig.rig) as again:
+        sleep(CUT_S)
+        echo = again.newest(Applied)
+        assert echo.state == "armed"
+        assert echo.seq >= ticks + 0.8 * CUT_S / rig.rig.rig.period_s
+        # A supervisor that heard nothing for a second has given its job up; the part stays held.
+        make_ready(rig)
+        assert rig.job(job)["state"] in ("failed", "stopped", "aborted", "succeeded")
+        whole_grip(rig, again, stalls)
+
+
+@again_after_a_stall(make_ready)
+def test_without_the_controller_the_part_is_kept_and_a_person_decides(
+    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+) -> None:
+    job = hold(rig, seen, stalls)
+    kept_V = seen.newest(Applied).voltage_V
+    with cut(rig, CONTROLLER) as at_s:
+        _, first = seen.until_state(TRIPPED, at_s)
+        assert first.state == "frozen"
+        assert abs(first.voltage_V - kept_V) < 0.1
+        ended = rig.ended(job)
+        assert ended["state"] == "failed"
+        assert "command_age" in ended["cause"]
+    until_seen_again(rig)
+    rig.containers.until_healthy()
+    assert refused(rig)["type"].endswith("rig-latched")
+    reset(rig)
+    make_ready(rig)
+    whole_grip(rig, seen, stalls)

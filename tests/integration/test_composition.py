@@ -1,0 +1,112 @@
+"""The same job gives the same bits however the services are shared out among programs."""
+
+from collections import deque
+from functools import cache
+
+import pytest
+
+from pincette.messages import (
+    Arm,
+    Asked,
+    Load,
+    Message,
+    Reset,
+    Status,
+    StatusRequest,
+)
+from pincette.runtime.arming import ORDER
+from pincette.runtime.composed import ComposedLoop
+from pincette.runtime.composition import Composition
+from pincette.runtime.devices import simulated_devices
+from pincette.runtime.node import Node
+from pincette.runtime.process import loop_services
+from pincette.service import services_of
+from pincette.topics import TOPIC_OF
+from tests.support.partitions import Programs, composing, partitions
+from tests.support.rigs import demo_rig
+from tests.support.scripted import NEAR, PROGRAM
+
+RIG = demo_rig(NEAR, time="lockstep")
+
+
+class Shared:
+    """Programs that hand on what they say in the order in which it is said."""
+
+    def __init__(self, composed: Programs) -> None:
+        self.rig, self.told = composing(RIG, *composed), list[Message]()
+        devices = simulated_devices(self.rig, self.told.append)
+        services = loop_services()
+        self.programs = {
+            name: Composition(
+                Node(services[one], self.rig, devices.get(one)) for one in services_of(name)
+            )
+            for name in self.rig.programs
+        }
+        self._on_its_way: deque[tuple[str, Message]] = deque()
+
+    def ask(self, service: str, request: Message) -> Message | str:
+        name = self.rig.program_of(service)
+        answer, outputs = self.programs[name].of(service).ask(request, 0.0)
+        self._say(name, outputs)
+        return answer
+
+    def _say(self, name: str, outputs: tuple[Message, ...]) -> None:
+        self.programs[name].share(outputs, 0.0)
+        self.told += outputs
+        self._on_its_way += [(name, message) for message in outputs]
+
+    def run(self) -> None:
+        """To the end of what they play."""
+        while self._hand_over() or self._step():
+            pass
+
+    def _hand_over(self) -> bool:
+        if not self._on_its_way:
+            return False
+        source, message = self._on_its_way.popleft()
+        for name, program in self.programs.items():
+            if name != source and TOPIC_OF[type(message)] in program.inputs:
+                program.share((message,), 0.0)
+        return True
+
+    def _step(self) -> bool:
+        for name, program in self.programs.items():
+            turns = program.due(0.0)
+            if turns is not None:
+                self._say(name, turns.node.fire(0.0))
+                return True
+        return False
+
+
+def by_kind(messages: list[Message]) -> dict[str, list[Message]]:
+    """Each stream in its order; between streams no order is promised."""
+    found: dict[str, list[Message]] = {}
+    for message in messages:
+        if not isinstance(message, Asked):
+            found.setdefault(type(message).__name__, []).append(message)
+    return found
+
+
+@cache
+def alone() -> dict[str, list[Message]]:
+    return by_kind(ComposedLoop(RIG).play(PROGRAM))
+
+
+@pytest.mark.parametrize("composed", partitions(), ids=" and ".join)
+def test_the_same_bits_in_every_partition(composed: Programs) -> None:
+    loop = Shared(composed)
+    status = loop.ask("controller", StatusRequest())
+    assert isinstance(status, Status)
+    assert not isinstance(loop.ask("actuator", Reset(acknowledge=True)), str)
+    loop.told.clear()
+    loop.ask("controller", Load(PROGRAM))
+    for service in ORDER:
+        reply = loop.ask(service, Arm(1, status.instance, loop.rig.digest()))
+        assert not isinstance(reply, str), reply
+    loop.run()
+    found, wanted = by_kind(loop.told), alone()
+    assert len(found["Position"]) > 200
+    assert {kind: found[kind] for kind in wanted if kind != "Applied"} == {
+        kind: wanted[kind] for kind in wanted if kind != "Applied"
+    }
+    assert found["Applied"] == wanted["Applied"][-len(found["Applied"]) :]

@@ -1,0 +1,53 @@
+"""Ratios that are counted keep within what is expected; what is worse is found."""
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from tests.bench.check.__main__ import counted
+from tests.bench.check.expected import Expected, Judged, expected, judged
+
+RATE = Expected(value=0.8, noise=0.1, better="higher")
+TAIL = Expected(value=1.5, noise=0.2, better="lower")
+
+
+@pytest.mark.parametrize(
+    ("one", "found", "holds"),
+    [
+        (RATE, 0.9, True),
+        (RATE, 0.73, True),
+        (RATE, 0.71, False),
+        (RATE, float("nan"), False),
+        (TAIL, 1.0, True),
+        (TAIL, 1.79, True),
+        (TAIL, 1.81, False),
+        (TAIL, float("nan"), False),
+    ],
+)
+def test_what_is_worse_than_its_noise_does_not_hold(
+    one: Expected, found: float, holds: bool
+) -> None:
+    assert one.holds(found) is holds
+
+
+def test_what_was_not_measured_does_not_hold() -> None:
+    (one,) = judged({"rate": RATE}, {"tail": 1.0})
+    assert one == Judged("rate", RATE, None)
+    assert not one.holds
+
+
+@pytest.mark.parametrize(
+    "line", ["value = 0.0, noise = 0.1", "value = 1.0, noise = -0.1", "value = 1.0"]
+)
+def test_an_expectation_that_could_not_fail_is_refused(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "expected.toml"
+    path.write_text(f'[timed]\nrate = {{ {line}, better = "higher" }}\n[counted]\n')
+    with pytest.raises(ValidationError):
+        expected("timed", path)
+
+
+def test_a_tick_takes_no_more_calls_memory_and_bytes_than_expected() -> None:
+    found = list(judged(expected("counted"), counted()))
+    assert len(found) == 16
+    assert [one for one in found if not one.holds] == []

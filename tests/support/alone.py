@@ -1,0 +1,62 @@
+"""One service of a recorded run by itself: its instrument a tape, its inputs the record."""
+
+from collections.abc import Sequence
+
+from pincette.config import RigFile
+from pincette.control.planning.program import Program
+from pincette.messages import Arm, Load, Message, Position, Reset, Truth
+from pincette.runtime.composed import ComposedLoop
+from pincette.runtime.node import Node
+from pincette.service import AnyService
+from pincette.topics import LOAD, RESET
+
+EPOCH = 1
+
+
+def recording(rig: RigFile, program: Program) -> tuple[Message, ...]:
+    """Every message of a program played whole, in order, without what the simulation knows."""
+    published = ComposedLoop(rig).play(program, EPOCH)
+    return tuple(message for message in published if not isinstance(message, Truth))
+
+
+class Tape:
+    """Both instruments at once: positions as recorded, voltages to nowhere."""
+
+    def __init__(self, rig: RigFile, messages: Sequence[Message]) -> None:
+        offset_um = rig.sensor.offset_um
+        self._positions_um = iter(
+            [message.x_um + offset_um for message in messages if isinstance(message, Position)]
+        )
+
+    def read_um(self) -> float:
+        """The next position of the recording."""
+        return next(self._positions_um)
+
+    def read_V(self) -> float:
+        """As at the begin of the recording."""
+        return 0.0
+
+    def write_V(self, voltage_V: float) -> None:
+        """Accept anything."""
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def service_alone(
+    service: AnyService, rig: RigFile, program: Program, messages: Sequence[Message]
+) -> tuple[Node, list[Message]]:
+    """A service ready for the first sample, and what it has published on the way."""
+    node = Node(service, rig, Tape(rig, messages) if service.instrument else None)
+    published: list[Message] = []
+    questions: list[Message] = [Arm(EPOCH, 1, rig.digest())]
+    if LOAD in service.questions:
+        questions.insert(0, Load(program))
+    if RESET in service.questions:
+        questions.insert(0, Reset(acknowledge=True))
+    for question in questions:
+        reply, outputs = node.ask(question, 0.0)
+        if isinstance(reply, str):
+            raise TypeError(f"{service.name} refuses {type(question).__name__}: {reply}")
+        published += outputs
+    return node, published

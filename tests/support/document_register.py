@@ -1,0 +1,221 @@
+"""Which blocks of the documents are typed, in which rig, and which are not, with the reason.
+
+A page with blocks of sh or python has one entry in SITTINGS, with one line for each such block, in
+the page's order: ``Typed`` for what tests/system/test_documents.py types, ``Told`` for what it does
+not. tests/project/test_documents.py compares the two.
+"""
+
+from tests.support.documents import Sitting, Told, Typed
+
+DEMO = "deploy/rigs/demo.toml"
+HANDS = "deploy/rigs/bring-up.toml"
+ELSEWHERE = {"README.md": "tests/system/test_readme.py"}
+"""Pages of which another test types every block, and says so if one escapes."""
+BENCH = "it asks instruments of a bench"
+ANOTHER_HOST = "it is for another host"
+DOCKER = "it needs Docker; tests/project/test_containers.py holds the file to the rig's"
+
+SITTINGS: dict[str, Sitting] = {
+    "docs/tutorials/first-grip.md": Sitting(
+        (
+            Typed(".venv/bin/pincette job grip --force-mN 10", r"outcome +gripped"),
+            Typed(".venv/bin/pincette job grip --force-mN 100", r"above the limit 40 mN", status=5),
+        ),
+        up=DEMO,
+    ),
+    "docs/tutorials/your-own-rig.md": Sitting(
+        (
+            Typed("cat > my-rig.toml"),
+            Typed("export PINCETTE_RIG=my-rig.toml", r"limit 30 mN"),
+            Typed("pincette up", r"is up at http://127.0.0.1:8000", stays=True),
+            Typed("pincette model show", r"part\.stiffness_mN_per_um .* assumed"),
+            Typed("pincette rig part remove"),
+            Typed("pincette job calibrate noise --dry-run", r"feasible"),
+            Typed("pincette job calibrate noise", r"accepted, model 1", seconds=200.0),
+            Typed("pincette job calibrate free_response", r"accepted, model 2", seconds=500.0),
+            Typed("pincette rig part place", r"accepted, model 3", seconds=300.0),
+            Typed("pincette model show", r"part\.stiffness_mN_per_um +\S+ mN/µm +20"),
+            Typed("pincette job grip --dry-run", r"feasible"),
+            Typed("pincette job grip", r"outcome +gripped", seconds=200.0),
+            Typed("pincette job grip --force-mN 35", r"above the limit 30 mN", status=5),
+        ),
+        slow=True,
+    ),
+    "docs/tutorials/write-a-driver.md": Sitting(
+        (
+            Typed("python docs/examples/driver/stand_in.py", r"an LDS at socket", stays=True),
+            Typed("import socket", r"b'LDS,0017\\r'\nb'\+00012\.58\\r'"),
+            Typed("from pincette.instruments.link", r"12\.58 µm"),
+            Typed("pip install", r"example_lds, from pincette-example-lds 1\.0\.0"),
+            Typed("cat > lds-rig.toml"),
+            Typed("pincette doctor --rig", r"position sensor at socket://127.0.0.1:7471", status=1),
+            Typed("sed 's/head = 1", r"option head = 9", status=1),
+        ),
+    ),
+    "docs/tutorials/orchestrator.md": Sitting(
+        (
+            Typed(".venv/bin/python docs/examples/orchestrator.py", r"(?s)part 3", seconds=200.0),
+            Typed("from pincette.client import Supervisor", r"True \[\]"),
+            Typed("job = rig.start("),
+            Typed("for event in job.events()", r"the part is held\nsucceeded"),
+            Typed("for file in job.artifacts()", r"samples\.parquet \d+ [0-9a-f]{64}"),
+        ),
+        up=DEMO,
+        slow=True,
+    ),
+    "docs/how-to/plan.md": Sitting(
+        (
+            Typed("curl -s 'http://127.0.0.1:8000/api/v1/jobs", r'"feasible":true'),
+            Typed("curl -s http://127.0.0.1:8000/api/v1/traj", r'"kind":"track"'),
+        ),
+        up=DEMO,
+    ),
+    "docs/how-to/recipes.md": Sitting(
+        (Typed("curl -s http://127.0.0.1:8000/api/v1/recipes", r'"recipe":\{?.*bead-1mm'),), up=DEMO
+    ),
+    "docs/how-to/records.md": Sitting(
+        (
+            Told("API=http", "README.md's blocks fetch the same; it needs a job that has ended"),
+            Told("import pyarrow", "tests/system/test_readme.py reads the same file"),
+            Told("from mcap.reader", "tests/contract/test_record_in_other_tools.py reads it so"),
+        )
+    ),
+    "docs/how-to/alarms.md": Sitting(
+        (
+            Typed("pincette checks", r"actuator\.latch"),
+            Told(
+                "pincette alarms list", "alarm 1 must be there: tests/system/test_page.py has one"
+            ),
+            Told(
+                "pincette watch", "it is silent while nothing happens; test_at_work.py follows it"
+            ),
+        ),
+        up=DEMO,
+    ),
+    "docs/how-to/scripted-faults.md": Sitting(
+        (Typed("export PINCETTE_RIG=deploy/rigs/bring-up.toml", r"output heal: done"),), up=HANDS
+    ),
+    "docs/how-to/secure.md": Sitting(
+        (
+            Told("make demo SECURE=1", "tests/system/test_security.py runs the demo over TLS"),
+            Typed("pincette security init"),
+            Typed("pincette security issue"),
+            Told("python docs/examples/secure", "tests/system/test_security.py runs the script"),
+            Typed("pincette security add"),
+            Typed("pincette security show", r"anna"),
+        )
+    ),
+    "docs/how-to/rest-keys.md": Sitting(
+        (
+            Typed("pincette key add cell-7", r"cell-7"),
+            Told('Supervisor("http://gripper.lab', ANOTHER_HOST),
+            Told("docker compose exec", DOCKER),
+            Told("pincette audit", "tests/system/test_rest_access.py asks for it with such a key"),
+        )
+    ),
+    "docs/how-to/compose.md": Sitting(
+        (
+            Told("pincette run loop", "tests/system/test_composed.py runs both, each in its rig"),
+            Told("pincette security add", "tests/system/test_composed.py adds it to its folder"),
+        )
+    ),
+    "docs/how-to/several-rigs.md": Sitting(
+        (
+            Typed("pincette up --rig deploy/rigs/left.toml", r"is up at", stays=True),
+            Typed("pincette up --rig deploy/rigs/right.toml", r"is up", stays=True),
+            Typed("pincette rigs", r"right"),
+        ),
+        slow=True,
+    ),
+    "docs/how-to/batches.md": Sitting(
+        (
+            Told("pip install 'pincette[batch]'", "requirements/dev.txt has the extra already"),
+            Typed("from dataclasses import replace", r"4000\.0 4 \(", seconds=300.0),
+            Told("from pincette.batch.tuning", "a search of 10 000 gains takes many minutes"),
+        ),
+        slow=True,
+    ),
+    "docs/how-to/calibrate.md": Sitting(
+        (
+            Told("pincette doctor", "docs/tutorials/your-own-rig.md types it"),
+            Told("pincette job calibrate noise", "docs/tutorials/your-own-rig.md types it"),
+            Told(
+                "pincette job calibrate compliance", "weights are hung, and the return key is asked"
+            ),
+            Told("pincette job continue", "it answers a job that waits for a weight"),
+            Told("pincette model proposals", "docs/tutorials/your-own-rig.md types it"),
+            Told("pincette model use", "tests/system/test_page_calibrations.py goes back so"),
+            Told(
+                "curl", "tests/system/test_page_calibrations.py and test_api.py ask the same paths"
+            ),
+        )
+    ),
+    "docs/how-to/add-a-driver.md": Sitting(
+        (
+            Told('"""A displacement', "tests/project/test_example_driver.py installs and opens it"),
+            Told(".venv/bin/pip install", "docs/tutorials/write-a-driver.md types it"),
+        )
+    ),
+    "docs/how-to/listen.md": Sitting(
+        (Told("pip install", "requirements/dev.txt has both; test_examples.py runs the scripts"),)
+    ),
+    "docs/how-to/bring-up.md": Sitting(
+        (
+            Told("export PINCETTE_RIG=bench.toml", BENCH),
+            Told("pincette doctor", BENCH),
+            Told("pincette doctor --move", BENCH),
+            Told("pincette up", BENCH),
+            Told("pincette doctor", BENCH),
+            Told("kill -9 PID", BENCH),
+            Told("pincette job grip", BENCH),
+        )
+    ),
+    "docs/how-to/real-time.md": Sitting(
+        (
+            Told("pincette latency", "it measures for minutes; tests/bench/realtime runs it"),
+            Told("docker compose", DOCKER),
+            Told("pincette doctor", "tests/unit/cli/test_doctor_machine.py asks what it says"),
+            Told("chrt", "it changes priorities, which root may alone"),
+            Told("pincette timing", "tests/unit/cli/test_timing.py shows it"),
+        )
+    ),
+    "docs/how-to/containers.md": Sitting(
+        (
+            Told("docker compose up -d --build --wait", "tests/engine/test_brief.py types both"),
+            Told("export COMPOSE_FILE=docker-compose.yml:deploy/real-rig.yml", BENCH),
+            Told("docker compose -f docker-compose.yml -f deploy/listen.yml", DOCKER),
+            Told("export COMPOSE_FILE=docker-compose.yml:deploy/listen.yml", DOCKER),
+            Told("docker compose run --rm certificates", DOCKER),
+            Told("docker compose -f docker-compose.yml -f deploy/offline.yml", DOCKER),
+            Told("git pull", "it needs Docker, and another version than this one"),
+            Told("docker inspect", DOCKER),
+        )
+    ),
+    "docs/how-to/observe.md": Sitting(
+        (
+            Typed("curl -s --fail-with-body http://127.0.0.1:8000/metrics", r"pincette_"),
+            Typed("pincette key add prometheus", r"prometheus"),
+            Told("journalctl", "it reads the journal of systemd's units"),
+        ),
+        up=DEMO,
+    ),
+    "docs/how-to/several-hosts.md": Sitting(
+        (
+            Told("pincette up --rig", "tests/system/test_several_hosts.py starts both sides so"),
+            Told("pincette up --server", "tests/system/test_several_hosts.py starts both sides so"),
+            Typed("pincette security init pki"),
+        )
+    ),
+    "docs/how-to/systemd.md": Sitting(
+        (
+            Told("useradd", "it is for root; tests/project/test_systemd.py reads the units"),
+            Told("systemctl status", "it asks systemd about the units"),
+        )
+    ),
+    "services/recorder/README.md": Sitting(
+        (Told("pincette run recorder", "`pincette up` starts it, in every sitting with a rig"),)
+    ),
+    "services/rig/README.md": Sitting(
+        (Told("pincette run rig", "`pincette up` starts it, in every sitting with a rig"),)
+    ),
+}

@@ -1,0 +1,80 @@
+"""The fenced blocks of the documents, and what the register says of each."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+TYPED = ("sh", "python")
+"""Languages of what a reader types or runs."""
+GENERATED = ("docs/reference/rest.md",)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A fenced block."""
+
+    page: str
+    language: str
+    text: str
+
+    @property
+    def first(self) -> str:
+        """Its first line."""
+        return self.text.splitlines()[0] if self.text else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """A block that a test types, as a reader would."""
+
+    first: str
+    """What its first line begins with."""
+    says: str = ""
+    """What is printed then, as a regular expression."""
+    status: int = 0
+    """Exit status of its last command."""
+    stays: bool = False
+    """Whether it runs until the sitting ends."""
+    until: bool = False
+    """Whether it runs until Ctrl-C, which follows what it says."""
+    seconds: float = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A block that no test types here, and why."""
+
+    first: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sitting:
+    """The blocks of sh and python of one page, in their order, and the rig that is up meanwhile."""
+
+    blocks: tuple[Typed | Told, ...]
+    up: str = ""
+    """The rig file that `pincette up` is given before the first block; empty: no rig is up."""
+    slow: bool = False
+    """Whether it is left to `make soak`."""
+
+
+def pages() -> list[Path]:
+    """Every document that a reader may type from."""
+    found = [*(ROOT / "docs").rglob("*.md"), *(ROOT / "services").glob("*/README.md")]
+    return [ROOT / "README.md", *sorted(found)]
+
+
+def blocks_of(path: Path) -> Iterator[Block]:
+    """The fenced blocks of a page, in their order."""
+    page = str(path.relative_to(ROOT))
+    for language, text in FENCE.findall(path.read_text(encoding="utf-8")):
+        yield Block(page, language, text)
+
+
+def typed_blocks(page: str) -> list[Block]:
+    """Those of a page that somebody types or runs."""
+    return [block for block in blocks_of(ROOT / page) if block.language in TYPED]

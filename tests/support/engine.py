@@ -1,0 +1,146 @@
+"""A Docker engine for the tests in containers: the machine's own, else one started for them."""
+
+import os
+import shutil
+import subprocess
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.support.checkout import ROOT, environment
+
+STARTER = ROOT.parent / "shared/compose"
+"""Scripts beside a checkout that start an engine and make its base image, where there are any."""
+START_S, ASK_S = 300.0, 60.0
+
+
+class EngineError(Exception):
+    """The engine did not start; the text has what it said last."""
+
+
+def docker(*words: str, timeout_s: float = ASK_S) -> "subprocess.CompletedProcess[str]":
+    """Run `docker` with some words; both of its outputs are in ``stdout``."""
+    return _ran(["docker", *words], timeout_s)
+
+
+def told(*words: str, timeout_s: float = ASK_S) -> str:
+    """What `docker` answers; raises AssertionError where it fails."""
+    done = docker(*words, timeout_s=timeout_s)
+    assert done.returncode == 0, f"docker {' '.join(words)}\n{done.stdout}"
+    return done.stdout.strip()
+
+
+def answers() -> bool:
+    """Whether an engine and the plug-in for compose files can be used."""
+    if shutil.which("docker") is None:
+        return False
+    return all(docker(*words).returncode == 0 for words in (("info",), ("compose", "version")))
+
+
+@contextmanager
+def engine() -> Generator[None]:
+    """An engine to work with; one that was started for it is stopped afterwards.
+
+    Skips where there is none, nor anything beside the checkout that starts one. Raises EngineError
+    where that fails.
+    """
+    own = answers()
+    if not own and not (STARTER / "engine.sh").is_file():
+        pytest.skip(f"no Docker engine answers, and there is no {STARTER.name} that starts one")
+    try:
+        if not own:
+            _script("engine.sh")
+        if (STARTER / "mkbase.sh").is_file():
+            _script("mkbase.sh")
+        yield
+    finally:
+        if not own:
+            _script("stop.sh")
+
+
+def _script(name: str) -> None:
+    done = _ran(["bash", str(STARTER / name)], START_S)
+    if done.returncode:
+        raise EngineError(f"{name}: exit status {done.returncode}\n{done.stdout[-3000:]}")
+
+
+def _ran(command: list[str], timeout_s: float, **more: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        command,
+        cwd=ROOT,
+        env={**environment(), **more},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        timeout=timeout_s,
+        check=False,
+    )
+
+
+class Project:
+    """The compose file of this checkout, with files laid over it, under a name of its own."""
+
+    def __init__(self, name: str, *over: Path | str, **variables: str) -> None:
+        self.name = name
+        files = [
+            "docker-compose.yml",
+            *(f"deploy/{one}.yml" if isinstance(one, str) else str(one) for one in over),
+        ]
+        self._variables = {
+            **variables,
+            "COMPOSE_PROJECT_NAME": name,
+            "COMPOSE_FILE": os.pathsep.join(files),
+        }
+
+    def shell(self, line: str, timeout_s: float) -> "subprocess.CompletedProcess[str]":
+        """Run a line as a reader types it."""
+        return _ran(["bash", "-c", line], timeout_s, **self._variables)
+
+    def compose(self, *words: str, timeout_s: float = ASK_S) -> "subprocess.CompletedProcess[str]":
+        """Run `docker compose` with some words."""
+        return _ran(["docker", "compose", *words], timeout_s, **self._variables)
+
+    def up(self, *words: str, timeout_s: float = 540.0) -> None:
+        """Bring all up, or what is named, and wait until it is healthy."""
+        done = self.compose("up", "-d", "--build", "--wait", *words, timeout_s=timeout_s)
+        assert done.returncode == 0, f"{done.stdout[-3000:]}\n{self.said()}"
+
+    def down(self) -> None:
+        """End all, and delete what it kept."""
+        done = self.compose("down", "--volumes", "--timeout", "5", timeout_s=180.0)
+        assert done.returncode == 0, done.stdout
+
+    def inside(self, service: str, *words: str, timeout_s: float = ASK_S) -> str:
+        """What a command says in the container of a service; raises AssertionError."""
+        done = self.compose("exec", "-T", service, *words, timeout_s=timeout_s)
+        assert done.returncode == 0, f"{service}: {' '.join(words)}\n{done.stdout}"
+        return done.stdout
+
+    def container(self, service: str) -> str:
+        """The name of a service's container."""
+        return f"{self.name}-{service}-1"
+
+    def services(self) -> list[str]:
+        """Of the compose files."""
+        done = self.compose("config", "--services")
+        assert done.returncode == 0, done.stdout
+        return done.stdout.split()
+
+    def said(self) -> str:
+        """What its programs have said last, for a failure's text."""
+        return self.compose("logs", "--no-color", "--tail", "8").stdout[-6000:]
+
+
+@contextmanager
+def up(project: Project) -> Generator[Project]:
+    """A project that is up, and gone afterwards with all it kept."""
+    project.down()
+    try:
+        project.up()
+        yield project
+    finally:
+        project.down()

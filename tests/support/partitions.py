@@ -1,0 +1,35 @@
+"""Every way to share out the services of the loop among programs."""
+
+from collections.abc import Iterator
+
+from pincette.config import RigFile
+from pincette.service import composed_name
+from pincette.topics import LOOP
+
+Programs = tuple[str, ...]
+"""Of one loop; see the rig file's ``[rig] composed``."""
+
+
+def _groups(services: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ...]]:
+    if not services:
+        yield ()
+        return
+    first, rest = services[0], services[1:]
+    for groups in _groups(rest):
+        yield ((first,), *groups)
+        for place, group in enumerate(groups):
+            yield (*groups[:place], (first, *group), *groups[place + 1 :])
+
+
+def partitions() -> list[Programs]:
+    """What ``composed`` may be: the programs of more than one service, of every partition."""
+    return [
+        tuple(composed_name("+".join(group)) for group in groups if len(group) > 1)
+        for groups in _groups(LOOP)
+    ]
+
+
+def composing(rig: RigFile, *programs: str) -> RigFile:
+    """The same rig with some services together."""
+    together = rig.rig.model_copy(update={"composed": programs})
+    return rig.model_copy(update={"rig": together})

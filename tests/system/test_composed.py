@@ -1,0 +1,124 @@
+"""Several services in one process: the same bits in lockstep, and nobody outside sees a difference.
+
+Real processes, over Zenoh; those in real time with the instruments' bytes on TCP.
+"""
+
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+from pincette.api.request_models import AnyJobRequest
+from pincette.messages import Applied, Truth
+from pincette.security.establishing import enrol
+from pincette.topics import LOOP
+from tests.support.certificates import NOW, folder_for
+from tests.support.commands import pincette
+from tests.support.grips import SHORT, approach, hold, kill, make_ready, whole_grip
+from tests.support.injections import MODULE_S, WATCHED
+from tests.support.partitions import Programs
+from tests.support.reactions import within
+from tests.support.rigs import demo_rig, laid_over, output_step_V
+from tests.support.running import RunningRig, running_rig
+from tests.support.stalls import StallRecorder
+from tests.support.witness import HEARD, Witness
+from tests.system.test_lockstep import GRIP, TRACK, in_one_process, recorded
+
+WHOLE: Programs = ("loop",)
+PAIRS: Programs = ("sensor+actuator", "estimator+controller")
+NOBODY = "http://127.0.0.1:1"
+"""Where no supervisor answers."""
+
+
+@pytest.mark.parametrize(
+    ("programs", "request_", "secured"),
+    [(WHOLE, GRIP, False), (PAIRS, TRACK, False), (WHOLE, GRIP, True), (PAIRS, GRIP, True)],
+    ids=["one", "pairs, track", "one over mutual TLS", "pairs over mutual TLS"],
+)
+def test_however_services_are_shared_out_they_give_the_same_bits(
+    tmp_path: Path, programs: Programs, request_: AnyJobRequest, secured: bool
+) -> None:
+    rig = demo_rig({"rig": {"composed": list(programs)}}, time="lockstep")
+    if secured:
+        folder = folder_for(tmp_path / "pki", rig.rig.name)
+        enrol(folder, rig.rig.name, (), NOW, composed=rig.rig.composed)
+        rig = rig.secured(folder.path)
+    with running_rig(rig, tmp_path) as running:
+        assert set(running.fleet.members) & {*LOOP, *programs} == set(programs)
+        body = request_.model_dump(mode="json", exclude_unset=True)
+        taken = running.post("/jobs", body).raise_for_status().json()
+        job = running.ended(taken["id"])
+    assert job["state"] == "succeeded"
+    assert job["result"]["missed_ticks"] == 0
+    assert recorded(tmp_path / "data" / "jobs" / job["id"]) == in_one_process(rig, request_)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    """The whole loop in one process, in real time; its output has a watchdog."""
+    whole = laid_over(laid_over(SHORT, WATCHED), {"rig": {"composed": list(WHOLE)}})
+    with running_rig(demo_rig(whole), tmp_path_factory.mktemp("rig")) as running:
+        yield running
+
+
+def test_a_grip_in_real_time_is_as_from_five_programs(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = whole_grip(rig, seen, stalls)
+    assert job["result"]["outcome"] == "gripped"
+    view = rig.view()
+    assert {one["name"] for one in view["programs"] if one["alive"]} == {*LOOP, "recorder"}
+    assert view["can_start"], view["reasons"]
+    for topic in HEARD:
+        assert seen.newest(topic.message), f"{topic.name} is told"
+        newest = seen.bus.latest(topic)
+        assert type(newest) is topic.message, f"the newest {topic.name} can be asked for"
+    said = pincette("doctor", "--rig", rig.path)
+    assert "the actuator is part of loop" in said.stdout, said.stdout
+
+
+def test_an_emergency_stop_goes_past_the_supervisor(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    approach(rig, seen, stalls)
+    said = pincette("estop", "--rig", rig.path, "--url", NOBODY)
+    assert said.returncode == 0, said.stderr
+    assert "stopped at the actuator" in said.stdout
+    seen.until_state(("latched",), 0.0)
+    make_ready(rig)
+
+
+def test_where_the_process_dies_the_module_is_safe_by_itself_and_the_job_names_the_services(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    job = hold(rig, seen, stalls)
+    killed_s = kill(rig, "loop")
+    step_V, safe_V = output_step_V(rig.rig), rig.rig.safety.safe_V
+    safe_s, _ = seen.until(Truth, lambda one: abs(one.voltage_V - safe_V) <= step_V, killed_s)
+    within(MODULE_S, safe_s - killed_s, stalls.between(killed_s, safe_s), "the module's watchdog")
+    ended = rig.ended(job)
+    assert ended["state"] == "failed"
+    assert all(name in ended["cause"] for name in LOOP), ended["cause"]
+    make_ready(rig)
+    assert seen.newest(Applied).state == "idle"
+
+
+def test_told_to_end_it_brings_the_arm_to_rest(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder
+) -> None:
+    hold(rig, seen, stalls)
+    process = rig.fleet.members["loop"].process
+    process.terminate()
+    assert process.wait(10.0) == 0
+    assert seen.newest(Applied).voltage_V == rig.rig.safety.safe_V
+    make_ready(rig)
+
+
+def test_what_the_rig_file_does_not_compose_is_not_started(rig: RunningRig) -> None:
+    for name, words in (("sensor", "are loop, not sensor"), ("sensor+estimator", "are loop, not")):
+        said = pincette("run", name, "--rig", rig.path)
+        assert said.returncode == 2
+        assert words in said.stderr
+    said = pincette("run", "sensor+recorder", "--rig", rig.path)
+    assert said.returncode == 2
+    assert "'recorder' is no service of the loop" in said.stderr

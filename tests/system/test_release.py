@@ -1,0 +1,127 @@
+"""Wheel and sdist: whole, the same either way, and enough for a demo where no checkout is near."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+from tests.support.checkout import ROOT, await_demo_ports
+
+BUILD = (sys.executable, "-m", "build", "--no-isolation")
+BUILD_S, INSTALL_S, DEMO_S = 300.0, 900.0, 170.0
+PACKAGES = ("shared", *(f"services/{path.name}" for path in sorted((ROOT / "services").iterdir())))
+KEPT = {"PATH", "HOME", "TMPDIR", "LANG"}
+
+
+def done(command: list[str], folder: Path, seconds: float, **environment: str) -> str:
+    """What a command says that ends well."""
+    ended = subprocess.run(
+        command,
+        cwd=folder,
+        env={**os.environ, **environment},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=seconds,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stdout
+    return ended.stdout
+
+
+def tracked() -> list[str]:
+    if shutil.which("git") is None or not (ROOT / ".git").exists():
+        pytest.skip("no git checkout: which files belong to the tree is not known")
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.check_output(command, cwd=ROOT, text=True).split("\0")
+    return [name for name in names if name and (ROOT / name).is_file()]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `make dist` builds: an sdist of the tree, and a wheel of that sdist."""
+    folder = tmp_path_factory.mktemp("dist")
+    done([*BUILD, "--outdir", str(folder), str(ROOT)], folder, BUILD_S)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(built: Path) -> Path:
+    (found,) = built.glob("pincette-*.whl")
+    return found
+
+
+def content(path: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(path) as file:
+        return {name: file.read(name) for name in file.namelist()}
+
+
+def test_the_wheel_has_every_file_of_its_packages_and_the_rigs(wheel: Path) -> None:
+    wanted = {"pincette/rigs/" + path.name for path in (ROOT / "deploy/rigs").glob("*.toml")}
+    for name in tracked():
+        for folder in PACKAGES:
+            if name.startswith(f"{folder}/pincette"):
+                wanted.add(name.removeprefix(f"{folder}/"))
+    assert len(wanted) > 300
+    there = {name for name in content(wheel) if ".dist-info/" not in name}
+    assert there == wanted
+
+
+def test_the_sdist_has_every_file_of_the_tree(built: Path) -> None:
+    (path,) = built.glob("pincette-*.tar.gz")
+    with tarfile.open(path) as file:
+        there = {name.partition("/")[2] for name in file.getnames()}
+    wanted = {name for name in tracked() if not name.startswith(".ci/")}
+    assert wanted - there == set()
+    assert there - wanted - {"PKG-INFO", ""} == set()
+
+
+def test_the_tree_builds_the_same_wheel_as_the_sdist(wheel: Path, tmp_path: Path) -> None:
+    done([*BUILD, "--wheel", "--outdir", str(tmp_path), str(ROOT)], tmp_path, BUILD_S)
+    assert content(tmp_path / wheel.name) == content(wheel)
+
+
+@pytest.fixture
+def environment(wheel: Path, tmp_path: Path) -> Generator[Path]:
+    """An environment that has the pins of requirements/run.txt and the wheel, and nothing else."""
+    venv = tmp_path / "venv"
+    done([sys.executable, "-m", "venv", str(venv)], tmp_path, BUILD_S)
+    pip = [str(venv / "bin/python"), "-m", "pip", "install", "--quiet", "--no-cache-dir"]
+    done([*pip, "--require-hashes", "-r", str(ROOT / "requirements/run.txt")], tmp_path, INSTALL_S)
+    done([*pip, "--no-deps", "--no-index", str(wheel)], tmp_path, INSTALL_S)
+    yield venv
+    shutil.rmtree(venv)
+
+
+@pytest.mark.slow
+def test_the_demo_runs_from_the_wheel(environment: Path, tmp_path: Path) -> None:
+    place = tmp_path / "elsewhere"
+    place.mkdir()
+    done([str(environment / "bin/python"), "-m", "pip", "check"], place, BUILD_S)
+    where = "import pincette; print(pincette.__file__)"
+    python = [str(environment / "bin/python"), "-c", where]
+    assert done(python, place, BUILD_S).startswith(str(environment))
+    await_demo_ports()
+    bare = {name: os.environ[name] for name in KEPT if name in os.environ}
+    ended = subprocess.run(
+        [str(environment / "bin/pincette"), "demo"],
+        cwd=place,
+        env=bare,
+        capture_output=True,
+        text=True,
+        timeout=DEMO_S,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert re.search(r"^outcome +gripped", ended.stdout, re.MULTILINE)
+    (record,) = (place / "data/jobs").iterdir()
+    assert (record / "grip.png").read_bytes().startswith(b"\x89PNG")
+    await_demo_ports(5.0)

@@ -1,0 +1,95 @@
+"""Which services of the loop one process runs: the rig file's words, and what follows from them."""
+
+from pathlib import Path
+
+import pytest
+
+from pincette.config import ConfigError, parse_told, read_rig
+from pincette.runtime.process import loop_services
+from pincette.service import Composed, composed_name, services_of
+from pincette.topics import LOOP
+from tests.support.partitions import composing, partitions
+
+DEMO = Path(__file__).parents[3] / "deploy" / "rigs" / "demo.toml"
+BASE = DEMO.read_text(encoding="utf-8")
+
+
+def written(folder: Path, composed: str) -> Path:
+    (folder / "base.toml").write_text(BASE, encoding="utf-8")
+    path = folder / "rig.toml"
+    path.write_text(f'base = "base.toml"\n[rig]\ncomposed = {composed}\n', encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("composed", "programs"),
+    [
+        ("[]", LOOP),
+        ('["loop"]', ("loop",)),
+        ('["actuator+controller+estimator+sensor"]', ("loop",)),
+        ('["controller+estimator"]', ("sensor", "estimator+controller", "actuator")),
+        (
+            '["estimator+controller", "actuator+sensor"]',
+            ("sensor+actuator", "estimator+controller"),
+        ),
+    ],
+)
+def test_programs_are_known_by_their_services_in_the_order_of_a_tick(
+    tmp_path: Path, composed: str, programs: tuple[str, ...]
+) -> None:
+    rig = read_rig(written(tmp_path, composed))
+    assert rig.programs == programs
+    for name in programs:
+        assert {rig.program_of(service) for service in services_of(name)} == {name}
+    assert sorted(one for name in programs for one in services_of(name)) == sorted(LOOP)
+
+
+@pytest.mark.parametrize(
+    ("composed", "words"),
+    [
+        ('["sensor"]', r"rig\.composed\.0 = 'sensor': .*composes nothing: wanted 'loop', or at"),
+        ('["sensor+sensor"]', "composes nothing"),
+        ('["sensor+recorder"]', "'recorder' is no service of the loop: wanted 'loop'"),
+        ('["sensor + actuator"]', "'sensor ' is no service of the loop"),
+        ('["loop+actuator"]', "'loop' is no service of the loop"),
+        ('[""]', "'' is no service of the loop"),
+        (
+            '["sensor+estimator", "estimator+actuator"]',
+            "estimator is in 'sensor\\+estimator' and in 'estimator\\+actuator': wanted in one",
+        ),
+        ('["loop", "loop"]', "sensor is in 'loop' and in 'loop'"),
+        ('"loop"', r"rig\.composed = 'loop'"),
+    ],
+)
+def test_what_cannot_be_composed_is_named(tmp_path: Path, composed: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        read_rig(written(tmp_path, composed))
+
+
+def test_who_runs_where_is_no_part_of_what_programs_must_agree_on() -> None:
+    rig = read_rig(DEMO)
+    assert composing(rig, "loop").digest() == rig.digest()
+    told = parse_told(composing(rig, "loop").model_dump_json())
+    assert told.programs == ("loop",)
+
+
+def test_there_are_fifteen_ways_to_share_out_a_loop() -> None:
+    found = partitions()
+    assert len(set(found)) == len(found) == 15
+    assert () in found
+    assert ("loop",) in found
+
+
+def test_other_programs_compose_nothing() -> None:
+    assert [services_of(name) for name in ("router", "rig", "recorder", "supervisor")] == [()] * 4
+    assert composed_name("controller+sensor") == "sensor+controller"
+
+
+def test_what_is_said_inside_a_program_is_no_input_of_it() -> None:
+    services = loop_services()
+    pair = Composed("estimator+controller", (services["estimator"], services["controller"]))
+    assert [item.topic.name for item in pair.inputs] == ["position", "applied"]
+    whole = Composed("loop", tuple(services[name] for name in LOOP))
+    assert whole.inputs == ()
+    asked = {question.name for question in pair.questions}
+    assert asked == {"arm", "status", "load", "act", "lease", "timing"}

@@ -1,0 +1,25 @@
+"""What an access list lets pass."""
+
+from pincette.security.access import Access
+from pincette.security.identity import Identity
+
+
+def lets(access: Access, who: Identity, flow: str, message: str, wanted: str) -> bool:
+    """Whether a list lets a message of somebody pass: a rule's key must include the message's."""
+    return any(
+        message in rule.messages and rule.flow == flow and includes(granted, wanted)
+        for rule in access.get(who.name, ())
+        for granted in rule.keys
+    )
+
+
+def includes(granted: str, wanted: str) -> bool:
+    """Whether a key expression of whole-chunk wildcards includes another one."""
+    ours, theirs = granted.split("/"), wanted.split("/")
+    if ours[-1] == "**":
+        return theirs[: len(ours) - 1] == ours[:-1]
+    return (
+        len(ours) == len(theirs)
+        and "**" not in theirs
+        and all(one in ("*", other) for one, other in zip(ours, theirs, strict=True))
+    )

@@ -1,0 +1,104 @@
+"""A program that composes services may do what they may, all of it, and no more."""
+
+from itertools import combinations, product
+
+import pytest
+
+from pincette.bus.links import partners
+from pincette.config import read_rig
+from pincette.runtime.process import loop_programs
+from pincette.security.access import Access, router_access, service_access
+from pincette.security.identity import Identity, program, programs_of
+from pincette.security.rights import Rights, rights
+from pincette.service import services_of
+from pincette.topics import ARM, LOOP, TOPICS, key, live_key, question_key
+from tests.support.partitions import Programs, composing, partitions
+from tests.support.rigs import DEMO
+from tests.unit.security.test_access import OPERATOR, ROUTER, lets
+
+RIG = composing(read_rig(DEMO))
+NAME = RIG.rig.name
+COMPOSED = [one for one in partitions() if one]
+
+
+def list_of(name: str, composed: Programs, *, lockstep: bool = False) -> Access:
+    programs = loop_programs(composing(RIG, *composed))
+    linked = {one: programs[one] for one in partners(name, programs, lockstep=lockstep)}
+    return service_access(programs[name], NAME, linked, [OPERATOR.name])
+
+
+@pytest.mark.parametrize("name", sorted({name for one in COMPOSED for name in one}))
+def test_it_has_the_rights_of_its_services_together(name: str) -> None:
+    own = rights(program(name, NAME))
+    parts = [rights(program(one, NAME)) for one in services_of(name)]
+    for what in ("tells", "answers", "asks", "hears", "lives", "sees"):
+        together = {place for part in parts for place in getattr(part, what)}
+        assert set(getattr(own, what)) == together, what
+    assert own != Rights()
+    assert own.asks == own.hears == ()
+
+
+@pytest.mark.parametrize("composed", COMPOSED, ids=" and ".join)
+def test_the_router_lets_it_speak_for_its_services_alone(composed: Programs) -> None:
+    at_router = router_access(programs_of(NAME, composed))
+    for name, other in product(composed, (*LOOP, "recorder", "rig")):
+        who, own = program(name, NAME), other in services_of(name)
+        told = [topic for topic in TOPICS if topic.producer == other]
+        for topic in told:
+            assert lets(at_router, who, "ingress", "put", key(NAME, topic)) == own
+        assert lets(at_router, who, "ingress", "liveliness_token", live_key(NAME, other)) == own
+        if other in ARM:
+            asked = question_key(NAME, ARM[other])
+            assert lets(at_router, who, "ingress", "reply", asked) == own
+            assert not lets(at_router, who, "ingress", "query", asked)
+        assert not lets(at_router, who, "ingress", "put", f"pincette/v1/{NAME}/*")
+        assert not lets(at_router, who, "ingress", "put", f"pincette/v1/right/{other}")
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+@pytest.mark.parametrize("composed", COMPOSED, ids=" and ".join)
+def test_a_program_takes_of_its_partners_what_its_steps_take(
+    composed: Programs, lockstep: bool
+) -> None:
+    rig = composing(RIG, *composed)
+    programs = loop_programs(rig)
+    everybody: list[Identity] = [*programs_of(NAME, composed), *programs_of("right", composed)]
+    for name in programs:
+        access = list_of(name, composed, lockstep=lockstep)
+        linked = partners(name, programs, lockstep=lockstep)
+        for topic in TOPICS:
+            wanted = key(NAME, topic)
+            say = {
+                who.name
+                for who in (ROUTER, *everybody)
+                if lets(access, who, "ingress", "put", wanted)
+            }
+            giver = rig.program_of(topic.producer) if topic.producer in LOOP else ""
+            taken = any(item.topic == topic for item in programs[name].inputs)
+            assert say == ({program(giver, NAME).name} if taken and giver in linked else set())
+
+
+@pytest.mark.parametrize("composed", COMPOSED, ids=" and ".join)
+def test_what_one_lets_out_the_other_lets_in(composed: Programs) -> None:
+    programs = composing(RIG, *composed).programs
+    for one, other in combinations(programs, 2):
+        here, there = (list_of(name, composed, lockstep=True) for name in (one, other))
+        ours, theirs = program(one, NAME), program(other, NAME)
+        assert (theirs.name in here) == (ours.name in there)
+        for topic, message in product(TOPICS, ("put", "declare_subscriber")):
+            wanted = key(NAME, topic)
+            assert lets(here, theirs, "egress", message, wanted) == lets(
+                there, ours, "ingress", message, wanted
+            )
+
+
+def test_a_service_s_own_certificate_opens_nothing_where_it_is_composed() -> None:
+    access = list_of("actuator", ("estimator+controller",))
+    assert program("controller", NAME).name not in access
+    assert program("estimator+controller", NAME).name in access
+
+
+def test_its_name_fits_into_a_certificate() -> None:
+    longest = max((name for one in COMPOSED for name in one), key=len)
+    assert len(program(longest, "r" * 31).name) <= 64
+    assert program(longest, NAME).serves

@@ -1,0 +1,128 @@
+"""Two routers: each lets pass from the other what somebody beyond it may say, and nothing more."""
+
+from itertools import product
+
+import pytest
+
+from pincette.bus.places import program_place, router_place, tool_place, upstream_place
+from pincette.bus.protocol import BusError
+from pincette.config import ConfigError, RigFile
+from pincette.config.reading import laid_over
+from pincette.security.access import (
+    beyond_rig,
+    beyond_upstream,
+    neighbour_access,
+    router_access,
+)
+from pincette.security.identity import Identity, person, program, programs_of
+from pincette.topics import LOOP, QUESTIONS, TOPICS, key, live_key, question_key
+from tests.support.rigs import demo_rig
+
+from .listed import lets
+
+ROUTER, UPSTREAM = program("router", ""), program("upstream", "")
+SUPERVISOR, RECORDER = program("supervisor", ""), program("recorder", "left")
+PEOPLE = person("anna", "viewer"), person("otto", "operator")
+KNOWN = (ROUTER, UPSTREAM, SUPERVISOR, *programs_of("left"), *programs_of("right"), *PEOPLE)
+
+
+def sides(*, apart: bool) -> tuple[tuple[Identity, ...], tuple[Identity, ...]]:
+    return beyond_rig(KNOWN, "left", apart=apart), beyond_upstream(KNOWN, "left", apart=apart)
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_each_program_is_beyond_one_router_and_people_beyond_both(apart: bool) -> None:
+    rig, server = ({one.name for one in side} for side in sides(apart=apart))
+    assert rig & server == {one.name for one in PEOPLE}
+    ours = {one.name for one in KNOWN if one.rig in ("", "left")} - {"router", "upstream"}
+    assert rig | server == ours
+    assert (SUPERVISOR.name in server) == (RECORDER.name in server) == apart
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_what_reaches_the_loop_from_upstream_is_what_its_people_may(apart: bool) -> None:
+    _, server = sides(apart=apart)
+    at_rig = neighbour_access(UPSTREAM, server)
+    for topic, rig in product(TOPICS, ("left", "right")):
+        passes = lets(at_rig, UPSTREAM, "ingress", "put", key(rig, topic))
+        assert passes == (apart and topic.producer == "supervisor")
+    each = router_access(KNOWN)
+    for question in QUESTIONS:
+        wanted = question_key("left", question)
+        passes = lets(at_rig, UPSTREAM, "ingress", "query", wanted)
+        assert passes == any(lets(each, one, "ingress", "query", wanted) for one in server)
+    for name in LOOP:
+        assert not lets(at_rig, UPSTREAM, "ingress", "liveliness_token", live_key("left", name))
+
+
+def test_a_rigs_router_speaks_for_its_own_rig_alone() -> None:
+    rig, _ = sides(apart=True)
+    at_server = neighbour_access(ROUTER, rig)
+    for topic in TOPICS:
+        own = topic.producer not in ("supervisor", "recorder")
+        assert lets(at_server, ROUTER, "ingress", "put", key("left", topic)) == own
+        assert not lets(at_server, ROUTER, "ingress", "put", key("right", topic))
+    for name in LOOP:
+        assert lets(at_server, ROUTER, "ingress", "liveliness_token", live_key("left", name))
+        assert not lets(at_server, ROUTER, "ingress", "liveliness_token", live_key("right", name))
+    for wildcard in ("pincette/**", "pincette/v1/*/command", "pincette/v1/left/*"):
+        assert not lets(at_server, ROUTER, "ingress", "put", wildcard)
+
+
+def test_what_one_router_lets_out_the_other_lets_in() -> None:
+    rig, server = sides(apart=True)
+    at_rig, at_server = neighbour_access(UPSTREAM, server), neighbour_access(ROUTER, rig)
+    for topic in TOPICS:
+        wanted = key("left", topic)
+        for message in ("put", "declare_queryable", "reply"):
+            if topic.producer not in ("supervisor", "recorder"):
+                assert lets(at_rig, UPSTREAM, "egress", message, wanted), (topic.name, message)
+                assert lets(at_server, ROUTER, "ingress", message, wanted), (topic.name, message)
+        if topic.producer != "recorder":
+            assert lets(at_server, ROUTER, "egress", "declare_subscriber", wanted)
+            assert lets(at_rig, UPSTREAM, "ingress", "declare_subscriber", wanted)
+    for question in QUESTIONS:
+        wanted = question_key("left", question)
+        if question.service not in ("recorder",):
+            for message in ("declare_queryable", "reply"):
+                assert lets(at_rig, UPSTREAM, "egress", message, wanted), question
+                assert lets(at_server, ROUTER, "ingress", message, wanted), question
+            assert lets(at_server, ROUTER, "egress", "query", wanted), question
+            assert lets(at_rig, UPSTREAM, "ingress", "query", wanted), question
+
+
+def far(**bus: str) -> RigFile:
+    tree = laid_over(demo_rig().model_dump(mode="json", exclude_unset=True), {"bus": bus})
+    return demo_rig({"bus": tree["bus"]})
+
+
+def test_who_is_beside_which_router() -> None:
+    rig = far(host="10.0.0.2", upstream="10.0.0.1:7447")
+    port = rig.bus.port
+    assert router_place(rig).listen == (f"tcp/10.0.0.2:{port}",)
+    assert router_place(rig).connect == ("tcp/10.0.0.1:7447",)
+    assert upstream_place(rig).listen == ("tcp/10.0.0.1:7447",)
+    assert upstream_place(rig).connect == ()
+    for place in (tool_place(rig), program_place(rig, "supervisor", lockstep=False)):
+        assert place.connect == ("tcp/10.0.0.1:7447",)
+    near = far(host="10.0.0.2", upstream="10.0.0.1:7447", served_at="rig")
+    assert tool_place(near).connect == (f"tcp/10.0.0.2:{near.bus.port}",)
+    assert not near.bus.apart
+
+
+def test_a_rig_without_upstream_is_as_it_was() -> None:
+    rig = demo_rig()
+    assert router_place(rig).connect == ()
+    with pytest.raises(BusError, match=r"has no \[bus\] upstream"):
+        upstream_place(rig)
+
+
+def test_where_the_server_is_changes_no_digest() -> None:
+    rig = demo_rig()
+    above = rig.bus.model_copy(update={"upstream": "10.0.0.1:7447"})
+    assert rig.model_copy(update={"bus": above}).digest() == rig.digest()
+
+
+def test_a_rig_joins_another_router_or_has_one_that_connects_upstream() -> None:
+    with pytest.raises(ConfigError, match="leave one of them out"):
+        far(router="10.0.0.3:7447", upstream="10.0.0.1:7447")
