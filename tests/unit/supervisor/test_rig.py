@@ -125,6 +125,9 @@ def test_in_real_time_the_sensor_must_have_spoken(
     desk.bus.idle()
     assert desk.get("/rigs/demo")["can_start"] is True
     desk.bus.publish(replace(Position(0, 1, 0.02, 0.0), fault="no answer on the line"))
+    assert desk.get("/rigs/demo")["can_start"] is True, "of one position that was not read"
+    desk.observer.clock = lambda: 100.21
+    desk.bus.publish(replace(Position(0, 2, 0.04, 0.0), fault="no answer on the line"))
     (reason,) = desk.get("/rigs/demo")["reasons"]
     assert reason == "sensor: reads no position: no answer on the line"
 

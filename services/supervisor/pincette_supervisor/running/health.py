@@ -21,7 +21,7 @@ ASK_S = 0.7
 FRESH_S = 0.5
 """How long an answer is good before the programs are asked again."""
 SENSOR_PERIODS, SENSOR_S = 10.0, 0.2
-"""The sensor may be silent this long, whichever is longer."""
+"""The sensor may be silent, or read no position, this long, whichever is longer."""
 PROGRAMS = (*LOOP, "recorder")
 """Those that a job needs."""
 MET, CLEARED = "actuator_met", "actuator_boot_cleared"
@@ -174,7 +174,10 @@ class Health:
             return "no sample has come yet"
         if silent_s > limit_s:
             return f"silent for {1e3 * silent_s:.0f} ms, limit {1e3 * limit_s:.0f} ms"
-        return "" if position.valid else f"reads no position: {position.fault or 'not known why'}"
+        blind_s = self._observer.blind_s()
+        if position.valid or (blind_s is not None and blind_s <= limit_s):
+            return ""  # one answer that an instrument owes is no trouble, as for the loop
+        return f"reads no position: {position.fault or 'not known why'}"
 
     def reasons(self) -> list[str]:
         """Why no job can start, the actuator's latch apart."""

@@ -9,7 +9,7 @@ from time import monotonic
 from typing import Protocol, cast
 
 from pincette.bus.protocol import BusError, LatestBus
-from pincette.messages import Applied, Message
+from pincette.messages import Applied, Message, Position
 from pincette.topics import APPLIED, ASKED, JOB, POSITION, TELEMETRY, TIMING, TOPICS, Topic
 from pincette_supervisor.metrics.tally import Tally
 from pincette_supervisor.running.trips import Trips
@@ -70,6 +70,7 @@ class Observer:
         self._newest: dict[str, tuple[Message, tuple[float, float] | None]] = {}
         """With the time at which it came, by both clocks; None of what was said before anybody
         listened here."""
+        self._read_at: float | None = None
         self._alive: dict[str, bool] = {}
         self._collection: Collection | None = None
         self.tally = Tally(cast("Applied | None", _latest(bus, APPLIED)))
@@ -99,7 +100,10 @@ class Observer:
             self._newest.setdefault(topic.name, (message, None))
 
     def _take(self, topic: Topic, message: Message) -> None:
-        self._newest[topic.name] = (message, (self.clock(), self.waking()))
+        awake_s = self.waking()
+        self._newest[topic.name] = (message, (self.clock(), awake_s))
+        if isinstance(message, Position) and message.valid:
+            self._read_at = awake_s
         collection = self._collection
         if collection is not None:
             collection.put(message)
@@ -122,6 +126,10 @@ class Observer:
         """The same, less the time in which nothing could be heard here."""
         entry = self._newest.get(topic.name)
         return None if entry is None or entry[1] is None else self.waking() - entry[1][1]
+
+    def blind_s(self) -> float | None:
+        """Seconds, counted likewise, since a position was read; None where none has been yet."""
+        return None if self._read_at is None else self.waking() - self._read_at
 
     def alive(self, program: str) -> bool:
         """Whether a program's token is seen."""
