@@ -20,6 +20,8 @@ from pincette.runtime.rig_file import ask_rig_file, read_told, serve_rig_file
 from pincette.topics import BURST, JOB, POSITION, STATUS, TRIP, Question, Topic, key
 from tests.support.rigs import demo_rig, free_ports
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 WAIT_S = 5.0
 ANSWER_S = 0.9
 """Below the time after which a question is given up."""

@@ -10,6 +10,8 @@ from pincette.instruments.srs_dc205 import open_output
 from tests.support.rig_program import truths_of_three_writes
 from tests.support.rigs import demo_rig
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 
 @pytest.mark.parametrize("pace", ["lockstep", "real"])
 def test_each_write_over_the_line_is_one_of_the_rig(tmp_path: Path, pace: str) -> None:

@@ -17,6 +17,8 @@ from pincette.topics import COMMAND, key
 from tests.support.certificates import folder_for
 from tests.support.rigs import free_ports
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 LASTS = timedelta(seconds=4)
 AFTER_S = 3.0
 """Zenoh looks at the end of a certificate about once a second."""

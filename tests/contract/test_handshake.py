@@ -19,6 +19,8 @@ from pincette.security.identity import program
 from tests.support.certificates import NOW, folder_for
 from tests.support.rigs import free_ports
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 ROUTER = program("router", "")
 TOOL = program("supervisor", "")
 

@@ -17,6 +17,8 @@ from pincette.instruments.protocols import Cause, InstrumentError, Link
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.wires.wire import serve
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 Script = Callable[[list[bytes | None]], str]
 
 

@@ -7,6 +7,8 @@ from pincette.runtime.measuring import machine
 from pincette.runtime.measuring.machine import MeasuringError, measure
 from pincette.runtime.measuring.worker import command
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 NONE = Wishes(priority=0, timer_slack_s=0.0)
 
 

@@ -16,6 +16,8 @@ from pincette.sim.script.script import Script
 from tests.support.rig_program import truths_of_three_writes
 from tests.support.rigs import Tree, at_own_ports, demo_rig
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 PAIR: Tree = {
     "sensor": {
         "driver": "nidaqmx",

@@ -11,6 +11,8 @@ from pincette.instruments.protocols import InstrumentError, Link
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.wires.wire import serve
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 TIMEOUT_S = 0.1
 
 

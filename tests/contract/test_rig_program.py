@@ -11,6 +11,8 @@ from pincette.messages import Truth
 from pincette_rig.program import run
 from tests.support.rig_program import DeafBus, context_of, offered
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
 
 

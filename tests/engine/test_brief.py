@@ -7,7 +7,6 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 from packaging.utils import canonicalize_name
 
@@ -17,11 +16,9 @@ from tests.support.engine import Project, docker, told
 from tests.support.engine_contents import contents
 from tests.support.engine_rig import Containers, inspected, only_root
 from tests.support.engine_stalls import ContainerStalls
-from tests.support.stalls import again_after_a_stall
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 (BLOCK,) = re.findall(r"^```sh\n(docker .*?)^```$", README, re.MULTILINE | re.DOTALL)
-RIG = "http://127.0.0.1:8000/api/v1/rigs/demo"
 UP_S, GRIP_S = 580.0, 60.0
 BASE = "python:3.12-slim"
 OWN_MB = {"pincette-loop": 145, "pincette": 500}
@@ -48,13 +45,6 @@ def project(commands: list[str]) -> Generator[Project]:
         one.down()
 
 
-def reset(_rig: object) -> None:
-    """Acknowledge a trip, where there was one."""
-    with httpx.Client(trust_env=False) as client:
-        if "reset" in client.get(RIG).json()["allowed_actions"]:
-            client.post(f"{RIG}/reset", json={"acknowledge": True}).raise_for_status()
-
-
 def test_there_are_two_commands(commands: list[str]) -> None:
     assert commands == [
         "docker compose up -d --build --wait",
@@ -62,7 +52,6 @@ def test_there_are_two_commands(commands: list[str]) -> None:
     ]
 
 
-@again_after_a_stall(reset)
 def test_they_end_in_a_grip(project: Project, stalls: ContainerStalls, commands: list[str]) -> None:
     done = project.shell(commands[1], GRIP_S)
     assert done.returncode == 0, f"{done.stdout}\n{stalls.stalls[-9:]}"

@@ -12,7 +12,6 @@ from tests.support.engine_rig import ContainerRig, container_rig, only_root, unt
 from tests.support.engine_stalls import ContainerStalls
 from tests.support.grips import hold, make_ready, refused, reset, whole_grip
 from tests.support.reactions import TRIPPED
-from tests.support.stalls import again_after_a_stall
 from tests.support.witness import Witness, witness
 
 BESIDE_S = 1.0
@@ -54,7 +53,6 @@ def comes_back(rig: ContainerRig, name: str, before: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["sensor", "estimator", "controller", "rig"])
-@again_after_a_stall(make_ready)
 def test_without_a_program_of_the_loop_the_part_is_kept_and_the_rig_latched(
     rig: ContainerRig, seen: Witness, stalls: ContainerStalls, name: str
 ) -> None:
@@ -76,7 +74,6 @@ def test_without_a_program_of_the_loop_the_part_is_kept_and_the_rig_latched(
     whole_grip(rig, seen, stalls)
 
 
-@again_after_a_stall(make_ready)
 def test_an_actuator_that_was_started_again_moves_nothing_before_a_reset(
     rig: ContainerRig, seen: Witness, stalls: ContainerStalls
 ) -> None:
@@ -94,7 +91,6 @@ def test_an_actuator_that_was_started_again_moves_nothing_before_a_reset(
     whole_grip(rig, seen, stalls)
 
 
-@again_after_a_stall(make_ready)
 def test_without_the_recorder_the_loop_goes_on_and_the_record_says_so(
     rig: ContainerRig, seen: Witness, stalls: ContainerStalls
 ) -> None:
@@ -110,7 +106,6 @@ def test_without_the_recorder_the_loop_goes_on_and_the_record_says_so(
     whole_grip(rig, seen, stalls)
 
 
-@again_after_a_stall(make_ready)
 def test_without_the_supervisor_the_part_stays_held_and_its_job_is_interrupted(
     rig: ContainerRig, seen: Witness, stalls: ContainerStalls
 ) -> None:
@@ -124,7 +119,6 @@ def test_without_the_supervisor_the_part_stays_held_and_its_job_is_interrupted(
     whole_grip(rig, seen, stalls)
 
 
-@again_after_a_stall(make_ready)
 def test_without_the_router_the_loop_goes_on_and_is_found_again(
     rig: ContainerRig, seen: Witness, stalls: ContainerStalls
 ) -> None:

@@ -14,7 +14,6 @@ from tests.support.engine_rig import ContainerRig, container_rig, only_root, unt
 from tests.support.engine_stalls import ContainerStalls
 from tests.support.grips import hold, make_ready, refused, reset, whole_grip
 from tests.support.reactions import TRIPPED
-from tests.support.stalls import again_after_a_stall
 from tests.support.witness import Witness, witness
 
 ROUTER, CONTROLLER = 7447, 7450
@@ -67,7 +66,6 @@ def cut(rig: ContainerRig, port: int) -> Generator[float]:
             in_network(int(init), "iptables", "-D", *rule)
 
 
-@again_after_a_stall(make_ready)
 def test_without_the_router_the_loop_goes_on_and_all_find_it_again(
     rig: ContainerRig, stalls: ContainerStalls
 ) -> None:
@@ -88,7 +86,6 @@ def test_without_the_router_the_loop_goes_on_and_all_find_it_again(
         whole_grip(rig, again, stalls)
 
 
-@again_after_a_stall(make_ready)
 def test_without_the_controller_the_part_is_kept_and_a_person_decides(
     rig: ContainerRig, seen: Witness, stalls: ContainerStalls
 ) -> None:

@@ -14,7 +14,6 @@ from tests.support.engine import Project, docker, told, up
 from tests.support.engine_rig import ContainerRig, mounting, reached, short_rig
 from tests.support.engine_stalls import ContainerStalls
 from tests.support.grips import make_ready
-from tests.support.stalls import again_after_a_stall
 
 PYTHON = str(ROOT / ".venv/bin/python")
 NAME = "pincette-secure"
@@ -32,7 +31,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[ContainerRig]:
         yield running
 
 
-@again_after_a_stall(make_ready)
 def test_a_grip_over_mutual_tls(rig: ContainerRig, stalls: ContainerStalls) -> None:
     make_ready(rig)
     ended = rig.ended(rig.start_grip())

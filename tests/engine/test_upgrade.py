@@ -18,7 +18,6 @@ from tests.support.engine_rig import (
 from tests.support.engine_stalls import ContainerStalls
 from tests.support.grips import make_ready, whole_grip
 from tests.support.running import Json
-from tests.support.stalls import again_after_a_stall
 from tests.support.witness import witness
 
 NAME = "pincette-upgrade"
@@ -64,7 +63,6 @@ def containers(rig: ContainerRig) -> dict[str, str]:
     return {name: told("inspect", "-f", "{{.Id}}", one) for name, one in names.items()}
 
 
-@again_after_a_stall(make_ready)
 def test_an_upgrade_keeps_what_was_kept(
     rig: ContainerRig, stalls: ContainerStalls, folder: Path
 ) -> None:

@@ -3,11 +3,9 @@
 import os
 import sys
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import wraps
+from itertools import islice, takewhile
 from time import monotonic, sleep
-from typing import Any, ParamSpec, cast
 
 from pincette.runtime.priority import come_first
 
@@ -16,10 +14,11 @@ STALL_S = 0.005
 SHORT_S = 0.001
 """Of a virtual machine that is not run in short slices, each of which counts where no other
 thread of it had the processor."""
-SPAN_S, BLAMED_S = 0.100, 0.020
-"""Stalls of a period in all, within so long, may make a rig at T = 20 ms trip."""
+SPAN_S, BLAMED_S = 0.100, 0.005
+"""Stalls of so long in all, within the length that lets a rig at T = 20 ms trip, may spoil a test:
+more than that an instrument that owes an answer is not waited for."""
 TRIES = 5
-P = ParamSpec("P")
+"""How often a test of real time is made at most, where stalls may have spoilt it."""
 
 
 @dataclass
@@ -65,22 +64,33 @@ class StallRecorder:
 
     def most(self, since_s: float) -> float:
         """Seconds for which some processor stood still, at most in ``SPAN_S`` since then."""
-        begins = [at for at, _ in self.stalls if at >= since_s]
-        return max((self.between(at, at + SPAN_S) for at in begins), default=0.0)
+        apart = [(first_s, last_s) for first_s, last_s in self._apart() if first_s >= since_s]
+        most_s = 0.0
+        for place, (begin_s, _) in enumerate(apart):
+            end_s = begin_s + SPAN_S
+            within = takewhile(
+                lambda stall, end_s=end_s: stall[0] < end_s, islice(apart, place, None)
+            )
+            most_s = max(most_s, sum(min(last_s, end_s) - first_s for first_s, last_s in within))
+        return most_s
 
     def between(self, begin_s: float, end_s: float, least_s: float = 0.0) -> float:
         """Seconds of an interval in which some processor stood still, each counted once.
 
         Stalls below ``least_s`` are left out: they make a ramp longer, and lose no tick.
         """
-        stood_s, reached_s = 0.0, begin_s
-        for stall_s, length_s in sorted(self.stalls):
-            if length_s < least_s:
-                continue
-            first_s, last_s = max(reached_s, stall_s), min(end_s, stall_s + length_s)
-            if last_s > first_s:
-                stood_s, reached_s = stood_s + last_s - first_s, last_s
-        return stood_s
+        apart = self._apart(least_s)
+        parts = (min(end_s, last_s) - max(begin_s, first_s) for first_s, last_s in apart)
+        return sum(part_s for part_s in parts if part_s > 0.0)
+
+    def _apart(self, least_s: float = 0.0) -> list[tuple[float, float]]:
+        """From when to when some processor stood still, without overlap and in order."""
+        apart: list[tuple[float, float]] = []
+        for begin_s, length_s in sorted(self.stalls):
+            first_s = max(begin_s, apart[-1][1]) if apart else begin_s
+            if length_s >= least_s and begin_s + length_s > first_s:
+                apart.append((first_s, begin_s + length_s))
+        return apart
 
 
 class _Queue:
@@ -102,35 +112,3 @@ class _Queue:
         if self._file is None:
             return monotonic()
         return 1e-9 * int(os.pread(self._file, 100, 0).split()[1])
-
-
-Test = Callable[P, None]
-
-
-def again_after_a_stall(make_ready: Callable[[Any], None]) -> Callable[[Test[P]], Test[P]]:
-    """Repeat a test of real time that failed while the machine stood still; other failures stand.
-
-    For tests with the fixture ``stalls``; what they call ``rig`` is made ready again. A rig at
-    T = 20 ms may trip by itself where a processor is away for a period, and what the test meant to
-    see is then not there.
-    """
-
-    def decorate(test: Test[P]) -> Test[P]:
-        @wraps(test)
-        def repeated(*args: P.args, **kwargs: P.kwargs) -> None:
-            recorder = cast(StallRecorder, kwargs["stalls"])
-            for last in (*[False] * (TRIES - 1), True):
-                begun = monotonic()
-                try:
-                    return test(*args, **kwargs)
-                except (AssertionError, TimeoutError):
-                    stood_s = recorder.most(begun - SPAN_S)
-                    if last or stood_s < BLAMED_S:
-                        raise
-                    print(f"again: the machine stood still for {1e3 * stood_s:.0f} ms")
-                    make_ready(kwargs.get("rig"))
-            return None
-
-        return repeated
-
-    return decorate

@@ -13,7 +13,6 @@ from tests.support.browser import open_browser
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness, witness
 
 FIGURES = pytest.StashKey[list[str]]()
@@ -66,12 +65,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 def seen(rig: RunningRig) -> Generator[Witness]:
     with witness(rig.rig) as outsider:
         yield outsider
-
-
-@pytest.fixture(scope="module")
-def stalls() -> Generator[StallRecorder]:
-    with StallRecorder() as recorder:
-        yield recorder
 
 
 @pytest.fixture(scope="module")

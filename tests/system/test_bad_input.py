@@ -10,6 +10,8 @@ from tests.support.commands import assert_nothing_is_left, pincette
 from tests.support.rigs import Tree, demo_rig, rig_toml
 from tests.support.running import RunningRig
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 REQUESTS = {
     "wrong type": ('{"kind": "grip", "force_mN": "20"}', ["force_mN = '20' mN", "number"]),
     "unknown field": ('{"kind": "grip", "force": 20}', ["force is not a field"]),

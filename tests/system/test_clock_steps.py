@@ -15,8 +15,10 @@ from pincette.records.mcap_file import NAME
 from tests.support.grips import SHORT, hold, make_ready
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness, witness
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 SET_CLOCK = Path(__file__).parents[1] / "support" / "set_clock"
 HOUR_S, SETTLED_S = 3600.0, 0.6
@@ -53,7 +55,6 @@ def set_by(clock: Path, shift_s: float) -> None:
     sleep(SETTLED_S)
 
 
-@again_after_a_stall(make_ready)
 def test_an_hour_to_and_fro_changes_no_timing_and_is_in_the_record(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, clock: Path
 ) -> None:

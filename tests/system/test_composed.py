@@ -24,6 +24,8 @@ from tests.support.stalls import StallRecorder
 from tests.support.witness import HEARD, Witness
 from tests.system.test_lockstep import GRIP, TRACK, in_one_process, recorded
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 WHOLE: Programs = ("loop",)
 PAIRS: Programs = ("sensor+actuator", "estimator+controller")
 NOBODY = "http://127.0.0.1:1"

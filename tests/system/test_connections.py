@@ -21,6 +21,8 @@ from tests.support.served import connected, served
 from tests.support.stalls import StallRecorder
 from tests.unit.supervisor.rig import Desk
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 ESTOP_S = 0.5
 """In which a stop is answered while strangers hold every connection they can get."""
 HALF_A_HEAD = b"GET /api/v1/rigs HTTP/1.1\r\nHost: localhost\r\nX-Slow: "

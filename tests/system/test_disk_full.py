@@ -13,8 +13,10 @@ from pincette.messages import Applied, Telemetry
 from tests.support.grips import SHORT, hold, make_ready
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.stalls import StallRecorder
 from tests.support.witness import witness
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 SIZE_MB, LEFT_MB = 24, 4.0
 """Of the whole disk, and the least room with which a record begins."""
@@ -59,7 +61,6 @@ def raised(rig: RunningRig) -> set[str]:
     return {str(row["cause"]) for row in rig.get("/alarms", limit=500)["alarms"]}
 
 
-@again_after_a_stall(make_ready)
 def test_a_disk_that_runs_full_in_a_job_stops_nothing_and_is_told_once_there_is_room(
     rig: RunningRig, stalls: StallRecorder
 ) -> None:
@@ -93,10 +94,8 @@ def test_a_disk_that_runs_full_in_a_job_stops_nothing_and_is_told_once_there_is_
         assert rig.ended(rig.start_grip())["state"] == "succeeded"
 
 
-@again_after_a_stall(make_ready)
-def test_without_room_no_job_begins_and_it_says_why(rig: RunningRig, stalls: StallRecorder) -> None:
+def test_without_room_no_job_begins_and_it_says_why(rig: RunningRig) -> None:
     make_ready(rig)
-    assert stalls is not None
     ballast = fill(rig)
     answer = rig.post("/jobs", {"kind": "grip", "autostart": True})
     if answer.status_code == 201:  # the journal had room left in its file

@@ -4,7 +4,7 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -14,7 +14,8 @@ from tests.support.checkout import ROOT, await_demo_ports, await_text, run, unti
 from tests.support.checkout import workspace as shown
 from tests.support.document_register import SITTINGS
 from tests.support.documents import Block, Sitting, Typed, typed_blocks
-from tests.support.stalls import StallRecorder, again_after_a_stall
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 UP_S = 90.0
 
@@ -29,10 +30,8 @@ def wanted() -> list[object]:
 
 
 @pytest.fixture
-def begin(
-    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> Generator[Callable[[], Path]]:
-    """Makes a checkout of its own, where what is installed goes into a folder of its own."""
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Path]:
+    """One of its own, where what is installed goes into a folder of its own."""
     tools = Path(sys.executable).parent
     monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("PIP_NO_DEPS", "1")
@@ -40,16 +39,12 @@ def begin(
     monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
     monkeypatch.delenv("PINCETTE_RIG", raising=False)
 
-    def anew() -> Path:
-        await_demo_ports(20.0)
-        folder = tmp_path_factory.mktemp("page")
-        for name in ("PIP_TARGET", "PYTHONPATH"):
-            monkeypatch.setenv(name, str(folder / "packages"))
-        place = shown(folder / "pincette")
-        (place / "data").mkdir()
-        return place
-
-    yield anew
+    for name in ("PIP_TARGET", "PYTHONPATH"):
+        monkeypatch.setenv(name, str(tmp_path / "packages"))
+    await_demo_ports(20.0)
+    place = shown(tmp_path / "pincette")
+    (place / "data").mkdir()
+    yield place
     await_demo_ports(20.0)
 
 
@@ -115,15 +110,9 @@ def joined(page: str, sitting: Sitting) -> list[tuple[Block, Typed]]:
 
 
 @pytest.mark.parametrize(("page", "sitting"), wanted())
-@again_after_a_stall(lambda _rig: None)
-def test_what_a_page_shows_is_typed(
-    page: str,
-    sitting: Sitting,
-    begin: Callable[[], Path],
-    stalls: StallRecorder,  # noqa: ARG001  by which it is repeated
-) -> None:
+def test_what_a_page_shows_is_typed(page: str, sitting: Sitting, checkout: Path) -> None:
     with ExitStack() as stack:
-        reader = Reader(begin(), stack)
+        reader = Reader(checkout, stack)
         if sitting.up:
             reader.stay(["pincette", "up", "--rig", sitting.up], "is up at http://127.0.0.1:8000")
         for block, typed in joined(page, sitting):

@@ -20,6 +20,8 @@ from tests.support.played import RIG, Played, played_rig
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 EXAMPLES = ROOT / "docs/examples"
 FREE_OF_US = ("csv_export", "latest", "live_plot", "record_csv", "subscribe")
 FOREIGN = {"matplotlib", "msgpack", "zenoh"}

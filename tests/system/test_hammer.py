@@ -13,6 +13,8 @@ from tests.support.hammer import hammered
 from tests.support.running import Json, RunningRig
 from tests.support.stalls import StallRecorder
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 CLIENTS = 50
 OLD_JOBS = 5
 HOLD_S = 20.0

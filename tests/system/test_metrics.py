@@ -2,11 +2,14 @@
 
 from time import monotonic, sleep
 
+import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from pincette.topics import LOOP
 from tests.support.grips import kill, restart
 from tests.support.running import RunningRig
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 TOLD_S = 8.0
 """Within which what is told about once a second must show."""

@@ -22,6 +22,8 @@ from tests.support.running import RunningRig
 from tests.support.stalls import STALL_S, StallRecorder
 from tests.support.witness import Witness
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 LENGTH_S = float(os.environ.get("PINCETTE_OVERLOAD_S", "1200"))
 SHORT_S = 15.0
 HOLD_S = 5.0

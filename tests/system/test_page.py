@@ -13,7 +13,8 @@ from tests.support.browser import DESK, Visit, keep_picture, origin_of, visit
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import StallRecorder, again_after_a_stall
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 ESTOP_S = 2.0
 """From the press to the word of the actuator, with every connection of the browser taken."""
@@ -100,11 +101,9 @@ def figure(seen: Visit, row: int) -> str:
     return seen.page.locator("#readouts .figure").nth(row).inner_text()
 
 
-@again_after_a_stall(make_ready)
 def test_a_grip_started_from_the_page_succeeds(
     rig: RunningRig,
     seen: Visit,
-    stalls: StallRecorder,  # noqa: ARG001  the decorator reads it
     pictures: Path,
 ) -> None:
     seen.page.reload()
@@ -142,11 +141,9 @@ def test_a_grip_started_from_the_page_succeeds(
     assert "samples.parquet" in seen.text("#job-detail")
 
 
-@again_after_a_stall(make_ready)
 def test_estop_in_a_hold_latches_until_a_person_resets(
     rig: RunningRig,
     seen: Visit,
-    stalls: StallRecorder,  # noqa: ARG001  the decorator reads it
     pictures: Path,
 ) -> None:
     name = start_endless(seen)
@@ -171,12 +168,7 @@ def test_estop_in_a_hold_latches_until_a_person_resets(
     assert seen.page.locator("#latch").is_hidden()
 
 
-@again_after_a_stall(make_ready)
-def test_escape_twice_is_an_estop_too(
-    rig: RunningRig,
-    seen: Visit,
-    stalls: StallRecorder,  # noqa: ARG001  the decorator reads it
-) -> None:
+def test_escape_twice_is_an_estop_too(rig: RunningRig, seen: Visit) -> None:
     start_endless(seen)
     seen.page.keyboard.press("Escape")
     assert seen.page.locator("#estop-said").is_hidden()
@@ -222,12 +214,7 @@ def test_an_estop_that_nobody_confirms_says_what_to_do(seen: Visit) -> None:
     seen.errors.clear()
 
 
-@again_after_a_stall(make_ready)
-def test_a_reload_in_a_running_job_keeps_its_state(
-    rig: RunningRig,
-    seen: Visit,
-    stalls: StallRecorder,  # noqa: ARG001  the decorator reads it
-) -> None:
+def test_a_reload_in_a_running_job_keeps_its_state(rig: RunningRig, seen: Visit) -> None:
     name = start_endless(seen)
     seen.page.reload()
     seen.until("#course", "hold")
@@ -239,12 +226,7 @@ def test_a_reload_in_a_running_job_keeps_its_state(
     assert rig.job(name)["result"]["outcome"] == "released"
 
 
-@again_after_a_stall(make_ready)
-def test_a_part_that_is_kept_after_a_stop_is_released(
-    rig: RunningRig,
-    seen: Visit,
-    stalls: StallRecorder,  # noqa: ARG001  the decorator reads it
-) -> None:
+def test_a_part_that_is_kept_after_a_stop_is_released(rig: RunningRig, seen: Visit) -> None:
     name = start_endless(seen)
     seen.page.click("#act-stop")
     seen.until("#current-state", "stopped")
@@ -254,12 +236,7 @@ def test_a_part_that_is_kept_after_a_stop_is_released(
     assert rig.job(name)["allowed_actions"] == []
 
 
-@again_after_a_stall(make_ready)
-def test_a_grip_is_started_with_the_keyboard_alone(
-    rig: RunningRig,
-    seen: Visit,
-    stalls: StallRecorder,  # noqa: ARG001  the decorator reads it
-) -> None:
+def test_a_grip_is_started_with_the_keyboard_alone(rig: RunningRig, seen: Visit) -> None:
     seen.page.reload()
     seen.until("#fact-start", "can start")
     reached: list[str] = []

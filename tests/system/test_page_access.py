@@ -20,6 +20,8 @@ from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.unit.supervisor.rig import Desk
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 LONG_S = 60.0
 EXPECTED = ("401", "403", "409")
 """Refusals that a browser notes as errors of its own."""

@@ -14,6 +14,8 @@ from tests.support.browser import (
 )
 from tests.support.running import RunningRig
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 CONTRAST = 4.5
 """WCAG 2 AA, for text."""
 NAMELESS = """() => [...document.querySelectorAll('button, input, select, a, [tabindex="0"]')]

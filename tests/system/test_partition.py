@@ -12,6 +12,8 @@ from tests.support.distributions import injections_of, table
 from tests.support.namespaces import objection
 from tests.support.soak import injected
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 FEW, MANY = 2, 20
 """Of each, half of them with a part held; for every commit and for the soak."""
 

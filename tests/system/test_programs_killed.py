@@ -20,8 +20,10 @@ from tests.support.grips import (
 from tests.support.reactions import REACTION_S, SAFE_S, await_reaction, within
 from tests.support.rigs import output_step_V
 from tests.support.running import RunningRig
-from tests.support.stalls import STALL_S, StallRecorder, again_after_a_stall
+from tests.support.stalls import STALL_S, StallRecorder
 from tests.support.witness import Witness
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 ANSWERS_S = 5.0
 
@@ -44,7 +46,6 @@ def await_answers(rig: RunningRig) -> None:
         sleep(0.05)
 
 
-@again_after_a_stall(make_ready)
 def test_a_grip_without_a_fault_has_no_trip_and_refuses_nothing(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
 ) -> None:
@@ -75,7 +76,6 @@ def test_a_grip_without_a_fault_has_no_trip_and_refuses_nothing(
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
 @pytest.mark.parametrize("name", ["sensor", "estimator"])
-@again_after_a_stall(make_ready)
 def test_without_samples_the_actuator_makes_the_rig_safe(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, name: str, held: bool
 ) -> None:
@@ -95,7 +95,6 @@ def test_without_samples_the_actuator_makes_the_rig_safe(
     within(safe_s, reaction.safe_s, reaction.safe_stalls_s, "the way to the safe voltage")
 
 
-@again_after_a_stall(make_ready)
 def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -119,7 +118,6 @@ def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(
     assert abs(put_V[-1] - seen.newest(Applied).voltage_V) <= output_step_V(rig.rig)
 
 
-@again_after_a_stall(make_ready)
 def test_a_job_whose_actuator_was_restarted_at_once_has_failed(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:

@@ -16,7 +16,9 @@ from tests.support.checkout import (
     until_interrupted,
     workspace,
 )
-from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.stalls import StallRecorder
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```sh\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
@@ -75,7 +77,6 @@ def test_make_test() -> None:
     pytest.skip("`make test` is what runs this test")
 
 
-@again_after_a_stall(lambda _rig: None)
 def test_make_demo(folder: Path, stalls: StallRecorder) -> None:
     await_demo_ports()
     done = run(["make", "demo"], folder, 170.0)

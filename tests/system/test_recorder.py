@@ -29,6 +29,8 @@ from tests.support.recorded import ABOUT, EPOCH, PERIOD_S, tick
 from tests.support.rigs import demo_rig, rig_toml
 from tests.support.running import RunningRig, running_rig
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 parquet: Any = untyped_parquet
 LOST_S = 0.5
 """What a kill may take with it."""

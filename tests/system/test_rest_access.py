@@ -24,6 +24,8 @@ from tests.support.running import RunningRig, running_rig
 from tests.support.served import served
 from tests.unit.supervisor.rig import Desk
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 KNOWN_S = 10.0
 """In which a running supervisor knows what the command line has changed; it says within one."""
 LONG_S = 180.0

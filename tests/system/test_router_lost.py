@@ -19,8 +19,10 @@ from pincette.topics import APPLIED, Topic
 from tests.support.grips import SHORT, approach, hold, kill, make_ready, restart, whole_grip
 from tests.support.rigs import Tree, demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 LEASE_S = 1.2
 """So short that the arm of a slow approach is still far from the part when it ends."""
@@ -88,7 +90,6 @@ def away(rig: RunningRig, for_s: float) -> tuple[float, float]:
     return killed_s, seen_again(rig, 2.0 * RECONNECT_S)
 
 
-@again_after_a_stall(make_ready)
 def test_the_loop_does_not_notice_and_all_are_back_within_five_seconds(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
 ) -> None:
@@ -111,7 +112,6 @@ def test_the_loop_does_not_notice_and_all_are_back_within_five_seconds(
     whole_grip(rig, seen, stalls)
 
 
-@again_after_a_stall(make_ready)
 def test_without_a_router_the_free_arm_comes_to_rest_and_stays_there(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
 ) -> None:

@@ -33,8 +33,10 @@ from tests.support.reactions import (
     within,
 )
 from tests.support.running import RunningRig
-from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 ROUNDS = (2, pytest.param(20, marks=pytest.mark.slow))
 """Each as often, at chance places within a period; for every commit and for the soak, of which
@@ -89,7 +91,6 @@ def check_words(rig: RunningRig, job: str) -> None:
 @pytest.mark.parametrize("rounds", ROUNDS)
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
 @pytest.mark.parametrize("fault", ["killed", "hung"])
-@again_after_a_stall(make_ready)
 def test_without_the_controller_the_actuator_makes_the_rig_safe(
     rig: RunningRig,
     seen: Witness,

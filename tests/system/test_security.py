@@ -42,6 +42,8 @@ from tests.support.scripted import PROGRAM
 from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 RIG = "demo"
 SEED = 20131
 FORGED_V = 2.75

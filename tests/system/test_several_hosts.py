@@ -14,6 +14,8 @@ import pytest
 from tests.support.namespaces import alone, objection
 from tests.support.two_hosts import LEASE_S
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 TRY_S = 400.0
 SLACK_S = 1.0
 """What a stop and a busy machine may add to a lease; a renewal under way may be just as old."""

@@ -17,6 +17,8 @@ from tests.support.injections import CUTS
 from tests.support.namespaces import objection
 from tests.support.soak import KINDS, PROGRAMS, SEED, injected
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 ROUNDS = int(os.environ.get("PINCETTE_ROUNDS", "50"))
 FEW = 2
 """Of each, for every commit: with the arm free and with a part held."""

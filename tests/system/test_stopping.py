@@ -20,8 +20,10 @@ from tests.support.grips import (
 )
 from tests.support.reactions import Reaction, await_reaction, distribution, within
 from tests.support.running import RunningRig
-from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 ROUNDS = 3
 REST_UM = 0.3
@@ -49,7 +51,6 @@ def check_estop_is_latched(rig: RunningRig) -> None:
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
-@again_after_a_stall(make_ready)
 def test_an_emergency_stop_over_rest_acts_within_one_period(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str], held: bool
 ) -> None:
@@ -78,7 +79,6 @@ def test_an_emergency_stop_over_rest_acts_within_one_period(
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
-@again_after_a_stall(make_ready)
 def test_an_emergency_stop_works_without_the_supervisor(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, held: bool
 ) -> None:
@@ -100,7 +100,6 @@ def test_an_emergency_stop_works_without_the_supervisor(
     check_estop_is_latched(rig)
 
 
-@again_after_a_stall(make_ready)
 def test_an_emergency_stop_asked_of_the_actuator_acts_within_one_period(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -114,7 +113,6 @@ def test_an_emergency_stop_asked_of_the_actuator_acts_within_one_period(
     check_estop_is_latched(rig)
 
 
-@again_after_a_stall(make_ready)
 def test_a_stop_of_the_free_arm_leaves_it_at_rest(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -133,7 +131,6 @@ def test_a_stop_of_the_free_arm_leaves_it_at_rest(
     assert rig.view()["can_start"]
 
 
-@again_after_a_stall(make_ready)
 def test_a_stop_keeps_a_held_part_until_it_is_released(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -157,7 +154,6 @@ def test_a_stop_keeps_a_held_part_until_it_is_released(
     assert seen.newest(Truth).force_mN == 0.0
 
 
-@again_after_a_stall(make_ready)
 def test_an_abort_freezes_a_held_part_and_then_lets_it_go(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:

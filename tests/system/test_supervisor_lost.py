@@ -10,8 +10,10 @@ from pincette.messages import Applied, Telemetry
 from tests.support.grips import SHORT, approach, hold, kill, make_ready, restart, whole_grip
 from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
-from tests.support.stalls import StallRecorder, again_after_a_stall
+from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness, witness
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 LEASE_S, SLACK_S = 1.5, 1.0
 """Length, and what the stop itself, a renewal under way and a busy machine may add."""
@@ -59,7 +61,6 @@ def acknowledged(rig: RunningRig) -> None:
         rig.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"}).raise_for_status()
 
 
-@again_after_a_stall(make_ready)
 def test_killed_with_a_free_arm_the_program_comes_to_rest_and_the_job_reads_interrupted(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
 ) -> None:
@@ -81,7 +82,6 @@ def test_killed_with_a_free_arm_the_program_comes_to_rest_and_the_job_reads_inte
     whole_grip(rig, seen, stalls)
 
 
-@again_after_a_stall(make_ready)
 def test_killed_with_a_part_held_it_stays_held_until_the_next_one_lets_it_go(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -100,7 +100,6 @@ def test_killed_with_a_part_held_it_stays_held_until_the_next_one_lets_it_go(
     assert rig.ended(release.json()["id"])["state"] == "succeeded"
 
 
-@again_after_a_stall(make_ready)
 def test_one_that_is_back_within_the_lease_has_the_program_stopped_itself(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -121,7 +120,6 @@ def test_one_that_is_back_within_the_lease_has_the_program_stopped_itself(
     assert acted in (["stop"], ["lease stop"], ["lease stop", "stop"])
 
 
-@again_after_a_stall(make_ready)
 def test_one_that_hangs_for_less_than_the_lease_changes_nothing(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:

@@ -19,8 +19,10 @@ from tests.support.grips import hold, kill, make_ready, restart, whole_grip
 from tests.support.hogs import hog
 from tests.support.rigs import Tree, rig_toml
 from tests.support.running import RunningRig
-from tests.support.stalls import STALL_S, StallRecorder, again_after_a_stall
+from tests.support.stalls import STALL_S, StallRecorder
 from tests.support.witness import Witness
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 LOOK_S = 1.5
 FLOOD_S = 5.0
@@ -84,7 +86,6 @@ def release(rig: RunningRig, job: str) -> None:
     assert rig.ended(job)["state"] == "succeeded"
 
 
-@again_after_a_stall(make_ready)
 def test_the_same_controller_cannot_be_started_twice(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, tmp_path: Path
 ) -> None:
@@ -99,7 +100,6 @@ def test_the_same_controller_cannot_be_started_twice(
     release(rig, job)
 
 
-@again_after_a_stall(make_ready)
 def test_commands_of_another_owner_never_mix_with_those_of_the_first(
     rig: RunningRig, seen: Witness, stalls: StallRecorder
 ) -> None:
@@ -127,7 +127,6 @@ def test_commands_of_another_owner_never_mix_with_those_of_the_first(
     release(rig, job)
 
 
-@again_after_a_stall(make_ready)
 def test_a_program_with_another_rig_file_is_not_armed_and_named(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, tmp_path: Path
 ) -> None:
@@ -160,7 +159,6 @@ def cpu_s(process: int) -> float:
 
 
 @pytest.mark.parametrize("where", ["router", "actuator"])
-@again_after_a_stall(make_ready)
 def test_a_stranger_floods_the_key_of_the_controller(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str], where: str
 ) -> None:

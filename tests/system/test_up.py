@@ -11,6 +11,8 @@ from tests.support.checkout import await_text, until_interrupted
 from tests.support.commands import PINCETTE, assert_nothing_is_left, processes_of
 from tests.support.rigs import demo_rig, rig_toml
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 PROGRAMS = {"recorder", "router", "rig", *LOOP, "supervisor"}
 
 

@@ -14,6 +14,8 @@ from tests.support.running import Json, running_rig
 from tests.support.stalls import StallRecorder
 from tests.support.witness import witness
 
+pytestmark = pytest.mark.usefixtures("stalls")
+
 NUMBERS = ["x_um", "force_mN", "voltage_V"]
 DC205: Tree = {
     "driver": "srs_dc205",
