@@ -40,9 +40,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         said = failed.longreprtext.strip().splitlines()[-1]
         lines = item.config.stash.setdefault(AGAIN, [])
         lines.append(f"{item.nodeid}: {1e3 * item.stash[STOOD_S]:.0f} ms: {said}")
-        ended: pytest.CallInfo[None] = pytest.CallInfo.from_call(
-            lambda: _take_down(item), when="teardown"
-        )
+        ended = pytest.CallInfo[None].from_call(lambda: _take_down(item), when="teardown")
         if ended.excinfo is not None:
             lines.append(f"    its fixtures: {ended.excinfo.exconly()}")
         reports = _run(item, nextitem)
