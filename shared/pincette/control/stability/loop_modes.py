@@ -58,11 +58,15 @@ def _shares(matrices: Array, values: Array, piezo_um_per_V: float) -> Array:
     shifted = matrices - (values + NEXT_TO)[:, None, None] * np.eye(size)
     right = np.ones((count, size, 1))
     left = np.ones((count, size, 1))
-    for _ in range(3):
-        right = np.linalg.solve(shifted, right)
-        right /= np.max(np.abs(right), axis=1, keepdims=True)
-        left = np.linalg.solve(np.swapaxes(shifted, 1, 2), left)
-        left /= np.max(np.abs(left), axis=1, keepdims=True)
+    try:
+        for _ in range(3):
+            right = np.linalg.solve(shifted, right)
+            right /= np.max(np.abs(right), axis=1, keepdims=True)
+            left = np.linalg.solve(np.swapaxes(shifted, 1, 2), left)
+            left /= np.max(np.abs(left), axis=1, keepdims=True)
+    except np.linalg.LinAlgError:
+        # So stiff that the shift is lost to rounding, on some processors: nothing is left out.
+        return np.full(count, np.inf)
     product = np.abs(np.sum(left * right, axis=1))[:, 0]
     disturbed = np.maximum(np.abs(left[:, X, 0]), np.abs(left[:, VOLTAGE, 0]) / piezo_um_per_V)
     return np.abs(right[:, X, 0]) * disturbed / np.maximum(product, np.finfo(float).tiny)
