@@ -66,7 +66,7 @@ def _shares(matrices: Array, values: Array, piezo_um_per_V: float) -> Array:
             left /= np.max(np.abs(left), axis=1, keepdims=True)
     except np.linalg.LinAlgError:
         # So stiff that the shift is lost to rounding, on some processors: nothing is left out.
-        return np.full(count, np.inf)
+        return np.full_like(values, np.inf)
     product = np.abs(np.sum(left * right, axis=1))[:, 0]
     disturbed = np.maximum(np.abs(left[:, X, 0]), np.abs(left[:, VOLTAGE, 0]) / piezo_um_per_V)
     return np.abs(right[:, X, 0]) * disturbed / np.maximum(product, np.finfo(float).tiny)
