@@ -8,6 +8,8 @@ SECURELY := $(if $(filter-out 0,$(SECURE)),--secure)
 VENV ?= .venv
 BIN := $(VENV)/bin
 export VENV
+# Programs are started by the hundred: what Python has compiled of them is kept.
+export PYTHONDONTWRITEBYTECODE :=
 TEST_FLAGS := -m "not slow and not engine"
 VIRTUAL := tests/project tests/unit tests/integration tests/replay
 # whole programs that keep no clock

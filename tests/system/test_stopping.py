@@ -124,7 +124,9 @@ def test_a_stop_of_the_free_arm_leaves_it_at_rest(
     echoes = [echo for _, echo in seen.since(Applied, asked_at)]
     assert all(echo.state in ("armed", "idle") for echo in echoes)
     assert echoes[-1].state == "idle"
-    assert echoes[-1].voltage_V < FAR_V
+    # It may come to rest a little short of where it was when it was asked.
+    assert echoes[-1].voltage_V < 0.8 * FAR_V, "it went back"
+    assert len({echo.voltage_V for echo in echoes[-5:]}) == 1
     xs_um = [position.x_um for _, position in seen.since(Position, asked_at)][-10:]
     assert max(xs_um) - min(xs_um) < REST_UM
     assert rig.view()["part"] == "none"
