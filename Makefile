@@ -13,8 +13,8 @@ export PYTHONDONTWRITEBYTECODE :=
 TEST_FLAGS := -m "not slow and not engine"
 VIRTUAL := tests/project tests/unit tests/integration tests/replay
 # whole programs that keep no clock
-LOCKSTEP := $(patsubst %,tests/system/test_%.py,lockstep orchestrator_example page_calibrations \
-  page_jobs page_rigs replay several_rigs twenty_rigs)
+LOCKSTEP := $(patsubst %,tests/system/test_%.py,lockstep lockstep_composed orchestrator_example \
+  page_calibrations page_jobs page_rigs replay several_rigs twenty_rigs)
 REAL := tests/contract tests/system
 # those that are tested each in an environment of its own
 PYTHONS := 3.11 3.12 3.13

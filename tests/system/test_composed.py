@@ -1,18 +1,11 @@
-"""Several services in one process: the same bits in lockstep, and nobody outside sees a difference.
-
-Real processes, over Zenoh; those in real time with the instruments' bytes on TCP.
-"""
+"""Several services in one process, in real time: nobody outside sees a difference."""
 
 from collections.abc import Generator
-from pathlib import Path
 
 import pytest
 
-from pincette.api.request_models import AnyJobRequest
 from pincette.messages import Applied, Truth
-from pincette.security.establishing import enrol
 from pincette.topics import LOOP
-from tests.support.certificates import NOW, folder_for
 from tests.support.commands import pincette
 from tests.support.grips import SHORT, approach, hold, kill, make_ready, whole_grip
 from tests.support.injections import MODULE_S, WATCHED
@@ -22,37 +15,12 @@ from tests.support.rigs import demo_rig, laid_over, output_step_V
 from tests.support.running import RunningRig, running_rig
 from tests.support.stalls import StallRecorder
 from tests.support.witness import HEARD, Witness
-from tests.system.test_lockstep import GRIP, TRACK, in_one_process, recorded
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
 WHOLE: Programs = ("loop",)
-PAIRS: Programs = ("sensor+actuator", "estimator+controller")
 NOBODY = "http://127.0.0.1:1"
 """Where no supervisor answers."""
-
-
-@pytest.mark.parametrize(
-    ("programs", "request_", "secured"),
-    [(WHOLE, GRIP, False), (PAIRS, TRACK, False), (WHOLE, GRIP, True), (PAIRS, GRIP, True)],
-    ids=["one", "pairs, track", "one over mutual TLS", "pairs over mutual TLS"],
-)
-def test_however_services_are_shared_out_they_give_the_same_bits(
-    tmp_path: Path, programs: Programs, request_: AnyJobRequest, secured: bool
-) -> None:
-    rig = demo_rig({"rig": {"composed": list(programs)}}, time="lockstep")
-    if secured:
-        folder = folder_for(tmp_path / "pki", rig.rig.name)
-        enrol(folder, rig.rig.name, (), NOW, composed=rig.rig.composed)
-        rig = rig.secured(folder.path)
-    with running_rig(rig, tmp_path) as running:
-        assert set(running.fleet.members) & {*LOOP, *programs} == set(programs)
-        body = request_.model_dump(mode="json", exclude_unset=True)
-        taken = running.post("/jobs", body).raise_for_status().json()
-        job = running.ended(taken["id"])
-    assert job["state"] == "succeeded"
-    assert job["result"]["missed_ticks"] == 0
-    assert recorded(tmp_path / "data" / "jobs" / job["id"]) == in_one_process(rig, request_)
 
 
 @pytest.fixture(scope="module")
