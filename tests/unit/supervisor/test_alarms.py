@@ -1,6 +1,6 @@
 """The alarm log: one row for as long as an alarm is open, and the same words everywhere."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,10 @@ DISK = Raised("demo", "disk", "disk: 5 MB free, limit 200 MB", AT, "warning", "c
 
 
 @pytest.fixture
-def book(tmp_path: Path) -> AlarmBook:
-    return AlarmBook(Store(tmp_path / "jobs.sqlite"))
+def book(tmp_path: Path) -> Generator[AlarmBook]:
+    store = Store(tmp_path / "jobs.sqlite")
+    yield AlarmBook(store)
+    store.close()
 
 
 def test_what_stands_is_counted_on_one_row(book: AlarmBook) -> None:
