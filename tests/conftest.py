@@ -37,12 +37,13 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         failed = next((report for report in reports if report.failed), None)
         if failed is None or item.stash[STOOD_S] < BLAMED_S:
             break
-        said = failed.longreprtext.strip().splitlines()[-1]
-        lines = item.config.stash.setdefault(AGAIN, [])
-        lines.append(f"{item.nodeid}: {1e3 * item.stash[STOOD_S]:.0f} ms: {said}")
+        lines = failed.longreprtext.strip().splitlines()
+        said = next((line[1:].strip() for line in lines if line.startswith("E ")), lines[-1])
+        told = item.config.stash.setdefault(AGAIN, [])
+        told.append(f"{item.nodeid}: {1e3 * item.stash[STOOD_S]:.0f} ms: {said}")
         ended = pytest.CallInfo[None].from_call(lambda: _take_down(item), when="teardown")
         if ended.excinfo is not None:
-            lines.append(f"    its fixtures: {ended.excinfo.exconly()}")
+            told.append(f"    its fixtures: {ended.excinfo.exconly()}")
         reports = _run(item, nextitem)
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)

@@ -41,6 +41,8 @@ LOOK_S = 0.002
 BEFORE_S = 0.1
 """A stall this long before a trip may have caused it: the age limit and two periods."""
 TRIPPED = ("frozen", "ramping")
+CREEPS = "zero_refused"
+"""Of an arm that was held for long, and still creeps back: a person would try again."""
 NOT_YET = (409, 503)
 """Where a program that was cut off is not back yet, or a job has just begun to end."""
 
@@ -82,10 +84,11 @@ def whole_grip(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Json:
         trip = next(
             ((at, echo) for at, echo in seen.since(Applied, begun) if echo.state in TRIPPED), None
         )
-        if trip is None:
+        if trip is not None:
+            check_excused(seen, stalls, *trip)
+            make_ready(rig)
+        elif ended["state"] == "succeeded" or CREEPS not in ended["cause"]:
             break
-        check_excused(seen, stalls, *trip)
-        make_ready(rig)
     assert ended["state"] == "succeeded", ended["cause"]
     return ended
 
