@@ -54,7 +54,9 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "docs/tutorials/orchestrator.md": Sitting(
         (
-            Typed(".venv/bin/python docs/examples/orchestrator.py", r"(?s)part 3", seconds=200.0),
+            Typed(
+                ".venv/bin/python docs/examples/orchestrator.py", r"part-3: released", seconds=200.0
+            ),
             Typed("from pincette.client import Supervisor", r"True \[\]"),
             Typed("job = rig.start("),
             Typed("for event in job.events()", r"the part is held\nsucceeded"),
