@@ -55,7 +55,7 @@ SITTINGS: dict[str, Sitting] = {
     "docs/tutorials/orchestrator.md": Sitting(
         (
             Typed(
-                ".venv/bin/python docs/examples/orchestrator.py", r"part-3: released", seconds=200.0
+                ".venv/bin/python docs/examples/orchestrator.py", "part-3: released", seconds=200.0
             ),
             Typed("from pincette.client import Supervisor", r"True \[\]"),
             Typed("job = rig.start("),
