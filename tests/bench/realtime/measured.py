@@ -16,9 +16,10 @@ from pincette.bus.zenoh_bus import open_session
 from pincette.latency.histogram import Distribution, first_ns, merged
 from pincette.topics import ROOT
 from tests.bench.loop.machine import cpu_s, stolen_s
+from tests.bench.realtime.misses import Misses
 from tests.bench.realtime.rigs import Rig, numbers, rigs_up
 from tests.support.rigs import Tree
-from tests.support.stalls import StallRecorder
+from tests.support.stalls import STALL_S, StallRecorder
 
 SETTLED_S = 2.0
 """After the start, whose imports take the processors for themselves."""
@@ -36,6 +37,8 @@ class Measured:
     ticks: int
     missed: int
     """Points of the sensor's grid that were skipped, and samples that no service acted on."""
+    alone: int
+    """Of these, those of a second in which no stall was recorded."""
     stalls: int
     """Times of more than 5 ms in which a processor was not run, or ran something else."""
     stolen_s: float
@@ -60,12 +63,16 @@ def measured(rigs: int, listeners: int, seconds: float, own: Tree) -> Measured:
         period_s = up[0].file.rig.period_s
         for rig in up:
             rig.begin(seconds + SETTLED_S)
+        misses = Misses(up)
         processes, stolen = numbers(up), stolen_s()
         with StallRecorder() as recorder:
             before, begin_s = _cpu(processes), monotonic()
             sleep(seconds)
             spent, passed_s = _cpu(processes), monotonic() - begin_s
         told = [rig.timing() for rig in up]
+        for rig, services in zip(up, told, strict=True):
+            for timing in services.values():
+                misses.note(rig.file.rig.name, timing)
         return Measured(
             rigs=rigs,
             listeners=listeners,
@@ -73,7 +80,8 @@ def measured(rigs: int, listeners: int, seconds: float, own: Tree) -> Measured:
             seconds=passed_s,
             ticks=sum(one["sensor"].seq + 1 for one in told),
             missed=sum(timing.missed for one in told for timing in one.values()),
-            stalls=len(recorder.stalls),
+            alone=misses.alone(recorder, period_s),
+            stalls=sum(length_s > STALL_S for _, length_s in recorder.stalls),
             stolen_s=stolen_s() - stolen,
             age_ms=_spread(one["actuator"].age for one in told),
             lateness_ms=_spread(one["sensor"].lateness for one in told),

@@ -2,7 +2,7 @@
 
 from tests.bench.realtime.measured import Measured
 
-COLUMNS = ("rigs", "listeners", "Hz", "ticks", "missed", "stalls")
+COLUMNS = ("rigs", "listeners", "Hz", "ticks", "missed", "alone", "stalls")
 SPREADS = ("p50", "p99", "p999", "max")
 
 
@@ -19,7 +19,8 @@ def head() -> None:
 
 def tell(one: Measured) -> Measured:
     """Print its line."""
-    figures = (one.rigs, one.listeners, round(one.rate_hz), one.ticks, one.missed, one.stalls)
+    counts = (one.rigs, one.listeners, round(one.rate_hz), one.ticks)
+    figures = (*counts, one.missed, one.alone, one.stalls)
     spreads = "".join(
         " " * 10 + "".join(f"{spread[share]:8.2f}" for share in SPREADS)
         for spread in (one.age_ms, one.lateness_ms)
