@@ -1,6 +1,6 @@
 """Punctuality and CPU of some rigs over a time."""
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from math import sqrt
@@ -16,8 +16,8 @@ from pincette.bus.zenoh_bus import open_session
 from pincette.latency.histogram import Distribution, first_ns, merged
 from pincette.topics import ROOT
 from tests.bench.loop.machine import cpu_s, stolen_s
-from tests.bench.realtime.misses import Misses
 from tests.bench.realtime.rigs import Rig, numbers, rigs_up
+from tests.bench.realtime.seconds import Seconds
 from tests.support.rigs import Tree
 from tests.support.stalls import STALL_S, StallRecorder
 
@@ -37,7 +37,7 @@ class Measured:
     ticks: int
     missed: int
     """Points of the sensor's grid that were skipped, and samples that no service acted on."""
-    alone: int
+    missed_undisturbed: int
     """Of these, those of a second in which no stall was recorded."""
     stalls: int
     """Times of more than 5 ms in which a processor was not run, or ran something else."""
@@ -46,8 +46,10 @@ class Measured:
     """Of the newest sample where the actuator acts on it."""
     lateness_ms: dict[str, float]
     """Of the sensor's wake-ups against its grid."""
-    deviation: float
+    deviation: float | None
     """Of an interval between two samples from the period, r.m.s., over the period."""
+    deviation_undisturbed: float | None
+    """The same in seconds without a stall; None where there was none."""
     cores: dict[str, float]
     """Processors that a program kept busy, over all rigs."""
 
@@ -63,7 +65,7 @@ def measured(rigs: int, listeners: int, seconds: float, own: Tree) -> Measured:
         period_s = up[0].file.rig.period_s
         for rig in up:
             rig.begin(seconds + SETTLED_S)
-        misses = Misses(up)
+        each_second = Seconds(up)
         processes, stolen = numbers(up), stolen_s()
         with StallRecorder() as recorder:
             before, begin_s = _cpu(processes), monotonic()
@@ -72,7 +74,9 @@ def measured(rigs: int, listeners: int, seconds: float, own: Tree) -> Measured:
         told = [rig.timing() for rig in up]
         for rig, services in zip(up, told, strict=True):
             for timing in services.values():
-                misses.note(rig.file.rig.name, timing)
+                each_second.note(rig.file.rig.name, timing)
+        undisturbed = each_second.undisturbed(recorder, period_s)
+        whole = merged(one["sensor"].lateness for one in told)
         return Measured(
             rigs=rigs,
             listeners=listeners,
@@ -80,12 +84,21 @@ def measured(rigs: int, listeners: int, seconds: float, own: Tree) -> Measured:
             seconds=passed_s,
             ticks=sum(one["sensor"].seq + 1 for one in told),
             missed=sum(timing.missed for one in told for timing in one.values()),
-            alone=misses.alone(recorder, period_s),
+            missed_undisturbed=sum(one.missed for one in undisturbed),
             stalls=sum(length_s > STALL_S for _, length_s in recorder.stalls),
             stolen_s=stolen_s() - stolen,
             age_ms=_spread(one["actuator"].age for one in told),
-            lateness_ms=_spread(one["sensor"].lateness for one in told),
-            deviation=_deviation_s(one["sensor"].lateness for one in told) / period_s,
+            lateness_ms=_spread([whole]),
+            deviation=_deviation(zip(whole.buckets, whole.counts, strict=True), period_s),
+            deviation_undisturbed=_deviation(
+                (
+                    item
+                    for one in undisturbed
+                    if one.service == "sensor"
+                    for item in one.lateness.items()
+                ),
+                period_s,
+            ),
             cores={name: (spent[name] - before[name]) / passed_s for name in spent},
         )
 
@@ -94,16 +107,20 @@ def _cpu(processes: Mapping[str, Sequence[int]]) -> dict[str, float]:
     return {name: sum(cpu_s(one) for one in some) for name, some in processes.items()}
 
 
-def _spread(parts: Iterator[Distribution]) -> dict[str, float]:
+def _spread(parts: Iterable[Distribution]) -> dict[str, float]:
     whole = merged(parts)
     return {name: 1e3 * (whole.quantile_s(share) or 0.0) for name, share in SHARES.items()}
 
 
-def _deviation_s(parts: Iterator[Distribution]) -> float:
-    """Standard deviation of the difference of two latenesses that know nothing of each other."""
-    whole = merged(parts)
-    middles_s = [5e-10 * (first_ns(bucket) + first_ns(bucket + 1)) for bucket in whole.buckets]
-    return sqrt(2.0 * np.cov(middles_s, fweights=whole.counts, ddof=0))
+def _deviation(latenesses: Iterable[tuple[int, int]], period_s: float) -> float | None:
+    """Standard deviation of the difference of two latenesses that know nothing of each other, over
+    the period; of buckets and how many each holds."""
+    items = list(latenesses)
+    if not items:
+        return None
+    middles_s = [5e-10 * (first_ns(bucket) + first_ns(bucket + 1)) for bucket, _ in items]
+    variance = np.cov(middles_s, fweights=[count for _, count in items], ddof=0)
+    return sqrt(2.0 * variance) / period_s
 
 
 @contextmanager

@@ -1,0 +1,72 @@
+"""What services tell of their punctuality second by second, so that stalls can be left out."""
+
+import threading
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from time import monotonic
+from typing import cast
+
+from pincette.messages import Message, Timing
+from pincette.topics import TIMING, Topic
+from tests.bench.realtime.rigs import TOLD, Rig
+from tests.support.stalls import STALL_S, StallRecorder
+
+WAITED_PERIODS = 0.25
+"""For so long a sample waits for its partner: what stands still longer may cost a tick."""
+MARGIN_S = 0.1
+"""Between what happens and the word of it."""
+Place = tuple[str, str]
+"""Rig and service."""
+
+
+@dataclass(frozen=True, slots=True)
+class Second:
+    """From one word of a service to the next."""
+
+    begin_s: float
+    end_s: float
+    service: str
+    missed: int
+    lateness: Mapping[int, int]
+    """How many by bucket."""
+
+
+class Seconds:
+    """All of them, of some rigs whose epoch has just begun."""
+
+    def __init__(self, rigs: Sequence[Rig]) -> None:
+        begin_s = monotonic()
+        self._told: dict[Place, tuple[float, int, Counter[int]]] = {}
+        """When a service told the last time, and what."""
+        self._all: list[Second] = []
+        self._lock = threading.Lock()
+        for rig in rigs:
+            name = rig.file.rig.name
+            self._told |= {(name, service): (begin_s, 0, Counter()) for service in TOLD}
+            rig.bus.subscribe(TIMING, partial(self._hear, name))
+
+    def _hear(self, rig: str, _topic: Topic, message: Message) -> None:
+        self.note(rig, cast(Timing, message))
+
+    def note(self, rig: str, timing: Timing) -> None:
+        """Take what a service tells."""
+        place = rig, timing.service
+        if place not in self._told:
+            return
+        lateness = timing.lateness
+        late = Counter(dict(zip(lateness.buckets, lateness.counts, strict=True)))
+        with self._lock:
+            begin_s, missed, before = self._told[place]
+            now = monotonic()
+            self._told[place] = now, timing.missed, late
+            second = Second(
+                begin_s - MARGIN_S, now, timing.service, timing.missed - missed, late - before
+            )
+            self._all.append(second)
+
+    def undisturbed(self, recorder: StallRecorder, period_s: float) -> list[Second]:
+        """Those in which nothing stood still for long enough to cost a tick."""
+        least_s = min(STALL_S, WAITED_PERIODS * period_s)
+        return [one for one in self._all if not recorder.between(one.begin_s, one.end_s, least_s)]
