@@ -64,7 +64,7 @@ class StallRecorder:
 
     def most(self, since_s: float) -> float:
         """Seconds for which some processor stood still, at most in ``SPAN_S`` since then."""
-        apart = [(first_s, last_s) for first_s, last_s in self._apart() if first_s >= since_s]
+        apart = [(first_s, last_s) for first_s, last_s in self.apart() if first_s >= since_s]
         most_s = 0.0
         for place, (begin_s, _) in enumerate(apart):
             end_s = begin_s + SPAN_S
@@ -79,11 +79,11 @@ class StallRecorder:
 
         Stalls below ``least_s`` are left out: they make a ramp longer, and lose no tick.
         """
-        apart = self._apart(least_s)
+        apart = self.apart(least_s)
         parts = (min(end_s, last_s) - max(begin_s, first_s) for first_s, last_s in apart)
         return sum(part_s for part_s in parts if part_s > 0.0)
 
-    def _apart(self, least_s: float = 0.0) -> list[tuple[float, float]]:
+    def apart(self, least_s: float = 0.0) -> list[tuple[float, float]]:
         """From when to when some processor stood still, without overlap and in order."""
         apart: list[tuple[float, float]] = []
         for begin_s, length_s in sorted(self.stalls):

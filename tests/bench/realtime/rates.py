@@ -1,4 +1,5 @@
-"""Measure how punctual a loop is by its rate, as four programs and as one.
+"""Measure how punctual a loop is by its rate: as four programs, as four bound to two processors,
+and as one.
 
 On an idle machine, without a fixed priority unless one is asked for. Adds to ``bench.json``; run by
 ``python -m tests.bench.realtime.rates``.
@@ -10,11 +11,17 @@ from dataclasses import asdict
 from tests.bench.loop.report import keep
 from tests.bench.realtime.measured import measured
 from tests.bench.realtime.table import head, tell
-from tests.support.rigs import Tree
+from tests.support.rigs import Tree, laid_over
 
 RATES_HZ = (50.0, 100.0, 200.0, 500.0, 1000.0)
 SECONDS = 60.0
-SHARED_OUT: tuple[Tree, ...] = ({}, {"composed": ["loop"]})
+BOUND: Tree = {"sensor": [0], "actuator": [0], "estimator": [1], "controller": [1]}
+"""The two ends of a tick beside each other, and what computes between them."""
+FORMS: tuple[Tree, ...] = (
+    {},
+    {"realtime": {"cores": BOUND}},
+    {"rig": {"composed": ["loop"]}},
+)
 SLOWEST_S = 0.0052
 """Two periods of the mode; a quicker loop estimates the force with a filter that knows the mode."""
 
@@ -30,20 +37,21 @@ def main() -> None:
     given = parser.parse_args()
     head()
     found = [
-        tell(measured(1, 0, given.seconds, _rig(1.0 / rate_hz, shared_out, given.priority)))
+        tell(measured(1, 0, given.seconds, _rig(1.0 / rate_hz, form, given.priority)))
         for rate_hz in given.hz
-        for shared_out in SHARED_OUT
+        for form in FORMS
     ]
     keep({}, {"rates": [asdict(one) for one in found]})
 
 
-def _rig(period_s: float, shared_out: Tree, priority: int) -> Tree:
+def _rig(period_s: float, form: Tree, priority: int) -> Tree:
     observer = {} if period_s > SLOWEST_S else {"force_observer": "kalman"}
-    return {
-        "rig": {"period_s": period_s, **shared_out},
+    common: Tree = {
+        "rig": {"period_s": period_s},
         "model": observer,
         "realtime": {"priority": priority, "computing_s": period_s},
     }
+    return laid_over(common, form)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """What services tell of their punctuality second by second, so that stalls can be left out."""
 
 import threading
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -68,5 +69,11 @@ class Seconds:
 
     def undisturbed(self, recorder: StallRecorder, period_s: float) -> list[Second]:
         """Those in which nothing stood still for long enough to cost a tick."""
-        least_s = min(STALL_S, WAITED_PERIODS * period_s)
-        return [one for one in self._all if not recorder.between(one.begin_s, one.end_s, least_s)]
+        stalls = recorder.apart(min(STALL_S, WAITED_PERIODS * period_s))
+        ends_s = [end_s for _, end_s in stalls]
+        return [
+            one
+            for one in self._all
+            if (next_one := bisect_right(ends_s, one.begin_s)) == len(stalls)
+            or stalls[next_one][0] >= one.end_s
+        ]
