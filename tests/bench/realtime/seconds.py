@@ -10,12 +10,11 @@ from time import monotonic
 from typing import cast
 
 from pincette.messages import Message, Timing
+from pincette.runtime.node import JOIN_WAIT_PERIODS
 from pincette.topics import TIMING, Topic
 from tests.bench.realtime.rigs import TOLD, Rig
 from tests.support.stalls import STALL_S, StallRecorder
 
-WAITED_PERIODS = 0.25
-"""For so long a sample waits for its partner: what stands still longer may cost a tick."""
 MARGIN_S = 0.1
 """Between what happens and the word of it."""
 Place = tuple[str, str]
@@ -69,11 +68,16 @@ class Seconds:
 
     def undisturbed(self, recorder: StallRecorder, period_s: float) -> list[Second]:
         """Those in which nothing stood still for long enough to cost a tick."""
-        stalls = recorder.apart(min(STALL_S, WAITED_PERIODS * period_s))
-        ends_s = [end_s for _, end_s in stalls]
-        return [
-            one
-            for one in self._all
-            if (next_one := bisect_right(ends_s, one.begin_s)) == len(stalls)
-            or stalls[next_one][0] >= one.end_s
-        ]
+        return apart_from(recorder.apart(min(STALL_S, JOIN_WAIT_PERIODS * period_s)), self._all)
+
+
+def apart_from(stalls: Sequence[tuple[float, float]], seconds: Sequence[Second]) -> list[Second]:
+    """Those within which none of the stalls lies, not even in part; of stalls as begin and end, in
+    order and without overlap."""
+    ends_s = [end_s for _, end_s in stalls]
+    return [
+        one
+        for one in seconds
+        if (next_one := bisect_right(ends_s, one.begin_s)) == len(stalls)
+        or stalls[next_one][0] >= one.end_s
+    ]
