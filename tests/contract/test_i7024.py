@@ -44,6 +44,7 @@ class Bench:
 
     def __init__(self, checksum: bool = False) -> None:
         self.now_s = 0.0
+        self.line_s = 0.0
         self.plugged = True
         self.voltages_V: list[float] = []
         self.lines: list[bytes] = []
@@ -52,6 +53,7 @@ class Bench:
 
     def _answer(self, line: bytes) -> bytes | None:
         self.lines.append(line)
+        self.now_s += self.line_s
         return self.module.answer(line) if self.plugged else None
 
     def open(self, **options: str | float | bool) -> icpdas_i7024.I7024:
@@ -119,16 +121,17 @@ def test_impossible_options_are_refused(option: str, value: str | float) -> None
 def test_the_watchdog_is_armed_at_the_first_sign_of_life(ticks: int) -> None:
     bench = Bench()
     output = bench.open(watchdog_s=round(0.1 * ticks, 1), channel=0)
-    assert bench.lines == [b"$01M", b"~010", b"$0180", b"~0150"]
+    assert bench.lines == [b"$01M", b"~**", b"~010", b"$0180", b"~0150"]
+    bench.lines.clear()
     output.write_V(1.0)
     output.write_V(2.0)
-    armed = b"~0131%02X" % ticks
-    written = [armed, b"~**", b"#010+01.000", b"~**", b"#010+02.000"]
-    assert bench.lines[4:] == written
+    armed = [b"~010", b"~0131%02X" % ticks, b"~010"]
+    assert bench.lines == [*armed, b"~**", b"#010+01.000", b"~**", b"#010+02.000"]
+    bench.lines.clear()
     output.close()
-    assert bench.lines[9:] == [b"~0130%02X" % ticks]
+    assert bench.lines == [b"~0130%02X" % ticks]
     output.close()
-    assert len(bench.lines) == 10
+    assert len(bench.lines) == 1
 
 
 def test_without_a_watchdog_nothing_of_it_is_sent() -> None:
@@ -201,6 +204,58 @@ def test_a_trip_of_before_is_cleared_at_opening_with_a_warning(
     assert bench.voltages_V == [1.0, 0.0, 0.25]
 
 
+def test_a_watchdog_of_a_host_before_does_not_trip_between_opening_and_first_sign_of_life() -> None:
+    bench = Bench()
+    bench.open().write_V(1.0)
+    bench.wait(0.49)
+    output = bench.open()
+    bench.wait(0.49)
+    assert output.read_V() == 1.0
+    output.write_V(1.25)
+    assert bench.voltages_V == [1.0, 1.25]
+
+
+def test_a_trip_since_opening_is_told_at_the_first_sign_of_life_and_once() -> None:
+    bench = Bench()
+    bench.open().write_V(1.0)
+    output = bench.open()
+    bench.wait(0.51)
+    with pytest.raises(InstrumentError, match=r"heartbeat ignored.*tripped") as caught:
+        output.keep_alive()
+    assert caught.value.cause == "tripped"
+    output.keep_alive()
+    assert bench.voltages_V == [1.0, 0.0]
+
+
+def test_a_trip_between_looking_and_arming_is_told_too() -> None:
+    bench = Bench()
+    bench.open().write_V(1.0)
+    output = bench.open()
+    bench.wait(0.49)
+    bench.line_s = 0.01
+    with pytest.raises(InstrumentError, match=r"heartbeat ignored.*tripped"):
+        output.keep_alive()
+    assert b"~013105" in bench.lines
+
+
+@pytest.mark.parametrize("line_s", [0.0, 0.01])
+def test_a_watchdog_that_was_switched_on_while_tripped_does_not_trip_again_when_cleared(
+    line_s: float,
+) -> None:
+    bench = Bench()
+    output = bench.open()
+    output.write_V(1.0)
+    bench.wait(0.51)
+    assert bench.module.answer(b"~013105") == b"!01"
+    bench.wait(9.0)
+    bench.line_s = line_s
+    output.clear_trip()
+    assert output.read_V() == 0.0
+    output.keep_alive()
+    output.write_V(0.5)
+    assert bench.voltages_V == [1.0, 0.0, 0.5]
+
+
 def test_an_output_that_does_not_stand_at_zero_keeps_its_safe_value(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -225,7 +280,7 @@ def test_a_module_that_was_silent_is_armed_anew_since_it_may_have_lost_its_suppl
     bench.module.power_cycle()
     bench.lines.clear()
     output.keep_alive()
-    assert bench.lines == [b"~010", b"~013105", b"~**"]
+    assert bench.lines == [b"~010", b"~013105", b"~010", b"~**"]
     output.write_V(0.5)
     bench.wait(0.51)
     assert bench.voltages_V == [1.0, 0.0, 0.5, 0.0]

@@ -78,6 +78,15 @@ class DconModule:
         self.link.tell(self._signed(body))
 
     @staticmethod
+    def tripped(what: str) -> InstrumentError:
+        """The error of what a module that has tripped ignores."""
+        text = (
+            f"I-7024: {what} ignored: the host watchdog has tripped and the output is at its "
+            "safe value; reset the rig, or start the program anew"
+        )
+        return InstrumentError(text, "tripped")
+
+    @staticmethod
     def write_bytes(*, checksum: bool) -> int:
         """Bytes on the line of one ``put_out``, in both directions."""
         return LINE_BYTES + REPLY_BYTES + 2 * CHECKSUM_BYTES * checksum
@@ -92,11 +101,7 @@ class DconModule:
             text = f"I-7024: {what} refused as an invalid command; check the module's type and data"
             return InstrumentError(f"{text} format", "refused")
         if reply == b"!":
-            text = (
-                f"I-7024: {what} ignored: the host watchdog has tripped and the output is at its "
-                "safe value; reset the rig, or start the program anew"
-            )
-            return InstrumentError(text, "tripped")
+            return self.tripped(what)
         text = f"I-7024: {what} answered by {reply[:40]!r}, which means nothing here"
         return InstrumentError(text, "garbled")
 

@@ -44,6 +44,8 @@ class HostWatchdog:
         """Clear a trip of before, and make 0 V the safe value where the output stands there."""
         if self._state == "off":
             return
+        # That of a host before this one may still run: the first sign of life is yet to come.
+        self._module.tell(HEARTBEAT)
         if self._has_tripped():
             _log.warning("I-7024: its host watchdog had tripped; cleared")
             self._clear()
@@ -60,13 +62,14 @@ class HostWatchdog:
             self.feed()
 
     def feed(self) -> None:
-        """Send the heartbeat, and arm the watchdog where that is to be done; may raise."""
+        """Send the heartbeat, and arm the watchdog where that is to be done; may raise.
+
+        A trip that is found on arming is told here, once: nobody has written since, who would know.
+        """
         if self._state == "off":
             return
-        if self._state == "unsure":
-            self.resume()
-        elif self._state == "waiting":
-            self._arm()
+        if self._state in ("unsure", "waiting") and not self.resume():
+            raise self._module.tripped("heartbeat")
         try:
             self._module.tell(HEARTBEAT)
         except InstrumentError as error:
@@ -86,15 +89,17 @@ class HostWatchdog:
         elif cause == "silent" and self._state == "armed":
             self._state = "unsure"
 
-    def resume(self) -> None:
-        """Arm it anew where the line or the module was away; a trip stays."""
+    def resume(self) -> bool:
+        """Arm it anew where the line or the module was away; false where there is a trip, which
+        stays."""
         if self._state == "off":
-            return
-        if self._has_tripped():
-            self._state = "tripped"
-            _log.warning("I-7024: its host watchdog has tripped; it waits for a reset")
-        else:
-            self._arm()
+            return True
+        if self._found_tripped():
+            return False
+        self._module.ordered(b"~", b"31%02X" % self._ticks, "host watchdog on")
+        self._state = "armed"
+        # One that ran before may have tripped between the two lines.
+        return not self._found_tripped()
 
     def clear(self) -> None:
         """Clear a trip; raises InstrumentError."""
@@ -118,12 +123,17 @@ class HostWatchdog:
         """Bytes on the line of one heartbeat."""
         return len(HEARTBEAT) + 1 + CHECKSUM_BYTES * checksum
 
-    def _arm(self) -> None:
-        self._module.ordered(b"~", b"31%02X" % self._ticks, "host watchdog on")
-        self._state = "armed"
-
     def _clear(self) -> None:
+        # A module may take a watchdog as on while it is tripped, and would trip again at once.
+        self._module.ordered(b"~", b"30%02X" % self._ticks, "host watchdog off")
         self._module.ordered(b"~", b"1", "clearing the trip")
+
+    def _found_tripped(self) -> bool:
+        if not self._has_tripped():
+            return False
+        self._state = "tripped"
+        _log.warning("I-7024: its host watchdog has tripped; it waits for a reset")
+        return True
 
     def _has_tripped(self) -> bool:
         status = self._module.ordered(b"~", b"0", "status", STATUS)
