@@ -10,12 +10,12 @@ BIN := $(VENV)/bin
 export VENV
 # Programs are started by the hundred: what Python has compiled of them is kept.
 export PYTHONDONTWRITEBYTECODE :=
-TEST_FLAGS := -m "not slow and not engine"
-VIRTUAL := tests/project tests/unit tests/integration tests/replay
-# whole programs that keep no clock
-LOCKSTEP := $(patsubst %,tests/system/test_%.py,lockstep lockstep_composed orchestrator_example \
-  page_calibrations page_jobs page_rigs replay several_rigs twenty_rigs)
-REAL := tests/contract tests/system
+COMMIT := not slow and not engine
+# what goes by no clock on the wall, on every core; long files are named first, and begun first
+VIRTUAL := -m "$(COMMIT) and not real_time" -n logical --dist loadfile --no-loadscope-reorder
+REAL := -m "$(COMMIT) and real_time"
+OTHERS := tests/contract tests/integration tests/project tests/replay tests/unit
+TESTS := tests/system $(OTHERS)
 # those that are tested each in an environment of its own
 PYTHONS := 3.11 3.12 3.13
 # pytest's exit status where ARGS leave no test; one half may have none
@@ -61,10 +61,10 @@ up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 
 test: lint browser ## lint, then all tests but the slow ones: what CI runs
 	@echo "== pytest, what goes by no clock on the wall: on every core"
-	@$(BIN)/pytest $(TEST_FLAGS) -n logical --dist loadfile $(ARGS) $(VIRTUAL) $(LOCKSTEP); virtual=$$?; \
+	@$(BIN)/pytest $(VIRTUAL) $(ARGS) $(TESTS); virtual=$$?; \
 	test $$virtual -eq 0 -o $$virtual -eq $(NO_TEST) || exit $$virtual; \
 	echo "== pytest, in real time: one after another"; \
-	$(BIN)/pytest $(TEST_FLAGS) $(ARGS) $(REAL) $(LOCKSTEP:%=--ignore=%); real=$$?; \
+	$(BIN)/pytest $(REAL) $(ARGS) $(TESTS); real=$$?; \
 	test $$real -eq 0 -o $$real -eq $(NO_TEST) || exit $$real; \
 	test $$virtual -eq 0 -o $$real -eq 0 || { echo "ARGS='$(ARGS)' leave no test" >&2; exit $(NO_TEST); }
 
@@ -76,8 +76,8 @@ test-all: ## the tests without lint and whole rigs, under each Python that is su
 	done
 
 test-one: venv
-	@$(BIN)/pytest $(TEST_FLAGS) -n logical --dist loadfile $(ARGS) $(VIRTUAL)
-	@$(BIN)/pytest $(TEST_FLAGS) $(ARGS) tests/contract
+	@$(BIN)/pytest $(VIRTUAL) $(ARGS) $(OTHERS)
+	@$(BIN)/pytest $(REAL) $(ARGS) $(OTHERS)
 
 lint: venv ## style, types and the direction of imports
 	@echo "== ruff check"

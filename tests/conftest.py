@@ -2,12 +2,13 @@
 
 A rig at T = 20 ms trips by itself where a processor is away for a period, and an instrument's
 answer is then late; what a test meant to see is not there. Its fixtures are made anew too. A test
-goes by this where it, or its module, asks for the fixture ``stalls``; other failures stand.
+goes by this where it, or its module, asks for the fixture ``stalls``; other failures stand. All
+tests of such a file have the mark ``real_time``: `make test` runs them one after another.
 """
 
 from collections.abc import Generator
 from time import monotonic
-from typing import Any
+from typing import Any, TypeGuard
 
 import pytest
 from _pytest.runner import runtestprotocol
@@ -27,9 +28,22 @@ def stalls() -> Generator[StallRecorder]:
 
 
 @pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark all tests of a file in which one goes by the clock, so that they run by themselves."""
+    timed = {item.path for item in items if _keeps_time(item)}
+    for item in items:
+        if item.path in timed:
+            item.add_marker("real_time")
+
+
+def _keeps_time(item: pytest.Item) -> TypeGuard[pytest.Function]:
+    return isinstance(item, pytest.Function) and "stalls" in item.fixturenames
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
     """Run a test of real time, up to so many times; only the last one is reported."""
-    if not isinstance(item, pytest.Function) or "stalls" not in item.fixturenames:
+    if not _keeps_time(item):
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     reports = _run(item, nextitem)

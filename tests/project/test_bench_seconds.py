@@ -10,7 +10,7 @@ def second(begin_s: float, end_s: float) -> Second:
 
 
 @pytest.mark.parametrize(
-    ("stalls", "kept"),
+    ("stood", "kept"),
     [
         ([], 3),
         ([(0.2, 0.3)], 2),
@@ -22,11 +22,11 @@ def second(begin_s: float, end_s: float) -> Second:
     ],
 )
 def test_a_second_counts_where_no_part_of_a_stall_lies_in_it(
-    stalls: list[tuple[float, float]], kept: int
+    stood: list[tuple[float, float]], kept: int
 ) -> None:
     seconds = [second(0.0, 1.0), second(1.0, 2.0), second(2.0, 3.0)]
-    found = apart_from(stalls, seconds)
+    found = apart_from(stood, seconds)
     assert len(found) == kept
     assert all(
-        end_s <= one.begin_s or begin_s >= one.end_s for one in found for begin_s, end_s in stalls
+        end_s <= one.begin_s or begin_s >= one.end_s for one in found for begin_s, end_s in stood
     )

@@ -42,14 +42,14 @@ Failed = (AssertionError, TimeoutError, httpx.HTTPError)
 def plan(
     kinds: Sequence[str], programs: Sequence[str], rounds: int, chance: random.Random
 ) -> list[Fault]:
-    """Each fault of each program so often, half of them with a part held, in any order.
+    """Each fault of each program so often, every second with a part held, in any order.
 
     The actuator can be killed only: where it hangs, nobody is left whose reaction could be timed.
     """
     faults = [
-        Fault(kind, program, count % 2 == 0)
-        for kind in kinds
-        for program in programs
+        Fault(kind, program, (row + column + count) % 2 == 0)
+        for row, kind in enumerate(kinds)
+        for column, program in enumerate(programs)
         for count in range(rounds)
         if kind == "killed" or program != "actuator"
     ]
