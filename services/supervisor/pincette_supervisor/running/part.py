@@ -44,8 +44,8 @@ def reset_words(site: Site, cause: str) -> str:
     """What a person must do about the actuator's latch."""
     name = site.rig.rig.name
     return (
-        f"the actuator is latched ({site.trip_words(cause)}): see that the rig is safe, then POST "
-        f'/api/v1/rigs/{name}/reset with {{"acknowledge": true}}'
+        f"the actuator is latched ({site.trip_words(cause)}): see that the rig is safe, then run "
+        f'`pincette reset`, or POST /api/v1/rigs/{name}/reset with {{"acknowledge": true}}'
     )
 
 
