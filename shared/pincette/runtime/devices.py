@@ -1,14 +1,20 @@
 """The instruments of a rig: opened by their drivers, or simulated within this process."""
 
+import logging
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from math import ceil, inf
+from typing import TypeVar
 
 from pincette import plugins
 from pincette.config import RigFile
 from pincette.instruments.line.memory_link import MemoryLink
-from pincette.instruments.protocols import InstrumentError, Link, PositionSensor
+from pincette.instruments.protocols import (
+    InstrumentError,
+    Link,
+    PositionSensor,
+    VoltageOutput,
+)
 from pincette.messages import Truth
 from pincette.runtime.instrument import Device
 from pincette.service import AnyService
@@ -17,6 +23,13 @@ from pincette.sim.script.script import Script, script_of
 
 LOCKSTEP_TIMEOUT_S = 2.0
 """By the clock on the wall, which in lockstep shall end a run that hangs, never a tick."""
+TRIES = 3
+"""An instrument is opened so often at least: where all programs of a rig start at once, its first
+answer may be read late."""
+
+D = TypeVar("D", PositionSensor, VoltageOutput)
+
+_log = logging.getLogger(__name__)
 
 
 def open_device(service: AnyService, rig: RigFile, at_most_s: float = inf) -> Device:
@@ -28,22 +41,27 @@ def open_device(service: AnyService, rig: RigFile, at_most_s: float = inf) -> De
     if service.instrument == "position_sensor":
         patience = patience or {"timeout_s": min(rig.sensor.timeout_s, at_most_s)}
         settings = rig.sensor.model_copy(update=patience)
-        opener = plugins.load(plugins.POSITION_SENSORS, settings.driver)
-        return _insisted(partial(opener, settings), rig.sensor.timeout_s / settings.timeout_s)
+        sensor = plugins.load(plugins.POSITION_SENSORS, settings.driver)
+        times = max(TRIES, ceil(rig.sensor.timeout_s / settings.timeout_s))
+        return _insisted(partial(sensor, settings), times)
     if service.instrument == "voltage_output":
         settings = rig.output.model_copy(update=patience)
-        return plugins.load(plugins.VOLTAGE_OUTPUTS, settings.driver)(settings)
+        output = plugins.load(plugins.VOLTAGE_OUTPUTS, settings.driver)
+        return _insisted(partial(output, settings), TRIES)
     return None
 
 
-def _insisted(open_: Callable[[], PositionSensor], times: float) -> PositionSensor:
-    """Open a sensor; the last of so many tries may fail.
+def _insisted(open_: Callable[[], D], times: int) -> D:
+    """Open an instrument; the last of so many tries may fail.
 
-    One that is waited for shortly in a tick would else be given up as shortly before the first.
+    A sensor that is waited for shortly in a tick would else be given up as shortly before the
+    first.
     """
-    for _ in range(ceil(times) - 1):
-        with suppress(InstrumentError):
+    for _ in range(times - 1):
+        try:
             return open_()
+        except InstrumentError as error:
+            _log.info("%s; it is tried again", error)
     return open_()
 
 

@@ -1,17 +1,14 @@
 """Several services as one program: whose step comes first, and what leaves when."""
 
 import threading
-from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any
 
 import pytest
 
-from pincette import plugins
 from pincette.bus.protocol import Answerer, Sink
 from pincette.config import ConfigError, read_rig
-from pincette.instruments.protocols import InstrumentError
 from pincette.messages import (
     Applied,
     Arm,
@@ -29,7 +26,7 @@ from pincette.messages import (
 from pincette.runtime.arming import ORDER
 from pincette.runtime.composition import Composition
 from pincette.runtime.composition_loop import CompositionLoop
-from pincette.runtime.devices import open_device, simulated_devices
+from pincette.runtime.devices import simulated_devices
 from pincette.runtime.node import Node
 from pincette.runtime.process import loop_services
 from pincette.runtime.timing import PATIENCE_WAKES, shared_patience_s
@@ -253,41 +250,6 @@ def test_only_beside_an_actuator_a_sensor_is_waited_for_shortly(
     wake_s = Node(SERVICES["actuator"], RIG, Output()).config.age.wake_s
     assert limit_s == (PATIENCE_WAKES * wake_s if shared else inf)
     assert shared_patience_s(LOCKSTEP, SERVICES.values()) == inf
-
-
-def test_the_sensor_is_opened_with_the_shorter_patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    def as_given(settings: Any) -> Any:
-        return settings
-
-    def found(_group: str, _name: str) -> Any:
-        return as_given
-
-    monkeypatch.setattr(plugins, "load", found)
-    for at_most_s, wanted_s in ((0.006, 0.006), (inf, RIG.sensor.timeout_s)):
-        opened: Any = open_device(SERVICES["sensor"], RIG, at_most_s)
-        assert opened.timeout_s == wanted_s
-
-
-@pytest.mark.parametrize(("failures", "opened"), [(0, True), (17, True), (18, False)])
-def test_a_sensor_that_is_waited_for_shortly_is_asked_as_long_as_any_other(
-    monkeypatch: pytest.MonkeyPatch, failures: int, opened: bool
-) -> None:
-    tried: list[float] = []
-
-    def late(settings: Any) -> Any:
-        tried.append(settings.timeout_s)
-        if len(tried) <= failures:
-            raise InstrumentError("no answer")
-        return settings
-
-    def found(_group: str, _name: str) -> Any:
-        return late
-
-    monkeypatch.setattr(plugins, "load", found)
-    assert RIG.sensor.timeout_s == 0.1
-    with nullcontext() if opened else pytest.raises(InstrumentError):
-        open_device(SERVICES["sensor"], RIG, 0.0058)
-    assert len(tried) == min(failures + 1, 18)
 
 
 def test_a_sensor_that_is_too_slow_for_that_is_refused_with_both_times() -> None:
