@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from pincette.messages import (
     Applied,
@@ -14,9 +14,8 @@ from pincette.messages import (
     Telemetry,
     Truth,
 )
+from pincette.records.parquet import Kind
 from pincette.records.truths import number_truths
-
-Kind = Literal["float", "int", "bool", "text"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,14 +6,11 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet
+from pincette.records import parquet
 
 MEDIA_TYPE = "text/csv; charset=utf-8"
 ROWS = 2048
 """Rows that are in memory at once."""
-
-# pyarrow carries no types.
-_parquet: Any = pyarrow.parquet
 
 
 def csv_rows(path: Path) -> Iterator[str]:
@@ -27,7 +24,7 @@ def csv_rows(path: Path) -> Iterator[str]:
     OSError
         Where the file cannot be read; before the first line.
     """
-    source = _parquet.ParquetFile(str(path))
+    source = parquet.opened(path)
     schema = source.schema_arrow
     return _lines(source, schema)
 

@@ -7,12 +7,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import pyarrow
-import pyarrow.parquet
-
 from pincette.api.job_models import JobKind
-from pincette.records import mcap_file
+from pincette.records import mcap_file, parquet
 from pincette.records.columns import COLUMNS, Columns
+from pincette.records.parquet import Field
 
 LIVE = mcap_file.NAME
 SAMPLES = "samples.parquet"
@@ -40,57 +38,29 @@ MEDIA_TYPES = {
     MANIFEST: "application/json",
 }
 
-# pyarrow carries no types.
-_arrow: Any = pyarrow
-_parquet: Any = pyarrow.parquet
-_TYPES = {
-    "float": _arrow.float64(),
-    "int": _arrow.int64(),
-    "bool": _arrow.bool_(),
-    "text": _arrow.string(),
-}
+OF_SAMPLES = (
+    Field("seq", "", "number of the sample", "int"),
+    Field("t_s", "s", "number of the sample times the control period"),
+    *(Field(item.name, item.unit, item.meaning, item.kind) for item in COLUMNS),
+)
+OF_A_BURST = (
+    Field("x_um", "µm", "position of the tip, x"),
+    Field("drive_V", "V", "drive at the amplifier's input, as measured"),
+)
 
 
 def write_samples(path: Path, table: Columns, about: Mapping[str, str]) -> None:
-    """Write columns as Parquet.
-
-    Each field's metadata holds its unit and meaning, the schema's holds ``about``.
-    """
-
-    def field(name: str, kind: str, unit: str, meaning: str) -> Any:
-        return _arrow.field(name, _TYPES[kind], metadata={"unit": unit, "meaning": meaning})
-
-    schema = _arrow.schema(
-        [
-            field("seq", "int", "", "number of the sample"),
-            field("t_s", "float", "s", "number of the sample times the control period"),
-            *(field(item.name, item.kind, item.unit, item.meaning) for item in COLUMNS),
-        ],
-        metadata=dict(about),
-    )
-    arrow_table = _arrow.Table.from_pydict(dict(table), schema=schema)
+    """Write columns as Parquet."""
     with _Replacing(path) as draft:
-        _parquet.write_table(arrow_table, str(draft), compression="zstd")
+        parquet.write(draft, OF_SAMPLES, table, about)
 
 
 def write_burst(
     path: Path, x_um: Sequence[float], drive_V: Sequence[float], about: Mapping[str, str]
 ) -> None:
     """Write a buffered acquisition as Parquet; its rate is in ``about``."""
-    meanings = {
-        "x_um": ("µm", "position of the tip, x"),
-        "drive_V": ("V", "drive at the amplifier's input, as measured"),
-    }
-    schema = _arrow.schema(
-        [
-            _arrow.field(name, _arrow.float64(), metadata={"unit": unit, "meaning": meaning})
-            for name, (unit, meaning) in meanings.items()
-        ],
-        metadata=dict(about),
-    )
-    table = _arrow.Table.from_pydict({"x_um": x_um, "drive_V": drive_V}, schema=schema)
     with _Replacing(path) as draft:
-        _parquet.write_table(table, str(draft), compression="zstd")
+        parquet.write(draft, OF_A_BURST, {"x_um": x_um, "drive_V": drive_V}, about)
 
 
 def write_json(path: Path, tree: Mapping[str, Any]) -> None:

@@ -5,8 +5,6 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from pincette.api.result_models import JobResult
 from pincette.records.columns import Columns
@@ -42,6 +40,10 @@ class Sheet:
     """An empty picture, 1400 by 1180 pixels."""
 
     def __init__(self) -> None:
+        # Loaded with the first picture: it would be a third of the supervisor's start.
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
         size = (WIDTH_PX / DPI, HEIGHT_PX / DPI)
         self.figure: Any = Figure(figsize=size, dpi=DPI, facecolor="white")
         self._canvas: Any = FigureCanvasAgg(self.figure)
