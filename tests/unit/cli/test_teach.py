@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pincette.cli.main import main
-from pincette.cli.teach import as_toml
+from pincette.cli.taught import as_toml
 from pincette.config import ConfigError, parse_rig, read_rig
 from pincette.config.derived import free_response
 from pincette.control.response.hysteresis_motion import simulate

@@ -7,7 +7,8 @@ import numpy as np
 
 from pincette.control.calibration.noise import sensor_noise
 from pincette.control.calibration.swept_mode import swept_mode
-from pincette.control.calibration.weights import there_and_back, weighed_compliance
+from pincette.control.calibration.weights import weighed_compliance
+from pincette.control.planning.calibration_programs import there_and_back
 from pincette.messages import Message
 from pincette_supervisor.analysis.findings import Analysis, figure, identified, residuals, sure
 from pincette_supervisor.analysis.samples import Samples, acquisition

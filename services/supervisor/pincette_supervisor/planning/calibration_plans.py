@@ -14,11 +14,11 @@ from pincette.api.calibration_requests import (
 )
 from pincette.api.plan_models import Violation
 from pincette.config import RigFile, derived
-from pincette.control.calibration.weights import there_and_back
 from pincette.control.planning.calibration_programs import (
     compliance_program,
     frequency_response_program,
     noise_program,
+    there_and_back,
 )
 from pincette.control.planning.contact_plan import ContactRequest
 from pincette.control.planning.contact_stiffness_program import (

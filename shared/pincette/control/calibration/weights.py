@@ -37,24 +37,6 @@ class WeighedCompliance:
     """x_0 + drift·t - x, step by step: what lies on a line of slope s_p."""
 
 
-def there_and_back(weight_mN: Sequence[float]) -> tuple[float, ...]:
-    """Steps of a calibration by weights: 0, w_1, w_2, …, w_1, 0.
-
-    Raises
-    ------
-    ValueError
-        Where there are fewer than two, the first is not 0 mN, or they do not ascend.
-    """
-    weights = tuple(weight_mN)
-    if len(weights) < 2 or weights[0] != 0.0:
-        raise ValueError(f"weights {weights} mN, must be 0 mN and at least one more")
-    for index in range(1, len(weights)):
-        if not weights[index] > weights[index - 1]:
-            raise ValueError(f"weight {weights[index]} mN after {weights[index - 1]} mN, must rise")
-        require_positive("weight", weights[index], "mN")
-    return (*weights, *weights[-2::-1])
-
-
 def weighed_compliance(
     weight_mN: Sequence[float],
     x_um: Sequence[float],

@@ -7,7 +7,6 @@ nothing has moved then. What is foretold of the arm is foretold by nominal value
 
 from collections.abc import Sequence
 
-from pincette.control.calibration.weights import there_and_back
 from pincette.control.checks import require_positive
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.paths import Knot, Path
@@ -41,6 +40,24 @@ def noise_program(duration_s: float = NOISE_S) -> Program:
     """Hold the voltage and read; phase ``noise``."""
     require_positive("duration of the noise", duration_s, "s")
     return free_program(Segment("noise", "voltage", duration_s))
+
+
+def there_and_back(weight_mN: Sequence[float]) -> tuple[float, ...]:
+    """Steps of a calibration by weights: 0, w_1, w_2, …, w_1, 0.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer than two, the first is not 0 mN, or they do not ascend.
+    """
+    weights = tuple(weight_mN)
+    if len(weights) < 2 or weights[0] != 0.0:
+        raise ValueError(f"weights {weights} mN, must be 0 mN and at least one more")
+    for index in range(1, len(weights)):
+        if not weights[index] > weights[index - 1]:
+            raise ValueError(f"weight {weights[index]} mN after {weights[index - 1]} mN, must rise")
+        require_positive("weight", weights[index], "mN")
+    return (*weights, *weights[-2::-1])
 
 
 def compliance_program(rig: PlannedRig, weight_mN: Sequence[float]) -> Program:

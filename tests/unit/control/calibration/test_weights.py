@@ -5,11 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from pincette.control.calibration.weights import (
-    WeighedCompliance,
-    there_and_back,
-    weighed_compliance,
-)
+from pincette.control.calibration.weights import WeighedCompliance, weighed_compliance
+from pincette.control.planning.calibration_programs import there_and_back
 
 S_P = 0.46
 WEIGHTS_MN = (0.0, 5.0, 10.0, 20.0)
