@@ -12,10 +12,9 @@ from pincette.bus.handshake import why_no_link
 from pincette.bus.links import Member, client_ends, endpoint, router_ends, secured
 from pincette.bus.protocol import BusError
 from pincette.bus.zenoh_bus import open_session
-from pincette.security.credentials import Credentials
 from pincette.security.establishing import establish
 from pincette.security.folder import Folder
-from pincette.security.identity import program
+from pincette.security.identity import Credentials, program
 from tests.support.certificates import NOW, folder_for
 from tests.support.rigs import free_ports
 

@@ -17,9 +17,9 @@ from pincette.messages import (
 from pincette.runtime.arming import ORDER
 from pincette.runtime.composed import ComposedLoop
 from pincette.runtime.composition import Composition
-from pincette.runtime.devices import simulated_devices
 from pincette.runtime.node import Node
 from pincette.runtime.process import loop_services
+from pincette.runtime.simulated import simulated_devices
 from pincette.service import services_of
 from pincette.topics import TOPIC_OF
 from tests.support.partitions import Programs, composing, partitions

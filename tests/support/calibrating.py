@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 from pincette.api.request_models import AnyJobRequest, Body
 from pincette.config import RigFile
 from pincette.messages import Act, Message, Sample, Telemetry
-from pincette.runtime import devices
+from pincette.runtime import simulated
 from pincette.runtime.composed import ComposedLoop
 from pincette.sim.bench import Bench
 from pincette.topics import ACT, TELEMETRY, Topic
@@ -55,17 +55,17 @@ class Bystander:
 def opened_benches() -> Generator[list[Bench]]:
     """Benches as they are opened, so that a person can lay hands on them."""
     opened: list[Bench] = []
-    opening: Callable[..., Bench] = devices.open_bench
+    opening: Callable[..., Bench] = simulated.open_bench
 
     def keep(*arguments: Any, **named: Any) -> Bench:
         opened.append(opening(*arguments, **named))
         return opened[-1]
 
-    devices.open_bench = keep
+    simulated.open_bench = keep
     try:
         yield opened
     finally:
-        devices.open_bench = opening
+        simulated.open_bench = opening
 
 
 def calibrated(

@@ -15,10 +15,9 @@ from pincette.bus.settings import settings
 from pincette.codec import encode
 from pincette.config import RigFile
 from pincette.messages import Message
-from pincette.security.credentials import Credentials
 from pincette.security.establishing import establish
 from pincette.security.folder import Folder
-from pincette.security.identity import Identity
+from pincette.security.identity import Credentials, Identity
 from pincette.topics import Question, question_key
 
 NOW = datetime.now(UTC)

@@ -11,8 +11,8 @@ from pincette.control.planning.program import Guards, Program, Segment
 from pincette.messages import Applied, Asked, Estimate, Message, Position, Telemetry, Truth
 from pincette.runtime import composed
 from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.devices import devices_on, simulated_bench
 from pincette.runtime.instrument import Device
+from pincette.runtime.simulated import devices_on, simulated_bench
 from pincette.sim.rig.rig import SimulatedRig
 from tests.support.rigs import Tree, demo_rig
 

@@ -11,9 +11,9 @@ from pincette.config import RigFile
 from pincette.messages import Applied, Finish, Message, Order, Record, Status, Telemetry, Truth
 from pincette.runtime import composed
 from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.devices import devices_on
 from pincette.runtime.instrument import Device
 from pincette.runtime.rig_orders import serve_orders
+from pincette.runtime.simulated import devices_on
 from pincette.sim.bench import open_bench
 from pincette.sim.script.script import script_of
 from pincette.topics import (

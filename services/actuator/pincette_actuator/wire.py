@@ -1,6 +1,5 @@
 """Between messages and rules: a command as an offer, the state as ``applied`` and as an order."""
 
-from pincette.control.planning.sweep import SweptVoltages
 from pincette.control.safety.admission import Offer
 from pincette.messages import Applied, Command
 from pincette.service import Drive, ForInstrument, Look, Wave
@@ -50,4 +49,7 @@ def order_of(state: State, before: State) -> ForInstrument:
         return Drive(state.voltage_V)
     if state.sweep == before.sweep:
         return Look()
+    # It reckons with arrays, which a driver that plays waves has loaded, and no other loop needs.
+    from pincette.control.planning.swept_voltages import SweptVoltages
+
     return Wave(SweptVoltages(state.sweep, state.voltage_V), state.sweep.rate_hz)

@@ -9,7 +9,7 @@ import ssl
 from typing import Any, cast
 
 from pincette.bus.links import address_of
-from pincette.security.credentials import Credentials
+from pincette.security.identity import Credentials
 
 ANSWER_S, ALERT_S = 3.0, 0.5
 """How long to wait for an answer, and for a word of refusal after the handshake.

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from pincette.security.access import Access
-from pincette.security.credentials import Credentials
+from pincette.security.identity import Credentials
 from pincette.service import Participant, services_of
 from pincette.topics import LOOP, Topic
 

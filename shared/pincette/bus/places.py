@@ -6,6 +6,7 @@ Each place raises SecurityError where its certificate is missing, or not in orde
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pincette.bus.links import (
     Ends,
@@ -28,10 +29,11 @@ from pincette.security.access import (
     router_access,
     service_access,
 )
-from pincette.security.credentials import checked
-from pincette.security.folder import Folder
 from pincette.security.identity import OPERATOR, ROUTER, UPSTREAM, Identity, program
 from pincette.service import Participant
+
+if TYPE_CHECKING:
+    from pincette.security.folder import Folder
 
 THE_ROUTER, THE_UPSTREAM = program(ROUTER, ""), program(UPSTREAM, "")
 
@@ -118,11 +120,18 @@ def _client(
     return _joined(ends, folder, who, client_access(server or beside))
 
 
-def _joined(ends: Ends, folder: Folder, identity: Identity, access: Access) -> Ends:
+def _joined(ends: Ends, folder: "Folder", identity: Identity, access: Access) -> Ends:
+    from pincette.security.credentials import checked
+
     credentials = folder.credentials(identity)
     checked(credentials, datetime.now(UTC))
     return secured(ends, Member(credentials, access))
 
 
-def _folder(rig: RigFile) -> Folder | None:
-    return None if rig.bus.pki is None else Folder(Path(rig.bus.pki))
+def _folder(rig: RigFile) -> "Folder | None":
+    if rig.bus.pki is None:
+        return None
+    # What reads certificates is loaded where there are any: it is a tenth of a program's start.
+    from pincette.security.folder import Folder
+
+    return Folder(Path(rig.bus.pki))

@@ -1,4 +1,4 @@
-"""What control makes of a rig file: the arm, its free response, its loop.
+"""What control makes of a rig file: its free response, its observer, what plans take it for.
 
 Several programs work with the same parts of a rig file; each part is made of it here alone.
 """
@@ -14,14 +14,11 @@ from pincette.control.force.observers import (
     QuasiStaticParameters,
     least_period_s,
 )
-from pincette.control.laws.law import LawSettings
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.feasibility import PlanLimits, acceleration_limit
 from pincette.control.response.free_response import FreeResponse, FreeSample, nominal_response
 from pincette.control.response.identified_response import identified_response
 from pincette.control.response.recorded_response import recorded_response
-from pincette.control.stability.loop_matrix import Loop
-from pincette.control.stability.worst_case import Intervals, around
 
 X_START_UM = 0.0
 """Where the arm rests at zero voltage: the rig file's sensor offset makes it so."""
@@ -105,19 +102,3 @@ def planned_rig(rig: RigFile) -> PlannedRig:
         x_start_um=X_START_UM,
         free_response=None if model.free_response is None else model.free_response.hysteresis(),
     )
-
-
-def loop(rig: RigFile, settings: LawSettings) -> Loop:
-    """A law with the rig's arm, observer and period, for the judgement of its stability."""
-    return Loop(
-        law=settings,
-        arm=rig.model.arm(),
-        period_s=rig.rig.period_s,
-        force_filter_s=rig.model.force_filter_s,
-        observer=force_observer(rig),
-    )
-
-
-def intervals(rig: RigFile) -> Intervals:
-    """What a job may meet: the free arm, and the part within its tolerance."""
-    return around(rig.part.stiffness_mN_per_um, rig.part.stiffness_tolerance)

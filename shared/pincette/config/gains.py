@@ -5,12 +5,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from pincette.config.derived import X_START_UM, free_response, intervals, loop
+from pincette.config.derived import X_START_UM, force_observer, free_response
 from pincette.config.rig_file import RigFile
 from pincette.control.laws.law import LawSettings, Scheme
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.profiles import quintic
 from pincette.control.stability.assessment import LIMIT_RADIUS, Assessment, assess
+from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.tuning import (
     K_F_GRID,
     K_P_GRID,
@@ -21,7 +22,7 @@ from pincette.control.stability.tuning import (
     track_each,
     tune,
 )
-from pincette.control.stability.worst_case import worst_case
+from pincette.control.stability.worst_case import Intervals, around, worst_case
 
 TUNED_HZ = 0.5
 """Frequency of the sinusoid that gains are tuned on, that of the paper."""
@@ -130,3 +131,19 @@ def _force_error_mN(rig: RigFile) -> float:
     if taught is not None:
         return taught.residual_um / model.compliance_um_per_mN
     return model.hysteresis_fraction * rig.grip.force_mN
+
+
+def loop(rig: RigFile, settings: LawSettings) -> Loop:
+    """A law with the rig's arm, observer and period, for the judgement of its stability."""
+    return Loop(
+        law=settings,
+        arm=rig.model.arm(),
+        period_s=rig.rig.period_s,
+        force_filter_s=rig.model.force_filter_s,
+        observer=force_observer(rig),
+    )
+
+
+def intervals(rig: RigFile) -> Intervals:
+    """What a job may meet: the free arm, and the part within its tolerance."""
+    return around(rig.part.stiffness_mN_per_um, rig.part.stiffness_tolerance)

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.config import RigFile, Simulation, derived
+from pincette.config import RigFile, Simulation, derived, gains
 from pincette.control.calibration.frequency_response import FrequencyResponse, swept_response
 from pincette.control.calibration.lines import compliance
 from pincette.control.calibration.resonance import SecondOrder, fit_second_order
@@ -68,8 +68,8 @@ def stability(rig: RigFile) -> Section:
     settings = default_settings("pbsmic", "consistent")
     maps = {
         scheme.upper(): radius_map(
-            derived.loop(rig, default_settings(scheme, "consistent")),
-            derived.intervals(rig),
+            gains.loop(rig, default_settings(scheme, "consistent")),
+            gains.intervals(rig),
             periods_s=PERIODS_S,
             gains=GAINS,
             observer_at=lambda period_s: _observer(rig, period_s),

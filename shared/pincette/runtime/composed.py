@@ -13,8 +13,8 @@ from pincette.config import ConfigError, RigFile
 from pincette.control.planning.program import Program
 from pincette.messages import Message, Reset
 from pincette.runtime.arming import arm
-from pincette.runtime.devices import simulated_devices
 from pincette.runtime.node import Node
+from pincette.runtime.simulated import simulated_devices
 from pincette.topics import LOOP, RESET, TOPICS, Question, Topic
 
 

@@ -1,24 +1,13 @@
 """What one program or person proves itself with: where its files are, seen to be in order."""
 
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
 from pincette.security.certificates import Facts, Pair, belongs, read, signed_by
-from pincette.security.identity import Identity, SecurityError
+from pincette.security.identity import Credentials, SecurityError
 
 SOON = timedelta(days=30)
 """Within this before its end a certificate should be renewed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Credentials:
-    """Files of one identity, and of the authority that it believes."""
-
-    identity: Identity
-    authority: Path
-    certificate: Path
-    private_key: Path
 
 
 def checked(credentials: Credentials, now: datetime) -> Facts:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from pincette.security import certificates
 from pincette.security.certificates import Facts, Pair
-from pincette.security.credentials import Credentials, content
-from pincette.security.identity import AUTHORITY, Identity, SecurityError
+from pincette.security.credentials import content
+from pincette.security.identity import AUTHORITY, Credentials, Identity, SecurityError
 
 CERTIFICATE, KEY = ".crt", ".key"
 SECRET, PUBLIC, OWNED = 0o600, 0o644, 0o700

@@ -7,6 +7,7 @@ The name of a certificate is also the place of its file: ``demo/controller`` is 
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 from pincette.service import services_of
 from pincette.topics import LOOP
@@ -47,6 +48,16 @@ class Identity:
     def serves(self) -> bool:
         """Whether others connect to it."""
         return self.role in ROUTERS or bool(services_of(self.role))
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """Files of one identity, and of the authority that it believes."""
+
+    identity: Identity
+    authority: Path
+    certificate: Path
+    private_key: Path
 
 
 def program(name: str, rig: str) -> Identity:

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from pincette.control.planning.sweep import Sweep, SweptVoltages
+from pincette.control.planning.sweep import Sweep
+from pincette.control.planning.swept_voltages import SweptVoltages
 from pincette.messages import Applied, Trip
 from pincette.service import Drive, Look, Wave
 from pincette_actuator.answering import answer

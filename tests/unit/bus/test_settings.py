@@ -10,8 +10,7 @@ from pincette.bus.settings import settings
 from pincette.config import RigFile
 from pincette.runtime.process import loop_services
 from pincette.security.access import client_access
-from pincette.security.credentials import Credentials
-from pincette.security.identity import SecurityError, program
+from pincette.security.identity import Credentials, SecurityError, program
 from pincette.topics import LOOP
 from tests.support.certificates import folder_for
 from tests.support.rigs import demo_rig

@@ -8,6 +8,7 @@ import pytest
 
 from pincette.cli.door import main
 
+DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
 OF_PEOPLE = ("httpx", "rich", "pyarrow", "matplotlib", "sqlalchemy", "fastapi", "mcap")
 WITHOUT = """\
 import sys
@@ -21,6 +22,19 @@ sys.meta_path.insert(0, Missing())
 from pincette.cli.door import main
 sys.exit(main({words!r}))
 """
+A_LOOP = f"""\
+from pathlib import Path
+from pincette import plugins
+from pincette.cli import door
+from pincette.config import read_rig
+from pincette.topics import LOOP
+rig = read_rig(Path({str(DEMO)!r}))
+for name in LOOP:
+    plugins.load(plugins.SERVICES, name).configure(rig)
+plugins.load(plugins.POSITION_SENSORS, rig.sensor.driver)
+plugins.load(plugins.VOLTAGE_OUTPUTS, rig.output.driver)
+"""
+DRAWN = ("matplotlib", "PIL", "pyarrow")
 
 
 def without(*words: str) -> "subprocess.CompletedProcess[str]":
@@ -37,8 +51,7 @@ def test_run_needs_nothing_of_what_only_people_need() -> None:
 
 
 def test_a_program_that_is_not_there_says_which_package_is_missing(tmp_path: Path) -> None:
-    rig = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
-    done = without("run", "recorder", "--rig", str(rig), "--data", str(tmp_path))
+    done = without("run", "recorder", "--rig", str(DEMO), "--data", str(tmp_path))
     assert done.returncode == 2
     assert "pincette_recorder.program:run" in done.stderr
     assert "Traceback" not in done.stderr
@@ -66,3 +79,20 @@ def test_run_without_a_rig_file_ends_as_every_word_does(
     monkeypatch.chdir(tmp_path)
     assert main(["run", "sensor"]) == 1
     assert "no rig file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("script", "never"),
+    [
+        (A_LOOP, (*OF_PEOPLE, "numpy", "cryptography", "pincette.sim.bench")),
+        ("import pincette_supervisor.program", DRAWN),
+        ("import pincette.cli.main", (*DRAWN, "numpy", "sqlalchemy", "fastapi")),
+    ],
+    ids=["the loop", "the supervisor", "a command"],
+)
+def test_a_start_does_not_wait_for_what_is_needed_later(
+    script: str, never: tuple[str, ...]
+) -> None:
+    told = f"import sys\n{script}\nprint(*sorted({set(never)!r} & sys.modules.keys()))"
+    line = [sys.executable, "-c", told]
+    assert subprocess.check_output(line, text=True, timeout=60.0).split() == []

@@ -26,9 +26,9 @@ from pincette.messages import (
 from pincette.runtime.arming import ORDER
 from pincette.runtime.composition import Composition
 from pincette.runtime.composition_loop import CompositionLoop
-from pincette.runtime.devices import simulated_devices
 from pincette.runtime.node import Node
 from pincette.runtime.process import loop_services
+from pincette.runtime.simulated import simulated_devices
 from pincette.runtime.timing import PATIENCE_WAKES, shared_patience_s
 from pincette.topics import ARM, COMMAND, LOAD, LOOP, RESET, STATUS, Question, Topic
 from tests.support.partitions import composing

@@ -6,7 +6,8 @@ from math import cos, exp, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.control.planning.sweep import Sweep, SweptVoltages
+from pincette.control.planning.sweep import Sweep
+from pincette.control.planning.swept_voltages import SweptVoltages
 from pincette.sim.plant.hysteresis import BoucWen, advance_hysteresis
 
 SECOND_MODE = 6.27

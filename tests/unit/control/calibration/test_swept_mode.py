@@ -5,7 +5,8 @@ import pytest
 
 from pincette.control.calibration.resonance import fit_second_order
 from pincette.control.calibration.swept_mode import SweptMode, swept_mode
-from pincette.control.planning.sweep import Sweep, SweptVoltages
+from pincette.control.planning.sweep import Sweep
+from pincette.control.planning.swept_voltages import SweptVoltages
 
 from .bench import PERIOD_S, Bench, drawn, percent, table, truth
 from .sweeping import Recorded, recorded

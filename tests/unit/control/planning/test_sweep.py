@@ -6,7 +6,8 @@ from math import log, pi
 import numpy as np
 import pytest
 
-from pincette.control.planning.sweep import Sweep, SweptVoltages
+from pincette.control.planning.sweep import Sweep
+from pincette.control.planning.swept_voltages import SweptVoltages
 
 SWEEP = Sweep(5.0, 800.0, 4.0, 0.05, 20_000.0)
 
