@@ -1,10 +1,11 @@
 """One do-nothing process of the bare ring: the loop's hops, settings and payloads, no work.
 
-    python -m tests.bench.ring ROLE URL PORT [routed | whole]
+    python -m tests.bench.ring ROLE URL PORT [routed | whole | coded]
 
 Roles have the names of the services. The sensor begins a tick with a serial exchange, the
 actuator ends it with one; each hands on a payload of the size that its service sends. In a whole
-one each also takes what else its service takes, and drops it.
+one each also takes what else its service takes, and drops it; in a coded one, which is whole, each
+decodes what it takes and encodes what it sends.
 """
 
 # Zenoh's stubs leave the return types of its calls open.
@@ -14,14 +15,25 @@ import os
 import signal
 import sys
 import threading
+from functools import partial
 from queue import SimpleQueue
 
 import zenoh
 
 from pincette.bus.zenoh_bus import open_session
+from pincette.codec import decode, encode
 from pincette.instruments.link import open_link
 from pincette.topics import LOOP
-from tests.bench.shape import REQUESTS, SIZES, ends, heard, hop_key, routed_ends, start_key
+from tests.bench.shape import (
+    EXAMPLES,
+    REQUESTS,
+    SIZES,
+    ends,
+    heard,
+    hop_key,
+    routed_ends,
+    start_key,
+)
 
 DROPPED = 2
 """What is taken and has no further use."""
@@ -29,12 +41,14 @@ DROPPED = 2
 
 def main(role: str, url: str, port: int, kind: str = "") -> None:
     """Hand on until standard input closes."""
-    whole = kind == "whole"
+    coded = kind == "coded"
+    whole = coded or kind == "whole"
     place = routed_ends(port) if kind == "routed" else ends(port, role, whole=whole)
     session = open_session(place, role)
     link = open_link(url, baud=115200, timeout_s=5.0) if role in REQUESTS else None
     queue: SimpleQueue[int] = SimpleQueue()
     payload = bytes(SIZES[role])
+    said = EXAMPLES[role]
     publisher = session.declare_publisher(
         hop_key(role),
         congestion_control=zenoh.CongestionControl.BLOCK,
@@ -43,19 +57,17 @@ def main(role: str, url: str, port: int, kind: str = "") -> None:
     before = LOOP[LOOP.index(role) - 1]
     left = 0
 
-    def hop(sample: zenoh.Sample) -> None:
-        sample.payload.to_bytes()
-        queue.put(1)
+    def take(other: str, sample: zenoh.Sample) -> None:
+        content = sample.payload.to_bytes()
+        if coded:
+            decode(type(EXAMPLES[other]), content)
+        queue.put(1 if other == before else DROPPED)
 
     def begin(sample: zenoh.Sample) -> None:
         queue.put(-int(sample.payload.to_bytes()))
 
-    def drop(sample: zenoh.Sample) -> None:
-        sample.payload.to_bytes()
-        queue.put(DROPPED)
-
     keep = [
-        session.declare_subscriber(hop_key(other), hop if other == before else drop)
+        session.declare_subscriber(hop_key(other), partial(take, other))
         for other in heard(role, whole=whole)
     ]
     if role == "sensor":
@@ -73,7 +85,7 @@ def main(role: str, url: str, port: int, kind: str = "") -> None:
                 continue
         if link is not None:
             link.exchange(REQUESTS[role])
-        publisher.put(payload)
+        publisher.put(encode(said) if coded else payload)
     session.close()
 
 

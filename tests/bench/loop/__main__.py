@@ -44,8 +44,9 @@ def main() -> None:
         bare = stack.enter_context(zenoh_ring("bare"))
         routed = stack.enter_context(zenoh_ring("routed_bare", "routed"))
         whole = stack.enter_context(zenoh_ring("whole", "whole"))
+        coded = stack.enter_context(zenoh_ring("coded", "coded"))
         sockets = stack.enter_context(socket_ring("sockets"))
-        contestants = (loop, simulated, mtls, bare, whole, routed, sockets)
+        contestants = (loop, simulated, mtls, bare, whole, coded, routed, sockets)
         for block in range(1, given.blocks + 1):
             for contestant in contestants:
                 contestant.measure(given.ticks)
@@ -57,6 +58,8 @@ def main() -> None:
         "mtls_over_plain": rate(mtls.blocks) / rate(loop.blocks),
         "mtls_p99_over_plain": tail_ms(mtls.blocks, 0.99) / tail_ms(loop.blocks, 0.99),
         "loop_over_whole": rate(loop.blocks) / rate(whole.blocks),
+        "loop_over_coded": rate(loop.blocks) / rate(coded.blocks),
+        "coded_over_bare": rate(coded.blocks) / rate(bare.blocks),
         "whole_over_bare": rate(whole.blocks) / rate(bare.blocks),
         "bare_over_sockets": rate(bare.blocks) / rate(sockets.blocks),
         "routed_over_bare": rate(routed.blocks) / rate(bare.blocks),

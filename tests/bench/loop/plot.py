@@ -6,7 +6,7 @@ from pathlib import Path
 from pincette.paper.drawing import BLUE, GREEN, ORANGE, RED, Axis, label, legend, picture
 from tests.bench.loop.contestant import Contestant
 
-COLOURS = (BLUE, ORANGE, GREEN, RED, "#6b5b95", "#7a8b3f", "#444444")
+COLOURS = (BLUE, ORANGE, GREEN, RED, "#6b5b95", "#7a8b3f", "#b58900", "#444444")
 HEIGHT_IN = 4.0
 
 
@@ -15,7 +15,7 @@ def draw(path: Path, contestants: Sequence[Contestant]) -> None:
 
     def lines(axes: list[Axis]) -> None:
         (axis,) = axes
-        for contestant, colour in zip(contestants, COLOURS, strict=False):
+        for contestant, colour in zip(contestants, COLOURS, strict=True):
             ticks_ms = sorted(
                 1e3 * tick_s for block in contestant.blocks for tick_s in block.ticks_s
             )

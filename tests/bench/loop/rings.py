@@ -24,13 +24,17 @@ from tests.support.rigs import free_ports
 MATCHED_S = 1.0
 """Until every member of a ring knows the others."""
 Process = subprocess.Popen[bytes]
+Kind = Literal["", "routed", "whole", "coded"]
 
 
 @contextmanager
-def zenoh_ring(name: str, kind: Literal["", "routed", "whole"] = "") -> Generator[Contestant]:
+def zenoh_ring(
+    name: str, kind: Literal["", "routed", "whole", "coded"] = ""
+) -> Generator[Contestant]:
     """Four processes that hand on by Zenoh.
 
-    ``routed``: each by way of a router alone; ``whole``: each takes all that its service takes.
+    ``routed``: each by way of a router alone; ``whole``: each takes all that its service takes;
+    ``coded``: and decodes it, and encodes what it sends.
     """
     port = free_ports(8)
     with ExitStack() as stack:
