@@ -29,9 +29,7 @@ def require_ready(site: Site, planned: Planned | None) -> None:
     cause = site.health.latched()
     if cause:
         code = "estop-engaged" if cause == "estop" else "rig-latched"
-        raise ProblemError(
-            409, code, "The actuator is latched", reset_words(site, cause), cause=cause
-        )
+        raise ProblemError(409, code, "Nothing may move", reset_words(site, cause), cause=cause)
     if reasons := site.lasting_reasons():
         raise unready(reasons)
     words = held_words(site)
