@@ -45,18 +45,16 @@ def write(
         metadata=dict(about),
     )
     table = arrow.Table.from_pydict(dict(columns), schema=schema)
-    place = str(target) if isinstance(target, Path) else target
-    files.write_table(table, place, compression="zstd")
+    files.write_table(table, target, compression="zstd")
 
 
 def opened(path: Path) -> Any:
     """A table, to be read by parts; raises OSError where it cannot be."""
-    return _pyarrow()[1].ParquetFile(str(path))
+    return _pyarrow()[1].ParquetFile(path)
 
 
 def _pyarrow() -> tuple[Any, Any]:
     """The package, which carries no types, and its part for files."""
-    import pyarrow
     import pyarrow.parquet
 
     return pyarrow, pyarrow.parquet
