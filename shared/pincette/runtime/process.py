@@ -23,7 +23,7 @@ from pincette.runtime.composition import Composition
 from pincette.runtime.composition_loop import CompositionLoop
 from pincette.runtime.context import Context
 from pincette.runtime.devices import open_device
-from pincette.runtime.interpreter import settle
+from pincette.runtime.interpreter import attend, settle
 from pincette.runtime.loop import ServiceLoop
 from pincette.runtime.node import Node
 from pincette.runtime.partners import wait_for_partners
@@ -198,6 +198,10 @@ def _run_other(name: str, file: RigFile, stop: threading.Event, options: Options
         ends = program_place(file, name, lockstep=patient)
         return ZenohBus(ends, rig or file.rig.name, name)
 
+    def ready(text: str) -> None:
+        attend()
+        _say_ready(text)
+
     _on_stop(stop.set, options)
     home = file.home(options.data)
-    program(Context(rig=file, data=home, open_bus=open_bus, ready=_say_ready, stop=stop))
+    program(Context(rig=file, data=home, open_bus=open_bus, ready=ready, stop=stop))

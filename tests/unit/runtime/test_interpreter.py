@@ -1,13 +1,30 @@
-"""The collector runs between the turns of a loop, and there alone."""
+"""The collector runs between the turns of a loop, and there alone; threads take short turns."""
 
 import gc
+import subprocess
 import sys
 import weakref
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 
-from pincette.runtime.interpreter import SWITCH_S, TURNS, Collector, settle
+from pincette.runtime.interpreter import SWITCH_S, TURNS, Collector, attend, settle
+
+DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
+A_PROGRAM = f"""\
+import gc, sys
+from pathlib import Path
+from pincette import plugins
+from pincette.runtime.process import Options, run_program
+
+def program(context):
+    context.ready("here")
+    print(sys.getswitchinterval(), gc.get_freeze_count() > 0, gc.isenabled())
+
+plugins.load = lambda group, name: program
+run_program("supervisor", Path({str(DEMO)!r}), Options())
+"""
 
 
 class Cycle:
@@ -18,13 +35,25 @@ class Cycle:
 
 
 @pytest.fixture
-def settled() -> Generator[None]:
+def restored() -> Generator[None]:
     interval_s = sys.getswitchinterval()
-    settle()
     yield
     gc.unfreeze()
     gc.enable()
     sys.setswitchinterval(interval_s)
+
+
+@pytest.fixture
+def settled(restored: None) -> None:  # noqa: ARG001  ordered after it
+    settle()
+
+
+@pytest.mark.usefixtures("restored")
+def test_a_program_that_answers_collects_what_is_new_and_takes_short_turns() -> None:
+    attend()
+    assert gc.isenabled()
+    assert gc.get_freeze_count() > 0
+    assert sys.getswitchinterval() == pytest.approx(SWITCH_S)
 
 
 @pytest.mark.usefixtures("settled")
@@ -43,3 +72,8 @@ def test_cycles_are_freed_after_so_many_turns() -> None:
     assert left() is not None
     collector.turned()
     assert left() is None
+
+
+def test_every_program_beside_the_loop_attends_before_it_says_that_it_serves() -> None:
+    told = subprocess.check_output([sys.executable, "-c", A_PROGRAM], text=True, timeout=60.0)
+    assert told.splitlines() == ["ready: here", f"{SWITCH_S} True True"]
