@@ -1,5 +1,6 @@
 """What the actuator takes from the rig file: the limits of the safety module."""
 
+from importlib import import_module
 from math import floor, pi
 
 from pincette.config import ConfigError, RigFile
@@ -18,6 +19,8 @@ EXCUSED_PERIODS = 10.0
 
 def configure(rig: RigFile) -> SafetyLimits:
     """Take the actuator's part of a rig file; raises ConfigError."""
+    # A sweep is begun within a tick, which is too short for loading what reckons with arrays.
+    import_module("pincette.control.planning.swept_voltages")
     limits, safety, period_s = rig.limits, rig.safety, rig.rig.period_s
     if not limits.voltage_min_V <= safety.safe_V <= limits.voltage_max_V:
         raise ConfigError(

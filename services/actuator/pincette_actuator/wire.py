@@ -49,7 +49,7 @@ def order_of(state: State, before: State) -> ForInstrument:
         return Drive(state.voltage_V)
     if state.sweep == before.sweep:
         return Look()
-    # It reckons with arrays, which a driver that plays waves has loaded, and no other loop needs.
+    # It reckons with arrays, as no other program of the loop does; ``configure`` has loaded it.
     from pincette.control.planning.swept_voltages import SweptVoltages
 
     return Wave(SweptVoltages(state.sweep, state.voltage_V), state.sweep.rate_hz)

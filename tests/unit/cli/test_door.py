@@ -29,8 +29,9 @@ from pincette.cli import door
 from pincette.config import read_rig
 from pincette.topics import LOOP
 rig = read_rig(Path({str(DEMO)!r}))
-for name in LOOP:
-    plugins.load(plugins.SERVICES, name).configure(rig)
+services = {{name: plugins.load(plugins.SERVICES, name) for name in LOOP}}
+for name in ("sensor", "estimator", "controller"):
+    services[name].configure(rig)
 plugins.load(plugins.POSITION_SENSORS, rig.sensor.driver)
 plugins.load(plugins.VOLTAGE_OUTPUTS, rig.output.driver)
 """
@@ -96,3 +97,11 @@ def test_a_start_does_not_wait_for_what_is_needed_later(
     told = f"import sys\n{script}\nprint(*sorted({set(never)!r} & sys.modules.keys()))"
     line = [sys.executable, "-c", told]
     assert subprocess.check_output(line, text=True, timeout=60.0).split() == []
+
+
+def test_the_actuator_loads_before_its_ticks_what_a_sweep_needs_within_one() -> None:
+    script = (
+        f"import sys\n{A_LOOP}\nservices['actuator'].configure(rig)\nprint('numpy' in sys.modules)"
+    )
+    line = [sys.executable, "-c", script]
+    assert subprocess.check_output(line, text=True, timeout=60.0).split() == ["True"]
