@@ -28,9 +28,7 @@ Kind = Literal["", "routed", "whole", "coded"]
 
 
 @contextmanager
-def zenoh_ring(
-    name: str, kind: Literal["", "routed", "whole", "coded"] = ""
-) -> Generator[Contestant]:
+def zenoh_ring(name: str, kind: Kind = "") -> Generator[Contestant]:
     """Four processes that hand on by Zenoh.
 
     ``routed``: each by way of a router alone; ``whole``: each takes all that its service takes;

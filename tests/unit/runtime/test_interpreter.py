@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pincette.runtime.interpreter import SWITCH_S, TURNS, Collector, attend, settle
+from pincette.runtime.interpreter import SWITCH_S, TURNS, Collector, settle
 
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
 A_PROGRAM = f"""\
@@ -35,25 +35,13 @@ class Cycle:
 
 
 @pytest.fixture
-def restored() -> Generator[None]:
+def settled() -> Generator[None]:
     interval_s = sys.getswitchinterval()
+    settle()
     yield
     gc.unfreeze()
     gc.enable()
     sys.setswitchinterval(interval_s)
-
-
-@pytest.fixture
-def settled(restored: None) -> None:  # noqa: ARG001  ordered after it
-    settle()
-
-
-@pytest.mark.usefixtures("restored")
-def test_a_program_that_answers_collects_what_is_new_and_takes_short_turns() -> None:
-    attend()
-    assert gc.isenabled()
-    assert gc.get_freeze_count() > 0
-    assert sys.getswitchinterval() == pytest.approx(SWITCH_S)
 
 
 @pytest.mark.usefixtures("settled")
