@@ -1,5 +1,5 @@
-# Every target works on a fresh clone: it first fills .venv from requirements/dev.txt; VENV=FOLDER
-# takes another folder.
+# Every target works on a fresh clone: it first fills .venv, from requirements/run.txt for what runs
+# rigs alone and from requirements/dev.txt for all else; VENV=FOLDER takes another folder.
 
 PYTHON ?=
 ARGS ?=
@@ -10,12 +10,20 @@ BIN := $(VENV)/bin
 export VENV
 # Programs are started by the hundred: what Python has compiled of them is kept.
 export PYTHONDONTWRITEBYTECODE :=
-COMMIT := not slow and not engine
-# what goes by no clock on the wall, on every core; long files are named first, and begun first
-VIRTUAL := -m "$(COMMIT) and not real_time" -n logical --dist loadfile --no-loadscope-reorder
-REAL := -m "$(COMMIT) and real_time"
+# `full`: too long for `make test`; `slow`: for `make soak` alone; `engine`: needs containers.
+TEST := not full and not slow and not engine
+FULL := full and not slow and not engine
+# What keeps no clock runs on every core; what keeps one runs alone, afterwards.
+PARALLEL := -n logical --dist worksteal
 OTHERS := tests/contract tests/integration tests/project tests/replay tests/unit
 TESTS := tests/system $(OTHERS)
+# those of them that have tests that keep a clock
+TIMED = $(filter tests/system tests/contract,$(TESTS))
+# With BUDGET_S=N no test begins N seconds after make has; half of it is for the parallel ones.
+BUDGET_S ?=
+NOW_S := $(if $(BUDGET_S),$(shell date +%s))
+UNTIL_HALF := $(if $(BUDGET_S),--until $(shell expr $(NOW_S) + $(BUDGET_S) / 2))
+UNTIL := $(if $(BUDGET_S),--until $(shell expr $(NOW_S) + $(BUDGET_S)))
 # those that are tested each in an environment of its own
 PYTHONS := 3.11 3.12 3.13
 # pytest's exit status where ARGS leave no test; one half may have none
@@ -26,8 +34,8 @@ COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gen
 SITE := $(BIN)/sphinx-build -b html -W --keep-going --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help venv browser demo up test test-all test-one lint mutants paper bench bench-check soak engine pins sbom \
-  wheels docs dist site clean
+.PHONY: help venv dev browser demo up test test-full test-all test-one lint mutants \
+  paper bench bench-check soak engine pins sbom wheels docs dist site clean
 
 help: ## this list
 	@echo "pincette: position and force control of a piezoelectric microgripper"
@@ -39,18 +47,43 @@ help: ## this list
 	@echo "  ARGS='-k grip'     passed on to the command"
 	@echo "  SECURE=1           demo and up: over mutual TLS, with certificates made on the fly"
 
-venv:
-	@for python in $(or $(PYTHON),python3.11 python3.12 python3.13 python3); do \
-	  if "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
-	    exec "$$python" requirements/install.py $(if $(PYTHON),--this-python); \
-	  fi; \
-	done; \
-	echo "pincette needs Python 3.11 or later; tried:" \
-	  "$(or $(PYTHON),python3.11 python3.12 python3.13 python3)." \
-	  "Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
-	exit 1
+# filled STEP: a .venv that has what a step needs.
+define filled
+@for python in $(or $(PYTHON),python3.11 python3.12 python3.13 python3); do \
+  if "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+    exec "$$python" requirements/install.py $(1) $(if $(PYTHON),--this-python); \
+  fi; \
+done; \
+echo "pincette needs Python 3.11 or later; tried:" \
+  "$(or $(PYTHON),python3.11 python3.12 python3.13 python3)." \
+  "Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
+exit 1
+endef
 
-browser: venv
+# tested MARKS COMMAND: first the parallel tests of these marks, then those that run alone, and between
+# them the command. One of the two may have no test under ARGS, but not both. Sets $$status.
+define tested
+echo "== pytest, on every core: $(1)"; \
+$(BIN)/pytest -m "($(1)) and not real_time" $(PARALLEL) $(UNTIL_HALF) $(ARGS) $(TESTS); parallel=$$?; \
+$(2) \
+echo "== pytest, in real time, one after another: $(1)"; \
+$(BIN)/pytest -m "($(1)) and real_time" $(UNTIL) $(ARGS) $(TIMED); alone=$$?; \
+status=0; \
+for one in $$parallel $$alone; do \
+  test $$one -eq 0 -o $$one -eq $(NO_TEST) || status=$$one; \
+done; \
+if test $$parallel -eq $(NO_TEST) -a $$alone -eq $(NO_TEST); then \
+  echo "ARGS='$(ARGS)' leave no test" >&2; status=$(NO_TEST); \
+fi
+endef
+
+venv:
+	$(call filled,run)
+
+dev:
+	$(call filled,dev)
+
+browser: dev
 	@$(BIN)/python requirements/browser.py
 
 demo: venv ## a simulated rig grips a bead; nothing else is needed
@@ -59,14 +92,16 @@ demo: venv ## a simulated rig grips a bead; nothing else is needed
 up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 	@$(BIN)/pincette up $(SECURELY) $(ARGS)
 
-test: lint browser ## lint, then all tests but the slow ones: what CI runs
-	@echo "== pytest, what goes by no clock on the wall: on every core"
-	@$(BIN)/pytest $(VIRTUAL) $(ARGS) $(TESTS); virtual=$$?; \
-	test $$virtual -eq 0 -o $$virtual -eq $(NO_TEST) || exit $$virtual; \
-	echo "== pytest, in real time: one after another"; \
-	$(BIN)/pytest $(REAL) $(ARGS) $(TESTS); real=$$?; \
-	test $$real -eq 0 -o $$real -eq $(NO_TEST) || exit $$real; \
-	test $$virtual -eq 0 -o $$real -eq 0 || { echo "ARGS='$(ARGS)' leave no test" >&2; exit $(NO_TEST); }
+# Types are checked beside the parallel tests, on whichever core is idle; what is said comes after.
+test: dev ## lint and a fair check of everything, within ten minutes on two cores
+	@$(MAKE) --no-print-directory lint > $(VENV)/lint.log 2>&1 & lint=$$!; \
+	$(BIN)/python requirements/browser.py; \
+	$(call tested,$(TEST),wait $$lint; linted=$$?; cat $(VENV)/lint.log;); \
+	test $$linted -eq 0 || { echo "== lint failed, exit status $$linted: see above" >&2; exit 1; }; \
+	exit $$status
+
+test-full: browser ## the tests that `make test` leaves out; BUDGET_S=1800 ends them after 30 min
+	@$(call tested,$(FULL)); exit $$status
 
 test-all: ## the tests without lint and whole rigs, under each Python that is supported
 	@for version in $(PYTHONS); do \
@@ -75,11 +110,11 @@ test-all: ## the tests without lint and whole rigs, under each Python that is su
 	  $(MAKE) --no-print-directory test-one PYTHON="$$python" VENV=.venv-$$version || exit 1; \
 	done
 
-test-one: venv
-	@$(BIN)/pytest $(VIRTUAL) $(ARGS) $(OTHERS)
-	@$(BIN)/pytest $(REAL) $(ARGS) $(OTHERS)
+test-one: TESTS := $(OTHERS)
+test-one: dev
+	@$(call tested,not slow and not engine); exit $$status
 
-lint: venv ## style, types and the direction of imports
+lint: dev ## style, types and the direction of imports
 	@echo "== ruff check"
 	@$(BIN)/ruff check --quiet .
 	@echo "== ruff format"
@@ -89,13 +124,13 @@ lint: venv ## style, types and the direction of imports
 	@echo "== import-linter"
 	@$(BIN)/lint-imports --no-cache --no-logo
 
-mutants: venv ## change the safety module in every small way; its unit tests must notice each
+mutants: dev ## change the safety module in every small way; its unit tests must notice each
 	@$(BIN)/python -m tests.mutants.run $(ARGS)
 
 paper: venv ## repeat the paper's experiments; writes data/paper/index.html, in some minutes
 	@$(BIN)/pincette paper $(ARGS)
 
-bench: venv ## measure loop, hops, plant, batches, rates, many rigs; writes bench.json
+bench: dev ## measure loop, hops, plant, batches, rates, many rigs; writes bench.json
 	@$(BIN)/python -m tests.bench.loop $(ARGS)
 	@$(BIN)/python -m tests.bench.hop
 	@$(BIN)/python -m tests.bench.plant
@@ -103,41 +138,41 @@ bench: venv ## measure loop, hops, plant, batches, rates, many rigs; writes benc
 	@$(BIN)/python -m tests.bench.realtime.rates
 	@$(BIN)/python -m tests.bench.realtime.scale
 
-bench-check: venv ## compare with the ratios that are expected; ARGS=--short leaves out all clocks
+bench-check: dev ## compare with the ratios that are expected; ARGS=--short leaves out all clocks
 	@$(BIN)/python -m tests.bench.check $(ARGS)
 
-soak: venv ## the slow tests, some of them minutes long; figures go into data/figures
+soak: dev ## the tests that take minutes or hours each; figures go into data/figures
 	@mkdir -p data/figures
 	@PINCETTE_FIGURES=$(CURDIR)/data/figures $(BIN)/pytest -m slow $(ARGS)
 
-engine: venv ## the tests in containers, with a Docker engine; some minutes
+engine: dev ## the tests in containers, with a Docker engine; some minutes
 	@$(BIN)/pytest -m engine $(ARGS) tests/engine
 
-pins: venv ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
-	@$(BIN)/python -m pip install --quiet uv
+pins: dev ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 	@$(COMPILE) --extra dev --output-file requirements/dev.txt $(ARGS) pyproject.toml
 	@$(COMPILE) -c requirements/dev.txt --output-file requirements/run.txt pyproject.toml
 	@$(COMPILE) -c requirements/dev.txt --group loop --output-file requirements/loop.txt
 	@echo hatchling | $(COMPILE) -c requirements/dev.txt --output-file requirements/build.txt -
+	@printf 'editables\nhatchling\nuv\n' | $(COMPILE) -c requirements/dev.txt --output-file requirements/tools.txt -
 	@grep -c == requirements/*.txt
 
-sbom: venv ## write which packages each image holds, as CycloneDX, into data/sbom
+sbom: dev ## write which packages each image holds, as CycloneDX, into data/sbom
 	@$(BIN)/python requirements/sbom.py data/sbom
 
 wheels: ## fetch what the images are built from, for deploy/offline.yml; needs Docker
 	@docker build --quiet --file deploy/Dockerfile --target fetched --output wheels .
 	@ls wheels | grep -c whl
 
-docs: venv ## write what is generated: docs/reference and deploy/openapi.json
+docs: dev ## write what is generated: docs/reference and deploy/openapi.json
 	@$(BIN)/python docs/generate.py
 	@$(BIN)/python docs/generate_cli.py
 	@$(BIN)/python -m pincette_supervisor.rest.openapi deploy/openapi.json
 
-dist: venv ## build wheel and sdist into data/dist, from what git has
+dist: dev ## build wheel and sdist into data/dist, from what git has
 	@rm -rf data/dist
 	@$(BIN)/python -m build --no-isolation --outdir data/dist .
 
-site: venv ## build the documentation site into data/site; any warning ends it
+site: dev ## build the documentation site into data/site; any warning ends it
 	@rm -rf data/site data/site-pages
 	@$(SITE) docs data/site -d data/site-pages
 	@echo "data/site/index.html"

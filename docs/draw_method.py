@@ -14,14 +14,13 @@ from pincette.control.arm.mode import sample_mode
 from pincette.control.arm.plant import consistent_arm
 from pincette.control.force.estimation import force
 from pincette.control.laws import law as control_law
-from pincette.control.laws.law import LawSettings
 from pincette.control.laws.steady import steady_state_errors
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.identified_response import identified_response
+from pincette.control.stability.assessment import radius_map
 from pincette.control.stability.loop_matrix import Loop
-from pincette.control.stability.stability_map import radius_map
 from pincette.control.stability.worst_case import Intervals
-from pincette.paper.drawing import (
+from pincette.plotting import (
     BLUE,
     FAINT,
     GREEN,
@@ -33,6 +32,7 @@ from pincette.paper.drawing import (
     legend,
     picture,
 )
+from tests.support.laws import law_settings
 
 IMAGES = Path(__file__).resolve().parent / "images"
 OMEGA_N, ZETA, D_P, S_P, T = sqrt(5.943e6), 0.0260, 19.0, 0.46, 0.02
@@ -134,7 +134,7 @@ def track(planned_mN_per_um: float, seconds: float = 4.0) -> Track:
     true = identified_response(actuator, D_P, 0.0).follow(1.0, 60.0)
     x_e_um = true.position_um()
     model = identified_response(known, D_P, 0.0).follow(1.0, T).begin(x_e_um)
-    settings = LawSettings(K_P=1.0, K_f=5000.0)
+    settings = law_settings(K_P=1.0, K_f=5000.0)
     law = control_law.build(settings, ARM, T, FILTER_S)
     ratio = K_E * S_P
     mode = sample_mode(OMEGA_N * sqrt(1.0 + ratio), ZETA / sqrt(1.0 + ratio), T)
@@ -191,7 +191,7 @@ def track_picture() -> bytes:
 def stability_picture() -> bytes:
     """Worst spectral radius of PBSMIC over period and K_P."""
     periods_s, gains = np.geomspace(0.003, 0.03, 25), np.geomspace(0.1, 10.0, 15)
-    loop = Loop(LawSettings(), ARM, T, FILTER_S)
+    loop = Loop(law_settings(), ARM, T, FILTER_S)
     radii = radius_map(
         loop,
         Intervals(K_e_mN_per_um=(0.7 * K_E, 1.3 * K_E)),

@@ -5,7 +5,7 @@ from typing import Any
 
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
-from pincette.paper.drawing import BLUE, FAINT, GREEN, INK, ORANGE, Axis, picture
+from pincette.plotting import BLUE, FAINT, GREEN, INK, ORANGE, Axis, picture
 
 
 def step_picture() -> bytes:

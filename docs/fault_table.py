@@ -8,17 +8,17 @@ ROOT = Path(__file__).resolve().parents[1]
 HEAD = """\
 # Fault table
 
-Generated from `tests/support/fault_table.toml` by `make docs`; a test sees to it that every test
-named here exists. T is the control period, 20 ms on the demo rig. A command is as old as the sample
-it is based on, and is refused beyond 2.5 T. *Safe* means that the actuator takes no command any
-more: with the arm free it ramps to the safe voltage, with a part held it freezes the voltage for a
-bounded time and ramps then; either way it latches, and only a person's reset leads on.
+Generated from `tests/support/fault_table.toml` by `make docs`; a test checks that every test named
+here exists. T is the control period, 20 ms on the demo rig. A command has the age of the sample it
+is based on, and is refused beyond 2.5 T. *Safe* means that the actuator accepts no more commands.
+If the arm is free, it ramps to the safe voltage. If a part is held, it freezes the voltage for a
+bounded time and then ramps. In both cases it latches, and stays latched until a person resets it.
 
-*Virtual time* is the real loop, node for node and byte for byte, with a clock that is made
-(`tests/support/virtual_loop.py`): every fault in every state of a job, at any place of the period,
-with the same numbers at every run. *Real processes* are programs on real links, on a machine that
-stalls now and then; see [what is promised](../explanations/safety.md). Every row has a *twin*: the
-same just below what may trip, which must not trip.
+*Virtual time* is the real loop with the same nodes and the same bytes, on a simulated clock
+(`tests/support/virtual_loop.py`). It tests every fault in every state of a job and at any phase of
+the period, with the same numbers in every run. *Real processes* are programs on real links, on a
+machine that stalls now and then; see [what is guaranteed](../explanations/safety.md). Every row has
+a *twin*: the same fault just below the limit, which must not trip.
 
 | # | fault | noticed by | what must happen |
 | --- | --- | --- | --- |

@@ -2,16 +2,18 @@
 
 import runpy
 from collections.abc import Callable
-from dataclasses import fields
+from enum import EnumType, StrEnum
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
-from pincette import topics
+from msgspec import structs
+
 from pincette.asyncapi.document import document
-from pincette.asyncapi.fields import notes, reachable, summary
-from pincette.messages import Document
-from pincette.records.units import unit_of
+from pincette.asyncapi.schemas import notes, reachable, summary
+from pincette.control.quantities import Document
+from pincette.core import topics
+from pincette.core.units import unit_of
 
 Pages = dict[Any, Callable[[], str]]
 ROOT = Path(__file__).resolve().parents[1]
@@ -28,20 +30,20 @@ PLAIN = {
 HEAD = """\
 # Keys
 
-Generated from `pincette.topics` by `make docs`; a test compares the two. The same for programs is
+Generated from `pincette.core.topics` by `make docs`; a test compares the two. Programs read
 [deploy/asyncapi.json](../../deploy/asyncapi.json), which the supervisor serves at `/asyncapi.json`.
 
-Every key begins with `{root}/` and the name of the rig. A payload is one MessagePack map that
-has every field below, by name, and no other; nil stands for Python's None. Forces are compressive
+Every key begins with `{root}/` and the name of the rig. A payload is one MessagePack map. It has
+every field below, by name, and no other field. nil stands for Python's None. Forces are compressive
 and positive.
 
 """
 
 
 def keys_page() -> str:
-    """The page of topics, questions and messages, as Markdown."""
+    """The page of topics, requests and messages, as Markdown."""
     kinds = [topic.message for topic in topics.TOPICS]
-    kinds += [kind for item in topics.QUESTIONS for kind in (item.request, item.reply)]
+    kinds += [kind for item in topics.REQUESTS for kind in (item.request, item.reply)]
     parts = [HEAD.format(root=topics.ROOT), _topics(), _questions(), _others()]
     parts.extend(_record(kind) for kind in reachable(kinds))
     return "".join(parts).rstrip() + "\n"
@@ -58,28 +60,30 @@ def _topics() -> str:
             f"`{topics.key('{rig}', topic)}`",
             _link(topic.message),
             topic.producer,
-            "every tick" if topic.per_tick else "when there is something to say",
+            "every tick" if topic.per_tick else "not every tick",
             topic.summary,
         )
         for topic in topics.TOPICS
     ]
-    text = "A query without a payload, on the key of a topic, brings its newest message.\n\n"
+    text = "A query without a payload on the key of a topic returns its newest message.\n\n"
     return "## Topics\n\n" + text + _table(("key", "message", "from", "when", "what"), *rows)
 
 
 def _questions() -> str:
     rows = [
         (
-            f"`{topics.question_key('{rig}', item)}`",
+            f"`{topics.request_key('{rig}', item)}`",
             _link(item.request),
             _link(item.reply),
             item.summary,
         )
-        for item in topics.QUESTIONS
+        for item in topics.REQUESTS
     ]
-    text = "A query with the request as payload; a refusal is an error reply whose text says why.\n"
+    text = (
+        "Send a query with the request as payload. A refusal is an error reply with the reason.\n"
+    )
     table = _table(("key", "request", "reply", "what"), *rows)
-    return f"## Questions\n\n{text}\n{table}"
+    return f"## Requests\n\n{text}\n{table}"
 
 
 def _others() -> str:
@@ -89,10 +93,14 @@ def _others() -> str:
 
 def _record(kind: type) -> str:
     hints, texts = get_type_hints(kind), notes(kind)
-    names = [field.name for field in fields(kind)]
     rows = [
-        (f"`{name}`", _type(hints[name]), unit_of(name), _cell(texts.get(name, "")))
-        for name in names
+        (
+            f"`{field.name}`",
+            _type(hints[field.name]),
+            unit_of(field.name),
+            _cell(texts.get(field.name, "")),
+        )
+        for field in structs.fields(kind)
     ]
     head = f"### {kind.__name__}\n\n{_cell(summary(kind))}\n\n"
     return head + (
@@ -110,6 +118,8 @@ def _type(hint: Any) -> str:
         return ", ".join(f"`{item}`" for item in arguments)
     if get_origin(hint) is tuple:
         return f"list of {_type(arguments[0])}"
+    if isinstance(hint, EnumType):
+        return ", ".join(f"`{item}`" for item in cast("type[StrEnum]", hint))
     return _link(hint)
 
 

@@ -1,12 +1,14 @@
 """Write docs/reference/cli.md from the command line itself: ``python docs/generate_cli.py``."""
 
-import argparse
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from pincette.cli.exit_status import MEANINGS
-from pincette.cli.main import parser
+from typer.core import TyperGroup
+
+from pincette.api.job_kinds import job_kinds
+from pincette.cli import MEANINGS
+from pincette.cli.main import COMMANDS, load
 
 PAGE = Path(__file__).resolve().parent / "reference" / "cli.md"
 HEAD = """\
@@ -14,12 +16,12 @@ HEAD = """\
 
 Generated from `pincette.cli`; a test compares the two. `pincette COMMAND --help` says the same.
 
-Every command that asks a supervisor takes `--url`, `--key`, `--at` and `--json`. With `--json`
-there is one JSON document on standard output and nothing else; a refusal is then the problem
-document (RFC 9457), and its words go to standard error as always. `watch --json` prints an event a
-line.
-A bar is drawn in a terminal alone; elsewhere a job that is followed prints a line for each phase.
-`JOB` is the id of a job, or `last`.
+Every command that calls a supervisor takes `--url`, `--key`, `--rig-name` and `--json`. With
+`--json`, standard output is exactly one JSON document. A refusal is then the problem document
+(RFC 9457), and its text goes to standard error as always. `watch --json` prints one event per line.
+A progress bar appears only in a terminal; elsewhere a followed job prints one line for each phase.
+`JOB` is the id of a job, or `last`. An option may be shortened as long as it is unambiguous.
+`pincette --install-completion` lets the shell complete commands and options.
 
 ## Exit status
 
@@ -28,89 +30,73 @@ A bar is drawn in a terminal alone; elsewhere a job that is followed prints a li
 """
 LIKE_A_JOB = {
     "plan": "Kinds and options are those of `pincette job KIND`, without `--queue`, `--label` and "
-    "`--no-wait`.\nOf a grip, a track and a move, `--plot FILE` draws what is foretold, as PNG.",
-    "calibrate": "Calibrations and options are those of `pincette job calibrate`.",
+    "`--no-wait`.\nFor a grip, a track or a move, `--plot FILE` draws the prediction "
+    "as PNG.",
 }
-"""Commands whose words stand elsewhere already."""
-COMMON = ("--url", "--key", "--at", "--json", "--help")
+"""Commands whose options are listed elsewhere already."""
+KINDS = "\n## `pincette KIND`\n\nThe same as `pincette job KIND`: {names}.\n"
+COMMON = {"url", "key", "rig_name", "json", "help"}
 
 
 def page() -> str:
     """The whole page, as Markdown."""
     statuses = "".join(f"| {status.value} | {text} |\n" for status, text in MEANINGS.items())
-    top = _below(parser()) or {}
-    commands = (part for name, word in top.items() for part in _command(f"pincette {name}", word))
-    return HEAD + statuses + "".join(commands)
+    commands = (part for name in COMMANDS for part in _command(f"pincette {name}", load(name)))
+    names = ", ".join(f"`{name}`" for name in job_kinds())
+    return HEAD + statuses + "".join(commands) + KINDS.format(names=names)
 
 
-def _command(path: str, word: argparse.ArgumentParser) -> Iterator[str]:
-    below = _below(word)
-    kept = path.split()[1] if " " in path else ""
+def _command(path: str, command: Any) -> Iterator[str]:
     depth = "##" if path.count(" ") == 1 else "###"
-    yield f"\n{depth} `{' '.join([path, *_places(word)])}`\n\n{_sentence(word.description)}\n"
-    if below is None:
-        yield from _options(word)
+    heading = " ".join([path, *_arguments(command)])
+    yield f"\n{depth} `{heading}`\n\n{_sentence(command.help)}\n"
+    if not isinstance(command, TyperGroup):
+        yield from _options(command)
         return
-    if kept in LIKE_A_JOB:
-        yield f"\n{LIKE_A_JOB[kept]}\n"
+    name = path.split()[1]
+    if name in LIKE_A_JOB:
+        yield f"\n{LIKE_A_JOB[name]}\n"
         return
-    for name, one in below.items():
-        yield from _command(f"{path} {name}", one)
+    for below, one in command.commands.items():
+        yield from _command(f"{path} {below}", one)
 
 
-def _actions(word: argparse.ArgumentParser) -> list[argparse.Action]:
-    # argparse has no other way to ask a parser what it knows.
-    return word._actions  # pyright: ignore[reportPrivateUsage]
+def _arguments(command: Any) -> Iterator[str]:
+    for one in command.params:
+        if one.param_type_name == "argument":
+            name = one.metavar or one.name.upper()
+            many = " ..." if one.nargs == -1 else ""
+            yield f"{name}{many}" if one.required else f"[{name}{many}]"
 
 
-def _below(word: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser] | None:
-    for action in _actions(word):
-        choices: Any = action.choices
-        if isinstance(choices, dict):
-            return cast("dict[str, argparse.ArgumentParser]", choices)
-    return None
-
-
-def _places(word: argparse.ArgumentParser) -> Iterator[str]:
-    for action in _actions(word):
-        if not action.option_strings:
-            name = str(action.metavar or action.dest)
-            yield {"?": f"[{name}]", "*": f"[{name} ...]", "+": f"{name} ..."}.get(
-                str(action.nargs), name
-            )
-
-
-def _options(word: argparse.ArgumentParser) -> Iterator[str]:
-    rows = [
-        action
-        for action in _actions(word)
-        if action.help != argparse.SUPPRESS and not set(action.option_strings) & set(COMMON)
-    ]
+def _options(command: Any) -> Iterator[str]:
+    rows = [one for one in command.params if not (one.hidden or one.name in COMMON)]
     if rows:
         yield "\n| option | meaning |\n| --- | --- |\n"
-    for action in rows:
-        yield f"| `{_name(action)}` | {_meaning(action)} |\n"
+    for one in rows:
+        yield f"| `{_name(one)}` | {_meaning(one)} |\n"
 
 
-def _name(action: argparse.Action) -> str:
-    if not action.option_strings:
-        return str(action.metavar or action.dest)
-    if action.nargs == 0:
-        return action.option_strings[0]
-    if action.choices is not None and action.metavar is None:
-        value = "\\|".join(str(choice) for choice in action.choices)
-    else:
-        value = str(action.metavar or action.dest.upper()).replace("|", "\\|")
-    return f"{action.option_strings[0]} {value}"
+def _name(one: Any) -> str:
+    if one.param_type_name == "argument":
+        return str(one.metavar or one.name.upper()).replace("|", "\\|")
+    if one.is_flag:
+        return str(one.opts[0])
+    choices = one.type_descriptor.choices
+    value = one.metavar or "|".join(map(str, choices or [one.name.upper()]))
+    return f"{one.opts[0]} {value}".replace("|", "\\|")
 
 
-def _meaning(action: argparse.Action) -> str:
-    return ((action.help or "") % {"default": action.default}).replace("|", "\\|")
+def _meaning(one: Any) -> str:
+    text = (one.help or "").replace("|", "\\|")
+    if one.default is None or one.is_flag or one.required or not one.show_default:
+        return text
+    return f"{text}; {one.default} if not given"
 
 
 def _sentence(text: str | None) -> str:
-    said = (text or "").replace("|", "\\|")
-    return f"{said[:1].upper()}{said[1:]}."
+    whole = (text or "").replace("|", "\\|").rstrip(".")
+    return f"{whole[:1].upper()}{whole[1:]}."
 
 
 def main() -> None:

@@ -11,13 +11,14 @@ from typing import Any, cast, get_args
 
 from pydantic import TypeAdapter
 
-from pincette import plugins
-from pincette.asyncapi.fields import notes
+from pincette.asyncapi.schemas import notes
 from pincette.cli.drivers import TABLES
 from pincette.config import RigFile, Table
 from pincette.config.calibration import CALIBRATED, EXPECTED
+from pincette.config.laws import Law, law_definition
 from pincette.config.rig_file import UNSHARED
-from pincette.records.units import OF_FILES, UNITS, unit_in_file
+from pincette.core import plugins
+from pincette.core.units import OF_FILES, UNITS, unit_in_file
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "reference" / "configuration.md"
@@ -33,27 +34,28 @@ HEAD = """\
 
 Generated from the models of `pincette.config` by `make docs`; a test compares the two.
 
-Everything that a rig is stands in one TOML file, the rig file, which every program of the rig is
-given. It is that of `--rig`, else of the environment variable `PINCETTE_RIG`, else
-[demo.toml](../../deploy/rigs/demo.toml). An unknown key, a value of another type and a value
-beyond its limits are refused with the place, the value and what is wanted. A key without a
-default must be there; *none* as a default means that it is left out.
+One TOML file, the rig file, describes a whole rig. Every program of the rig reads it. Its path
+comes from `--rig`, else from the environment variable `PINCETTE_RIG`, else it is
+[demo.toml](../../deploy/rigs/demo.toml). An unknown key, a value of another type and a value beyond
+its limits are refused; the message names the place, the value and what is expected. A key without a
+default is required. *none* as a default means that the key is left out.
 
-Before the first table, `base = "FILE"` may name another rig file, relative to this one, whose
-values hold where this one has none; that file has no base itself.
+Before the first table, `base = "FILE"` may name another rig file, relative to this one. The values
+of that file apply where this file has none. That file must not have a base itself.
 
-A **c** behind a key: a calibration may find it, and the model in use then holds in place of the
-rig file ([calibrate](../how-to/calibrate.md)). An **r**: a recipe may replace it for one job
-([recipes](../how-to/recipes.md)). An **l**: local, may differ from one machine to the next, since
-it is no part of what the programs compare.
+Letters behind a key:
+
+- **c**: a calibration may identify it. The model in use then replaces the value of the rig file
+  ([calibrate](../how-to/calibrate.md)).
+- **r**: a recipe may replace it for one job ([recipes](../how-to/recipes.md)).
+- **l**: local. It may differ between machines; the programs do not compare it.
 
 """
 DRIVERS = """\
 ## Options of the drivers
 
-`options` in `[sensor]` and `[output]` is a table of its own for each driver; `pincette drivers`
-shows those of the drivers that are installed, also of [other
-packages](../how-to/add-a-driver.md).
+Each driver has its own table `options` in `[sensor]` or `[output]`. `pincette drivers` shows the
+options of all installed drivers, including those of [other packages](../how-to/add-a-driver.md).
 
 """
 
@@ -77,11 +79,34 @@ def _tables(kind: type[Table], path: str) -> Iterator[str]:
     if path:
         yield f"## {_head(path)}\n\n{words.cell(kind.__doc__ or '')}\n\n"
         yield _rows(kind, path, [name for name, below in inner.items() if below is None])
+        if kind is Law:
+            yield from _gains()
     for name, below in inner.items():
         if below is not None:
             place = f"{path}.{name}" if path else name
             in_list = "tuple" in str(kind.model_fields[name].annotation)
             yield from _tables(below, f"{place}[]" if in_list else place)
+
+
+def _gains() -> Iterator[str]:
+    """The gains of each law that comes with the project."""
+    for entry in plugins.registered(plugins.LAWS):
+        if plugins.origin(entry).partition(" ")[0] != "pincette":
+            continue
+        law = law_definition(entry.name)
+        yield f'With `scheme = "{law.name}"`, {law.title}, {words.cell(law.summary)}:\n\n'
+        rows = [
+            (
+                f"`{gain.name}`",
+                "number",
+                gain.unit,
+                f"`{gain.default!r}`",
+                "> 0" if gain.positive else "≥ 0",
+                words.cell(gain.meaning[0].upper() + gain.meaning[1:] + "."),
+            )
+            for gain in law.parameters
+        ]
+        yield words.table(("key", "type", "unit", "default", "limits", "meaning"), *rows)
 
 
 def _head(path: str) -> str:

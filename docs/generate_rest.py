@@ -12,8 +12,9 @@ from typing import Any
 from pydantic import BaseModel
 
 import pincette.api
-from pincette.asyncapi.fields import notes
-from pincette.records.units import unit_of
+import pincette_supervisor.kinds
+from pincette.asyncapi.schemas import notes
+from pincette.core.units import unit_of
 from pincette_supervisor.rest.openapi import document
 
 DOCS = Path(__file__).resolve().parent
@@ -25,20 +26,20 @@ HEAD = """\
 # REST
 
 Generated from the supervisor's OpenAPI document and the models of `pincette.api` by `make docs`;
-a test compares the two. The same for programs is
-[deploy/openapi.json](../../deploy/openapi.json), which the supervisor serves at `/openapi.json`.
+a test compares the two. Programs read [deploy/openapi.json](../../deploy/openapi.json), which the
+supervisor serves at `/openapi.json`.
 
-Units are in the names of fields. A field that is not known is refused, as is a number that is not
-finite. Where the supervisor has [keys](../how-to/rest-keys.md), a request carries one as
-`Authorization: Bearer KEY`, with the scope that is named at each path; a page that has signed in
-has a cookie in its place. *Required* stands for a field without a default that a request must
-have, and an answer always has.
+Names of fields contain the units. The supervisor refuses unknown fields and numbers that are not
+finite. If the supervisor has [keys](../how-to/rest-keys.md), a request needs one with the scope
+that is named at each path: `Authorization: Bearer KEY`. A page that has signed in sends a cookie
+instead. *Required* marks a field without a default: a request must have it, and an answer always
+has it.
 
 ## Errors
 
 Every error is a [Problem](#problem), of the type `application/problem+json` (RFC 9457). Its
-`type` is `urn:pincette:problem:` and the code that is named here; what stands in brackets comes
-as further members.
+`type` is `urn:pincette:problem:` followed by the code in the table. The names in brackets are
+further members.
 
 """
 
@@ -91,7 +92,7 @@ def _operation(tree: Json, head: str, said: Json) -> Iterator[str]:
     yield f"### `{head}`\n\n"
     yield "\n\n".join(map(words.cell, said["description"].split("\n\n"))) + "\n\n"
     scopes = [scope for way in said.get("security", ()) for scope in way.get("key", ())]
-    wanted = f"Scope: `{scopes[0]}`." if scopes else "Open to everybody."
+    wanted = f"Scope: `{scopes[0]}`." if scopes else "No key needed."
     body = said.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema")
     takes = f" Body: {words.type_words(body, _link)}." if body else ""
     yield f"{wanted}{takes}\n\n"
@@ -151,7 +152,10 @@ def _content(content: Json) -> str:
 def _models() -> dict[str, type[BaseModel]]:
     """The models of the interface, by name."""
     found: dict[str, type[BaseModel]] = {}
-    for module in pkgutil.iter_modules(pincette.api.__path__, "pincette.api."):
+    for module in (
+        *pkgutil.iter_modules(pincette.api.__path__, "pincette.api."),
+        *pkgutil.walk_packages(pincette_supervisor.kinds.__path__, "pincette_supervisor.kinds."),
+    ):
         for name, thing in vars(importlib.import_module(module.name)).items():
             if isinstance(thing, type) and issubclass(thing, BaseModel):
                 found[name] = thing

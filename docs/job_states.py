@@ -39,7 +39,7 @@ HEAD = """\
 # The life of a job
 
 Generated from `pincette.api.states` by `make docs`; a test compares the two. The supervisor, this
-page and the tests read the same table, so that what is not here cannot happen.
+page and the tests read the same table; no other state or event is possible.
 
 ![States of a job as boxes, the events between them as arrows](../images/job-states.svg)
 
@@ -51,12 +51,13 @@ RULES = """\
 - A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which
   leads to `aborting`, and from there to `failed`: no job hangs.
 - `pause` acts at the next safe point, where the references are at rest. From then on they stay,
-  the law goes on holding force and position, and the guards go on. No deadline runs in
+  the law continues to hold force and position, and the guards stay active. No deadline runs in
   `paused`.
 - `stop` from `paused` does not go through `running`: the controller is asked for the stop
   alone, and nothing moves.
 - A stop keeps a held part, unless the request says `"on_stop": "release"` (unload, and rest
-  there) or `"retract"` (unload, and go back). An abort freezes the voltage for the rig file's
+  there) or `"retract"` (unload, and go back). A calibration presses to measure: its stop is always
+  a `retract`. An abort freezes the voltage for the rig file's
   `freeze_s`, unless the request says `"on_abort": "ramp"`.
 - A stopped job that holds a part keeps the rig. Its action `release` lets the part go; a job of
   the kind `hold` or `release` takes the part over.
@@ -66,10 +67,12 @@ RULES = """\
   the model in use when its turn comes. A job that ends otherwise than `succeeded`, and a
   restart of the supervisor, halt the queue until a person resumes it: `POST
   /api/v1/rigs/{rig}/queue/actions` with `{"type": "resume"}` or `{"type": "clear"}`.
+- A calibration with the arm free that a stall of the machine has tripped is `failed`, and begins
+  again as a new job that its `cause` names, as often as its `tries` say.
 - A supervisor that is killed leaves its job `interrupted` and the program playing, in real time
-  for the length of its lease (`[safety] lease_s`): then the controller stops it as the job says.
-  When a supervisor starts again, it asks the controller once to stop; a held part stays held.
-  Nothing goes on by itself.
+  for the length of its lease (`[safety] lease_s`, of a calibration three times that): then the
+  controller stops it as the job says. When a supervisor starts again, it asks the controller once
+  to stop; a held part stays held, and a calibration lets it go. Nothing resumes by itself.
 """
 
 
@@ -100,8 +103,8 @@ def jobs_page() -> str:
         + "## Events\n\n"
         + _table(events)
         + "## Actions\n\n"
-        + "An action is stored with who asked for it, when, and the sample at which it acted.\n"
-        + "Where the state is already what it asks for, the answer is 200 instead of 202.\n\n"
+        + "The job stores each action with its sender, its time and the sample at which it acted.\n"
+        + "If the job is already in the requested state, the answer is 200 instead of 202.\n\n"
         + _table(actions)
         + RULES
     )
@@ -113,7 +116,7 @@ def _everywhere(event: Event) -> str:
     lacking = [name for name, row in STATES.items() if not row.terminal and event not in row.events]
     (end,) = ends
     but = f" but {_ticked(lacking)}" if lacking else ""
-    return f"`{event}` leads to `{end}` from every state that is no end{but}."
+    return f"`{event}` leads to `{end}` from every state that is not final{but}."
 
 
 def _leads(events: Mapping[Event, JobState]) -> str:

@@ -2,21 +2,22 @@
 
 from collections.abc import Iterable
 
+from pincette.api.job_kinds import job_kinds
 from pincette.api.states import STATES
-from pincette.control.safety.causes import Cause
-from pincette_supervisor.metrics.collector import KINDS, MOST_RIGS
+from pincette.control.safety.causes import CAUSES
+from pincette_supervisor.metrics.collector import MOST_RIGS
+from pincette_supervisor.metrics.counters import FORCE_BOUNDS_MN, OBSERVED
 from pincette_supervisor.metrics.families import FAMILIES, Family
-from pincette_supervisor.metrics.rising import BOUNDS_S
-from pincette_supervisor.metrics.tally import FORCE_BOUNDS_MN, OBSERVED
+from pincette_supervisor.metrics.monotonic_counter import BOUNDS_S
 
 HEAD = """\
 # Metrics
 
 Generated from `pincette_supervisor.metrics` by `make docs`; a test compares the two. The
-supervisor serves them at `/metrics`; [observe](../how-to/observe.md) says how to scrape them, and
-what to be woken by.
+supervisor serves them at `/metrics`. [Observe](../how-to/observe.md) describes how to scrape them
+and which alerts to set.
 
-Units are Prometheus' base units: seconds, and newtons where everything else here has mN.
+Units are the base units of Prometheus: seconds and newtons. All other interfaces use mN.
 
 """
 AFTER = """\
@@ -26,13 +27,14 @@ AFTER = """\
 """
 TAIL = """\
 
-Histograms of durations have the bounds {durations} s. They are made from the finer ones that the
-programs [publish](../how-to/real-time.md#see-it) once a second: a duration never counts as
-shorter than it was, and at most 1/32 of it as longer; their sums are at most 1/64 off. Forces
-have the bounds {forces} N.
+Histograms of durations have the bounds {durations} s. The supervisor computes them from finer
+histograms, which the programs [publish](../how-to/real-time.md#see-it) once a second. A duration is
+never counted as shorter than it was, and as longer by at most 1/32 of it. Sums are at most 1/64
+off. Forces have the
+bounds {forces} N.
 
-Counters begin with the supervisor, and go on where a program is started anew. What a program has
-counted since it last told, up to a second, is lost with it, and at each arming.
+Counters start with the supervisor and continue when a program restarts. The counts since a
+program's last report, up to one second, are lost when the program ends, and at each arming.
 """
 
 
@@ -41,11 +43,13 @@ def metrics_page() -> str:
     rows = ["| metric | type | labels | meaning |", "| --- | --- | --- | --- |"]
     rows += [_row(family) for family in FAMILIES]
     labels = {
-        "rig": f"its name; at most {MOST_RIGS} rigs are told of",
+        "rig": f"its name; at most {MOST_RIGS} rigs are reported",
         "service": _listed(OBSERVED),
-        "cause": _listed(cause.value for cause in Cause),
-        "kind": f"of a job: {_listed(KINDS)}; of what was dropped: see there",
+        "cause": _listed(cause.value for cause in CAUSES),
+        "kind": f"of a job: {_listed(job_kinds())}; of dropped messages: see the metric",
         "state": _listed(STATES),
+        "part": "`none`, `held`, `unknown`",
+        "certainty": "`known`, `believed`, `unknown`: see [safety](../explanations/safety.md)",
     }
     values = "".join(f"| `{name}` | {text} |\n" for name, text in labels.items())
     tail = TAIL.format(

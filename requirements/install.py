@@ -1,11 +1,12 @@
-"""Make .venv hold what requirements/dev.txt pins, and this checkout, editable.
+"""Fill .venv in two steps: ``run``, what pincette needs to run, and ``dev``, what its tests need.
 
-Run by make, with any Python from 3.11 on and its standard library alone. A stamp in .venv says
-for which requirements and which place it was filled, so that a moved checkout, another Python or
+Run by make, with any Python from 3.11 on and its standard library alone. A stamp for each step says
+for which requirements and which place .venv was filled, so that a moved checkout, another Python or
 a changed requirement fills it again and nothing else does. The environment variable VENV names
 another folder than .venv.
 """
 
+import ast
 import fcntl
 import hashlib
 import os
@@ -18,20 +19,33 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 VENV = os.environ.get("VENV", ".venv")
-PINS = Path("requirements/dev.txt")
-SOURCES = (PINS, Path("pyproject.toml"))
+STEPS = ("run", "dev")
+"""Each has its pins, requirements/NAME.txt; the second has all that the first has, and more."""
+TOOLS = Path("requirements/tools.txt")
+"""What fills .venv: installed by pip, before all others."""
 EVERY_S = 10.0
 """Where the output is no terminal, a line at least this often."""
+PIP = {"PIP_DISABLE_PIP_VERSION_CHECK": "1", "PIP_NO_INPUT": "1", "PIP_USER": "0"}
+OF_PIP = {
+    "index-url": "UV_DEFAULT_INDEX",
+    "extra-index-url": "UV_INDEX",
+    "find-links": "UV_FIND_LINKS",
+    "no-index": "UV_NO_INDEX",
+    "trusted-host": "UV_INSECURE_HOST",
+    "cert": "SSL_CERT_FILE",
+    "proxy": "ALL_PROXY",
+}
+"""Settings of pip, and the variables by which uv takes them."""
 
 
 class InstallError(Exception):
     """A step failed; the text has the end of its output and says where all of it is."""
 
 
-def wanted_stamp(root: Path) -> str:
+def wanted_stamp(root: Path, step: str) -> str:
     """What .venv must have been filled for."""
     digest = hashlib.sha256()
-    for source in SOURCES:
+    for source in (Path(f"requirements/{step}.txt"), TOOLS, Path("pyproject.toml")):
         digest.update((root / source).read_bytes())
     return f"{digest.hexdigest()} {root}\n"
 
@@ -52,27 +66,22 @@ def is_usable(root: Path, *, this_python: bool) -> bool:
     return tuple(map(int, version.split("."))) >= (3, 11)
 
 
-def run(what: str, command: list[str], total: int = 0) -> None:
-    """Run a step, its output into a log, its progress onto the screen."""
+def run(what: str, command: list[str], settings: dict[str, str]) -> None:
+    """Run a command, its output into a log, its progress onto the screen; raises InstallError."""
     log = ROOT / VENV / "install.log"
     begin = shown = time.monotonic()
     terminal = sys.stdout.isatty()
     print(f"  {what}", flush=True)
-    environment = os.environ | {
-        "PIP_DISABLE_PIP_VERSION_CHECK": "1",
-        "PIP_NO_INPUT": "1",
-        "PIP_USER": "0",
-    }
     with log.open("wb") as sink:
         process = subprocess.Popen(
-            command, cwd=ROOT, env=environment, stdout=sink, stderr=subprocess.STDOUT
+            command, cwd=ROOT, env=os.environ | settings, stdout=sink, stderr=subprocess.STDOUT
         )
     while process.poll() is None:
-        time.sleep(0.1)
+        time.sleep(0.05)
         if time.monotonic() - shown < (0.3 if terminal else EVERY_S):
             continue
         shown = time.monotonic()
-        line = f"    {shown - begin:3.0f} s{progress(log, total)}"
+        line = f"    {shown - begin:3.0f} s{progress(log)}"
         print(f"\r{line:<70}" if terminal else line, end="" if terminal else "\n", flush=True)
     if terminal:
         print(f"\r{'':<70}\r", end="", flush=True)
@@ -81,47 +90,74 @@ def run(what: str, command: list[str], total: int = 0) -> None:
         raise InstallError(f"{what}: exit status {process.returncode}; whole text: {log}\n{end}")
 
 
-def progress(log: Path, total: int) -> str:
-    """How far pip has come."""
-    lines = log.read_text(errors="replace").splitlines()
-    found = [line.split()[1] for line in lines if line.startswith("Collecting ")]
-    if not total or not found:
-        return ""
-    if any(line.startswith("Installing collected") for line in lines):
-        return f", unpacking {len(found)} packages"
-    return f", package {len(found)} of about {total}: {found[-1].split('==')[0]}"
+def progress(log: Path) -> str:
+    """The last line that a command has written."""
+    lines = log.read_text(errors="replace").split("\n")
+    said = [line.strip() for line in lines if line.strip()]
+    return f", {said[-1][:50]}" if said else ""
 
 
-def fill(root: Path, *, this_python: bool) -> None:
-    """Make .venv where needed, and install."""
+def uv_settings(listed: str) -> dict[str, str]:
+    """Variables by which uv finds packages where pip does, from what ``pip config list`` prints.
+
+    pip's own variables come last in that list and override its files, as they do for pip.
+    """
+    found: dict[str, str] = {}
+    for line in sorted(listed.splitlines(), key=lambda line: line.startswith(":env:")):
+        name, _, value = line.partition("=")
+        section, _, setting = name.partition(".")
+        if section in ("global", "install", ":env:") and setting in OF_PIP and value:
+            found[OF_PIP[setting]] = " ".join(str(ast.literal_eval(value)).split())
+    # pip takes a version from any of its indexes; what is installed is held by its hash.
+    found["UV_INDEX_STRATEGY"] = "unsafe-best-match"
+    return {name: value for name, value in found.items() if name not in os.environ}
+
+
+def fill(root: Path, step: str, *, this_python: bool) -> None:
+    """Make .venv where needed, and install what a step needs."""
     venv = root / VENV
+    python = str(venv / "bin/python")
+    pip = [python, "-m", "pip", "install", "--progress-bar", "off"]
     if not is_usable(root, this_python=this_python):
         shutil.rmtree(venv, ignore_errors=True)
         venv.mkdir()
-        run("a virtual environment", [sys.executable, "-m", "venv", str(venv)])
-    pip = [str(venv / "bin/python"), "-m", "pip", "install", "--progress-bar", "off"]
-    total = (root / PINS).read_text(encoding="utf-8").count("==")
-    run(f"the packages of {PINS}", [*pip, "--require-hashes", "-r", str(PINS)], total)
-    run("pincette itself", [*pip, "--no-deps", "--no-build-isolation", "-e", "."])
+        run("a virtual environment", [sys.executable, "-m", "venv", str(venv)], {})
+    tools = ["--no-compile", "--require-hashes", "-r", str(TOOLS)]
+    run("what installs the others", [*pip, *tools], PIP)
+    config = [python, "-m", "pip", "config", "list"]
+    settings = uv_settings(subprocess.run(config, capture_output=True, text=True).stdout)
+    pins = f"requirements/{step}.txt"
+    for what, wanted in (
+        (f"the packages of {pins}", ["--require-hashes", "-r", pins]),
+        ("pincette itself", ["--no-deps", "--no-build-isolation", "-e", "."]),
+    ):
+        uv = [str(venv / "bin/uv"), "pip", "install", "--python", python]
+        try:
+            run(what, [*uv, *wanted], settings)
+        except InstallError as error:
+            # uv knows fewer ways to a package than pip, such as a certificate of the client.
+            print(f"{error}\n  once more by pip", flush=True)
+            run(what, [*pip, *wanted], PIP)
 
 
-def main() -> int:
+def main(step: str, *, this_python: bool) -> int:
     """Fill .venv unless its stamp says that it is filled; one make at a time."""
-    stamp = ROOT / VENV / "stamp"
-    wanted = wanted_stamp(ROOT)
-
-    this_python = "--this-python" in sys.argv
+    wanted = {name: wanted_stamp(ROOT, name) for name in STEPS[STEPS.index(step) :]}
+    stamps = {name: ROOT / VENV / f"stamp-{name}" for name in STEPS}
 
     def is_filled() -> bool:
-        if not stamp.exists() or not (ROOT / VENV / "bin/python").exists():
+        if not (ROOT / VENV / "bin/python").exists():
             return False
         if this_python and not is_usable(ROOT, this_python=True):
             return False
-        return stamp.read_text(encoding="utf-8") == wanted
+        return any(
+            stamps[name].exists() and stamps[name].read_text(encoding="utf-8") == text
+            for name, text in wanted.items()
+        )
 
     if is_filled():
         return 0
-    with (ROOT / PINS).open("rb") as lock:
+    with (ROOT / TOOLS).open("rb") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -131,16 +167,17 @@ def main() -> int:
             return 0
         begin = time.monotonic()
         print(f"filling {VENV} with Python {platform.python_version()}", flush=True)
-        stamp.unlink(missing_ok=True)
-        fill(ROOT, this_python=this_python)
-        stamp.write_text(wanted, encoding="utf-8")
+        for stamp in stamps.values():
+            stamp.unlink(missing_ok=True)
+        fill(ROOT, step, this_python=this_python)
+        stamps[step].write_text(wanted[step], encoding="utf-8")
         print(f"{VENV} is ready after {time.monotonic() - begin:.0f} s", flush=True)
     return 0
 
 
 if __name__ == "__main__":
     try:
-        sys.exit(main())
+        sys.exit(main(sys.argv[1], this_python="--this-python" in sys.argv))
     except InstallError as error:
         sys.exit(str(error))
     except KeyboardInterrupt:

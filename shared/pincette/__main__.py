@@ -2,6 +2,6 @@
 
 import sys
 
-from pincette.cli.door import main
+from pincette.cli.entrypoint import main
 
 sys.exit(main())

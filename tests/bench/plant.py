@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
 
-from pincette.config.simulated_parts import Amplifier, Bead, SecondMode
-from pincette.sim.instruments.traits import resolved
+from pincette.config.simulation import Amplifier, Bead, SecondMode
+from pincette.sim.instruments.fitting import resolved
 from pincette.sim.plant import plant
 from pincette.sim.plant.plant import PlantParameters, PlantState
 from tests.support.rigs import demo_rig

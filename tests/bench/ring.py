@@ -21,9 +21,9 @@ from queue import SimpleQueue
 import zenoh
 
 from pincette.bus.zenoh_bus import open_session
-from pincette.codec import decode, encode
+from pincette.core.codec import decode, encode
+from pincette.core.topics import LOOP
 from pincette.instruments.link import open_link
-from pincette.topics import LOOP
 from tests.bench.shape import (
     EXAMPLES,
     REQUESTS,

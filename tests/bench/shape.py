@@ -1,18 +1,21 @@
 """What the bare ring takes from the loop: its hops, its payloads, its places on the bus."""
 
-from pincette.bus.links import Ends, endpoint
-from pincette.codec import encode
-from pincette.messages import Applied, Command, Estimate, Message, Position
-from pincette.runtime.process import loop_services
-from pincette.topics import LOOP
+from pincette.bus.topology import SessionConfig, endpoint
+from pincette.core.codec import encode
+from pincette.core.faults import Cause, Mode
+from pincette.core.messages import Applied, Command, Estimate, Message, Position
+from pincette.core.topics import LOOP
+from pincette.engine.process import loop_services
 
 EXAMPLES: dict[str, Message] = {
     "sensor": Position(2**47, 1000, 20.0, 31.415, True),
     "estimator": Estimate(
-        2**47, 1000, 31.4, 9.87, 0.5, 0.1, 12.3, "", 1.7, 999, 0, False, False, True
+        2**47, 1000, 31.4, 9.87, 0.5, 0.1, 12.3, None, 1.7, 999, 0, False, False, True
     ),
     "controller": Command(2**47, 1000, 2**47, 1.71, True, False, False, True),
-    "actuator": Applied(2**47, 1000, 1.7, "armed", "", 0, True, False, False, True, 0, 0.004),
+    "actuator": Applied(
+        2**47, 1000, 1.7, Mode.ARMED, Cause.NONE, 0, True, False, False, True, 0, 0.004
+    ),
 }
 SIZES = {name: len(encode(message)) for name, message in EXAMPLES.items()}
 """Bytes that each service hands on within a tick."""
@@ -39,7 +42,7 @@ def heard(role: str, *, whole: bool) -> list[str]:
     return sorted({before, *producers}, key=LOOP.index)
 
 
-def ends(port: int, role: str, *, whole: bool = False) -> Ends:
+def ends(port: int, role: str, *, whole: bool = False) -> SessionConfig:
     """A peer in a ring, with a link to each that it hears or that hears it."""
     earlier = [
         other
@@ -47,9 +50,9 @@ def ends(port: int, role: str, *, whole: bool = False) -> Ends:
         if other in heard(role, whole=whole) or role in heard(other, whole=whole)
     ]
     connect = tuple(endpoint("127.0.0.1", port, other) for other in earlier)
-    return Ends("peer", (endpoint("127.0.0.1", port, role),), connect)
+    return SessionConfig("peer", (endpoint("127.0.0.1", port, role),), connect)
 
 
-def routed_ends(port: int) -> Ends:
+def routed_ends(port: int) -> SessionConfig:
     """A place at a router, by way of which everything goes."""
-    return Ends("client", connect=(endpoint("127.0.0.1", port, "router"),))
+    return SessionConfig("client", connect=(endpoint("127.0.0.1", port, "router"),))

@@ -88,8 +88,8 @@ def reach(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Reach]:
     if way == "memory":
         yield offer_in_memory
     elif way == "recording":
-        rehearse: Callable[[Reach], None] = getattr(request.instance, request.function.__name__)
-        rehearse(offer_recorded(tmp_path))
+        run_dry: Callable[[Reach], None] = getattr(request.instance, request.function.__name__)
+        run_dry(offer_recorded(tmp_path))
         played = list[ReplayLink]()
         yield offer_replayed(tmp_path, played)
         assert played

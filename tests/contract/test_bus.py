@@ -3,21 +3,23 @@
 import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 from time import monotonic, sleep
 from typing import Any, ClassVar, cast
 
 import pytest
 import zenoh
+from msgspec.structs import replace
 
-from pincette.bus.links import Ends, client_ends, router_ends
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import BusError, LatestBus, RefusalError
+from pincette.bus.topology import SessionConfig, client_session, router_session
 from pincette.bus.zenoh_bus import ZenohBus, open_session, serve_router
-from pincette.codec import ENCODING, encode
-from pincette.messages import Burst, Done, JobNotice, Message, Position, StatusRequest, Trip
-from pincette.runtime.rig_file import ask_rig_file, read_told, serve_rig_file
-from pincette.topics import BURST, JOB, POSITION, STATUS, TRIP, Question, Topic, key
+from pincette.core.codec import encode
+from pincette.core.codec.wire import ENCODING
+from pincette.core.faults import Cause
+from pincette.core.messages import Ack, Burst, JobNotice, Message, Position, StatusRequest, Trip
+from pincette.core.topics import BURST, JOB, POSITION, STATUS, TRIP, Request, Topic, key
+from pincette.engine.rig_file import ask_rig_file, read_rig_reply, serve_rig_file
 from tests.support.rigs import demo_rig, free_ports
 
 pytestmark = pytest.mark.usefixtures("stalls")
@@ -60,32 +62,32 @@ class BusContract:
         asked: list[Message] = []
 
         def answer(
-            _question: Question, request: Message, reply: Callable[[Message | str], None]
+            _question: Request, request: Message, reply: Callable[[Message | str], None]
         ) -> None:
             asked.append(request)
-            reply(Done(41))
+            reply(Ack(41))
 
         buses[1].serve(TRIP, answer)
         self.settle(buses, lambda: True)
-        assert buses[0].ask(TRIP, Trip("estop")) == Done(41)
-        assert asked == [Trip("estop")]
+        assert buses[0].call(TRIP, Trip(Cause.ESTOP)) == Ack(41)
+        assert asked == [Trip(Cause.ESTOP)]
 
     def test_a_refusal_brings_its_reason(self, buses: tuple[LatestBus, LatestBus]) -> None:
         def refuse(
-            _question: Question, _request: Message, reply: Callable[[Message | str], None]
+            _question: Request, _request: Message, reply: Callable[[Message | str], None]
         ) -> None:
             reply("latched: estop")
 
         buses[1].serve(TRIP, refuse)
         self.settle(buses, lambda: True)
         with pytest.raises(RefusalError, match="latched: estop"):
-            buses[0].ask(TRIP, Trip("estop"))
+            buses[0].call(TRIP, Trip(Cause.ESTOP))
 
     def test_nobody_there_is_an_error_that_says_who(
         self, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         with pytest.raises(BusError, match="estimator/status"):
-            buses[0].ask(STATUS["estimator"], StatusRequest(), 0.3)
+            buses[0].call(STATUS["estimator"], StatusRequest(), 0.3)
 
     def test_silence_is_an_error_after_the_time_that_was_given(
         self, buses: tuple[LatestBus, LatestBus]
@@ -93,14 +95,14 @@ class BusContract:
         kept: list[Callable[[Message | str], None]] = []
 
         def silent(
-            _question: Question, _request: Message, reply: Callable[[Message | str], None]
+            _question: Request, _request: Message, reply: Callable[[Message | str], None]
         ) -> None:
             kept.append(reply)
 
         buses[1].serve(TRIP, silent)
         self.settle(buses, lambda: True)
         with pytest.raises(BusError, match="actuator/trip"):
-            buses[0].ask(TRIP, Trip("estop"), 0.3)
+            buses[0].call(TRIP, Trip(Cause.ESTOP), 0.3)
 
     def test_the_newest_message_of_a_topic_can_be_asked_for(
         self, buses: tuple[LatestBus, LatestBus]
@@ -137,7 +139,7 @@ class TestMemoryBus(BusContract):
 
 class TestZenohBus(BusContract):
     @pytest.fixture
-    def ends(self) -> Generator[Ends]:
+    def ends(self) -> Generator[SessionConfig]:
         """A tool's place at a router of its own."""
         port = free_ports(1)
         end, up = threading.Event(), threading.Event()
@@ -147,16 +149,16 @@ class TestZenohBus(BusContract):
             end.wait()
 
         router = threading.Thread(
-            target=serve_router, args=(router_ends("127.0.0.1", port), "contract", wait)
+            target=serve_router, args=(router_session("127.0.0.1", port), "contract", wait)
         )
         router.start()
         assert up.wait(WAIT_S)
-        yield client_ends("127.0.0.1", port)
+        yield client_session("127.0.0.1", port)
         end.set()
         router.join()
 
     @pytest.fixture
-    def buses(self, ends: Ends) -> Generator[tuple[LatestBus, LatestBus]]:
+    def buses(self, ends: SessionConfig) -> Generator[tuple[LatestBus, LatestBus]]:
         with ExitStack() as stack:
             pair = [ZenohBus(ends, "contract", place, reliable=True) for place in self.places]
             for bus in pair:
@@ -164,14 +166,14 @@ class TestZenohBus(BusContract):
             yield pair[0], pair[1]
 
     @pytest.fixture
-    def patient(self, ends: Ends) -> Generator[ZenohBus]:
+    def patient(self, ends: SessionConfig) -> Generator[ZenohBus]:
         """A place as in real time."""
         bus = ZenohBus(ends, "contract", "one")
         yield bus
         bus.close()
 
     @pytest.fixture
-    def session(self, ends: Ends) -> Generator[zenoh.Session]:
+    def session(self, ends: SessionConfig) -> Generator[zenoh.Session]:
         """A tool that knows nothing of this bus."""
         with open_session(ends, "tool") as session:
             yield session
@@ -251,7 +253,7 @@ class TestZenohBus(BusContract):
         assert "x_um" in second.refusal
 
     def test_programs_of_every_rig_are_seen_and_tell_their_rig_file(
-        self, ends: Ends, buses: tuple[LatestBus, LatestBus]
+        self, ends: SessionConfig, buses: tuple[LatestBus, LatestBus]
     ) -> None:
         watcher, file = buses[0], demo_rig()
         assert isinstance(watcher, ZenohBus)
@@ -265,7 +267,7 @@ class TestZenohBus(BusContract):
         assert ("contract", "settled") in watcher.alive_everywhere()
         assert "sensor" not in watcher.alive()
         asker = ZenohBus(ends, "other", "asker")
-        assert read_told(ask_rig_file(asker, "sensor")) == file
+        assert read_rig_reply(ask_rig_file(asker, "sensor")) == file
         with pytest.raises(BusError, match="nobody answers actuator/rig_file"):
             ask_rig_file(asker, "actuator")
         asker.close()

@@ -10,18 +10,19 @@ from time import monotonic, sleep
 
 import pytest
 
-from pincette.bus.places import program_place, router_place, service_place
+from pincette.bus.endpoints import program_endpoint, router_endpoint, service_endpoint
 from pincette.bus.protocol import BusError
 from pincette.bus.zenoh_bus import ZenohBus, open_session
-from pincette.cli.tripping import trip_past_supervisor
-from pincette.codec import encode
+from pincette.cli.safety import trip_past_supervisor
 from pincette.config import RigFile
-from pincette.messages import Arm, Command, Done, Message, Trip
-from pincette.runtime.process import loop_programs
+from pincette.core.codec import encode
+from pincette.core.faults import Cause
+from pincette.core.messages import Ack, Arm, Command, Message, Trip
+from pincette.core.topics import ARM, COMMAND, TOPICS, TRIP, key, live_key
+from pincette.engine.process import loop_programs
 from pincette.security.establishing import enrol
 from pincette.security.folder import Folder
 from pincette.security.identity import SecurityError, program
-from pincette.topics import ARM, COMMAND, TOPICS, TRIP, key, live_key
 from tests.bench.shape import EXAMPLES
 from tests.support.certificates import NOW, Intruder, folder_for
 from tests.support.partitions import composing
@@ -31,7 +32,7 @@ WAIT_S = 5.0
 QUIET_S = 0.3
 """Within which a put that is let through has long arrived."""
 PAIR = "estimator+controller"
-OWN = {"estimate", "command", "telemetry", "asked"}
+OWN = {"estimate", "command", "telemetry", "request_log"}
 TRUE = Command(2**40, 8, 3, 1.5, part_held=False, zero=False, final=False, valid=True)
 
 
@@ -53,7 +54,7 @@ class Site:
         self, _question: object, request: Message, reply: Callable[[Message | str], None]
     ) -> None:
         self.asked.append(request)
-        reply(Done(1))
+        reply(Ack(1))
 
     def begin(self) -> None:
         self.actuator.subscribe(COMMAND, lambda _topic, message: self.commands.append(message))
@@ -82,12 +83,12 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Generator[Site]:
     rig = composing(demo_rig(), PAIR).secured(folder.path)
     programs = loop_programs(rig)
     with ExitStack() as stack:
-        stack.enter_context(open_session(router_place(rig), "router"))
+        stack.enter_context(open_session(router_endpoint(rig), "router"))
         pair, actuator = (
-            ZenohBus(service_place(rig, name, programs), "demo", name)
+            ZenohBus(service_endpoint(rig, name, programs), "demo", name)
             for name in (PAIR, "actuator")
         )
-        place = program_place(rig, "supervisor", lockstep=False)
+        place = program_endpoint(rig, "supervisor", lockstep=False)
         made = Site(rig, folder, pair, actuator, ZenohBus(place, "demo", "supervisor"))
         for bus in (pair, actuator, made.supervisor):
             stack.callback(bus.close)
@@ -111,12 +112,12 @@ def test_it_says_what_its_services_say_and_nothing_else(site: Site) -> None:
 
 def test_it_answers_and_is_there_for_its_services_alone(site: Site) -> None:
     request = Arm(1, 1, "")
-    assert site.supervisor.ask(ARM["controller"], request) == Done(1)
+    assert site.supervisor.call(ARM["controller"], request) == Ack(1)
     with pytest.raises(BusError, match="nobody answers sensor/arm"):
-        site.supervisor.ask(ARM["sensor"], request, 0.3)
+        site.supervisor.call(ARM["sensor"], request, 0.3)
     assert site.supervisor.alive() == {"estimator", "controller", "actuator"}
     with pytest.raises(BusError, match="may demo/estimator\\+controller ask it"):
-        site.pair.ask(TRIP, Trip("estop"), 0.3)
+        site.pair.call(TRIP, Trip(Cause.ESTOP), 0.3)
 
 
 @pytest.mark.parametrize("who", ["controller", "estimator"])
@@ -134,20 +135,20 @@ def test_a_certificate_of_one_of_its_services_commands_nothing(site: Site, who: 
 def test_a_rig_file_that_composes_wants_the_certificate_for_it(site: Site) -> None:
     rig = composing(site.rig, "loop")
     with pytest.raises(SecurityError, match=r"loop\.crt: No such file"):
-        service_place(rig, "loop", loop_programs(rig))
+        service_endpoint(rig, "loop", loop_programs(rig))
 
 
 def test_an_emergency_stop_goes_straight_to_an_actuator_beside_it(site: Site) -> None:
     assert trip_past_supervisor(site.rig, "demo").ways == {"demo": "at the actuator"}
-    assert site.asked[-1] == Trip("estop")
+    assert site.asked[-1] == Trip(Cause.ESTOP)
 
 
 def test_an_emergency_stop_goes_straight_to_a_program_of_all(site: Site) -> None:
     enrol(site.folder, "demo", (), NOW, composed=["loop"])
     rig = composing(demo_rig(), "loop").secured(site.folder.path)
-    whole = ZenohBus(service_place(rig, "loop", loop_programs(rig)), "demo", "loop")
+    whole = ZenohBus(service_endpoint(rig, "loop", loop_programs(rig)), "demo", "loop")
     whole.serve(TRIP, site.answer)
     site.asked.clear()
     assert trip_past_supervisor(rig, "demo").ways == {"demo": "at the actuator"}
-    assert site.asked == [Trip("estop")]
+    assert site.asked == [Trip(Cause.ESTOP)]
     whole.close()

@@ -183,7 +183,7 @@ def test_a_port_opened_again_finds_the_output_on_and_works_on() -> None:
         wire.close()
         with pytest.raises(InstrumentError) as caught:
             output.write_V(2.1)
-        assert caught.value.cause == "hung_up"
+        assert caught.value.code == "hung_up"
         line.source.answer(b"VOLT 99;NONE?")
         wires.enter_context(serve(wire.url, line.source, terminator=dc205.TERMINATOR))
         now_s = RETRY_S
@@ -207,7 +207,7 @@ def test_a_source_that_lost_its_supply_is_not_switched_on_again() -> None:
         for _ in range(2):
             with pytest.raises(InstrumentError, match="has been switched off") as caught:
                 output.write_V(2.2)
-            assert caught.value.cause == "refused"
+            assert caught.value.code == "refused"
         assert output.read_V() == 0.0
         assert after.voltages_V == []
 

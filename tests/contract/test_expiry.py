@@ -9,11 +9,11 @@ from time import monotonic, sleep
 
 import pytest
 
-from pincette.bus.links import Ends, Member, client_ends, endpoint, secured
+from pincette.bus.topology import SessionConfig, TlsIdentity, client_session, endpoint, secured
 from pincette.bus.zenoh_bus import open_session
+from pincette.core.topics import COMMAND, key
 from pincette.security.access import client_access
 from pincette.security.identity import Identity, program
-from pincette.topics import COMMAND, key
 from tests.support.certificates import folder_for
 from tests.support.rigs import free_ports
 
@@ -32,14 +32,14 @@ def test_the_router_ends_the_link_and_a_service_does_not(
 ) -> None:
     folder, port = folder_for(tmp_path / "pki", "demo"), free_ports(1)
     server: Identity = program("router" if mode == "router" else "controller", "demo")
-    listening = Ends(mode, listen=(endpoint("127.0.0.1", port, "router"),))
-    ours = Member(folder.credentials(server), client_access(TOOL))
-    tool = Member(folder.credentials(TOOL), client_access(server))
+    listening = SessionConfig(mode, listen=(endpoint("127.0.0.1", port, "router"),))
+    ours = TlsIdentity(folder.credentials(server), client_access(TOOL))
+    tool = TlsIdentity(folder.credentials(TOOL), client_access(server))
     heard: list[float] = []
     with open_session(secured(listening, ours), "server") as told:
         end = datetime.now(UTC) + LASTS
         folder.renew(TOOL, datetime.now(UTC), LASTS / timedelta(days=1))
-        with open_session(secured(client_ends("127.0.0.1", port), tool), "tool") as hearing:
+        with open_session(secured(client_session("127.0.0.1", port), tool), "tool") as hearing:
             hearing.declare_subscriber(key("demo", COMMAND), lambda _: heard.append(monotonic()))
             while datetime.now(UTC) < end + timedelta(seconds=AFTER_S):
                 told.put(key("demo", COMMAND), b"")

@@ -10,15 +10,16 @@ from typing import Any
 import pytest
 import zenoh
 
-from pincette.bus.links import Member, router_ends, secured
-from pincette.bus.places import program_place, tool_place
+from pincette.bus.endpoints import program_endpoint, tool_endpoint
 from pincette.bus.protocol import BusError
 from pincette.bus.settings import settings
+from pincette.bus.topology import TlsIdentity, router_session, secured
 from pincette.bus.zenoh_bus import ZenohBus, open_session
-from pincette.messages import Trip
+from pincette.core.faults import Cause
+from pincette.core.messages import Trip
+from pincette.core.topics import COMMAND, TRIP, key
 from pincette.security.folder import Folder
 from pincette.security.identity import person, program
-from pincette.topics import COMMAND, TRIP, key
 from tests.support.certificates import Intruder, folder_for
 from tests.support.rigs import demo_rig
 
@@ -34,25 +35,25 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
 def test_a_viewer_cannot_be_taken_for_a_router(folder: Folder) -> None:
     """Its certificate is good for no server, so nobody who connects believes it."""
     rig = demo_rig().secured(folder.path)
-    viewer = Member(folder.credentials(person("viewer", "viewer")), {})
-    false = secured(router_ends("127.0.0.1", rig.bus.port), viewer)
+    viewer = TlsIdentity(folder.credentials(person("viewer", "viewer")), {})
+    false = secured(router_session("127.0.0.1", rig.bus.port), viewer)
     with open_session(false, "false"), pytest.raises(BusError, match="not believed here"):
-        open_session(tool_place(rig), "tool")
+        open_session(tool_endpoint(rig), "tool")
 
 
 def test_one_that_is_no_router_is_told_nothing_by_a_client(folder: Folder) -> None:
     """A service's certificate is good for a server; a client gives it nothing all the same."""
     rig = demo_rig().secured(folder.path)
-    sensor = Member(folder.credentials(program("sensor", "demo")), {})
-    tree = settings(secured(router_ends("127.0.0.1", rig.bus.port), sensor), "false")
+    sensor = TlsIdentity(folder.credentials(program("sensor", "demo")), {})
+    tree = settings(secured(router_session("127.0.0.1", rig.bus.port), sensor), "false")
     tree.pop("access_control")
     heard: list[Any] = []
     with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as false:
         false.declare_subscriber("**", heard.append)
         false.declare_queryable("**", heard.append)
-        bus = ZenohBus(program_place(rig, "supervisor", lockstep=False), "demo", "supervisor")
+        bus = ZenohBus(program_endpoint(rig, "supervisor", lockstep=False), "demo", "supervisor")
         with pytest.raises(BusError, match="nobody answers"):
-            bus.ask(TRIP, Trip("estop"), 0.3)
+            bus.call(TRIP, Trip(Cause.ESTOP), 0.3)
         bus.close()
     assert heard == []
 
@@ -62,8 +63,8 @@ def test_a_rule_that_denies_under_a_default_of_allowing_is_passed_by_a_wildcard(
 ) -> None:
     """Why everything is denied that no rule allows: the other way round there is a hole."""
     port = demo_rig().bus.port
-    member = Member(folder.credentials(program("router", "")), {})
-    tree = settings(secured(router_ends("127.0.0.1", port), member), "lax")
+    member = TlsIdentity(folder.credentials(program("router", "")), {})
+    tree = settings(secured(router_session("127.0.0.1", port), member), "lax")
     tree["access_control"] = {
         "enabled": True,
         "default_permission": "allow",

@@ -14,14 +14,17 @@ import pytest
 import zenoh
 
 from pincette.bus.zenoh_bus import ZenohBus, open_session
-from pincette.codec import ENCODING, MAX_BYTES, CodecError, decode, encode
-from pincette.messages import Command, Done, Message, Trip
-from pincette.topics import COMMAND, TRIP, Question, key, question_key
+from pincette.core.codec import MAX_BYTES, decode, encode
+from pincette.core.codec.refusals import CodecError
+from pincette.core.codec.wire import ENCODING
+from pincette.core.faults import Cause
+from pincette.core.messages import Ack, Command, Message, Trip
+from pincette.core.topics import COMMAND, TRIP, Request, key, request_key
 from tests.support.frames import spoilt
 from tests.support.routed import WAIT_S, router, until
 
 SEED = 20133
-FRAMES, QUESTIONS = 2_000, 300
+FRAMES, REQUESTS = 2_000, 300
 RIG = "besieged"
 LAST = Command(1, 10, 1, 1.5, False, False, False, True)
 ENCODINGS = (ENCODING, "zenoh/bytes", "application/msgpack;pincette.v2", "text/plain", "x" * 200)
@@ -79,20 +82,20 @@ def test_garbage_as_a_question_is_answered_with_what_is_wrong(
     chance, asked = random.Random(SEED), list[Message]()
 
     def answer(
-        _question: Question, request: Message, reply: Callable[[Message | str], None]
+        _question: Request, request: Message, reply: Callable[[Message | str], None]
     ) -> None:
         asked.append(request)
-        reply(Done(1))
+        reply(Ack(1))
 
     bus.serve(TRIP, answer)
-    place = question_key(RIG, TRIP)
+    place = request_key(RIG, TRIP)
 
     def put(payload: bytes | None) -> Any:
         replies = stranger.get(place, payload=payload, timeout=WAIT_S)
         return next(iter(cast(Any, replies)), None)
 
-    until(lambda: put(encode(Trip("estop"))) is not None)
-    for _ in range(QUESTIONS):
+    until(lambda: put(encode(Trip(Cause.ESTOP))) is not None)
+    for _ in range(REQUESTS):
         payload, before = spoilt(chance, Trip), len(asked)
         reply = put(payload)
         assert (reply.ok is not None) == (len(asked) > before) == is_sound(Trip, payload)

@@ -5,14 +5,16 @@ Seeded; the million frames of ``make soak`` go through the same lines as those o
 
 import random
 from collections import Counter
-from dataclasses import fields, is_dataclass
 from math import isfinite
 from typing import Any, cast
 
 import pytest
+from msgspec import Struct
 
-from pincette.codec import MAX_DOCUMENT, MAX_ITEMS, CodecError, decode, encode
-from pincette.codec.bounds import largest, whole_range
+from pincette.control.quantities import MAX_DOCUMENT, MAX_ITEMS
+from pincette.core.codec import decode, encode
+from pincette.core.codec.refusals import CodecError
+from tests.support.bounds import largest, whole_range
 from tests.support.frames import BY_NAME, sound, spoilt
 
 SEED = 20131
@@ -21,9 +23,9 @@ SOUND_EACH = 100
 
 def check(value: Any, name: str = "") -> None:
     """Hold every part of a decoded message to its bounds."""
-    if is_dataclass(value):
-        for field in fields(value):
-            check(getattr(value, field.name), field.name)
+    if isinstance(value, Struct):
+        for name in value.__struct_fields__:
+            check(getattr(value, name), name)
     elif isinstance(value, tuple):
         items = cast("tuple[Any, ...]", value)
         assert len(items) <= MAX_ITEMS

@@ -12,10 +12,10 @@ from typing import Any, cast
 import pytest
 
 from pincette.cli.main import main
-from pincette.config import ConfigError, calibrated, parse_calibration, parse_told, read_rig
+from pincette.config import ConfigError, calibrated, parse_calibration, parse_rig_json, read_rig
 from pincette.config.calibration import CALIBRATED, EXPECTED
 from pincette.config.reading import MOST_BYTES
-from pincette.runtime.process import Options, programs, run_program
+from pincette.engine.process import Options, programs, run_program
 from tests.support.rigs import DEMO, demo_rig, rig_toml
 
 SEED = 20135
@@ -152,7 +152,7 @@ def test_models_that_are_told_are_read_or_refused() -> None:
 @pytest.mark.parametrize("text", ["[" * 50_000, "", "null", "1", '{"rig": 1}', "\x00", "NaN", "{}"])
 def test_a_told_rig_file_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ConfigError):
-        parse_told(text)
+        parse_rig_json(text)
     if text:
         with pytest.raises(ConfigError):
             parse_calibration(text if text != "{}" else "[]")
@@ -165,4 +165,4 @@ def test_told_rig_files_are_read_or_refused() -> None:
         table = cast("dict[str, Any]", tree[chance.choice(list(tree))] or {})
         if table:
             table[chance.choice(list(table))] = chance.choice(VALUES)
-        refusal(lambda: parse_told(json.dumps(tree)))  # noqa: B023  called at once
+        refusal(lambda: parse_rig_json(json.dumps(tree)))  # noqa: B023  called at once

@@ -27,7 +27,7 @@ REPLIES = 100_000
 ON_THE_LINE = 2_000
 ALPHABET = b"0123456789ABCDEF+-.,;:?!>#$~* msrtgqkvlwxoienTGSM\t\x00\x7f\xff"
 
-Act = Callable[[], object]
+Action = Callable[[], object]
 
 
 def keyence(chance: random.Random) -> Instrument:
@@ -67,11 +67,11 @@ class Subject:
 
     instrument: Callable[[random.Random], Instrument]
     lines: tuple[bytes, ...]
-    acts: Callable[[Link], list[Act]]
+    acts: Callable[[Link], list[Action]]
     terminator: bytes = TERMINATOR
 
 
-def sensor_acts(link: Link) -> list[Act]:
+def sensor_acts(link: Link) -> list[Action]:
     settings = Sensor(
         driver="keyence_lkg", url="memory:", minimum_um=-9.0, maximum_um=9.0, noise_um=0.03
     )
@@ -79,8 +79,8 @@ def sensor_acts(link: Link) -> list[Act]:
     return [sensor.read_um]
 
 
-def output_acts(options: dict[str, str | int | float | bool]) -> Callable[[Link], list[Act]]:
-    def acts(link: Link) -> list[Act]:
+def output_acts(options: dict[str, str | int | float | bool]) -> Callable[[Link], list[Action]]:
+    def acts(link: Link) -> list[Action]:
         settings = Output(driver="icpdas_i7024", url="memory:", options=options)
         output = icpdas_i7024.open_output(settings, link)
         return [
@@ -93,7 +93,7 @@ def output_acts(options: dict[str, str | int | float | bool]) -> Callable[[Link]
     return acts
 
 
-def source_acts(link: Link) -> list[Act]:
+def source_acts(link: Link) -> list[Action]:
     output = srs_dc205.open_output(Output(driver="srs_dc205", url="memory:"), link)
     return [lambda: output.write_V(1.0), output.read_V]
 
@@ -180,14 +180,14 @@ def misled(subject: Subject, chance: random.Random) -> Callable[[bytes], bytes |
 def provoke(subject: Subject, chance: random.Random, link: Link, replies: int) -> dict[str, int]:
     """Put a driver through so many replies; what left it, counted by cause."""
     left: dict[str, int] = {}
-    acts: list[Act] = []
+    acts: list[Action] = []
     for _ in range(replies):
         try:
             if not acts or chance.random() < 0.02:
                 acts = subject.acts(link)
             value = chance.choice(acts)()
         except InstrumentError as error:
-            left[error.cause] = left.get(error.cause, 0) + 1
+            left[error.code] = left.get(error.code, 0) + 1
             continue
         assert value is None or (isinstance(value, float) and isfinite(value))
         left["none"] = left.get("none", 0) + 1

@@ -6,18 +6,19 @@ Each service gets frames of all that it listens to and answers, sound, odd and s
 import random
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
-from pincette.codec import CodecError, decode, encode
 from pincette.config import RigFile
-from pincette.messages import Applied, Arm, Command, Estimate, Load, Message, Reset
-from pincette.runtime.node import Node
-from pincette.runtime.process import loop_services
-from pincette.runtime.turns import Turns
-from pincette.topics import LOOP
+from pincette.core.codec import decode, encode
+from pincette.core.codec.refusals import CodecError
+from pincette.core.messages import Applied, Arm, Command, Estimate, Load, Message, Reset
+from pincette.core.topics import LOOP
+from pincette.engine.node import Node
+from pincette.engine.process import loop_services
+from pincette.engine.scheduler import Task
 from tests.support.frames import EPOCH, OWNER, Chance, sound, spoilt
 from tests.support.rigs import demo_rig
 
@@ -70,16 +71,16 @@ class Besieged:
     def __init__(self, name: str, rig: RigFile, chance: Chance) -> None:
         service = SERVICES[name]
         self._node = Node(service, rig, Line(rig) if service.instrument else None, OWNER)
-        self._turns = Turns(self._node)
+        self._task = Task(self._node)
         self._chance, self._now, self._digest = chance, 100.0, rig.digest()
         self._heard = [item.topic.message for item in service.inputs]
-        self._asked = [question.request for question in service.questions]
+        self._asked = [question.request for question in service.requests]
         self._good: set[tuple[int, int]] = set()
         """Epoch and seq of commands that the actuator may take."""
         self._armed: int | None = None
         self._seq = -1
         self.told = Counter[str]()
-        self._turns.begin(self._now)
+        self._task.begin(self._now)
 
     def frame(self) -> None:
         """Let something come, then let time pass."""
@@ -99,9 +100,9 @@ class Besieged:
         self._now += self._chance.choice((0.0, STEP_S))
         while self._node.due(self._now):
             self._say(self._node.fire(self._now))
-        if self._turns.due(self._now):
-            self._say(self._turns.take(self._now))
-            self._turns.taken(self._now)
+        if self._task.due(self._now):
+            self._say(self._task.tick(self._now))
+            self._task.finish_tick(self._now)
 
     def _begin(self) -> None:
         """Arm, as a supervisor does, so that the service has something to lose."""
@@ -126,10 +127,10 @@ class Besieged:
         if type(message) in self._heard:
             if isinstance(message, Command) and message.valid and message.owner == OWNER:
                 self._good.add((message.epoch, message.seq))
-            self._turns.accept(message, self._now)
+            self._task.accept(message, self._now)
             self.told["heard"] += 1
             return
-        reply, outputs = self._turns.ask(message, self._now)
+        reply, outputs = self._task.call(message, self._now)
         self.told["declined" if isinstance(reply, str) else "answered"] += 1
         if isinstance(message, Arm) and not isinstance(reply, str):
             self._armed, self._good = message.epoch, set()

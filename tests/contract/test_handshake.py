@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette.bus.handshake import why_no_link
-from pincette.bus.links import Member, client_ends, endpoint, router_ends, secured
+from pincette.bus.handshake import diagnose_link
 from pincette.bus.protocol import BusError
+from pincette.bus.topology import TlsIdentity, client_session, endpoint, router_session, secured
 from pincette.bus.zenoh_bus import open_session
 from pincette.security.establishing import establish
 from pincette.security.folder import Folder
@@ -28,9 +28,9 @@ TOOL = program("supervisor", "")
 def router(credentials: Credentials | None) -> Generator[str]:
     """A router with these credentials, or a plain one; yields where it is, for the same kind."""
     port = free_ports(1)
-    ends = router_ends("127.0.0.1", port)
+    ends = router_session("127.0.0.1", port)
     if credentials is not None:
-        ends = secured(ends, Member(credentials, {}))
+        ends = secured(ends, TlsIdentity(credentials, {}))
     with open_session(ends, "router"):
         yield ends.listen[0]
 
@@ -47,32 +47,32 @@ def place(folder: Folder) -> Generator[str]:
 
 
 def test_there_is_nothing_to_say_where_a_link_can_be_made(place: str, folder: Folder) -> None:
-    assert why_no_link(place, folder.credentials(TOOL), "router") == ""
+    assert diagnose_link(place, folder.credentials(TOOL), "router") == ""
 
 
 def test_nobody_listens(folder: Folder) -> None:
     wanted = endpoint("127.0.0.1", free_ports(1), "router")
     for credentials in (None, folder.credentials(TOOL)):
-        assert why_no_link(wanted, credentials) == f"nobody listens at {wanted}"
+        assert diagnose_link(wanted, credentials) == f"nobody listens at {wanted}"
 
 
 def test_plain_words_to_one_that_wants_tls(place: str) -> None:
-    assert "speaks TLS: name the folder of certificates" in why_no_link(place, None)
+    assert "speaks TLS: name the folder of certificates" in diagnose_link(place, None)
 
 
 def test_tls_to_one_that_speaks_plainly(folder: Folder) -> None:
     with router(None) as plain:
-        assert why_no_link(plain, None) == ""
-        said = why_no_link(plain, folder.credentials(TOOL))
+        assert diagnose_link(plain, None) == ""
+        said = diagnose_link(plain, folder.credentials(TOOL))
     assert "does not speak TLS" in said
 
 
 def test_another_authority(place: str, tmp_path: Path, folder: Folder) -> None:
     other = folder_for(tmp_path / "other", "demo")
-    assert "not believed here" in why_no_link(place, other.credentials(TOOL))
+    assert "not believed here" in diagnose_link(place, other.credentials(TOOL))
     # One that believes the router, which does not believe it.
     shutil.copy(folder.path / "authority.crt", other.path / "authority.crt")
-    said = why_no_link(place, other.credentials(TOOL))
+    said = diagnose_link(place, other.credentials(TOOL))
     assert "believes another authority" in said
     assert str(other.path / "supervisor.crt") in said
 
@@ -81,10 +81,10 @@ def test_one_whose_certificate_has_ended(place: str, tmp_path: Path, folder: Fol
     copy = Folder(tmp_path / "copy")
     shutil.copytree(folder.path, copy.path)
     copy.renew(TOOL, NOW - timedelta(days=10), 1.0)
-    assert "has ended" in why_no_link(place, copy.credentials(TOOL))
+    assert "has ended" in diagnose_link(place, copy.credentials(TOOL))
     copy.renew(ROUTER, NOW - timedelta(days=10), 1.0)
     with router(copy.credentials(ROUTER)) as ended:
-        said = why_no_link(ended, folder.credentials(TOOL))
+        said = diagnose_link(ended, folder.credentials(TOOL))
     assert "not believed here: certificate has expired" in said
 
 
@@ -92,20 +92,20 @@ def test_one_who_is_at_another_host(tmp_path: Path) -> None:
     elsewhere = Folder(tmp_path / "elsewhere")
     establish(elsewhere, ["demo"], ["bench"], NOW)
     with router(elsewhere.credentials(ROUTER)) as listening:
-        said = why_no_link(listening, elsewhere.credentials(TOOL))
+        said = diagnose_link(listening, elsewhere.credentials(TOOL))
     assert "IP address mismatch" in said
 
 
 def test_one_who_is_another(place: str, folder: Folder) -> None:
-    said = why_no_link(place, folder.credentials(TOOL), "demo/actuator")
+    said = diagnose_link(place, folder.credentials(TOOL), "demo/actuator")
     assert said == f"{place} shows the certificate of router, not of demo/actuator"
 
 
 def test_a_session_that_cannot_be_opened_says_the_same(place: str, tmp_path: Path) -> None:
     other = folder_for(tmp_path / "other", "demo")
     port = int(place.rpartition(":")[2])
-    ends = client_ends("127.0.0.1", port)
+    ends = client_session("127.0.0.1", port)
     with pytest.raises(BusError, match="speaks TLS"):
         open_session(ends, "plain")
     with pytest.raises(BusError, match="not believed here"):
-        open_session(secured(ends, Member(other.credentials(TOOL), {})), "stranger")
+        open_session(secured(ends, TlsIdentity(other.credentials(TOOL), {})), "stranger")

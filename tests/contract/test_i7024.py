@@ -45,7 +45,7 @@ def test_a_refusal_names_value_and_cause(reply: bytes, text: str, cause: str) ->
     output = icpdas_i7024.open_output(settings(**UNWATCHED), Lines(reply))
     with pytest.raises(InstrumentError, match=rf"-1\.500 V .*{text}") as caught:
         output.write_V(-1.5)
-    assert caught.value.cause == cause
+    assert caught.value.code == cause
 
 
 def test_the_bytes_are_those_of_the_manual() -> None:
@@ -64,7 +64,7 @@ def test_something_else_at_the_address_is_not_opened() -> None:
 def test_a_wrong_checksum_is_refused() -> None:
     with pytest.raises(InstrumentError, match="wrong checksum") as caught:
         icpdas_i7024.open_output(settings(checksum=True), Lines(b">00", name=b"!01702400"))
-    assert caught.value.cause == "garbled"
+    assert caught.value.code == "garbled"
 
 
 @pytest.mark.parametrize(

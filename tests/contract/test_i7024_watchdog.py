@@ -94,7 +94,7 @@ def test_a_trip_stays_until_it_is_cleared_and_then_the_watchdog_is_armed_anew() 
     for _ in range(3):
         with pytest.raises(InstrumentError, match=r"\+1\.100 V ignored.*tripped") as caught:
             output.write_V(1.1)
-        assert caught.value.cause == "tripped"
+        assert caught.value.code == "tripped"
         output.keep_alive()
     assert output.read_V() == 0.0
     output.clear_trip()
@@ -148,7 +148,7 @@ def test_a_trip_since_opening_is_told_at_the_first_sign_of_life_and_once() -> No
     bench.wait(0.51)
     with pytest.raises(InstrumentError, match=r"heartbeat ignored.*tripped") as caught:
         output.keep_alive()
-    assert caught.value.cause == "tripped"
+    assert caught.value.code == "tripped"
     output.keep_alive()
     assert bench.voltages_V == [1.0, 0.0]
 
@@ -239,13 +239,13 @@ def test_a_line_that_was_away_longer_than_the_watchdog_finds_the_trip_and_keeps_
         wire.close()
         with pytest.raises(InstrumentError) as caught:
             output.write_V(1.1)
-        assert caught.value.cause == "hung_up"
+        assert caught.value.code == "hung_up"
         bench.wait(0.51)
         wire = serve(url, bench.module)
         now_s = RETRY_S
         with pytest.raises(InstrumentError) as caught:
             output.write_V(1.1)
-        assert caught.value.cause == "tripped"
+        assert caught.value.code == "tripped"
         assert "it waits for a reset" in caplog.text
         assert "has not met its instrument" in caplog.text
         output.clear_trip()

@@ -13,7 +13,7 @@ import pytest
 import serial
 
 from pincette.instruments.link import LONGEST_FRAME, open_link
-from pincette.instruments.protocols import Cause, InstrumentError, Link
+from pincette.instruments.protocols import ErrorCode, InstrumentError, Link
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.wires.wire import serve
 
@@ -58,7 +58,7 @@ def test_a_partial_answer_is_an_error_and_the_next_exchange_is_clean(script: Scr
         with pytest.raises(InstrumentError, match=r"only b'MS,01,\+00' within 0\.2 s") as caught:
             link.exchange(b"MS,01")
         assert str(caught.value).startswith(url)
-        assert caught.value.cause == "garbled"
+        assert caught.value.code == "garbled"
         assert link.exchange(b"MS,01") == b"MS,01,+0002.00"
 
 
@@ -68,7 +68,7 @@ def test_unsolicited_lines_alone_are_no_answer(script: Script) -> None:
         pytest.raises(InstrumentError, match="no answer") as caught,
     ):
         link.exchange(b"MS,01")
-    assert caught.value.cause == "silent"
+    assert caught.value.code == "silent"
 
 
 def test_a_frame_without_an_end_is_cut_off(script: Script) -> None:
@@ -77,7 +77,7 @@ def test_a_frame_without_an_end_is_cut_off(script: Script) -> None:
         pytest.raises(InstrumentError, match=f"{LONGEST_FRAME + 1} bytes without an end") as caught,
     ):
         link.exchange(b"MS,01")
-    assert caught.value.cause == "garbled"
+    assert caught.value.code == "garbled"
 
 
 def test_a_hang_up_is_named(script: Script) -> None:
@@ -86,7 +86,7 @@ def test_a_hang_up_is_named(script: Script) -> None:
         with pytest.raises(InstrumentError, match="hung up") as caught:
             link.exchange(b"MS,01")
         assert str(caught.value).startswith(url)
-        assert caught.value.cause == "hung_up"
+        assert caught.value.code == "hung_up"
 
 
 def test_a_link_that_was_closed_stays_closed(script: Script) -> None:
@@ -95,7 +95,7 @@ def test_a_link_that_was_closed_stays_closed(script: Script) -> None:
         for _ in range(2):
             with pytest.raises(InstrumentError, match="port is closed") as caught:
                 link.exchange(b"MS,01")
-            assert caught.value.cause == "misused"
+            assert caught.value.code == "misused"
 
 
 def test_a_reset_connection_is_a_hang_up_and_is_closed_cleanly() -> None:
@@ -120,7 +120,7 @@ def test_a_vanished_pseudo_terminal_is_a_hang_up(tmp_path: Path) -> None:
                 link.exchange(b"MS,01")
     with pytest.raises(InstrumentError, match="no such device") as caught:
         open_link(wire.url, baud=115200, timeout_s=0.1)
-    assert caught.value.cause == "cannot_open"
+    assert caught.value.code == "cannot_open"
 
 
 def test_a_refused_connection_says_what_to_do() -> None:
@@ -184,7 +184,7 @@ class Wreck:
     ],
 )
 def test_whatever_a_port_raises_is_one_kind_of_error(
-    error: Exception, cause: Cause, monkeypatch: pytest.MonkeyPatch
+    error: Exception, cause: ErrorCode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def port(*_wanted: object, **_how: object) -> Wreck:
         return Wreck(error)
@@ -193,7 +193,7 @@ def test_whatever_a_port_raises_is_one_kind_of_error(
     with opened("/dev/wreck") as link:
         with pytest.raises(InstrumentError, match="/dev/wreck") as caught:
             link.exchange(b"MS,01")
-        assert caught.value.cause == cause
+        assert caught.value.code == cause
 
 
 def test_every_exchange_is_logged_with_its_bytes_escaped(

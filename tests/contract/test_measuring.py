@@ -2,14 +2,14 @@
 
 import pytest
 
-from pincette.config.realtime import Wishes
-from pincette.runtime.measuring import machine
-from pincette.runtime.measuring.machine import MeasuringError, measure
-from pincette.runtime.measuring.worker import command
+from pincette.config.programs import Scheduling
+from pincette.engine.measuring import machine
+from pincette.engine.measuring.machine import MeasuringError, measure
+from pincette.engine.measuring.worker import command
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
-NONE = Wishes(priority=0, timer_slack_s=0.0)
+NONE = Scheduling(priority=0, timer_slack_s=0.0)
 
 
 def test_a_real_machine_is_measured() -> None:
@@ -31,8 +31,8 @@ def test_a_real_machine_is_measured() -> None:
 
 
 def test_a_program_that_fails_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    def other(wishes: Wishes, _task: str, *numbers: float) -> list[str]:
-        return command(wishes, "no such task", *numbers)
+    def other(scheduling: Scheduling, _task: str, *numbers: float) -> list[str]:
+        return command(scheduling, "no such task", *numbers)
 
     def progress(_what: str, _part_s: float) -> None:
         """Nobody looks."""

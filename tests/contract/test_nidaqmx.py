@@ -8,29 +8,28 @@ from pathlib import Path
 import pytest
 
 from pincette.config import ConfigError, Output, Sensor
-from pincette.instruments import nidaqmx_input, nidaqmx_output
+from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.line.recording import Recorder, RecordingLink
 from pincette.instruments.line.replay import ReplayLink
-from pincette.instruments.line.rpc_link import RpcMemoryLink
 from pincette.instruments.protocols import BufferedSensor, InstrumentError, Link, WaveOutput
-from pincette.sim.instruments.daq import SimulatedDaq
-from pincette.sim.instruments.daq_task import Terminals
 from pincette.sim.instruments.protocol import TERMINATOR, Instrument
-from pincette.sim.wires.daq_server import DaqServer
+from pincette_nidaqmx import position_sensor, voltage_output
+from pincette_nidaqmx.simulated.daq import SimulatedDaq
+from pincette_nidaqmx.simulated.daq_task import Terminals
+from pincette_nidaqmx.simulated.server import DaqServer
 from tests.contract.conftest import offer_replayed
 from tests.contract.test_position_sensor import PositionSensorContract
 from tests.contract.test_voltage_output import VoltageOutputContract
-from tests.support.fed import DRIVE, OUTPUT, POSITION, HandRig
+from tests.support.wired_rig import DRIVE, OUTPUT, POSITION, HandRig
 
 STEP_V = 20.0 / 65536
-STEP_UM = 1.0  # so that whole micrometres are whole steps of the converter
-UM_PER_V = STEP_UM / STEP_V
+UM_PER_V = 1.0 / STEP_V  # so that whole micrometres are whole steps of the converter
 
 Reach = Callable[..., tuple[str, Link | None]]
 
 
 def in_memory(instrument: Instrument, _terminator: bytes = TERMINATOR) -> tuple[str, Link | None]:
-    return "memory://", RpcMemoryLink(instrument.answer)
+    return "memory://", MemoryLink(instrument.answer, None)
 
 
 def on_a_server(fronts: ExitStack) -> Reach:
@@ -45,7 +44,7 @@ def recorded(folder: Path) -> Reach:
 
     def offer(instrument: Instrument, _end: bytes = TERMINATOR) -> tuple[str, Link | None]:
         recorder = Recorder(folder / f"{next(numbers)}.txt", "memory://", b"", lambda: 0.0)
-        return "memory://", RecordingLink(RpcMemoryLink(instrument.answer), recorder)
+        return "memory://", RecordingLink(MemoryLink(instrument.answer, None), recorder)
 
     return offer
 
@@ -89,18 +88,18 @@ def device(rig: HandRig) -> SimulatedDaq:
 
 
 class TestInput(PositionSensorContract):
-    step_um, far_um, tells_causes = STEP_UM, 40_000.0, True
+    step_um, far_um, tells_causes = 1.0, 40_000.0, True
 
     def instrument(self, measure: Callable[[], float | None]) -> Instrument:
         return device(HandRig(measure))
 
     def open(self, url: str, link: Link | None) -> BufferedSensor:
-        return nidaqmx_input.open_sensor(sensor_settings(url), link)
+        return position_sensor.open_sensor(sensor_settings(url), link)
 
 
 class TestInputThatAverages(TestInput):
     def open(self, url: str, link: Link | None) -> BufferedSensor:
-        return nidaqmx_input.open_sensor(sensor_settings(url, average=4), link)
+        return position_sensor.open_sensor(sensor_settings(url, average=4), link)
 
 
 class TestInputTurnedRound(TestInput):
@@ -111,7 +110,7 @@ class TestInputTurnedRound(TestInput):
         return SimulatedDaq(HandRig(measure), wired, lockstep=True)
 
     def open(self, url: str, link: Link | None) -> BufferedSensor:
-        return nidaqmx_input.open_sensor(sensor_settings(url, um_per_V=-UM_PER_V), link)
+        return position_sensor.open_sensor(sensor_settings(url, um_per_V=-UM_PER_V), link)
 
 
 class TestOutput(VoltageOutputContract):
@@ -123,7 +122,7 @@ class TestOutput(VoltageOutputContract):
         return device(rig)
 
     def open(self, url: str, link: Link | None) -> WaveOutput:
-        return nidaqmx_output.open_output(output_settings(url), link)
+        return voltage_output.open_output(output_settings(url), link)
 
     def test_silence_is_an_error_until_it_ends(self, reach: Reach) -> None:
         """As of every driver; 2 V is no whole step of this one."""
@@ -131,7 +130,7 @@ class TestOutput(VoltageOutputContract):
             load.voice = lambda _line: None
             with pytest.raises(InstrumentError, match="no answer") as caught:
                 output.write_V(1.0)
-            assert caught.value.cause == "silent"
+            assert caught.value.code == "silent"
             load.voice = None
             output.write_V(2.0)
             assert load.voltages_V == [pytest.approx(2.0, abs=0.501 * STEP_V)]
@@ -143,7 +142,7 @@ class TestCapture:
     def opened(self, reach: Reach, **options: float) -> tuple[HandRig, BufferedSensor]:
         rig = HandRig(lambda: 20.0)
         url, link = reach(device(rig))
-        return rig, nidaqmx_input.open_sensor(sensor_settings(url, **options), link)
+        return rig, position_sensor.open_sensor(sensor_settings(url, **options), link)
 
     def test_each_block_has_what_came_since_the_last(self, reach: Reach) -> None:
         rig, sensor = self.opened(reach)
@@ -153,7 +152,7 @@ class TestCapture:
             rig.now_s += 0.02 * periods
             block = sensor.read_block()
             assert len(block.x_um) == len(block.drive_V) == 400 * periods
-            assert block.x_um[0] == pytest.approx(20.01, abs=0.501 * STEP_UM)
+            assert block.x_um[0] == pytest.approx(20.01, abs=0.501)
             assert block.drive_V[-1] == pytest.approx(0.25, abs=STEP_V)
         with pytest.raises(InstrumentError, match="a capture is running"):
             sensor.read_um()
@@ -176,7 +175,7 @@ class TestCapture:
         rig.now_s = 21.0
         with pytest.raises(InstrumentError, match="-200279") as caught:
             sensor.read_block()
-        assert caught.value.cause == "invalid"
+        assert caught.value.code == "invalid"
         sensor.begin_capture(1000.0)
         assert len(sensor.read_block().x_um) == 1
         sensor.close()
@@ -187,7 +186,7 @@ class TestCapture:
         sensor.read_block()
         with pytest.raises(InstrumentError, match="-200284") as caught:
             sensor.read_block()
-        assert caught.value.cause == "silent"
+        assert caught.value.code == "silent"
         sensor.close()
 
     def test_what_it_cannot_do_is_refused(self, reach: Reach) -> None:
@@ -207,7 +206,7 @@ class TestWave:
     def opened(self, reach: Reach) -> tuple[HandRig, WaveOutput]:
         rig = HandRig()
         url, link = reach(device(rig))
-        return rig, nidaqmx_output.open_output(output_settings(url), link)
+        return rig, voltage_output.open_output(output_settings(url), link)
 
     def test_a_wave_plays_until_it_is_over(self, reach: Reach) -> None:
         rig, output = self.opened(reach)
@@ -265,7 +264,7 @@ class TestWave:
         for voltages_V, rate_hz in (([0.0, 10.1], 1e3), ([float("nan")], 1e3), ([], 1e3)):
             with pytest.raises(InstrumentError) as caught:
                 output.begin_wave(voltages_V, rate_hz)
-            assert caught.value.cause == "misused"
+            assert caught.value.code == "misused"
         with pytest.raises(InstrumentError, match="60000 Hz refused, limit 50000 Hz"):
             output.begin_wave([0.0, 1.0], 60_000.0)
         assert rig.wave is None
@@ -278,7 +277,7 @@ class TestWave:
 )
 def test_a_channel_must_be_named(url: str, channel: str) -> None:
     with pytest.raises(ConfigError, match="is no physical channel"):
-        nidaqmx_input.open_sensor(
+        position_sensor.open_sensor(
             sensor_settings(url, channel=channel), in_memory(device(HandRig()))[1]
         )
 
@@ -288,12 +287,14 @@ def test_a_channel_must_be_named(url: str, channel: str) -> None:
 )
 def test_impossible_options_are_refused(option: str, value: float | str) -> None:
     with pytest.raises(ConfigError, match=f"nidaqmx option {option} = {value!r}"):
-        nidaqmx_input.timing(sensor_settings("memory://", **{option: value}))
+        position_sensor.timing(sensor_settings("memory://", **{option: value}))
 
 
 def test_what_a_period_must_bear_is_stated() -> None:
-    stated = nidaqmx_input.timing(sensor_settings("memory://"))
+    stated = position_sensor.timing(sensor_settings("memory://"))
     assert stated.exchange_s == 0.001
     assert stated.bandwidth_hz == 12_500.0
-    assert nidaqmx_input.timing(sensor_settings("memory://", drive_channel="")).buffered_hz is None
-    assert nidaqmx_output.timing(output_settings("memory://", rate_hz=2e4)).bandwidth_hz == 5_000.0
+    assert (
+        position_sensor.timing(sensor_settings("memory://", drive_channel="")).buffered_hz is None
+    )
+    assert voltage_output.timing(output_settings("memory://", rate_hz=2e4)).bandwidth_hz == 5_000.0

@@ -6,13 +6,13 @@ import pytest
 
 from pincette.config import ConfigError, RigFile
 from pincette.config.reading import laid_over
-from pincette.instruments.line.rpc_link import RpcMemoryLink
-from pincette.instruments.nidaqmx_input import open_sensor
-from pincette.instruments.nidaqmx_output import open_output
-from pincette.messages import Order
+from pincette.core.messages import SimCommand
+from pincette.instruments.line.memory_link import MemoryLink
 from pincette.sim.bench import open_bench
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.script.script import Script
+from pincette_nidaqmx.position_sensor import open_sensor
+from pincette_nidaqmx.voltage_output import open_output
 from tests.support.rig_program import truths_of_three_writes
 from tests.support.rigs import Tree, at_own_ports, demo_rig
 
@@ -60,8 +60,8 @@ def test_each_write_over_the_line_is_one_of_the_rig(tmp_path: Path, pace: str) -
 def test_in_lockstep_a_capture_sees_the_wave_that_is_played() -> None:
     rig = fast_rig("lockstep", {"simulation": {"sensor_noise_um": 0.0}})
     bench = open_bench(rig, lambda: 0.0)
-    sensor = open_sensor(rig.sensor, RpcMemoryLink(bench.sensor.answer))
-    output = open_output(rig.output, RpcMemoryLink(bench.output.answer))
+    sensor = open_sensor(rig.sensor, MemoryLink(bench.sensor.answer, None))
+    output = open_output(rig.output, MemoryLink(bench.output.answer, None))
     sensor.begin_capture(RATE_HZ)
     assert len(sensor.read_block().x_um) == 1
     output.begin_wave([0.5] * 25 + [0.25], RATE_HZ)
@@ -83,14 +83,14 @@ def test_a_script_parts_what_is_for_the_sensor_from_what_is_for_the_output() -> 
     front = bench.fitted["sensor"].server
     assert front is not None
     assert front is bench.fitted["output"].server
-    sensor = open_sensor(rig.sensor, RpcMemoryLink(front.answer))
-    output = open_output(rig.output, RpcMemoryLink(front.answer))
-    assert script.order(Order("sensor", "off")) == ""
+    sensor = open_sensor(rig.sensor, MemoryLink(front.answer, None))
+    output = open_output(rig.output, MemoryLink(front.answer, None))
+    assert script.order(SimCommand("sensor", "off")) == ""
     with pytest.raises(Exception, match="no answer") as caught:
         sensor.read_um()
-    assert getattr(caught.value, "cause", "") == "silent"
+    assert getattr(caught.value, "code", "") == "silent"
     output.write_V(0.5)
-    assert script.order(Order("sensor", "heal")) == ""
+    assert script.order(SimCommand("sensor", "heal")) == ""
     assert sensor.read_um() > 1.0
 
 

@@ -10,15 +10,16 @@ from pathlib import Path
 import pytest
 
 from pincette.config import Output, Sensor
-from pincette.instruments import nidaqmx_input, nidaqmx_output
-from pincette.instruments.line.rpc_link import LinkChannel, RpcMemoryLink
+from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.protocols import BufferedSensor, InstrumentError, Link, WaveOutput
-from pincette.sim.instruments.daq import SimulatedDaq
-from pincette.sim.instruments.daq_task import Terminals
-from pincette.sim.wires.daq_server import DaqServer
 from pincette.sim.wires.ports import WireError
-from tests.support.fed import DRIVE, OUTPUT, POSITION, WIRED, HandRig
+from pincette_nidaqmx import position_sensor, voltage_output
+from pincette_nidaqmx.rpc_link import LinkChannel
+from pincette_nidaqmx.simulated.daq import SimulatedDaq
+from pincette_nidaqmx.simulated.daq_task import Terminals
+from pincette_nidaqmx.simulated.server import DaqServer
 from tests.support.rigs import free_ports
+from tests.support.wired_rig import DRIVE, OUTPUT, POSITION, WIRED, HandRig
 
 SEED = 1272
 REPLIES = 20_000
@@ -39,12 +40,12 @@ def sensor_at(url: str, link: Link | None = None, record: str | None = None) -> 
         record=record,
         options={"um_per_V": 10.0, "drive_channel": DRIVE},
     )
-    return nidaqmx_input.open_sensor(settings, link)
+    return position_sensor.open_sensor(settings, link)
 
 
 def output_at(url: str, link: Link | None = None, **options: str | float) -> WaveOutput:
     settings = Output(driver="nidaqmx", url=f"{url}/{OUTPUT}", timeout_s=0.5, options=dict(options))
-    return nidaqmx_output.open_output(settings, link)
+    return voltage_output.open_output(settings, link)
 
 
 def device(rig: HandRig, terminals: Terminals = WIRED) -> SimulatedDaq:
@@ -59,7 +60,7 @@ def test_a_server_that_comes_back_is_used_again() -> None:
     for act in (sensor.read_um, lambda: output.write_V(2.5)):
         with pytest.raises(InstrumentError, match="no answer") as caught:
             act()
-        assert caught.value.cause == "hung_up"
+        assert caught.value.code == "hung_up"
     rig = HandRig(lambda: 7.5)
     with DaqServer(url, device(rig)):
         eventually(sensor.read_um)
@@ -78,7 +79,7 @@ def eventually(act: Callable[[], object]) -> None:
         try:
             act()
         except InstrumentError as error:
-            causes.add(error.cause)
+            causes.add(error.code)
             # gRPC connects again by the clock on the wall, and tells nobody when it has.
             time.sleep(0.02)
         else:
@@ -90,15 +91,15 @@ def eventually(act: Callable[[], object]) -> None:
 def test_what_a_program_has_left_behind_is_taken_back(caplog: pytest.LogCaptureFixture) -> None:
     rig = HandRig(lambda: 5.0)
     daq = device(rig)
-    killed = output_at(MEMORY, RpcMemoryLink(daq.answer))
+    killed = output_at(MEMORY, MemoryLink(daq.answer, None))
     killed.begin_wave([0.0, 1.25], 1000.0)
-    output = output_at(MEMORY, RpcMemoryLink(daq.answer))
+    output = output_at(MEMORY, MemoryLink(daq.answer, None))
     assert "was left at the device server" in caplog.text
     output.write_V(2.5)
     assert rig.voltages_V == [2.5]
     with pytest.raises(InstrumentError, match="-200088") as caught:
         killed.look()
-    assert caught.value.cause == "hung_up"
+    assert caught.value.code == "hung_up"
     for why in ("-200088", "ALREADY_EXISTS"):
         with pytest.raises(InstrumentError, match=why):
             killed.write_V(0.0)
@@ -114,7 +115,7 @@ def test_a_task_whose_end_was_not_heard_is_taken_back() -> None:
         reply = daq.answer(request)
         return None if deaf_to[0] and deaf_to[0] in request else reply
 
-    output = output_at(MEMORY, RpcMemoryLink(answer))
+    output = output_at(MEMORY, MemoryLink(answer, None))
     deaf_to[0] = b"StartTask"
     with pytest.raises(InstrumentError, match="no answer"):
         output.begin_wave([0.0, 1.25], 1000.0)
@@ -132,13 +133,13 @@ def test_the_voltage_that_is_there_can_be_measured_or_given(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     daq = device(HandRig(), Terminals(output=OUTPUT, drives=(LOOP_BACK,)))
-    first = output_at(MEMORY, RpcMemoryLink(daq.answer), found_V=0.5)
+    first = output_at(MEMORY, MemoryLink(daq.answer, None), found_V=0.5)
     assert first.read_V() == 0.5
     assert "0.5 V is assumed" in caplog.text
     caplog.clear()
     first.write_V(1.25)
     first.close()
-    again = output_at(MEMORY, RpcMemoryLink(daq.answer), read_channel=LOOP_BACK)
+    again = output_at(MEMORY, MemoryLink(daq.answer, None), read_channel=LOOP_BACK)
     assert again.read_V() == 1.25
     assert not caplog.records
 
@@ -150,19 +151,19 @@ def test_without_a_server_it_says_what_to_start() -> None:
 
 def test_without_the_driver_of_this_machine_it_says_what_to_install() -> None:
     with pytest.raises(InstrumentError, match="NI-DAQmx is not installed") as caught:
-        nidaqmx_output.open_output(Output(driver="nidaqmx", url=f"ni:{OUTPUT}"))
-    assert caught.value.cause == "cannot_open"
+        voltage_output.open_output(Output(driver="nidaqmx", url=f"ni:{OUTPUT}"))
+    assert caught.value.code == "cannot_open"
     local = Output(driver="nidaqmx", url=f"ni:{OUTPUT}", record="dialogue.txt")
     with pytest.raises(InstrumentError, match="cannot be recorded"):
-        nidaqmx_output.open_output(local)
+        voltage_output.open_output(local)
 
 
 def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pincette.instruments.daq.tasks", None)
+    monkeypatch.setitem(sys.modules, "pincette_nidaqmx.tasks", None)
     for open_it in (sensor_at, output_at):
         with pytest.raises(InstrumentError, match=r"pip install 'pincette\[nidaqmx\]'") as caught:
             open_it("grpc://127.0.0.1:9")
-        assert caught.value.cause == "cannot_open"
+        assert caught.value.code == "cannot_open"
 
 
 def test_a_port_that_is_taken_says_so() -> None:
@@ -179,7 +180,7 @@ def test_a_port_that_is_taken_says_so() -> None:
 def test_calls_are_recorded_logged_and_played_back(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    caplog.set_level(logging.DEBUG, "pincette.instruments.line.rpc_link")
+    caplog.set_level(logging.DEBUG, "pincette_nidaqmx.rpc_link")
     path = tmp_path / "dialogue.txt"
     with DaqServer("grpc://127.0.0.1:0", device(HandRig(lambda: 5.0))) as front:
         sensor = sensor_at(front.url, record=str(path))
@@ -195,13 +196,13 @@ def test_calls_are_recorded_logged_and_played_back(
         timeout_s=0.5,
         options={"um_per_V": 10.0, "channel": POSITION},
     )
-    replayed = nidaqmx_input.open_sensor(settings)
+    replayed = position_sensor.open_sensor(settings)
     assert [replayed.read_um() for _ in range(3)] == seen_um
     replayed.close()
 
 
 def test_a_link_carries_no_streams() -> None:
-    channel = LinkChannel(RpcMemoryLink(lambda _request: None))
+    channel = LinkChannel(MemoryLink(lambda _request: None, None))
     with pytest.raises(InstrumentError, match="no streams"):
         channel.unary_stream("/service/Events")(b"")
 
@@ -224,8 +225,8 @@ def test_drivers_fail_in_one_way_whatever_the_answer() -> None:
             + chance.randbytes(chance.randrange(12))
         )
 
-    sensor = sensor_at(MEMORY, RpcMemoryLink(answer))
-    output = output_at(MEMORY, RpcMemoryLink(answer))
+    sensor = sensor_at(MEMORY, MemoryLink(answer, None))
+    output = output_at(MEMORY, MemoryLink(answer, None))
     often: list[Callable[[], object]] = [
         sensor.read_um,
         sensor.read_block,

@@ -73,7 +73,7 @@ class PositionSensorContract:
                 with pytest.raises(InstrumentError, match=cause) as caught:
                     sensor.read_um()
                 if self.tells_causes:
-                    assert caught.value.cause == ("invalid" if x_um is None else "out_of_range")
+                    assert caught.value.code == ("invalid" if x_um is None else "out_of_range")
             target.x_um = 1.0
             assert sensor.read_um() == 1.0
 
@@ -82,7 +82,7 @@ class PositionSensorContract:
             target.voice = lambda _line: None
             with pytest.raises(InstrumentError, match="no answer") as caught:
                 sensor.read_um()
-            assert caught.value.cause == "silent"
+            assert caught.value.code == "silent"
             target.voice, target.x_um = None, 2.0
             assert sensor.read_um() == 2.0
 
@@ -92,14 +92,14 @@ class PositionSensorContract:
                 target.voice = _always(garbage)
                 with pytest.raises(InstrumentError) as caught:
                     sensor.read_um()
-                assert caught.value.cause == "garbled"
+                assert caught.value.code == "garbled"
 
     def test_a_closed_sensor_says_so_and_may_be_closed_again(self, reach: Reach) -> None:
         with self.opened(reach) as (_, sensor):
             sensor.close()
             with pytest.raises(InstrumentError, match="port is closed") as caught:
                 sensor.read_um()
-            assert caught.value.cause == "misused"
+            assert caught.value.code == "misused"
 
     def test_a_silent_instrument_is_not_opened(self, reach: Reach) -> None:
         target = Target(self.instrument)
@@ -168,7 +168,7 @@ def test_set_up_mode_is_left_and_given_time(monkeypatch: pytest.MonkeyPatch) -> 
     assert slept == [keyence_lkg.MODE_CHANGE_S]
     with pytest.raises(InstrumentError, match=r"error 51 \(not in this mode\)") as caught:
         sensor.read_um()
-    assert caught.value.cause == "refused"
+    assert caught.value.code == "refused"
 
 
 @pytest.mark.parametrize("reply", [b"ER,R0,99", b"ER,R0,50", b"hello", b"MS,01,+0001.00"])
@@ -221,7 +221,7 @@ def test_a_port_opened_again_finds_the_instrument_measuring_or_says_that_it_chan
     prepare(Lines({b"R0": b"ER,R0,01"}))
     with pytest.raises(InstrumentError, match="changing to measuring mode") as caught:
         prepare(Lines({b"R0": b"R0"}))
-    assert caught.value.cause == "refused"
+    assert caught.value.code == "refused"
 
 
 def _on_open_of(sensor: Sensor) -> Callable[[Link], None]:

@@ -76,7 +76,7 @@ def test_the_lost_exchange_fails_and_the_next_opens_prepares_and_goes_on() -> No
     rig.prepare = lambda link: rig.said.append(link.exchange(b"R0"))
     assert rig.line.exchange(b"A") == b"re A"
     rig.there = False
-    assert failed(rig.line).cause == "hung_up"
+    assert failed(rig.line).code == "hung_up"
     rig.there = True
     assert rig.line.exchange(b"B") == b"re B"
     assert rig.said == [b"A\r", b"R0\r", b"re R0", b"B\r"]
@@ -88,7 +88,7 @@ def test_it_is_tried_once_each_half_second() -> None:
     rig = Rig()
     rig.there = False
     for _ in range(201):
-        assert failed(rig.line).cause == "hung_up"
+        assert failed(rig.line).code == "hung_up"
         rig.now_s += 0.01
     tries_s = rig.opened_at_s[1:]
     assert tries_s == pytest.approx([0.01, 0.51, 1.01, 1.51], abs=0.011)
@@ -106,7 +106,7 @@ def test_a_line_that_breaks_at_once_is_not_opened_more_often() -> None:
         failed(rig.line)
         rig.there = True
         rig.now_s += 0.01
-        assert failed(rig.line).cause == "hung_up"
+        assert failed(rig.line).code == "hung_up"
     assert len(rig.opened_at_s) == 2
 
 
@@ -120,11 +120,11 @@ def test_what_keeps_the_instrument_from_working_on_is_said_with_its_cause() -> N
     failed(rig.line)
     rig.there = True
     error = failed(rig.line)
-    assert error.cause == "refused"
+    assert error.code == "refused"
     assert "opened again, but the instrument cannot work on: in set-up mode" in str(error)
     assert rig.said == []
     rig.prepare = lambda _link: None
-    assert failed(rig.line).cause == "hung_up"
+    assert failed(rig.line).code == "hung_up"
     rig.now_s += RETRY_S
     assert rig.line.exchange(b"A") == b"re A"
 
@@ -137,7 +137,7 @@ def test_opening_again_takes_no_longer_than_an_exchange_may() -> None:
     rig.there, rig.silent = True, True
     began_s = rig.now_s
     error = failed(rig.line)
-    assert error.cause == "silent"
+    assert error.code == "silent"
     assert rig.now_s - began_s <= TIMEOUT_S + 1e-9
     assert rig.said == [b"R0\r"]
 
@@ -156,7 +156,7 @@ def test_a_closed_line_is_not_opened_again() -> None:
     rig = Rig()
     rig.line.close()
     for _ in range(2):
-        assert failed(rig.line).cause == "misused"
+        assert failed(rig.line).code == "misused"
         rig.now_s += 1.0
     assert len(rig.opened_at_s) == 1
 
@@ -182,7 +182,7 @@ def test_an_answer_that_was_on_its_way_through_a_standstill_is_taken() -> None:
 def test_after_a_failure_it_waits_until_the_line_is_quiet() -> None:
     rig = Rig()
     rig.silent = True
-    assert failed(rig.line).cause == "silent"
+    assert failed(rig.line).code == "silent"
     rig.silent = False
     rig.arrived = [b"left over", b" of before\r"]
     assert rig.line.exchange(b"B") == b"re B"
@@ -197,7 +197,7 @@ def test_a_line_that_is_never_quiet_is_an_error() -> None:
 
     rig.receive = chatter
     error = failed(rig.line)
-    assert error.cause == "garbled"
+    assert error.code == "garbled"
     assert "never silent" in str(error)
     assert rig.said == []
 

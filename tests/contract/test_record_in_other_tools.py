@@ -3,15 +3,15 @@
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as untyped_pandas
 import pyarrow.parquet as untyped_parquet
 import pytest
+from msgspec.structs import replace
 
-from pincette.messages import Estimate, Message
+from pincette.core.messages import Estimate, Message
 from pincette.records import mcap_reading
 from pincette.records.tables import write_tables
 from tests.support.recorded import asked, loop, write
@@ -51,7 +51,15 @@ def test_reruns_converter_shows_decoded_fields(record: Path, tmp_path: Path) -> 
     shown = _rerun("rrd", "print", "-vvv", target, home=tmp_path)
     assert "pincette.Estimate:message" in shown
     assert shown.count(f"force_mN: {FORCE_MN}") == 20
-    for name in ("Position", "Command", "Applied", "Telemetry", "Truth", "Burst", "Asked"):
+    for name in (
+        "Position",
+        "Command",
+        "Applied",
+        "Telemetry",
+        "GroundTruth",
+        "Burst",
+        "RequestLog",
+    ):
         assert f"pincette.{name}:message" in shown
 
 
@@ -59,7 +67,16 @@ def test_rerun_finds_nothing_wrong_with_the_file(record: Path, tmp_path: Path) -
     shown = _rerun("mcap", "check", record / "job.mcap", home=tmp_path)
     verdicts = [line.split() for line in shown.splitlines() if line.split()[-1:] == ["—"]]
     assert sorted(words[3] for words in verdicts if words[0] == "ok") == sorted(
-        ["position", "burst", "estimate", "command", "applied", "telemetry", "truth", "asked"]
+        [
+            "position",
+            "burst",
+            "estimate",
+            "command",
+            "applied",
+            "telemetry",
+            "ground_truth",
+            "request_log",
+        ]
     )
 
 

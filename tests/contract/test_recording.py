@@ -59,7 +59,7 @@ def test_a_recording_is_one_readable_line_an_exchange(tmp_path: Path) -> None:
     link = RecordingLink(MemoryLink(lambda _line: next(replies)), recorder)
     for request in (b"$01M", b"!open", b"c", b"d"):
         link.exchange(request)
-    assert failure(link, b"e").cause == "silent"
+    assert failure(link, b"e").code == "silent"
     link.tell(b"~**")
     assert path.read_text(encoding="ascii").splitlines() == [
         "# pincette dialogue 1",
@@ -88,14 +88,14 @@ def test_what_was_recorded_is_played(tmp_path: Path) -> None:
     played = replay(path)
     assert [played.exchange(request) for request in requests] == said
     again = failure(played, b"e")
-    assert (again.cause, str(again)) == (original.cause, str(original))
+    assert (again.code, str(again)) == (original.code, str(original))
     assert not played.ended
     played.tell(b"!told")
     assert played.ended
-    assert failure(played, b"f").cause == "silent"
+    assert failure(played, b"f").code == "silent"
     played.close()
     link.close()
-    assert failure(played, b"f").cause == "misused"
+    assert failure(played, b"f").code == "misused"
 
 
 def test_a_driver_plays_its_recording_without_a_change(tmp_path: Path) -> None:
@@ -109,7 +109,7 @@ def test_a_driver_plays_its_recording_without_a_change(tmp_path: Path) -> None:
             try:
                 said.append(device.read_um())
             except InstrumentError as error:
-                said.append(error.cause)
+                said.append(error.code)
         device.close()
         return said
 
@@ -123,7 +123,7 @@ def test_what_leaves_the_recording_is_named_with_its_line(tmp_path: Path) -> Non
     path = written(tmp_path / "d.txt", "# url: x", "0.1\tR0\tER,R0,01", "0.2\t~**")
     link = replay(path)
     error = failure(link, b"MS,01")
-    assert error.cause == "misused"
+    assert error.code == "misused"
     assert f"{path}, line 3: b'MS,01' asked, recorded b'R0'" in str(error)
     assert link.exchange(b"R0") == b"ER,R0,01"
     assert "line 4: b'~**' wants an answer" in str(failure(link, b"~**"))
@@ -134,7 +134,7 @@ def test_a_line_that_was_to_have_no_answer_must_have_had_none(tmp_path: Path) ->
     link = replay(written(tmp_path / "d.txt", "0.1\tR0\tER,R0,01"))
     with pytest.raises(InstrumentError, match="line 2: b'R0' wants no answer") as caught:
         link.tell(b"R0")
-    assert caught.value.cause == "misused"
+    assert caught.value.code == "misused"
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_a_line_that_is_none_is_named(tmp_path: Path, line: str) -> None:
     path = written(tmp_path / "d.txt", "0.1\tR0\tR0", line)
     with pytest.raises(InstrumentError, match=r"d\.txt, line 3: ") as caught:
         replay(path)
-    assert caught.value.cause == "cannot_open"
+    assert caught.value.code == "cannot_open"
 
 
 @pytest.mark.parametrize("text", [None, "", "hello\n", "# pincette dialogue 2\n", "\xff"])
@@ -163,7 +163,7 @@ def test_what_is_no_recording_is_not_opened(tmp_path: Path, text: str | None) ->
         path.write_text(text, encoding="latin-1")
     with pytest.raises(InstrumentError, match="no recording") as caught:
         open_link(f"replay:{path}", baud=9600, timeout_s=1.0)
-    assert caught.value.cause == "cannot_open"
+    assert caught.value.code == "cannot_open"
 
 
 def test_a_file_that_is_no_recording_is_not_written_over(tmp_path: Path) -> None:
@@ -173,7 +173,7 @@ def test_a_file_that_is_no_recording_is_not_written_over(tmp_path: Path) -> None
         for path in (kept, tmp_path / "nowhere" / "d.txt", tmp_path):
             with pytest.raises(InstrumentError) as caught:
                 open_link(wire.url, baud=9600, timeout_s=1.0, record=path)
-            assert caught.value.cause == "cannot_open"
+            assert caught.value.code == "cannot_open"
             assert str(path) in str(caught.value)
     assert kept.read_text(encoding="ascii") == "kept"
 
@@ -196,9 +196,9 @@ def test_a_port_opened_again_is_played_with_what_prepared_the_instrument(tmp_pat
     try:
         said = [link.exchange(b"MS,01")]
         wire.close()
-        causes = [failure(link, b"MS,01").cause]
+        causes = [failure(link, b"MS,01").code]
         wire = serve(url, SimulatedKeyence(lambda: 2.0))
-        causes += [failure(link, b"MS,01").cause, failure(link, b"MS,01").cause]
+        causes += [failure(link, b"MS,01").code, failure(link, b"MS,01").code]
         now_s = RETRY_S
         said.append(link.exchange(b"MS,01"))
     finally:
@@ -210,7 +210,7 @@ def test_a_port_opened_again_is_played_with_what_prepared_the_instrument(tmp_pat
     prepared.clear()
     played = ReplayLink(f"replay:{path}", prepare)
     assert played.exchange(b"MS,01") == said[0]
-    assert [failure(played, b"MS,01").cause for _ in causes] == causes
+    assert [failure(played, b"MS,01").code for _ in causes] == causes
     assert played.exchange(b"MS,01") == said[1]
     assert prepared == [b"ER,R0,01", b"ER,R0,01"]
     assert played.ended

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from pincette.config import ConfigError, RigFile, read_rig
+from pincette.core.messages import GroundTruth
 from pincette.instruments.icpdas_i7024 import open_output
 from pincette.instruments.keyence_lkg import open_sensor
-from pincette.messages import Truth
 from pincette_rig.program import run
 from tests.support.rig_program import DeafBus, context_of, offered
 
@@ -37,7 +37,7 @@ def test_it_offers_both_instruments_until_stopped(tmp_path: Path, pace: str) -> 
             seen.append(sensor.read_um())
         sensor.close()
         output.close()
-    told = [message for message in bus.told if isinstance(message, Truth)]
+    told = [message for message in bus.told if isinstance(message, GroundTruth)]
     assert [truth.seq for truth in told] == [0, 1, 2]
     assert [truth.voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=0.0007)
     assert [truth.x_um for truth in told[1:]] == pytest.approx(seen[:2], abs=0.2)

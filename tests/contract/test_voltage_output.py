@@ -89,7 +89,7 @@ class VoltageOutputContract:
                     InstrumentError, match=rf"{voltage_V} V refused, limit"
                 ) as caught:
                     output.write_V(voltage_V)
-                assert caught.value.cause == "misused"
+                assert caught.value.code == "misused"
             assert load.voltages_V == []
 
     def test_silence_is_an_error_until_it_ends(self, reach: Reach) -> None:
@@ -97,7 +97,7 @@ class VoltageOutputContract:
             load.voice = lambda _line: None
             with pytest.raises(InstrumentError, match="no answer") as caught:
                 output.write_V(1.0)
-            assert caught.value.cause == "silent"
+            assert caught.value.code == "silent"
             load.voice = None
             output.write_V(2.0)
             assert load.voltages_V == [2.0]
@@ -108,14 +108,14 @@ class VoltageOutputContract:
                 load.voice = _always(garbage)
                 with pytest.raises(InstrumentError) as caught:
                     output.write_V(1.0)
-                assert caught.value.cause == "garbled"
+                assert caught.value.code == "garbled"
 
     def test_a_closed_output_says_so_and_may_be_closed_again(self, reach: Reach) -> None:
         with self.opened(reach) as (_, output):
             output.close()
             with pytest.raises(InstrumentError, match="port is closed") as caught:
                 output.write_V(1.0)
-            assert caught.value.cause == "misused"
+            assert caught.value.code == "misused"
 
     def test_a_silent_instrument_is_not_opened(self, reach: Reach) -> None:
         load = Load(self.instrument)

@@ -50,16 +50,6 @@ def test_an_answer_arrives_in_pieces() -> None:
     assert len(pieces) > 3
 
 
-def test_an_instrument_takes_its_time_to_answer() -> None:
-    instrument = SimulatedKeyence(lambda: 1.0, processing_s={b"MS": 0.05})
-    with serve(ANY, instrument) as wire:
-        link = open_link(wire.url, baud=115200, timeout_s=1.0)
-        began_s = time.monotonic()
-        assert link.exchange(b"MS,01") == b"MS,01,+0001.00"
-        assert time.monotonic() - began_s >= 0.05
-        link.close()
-
-
 def test_a_frame_may_arrive_in_part() -> None:
     cuts = iter([7, 0, 100])
     with serve(ANY, SimulatedKeyence(lambda: 1.0), garble=lambda data: data[: next(cuts)]) as wire:
@@ -67,7 +57,7 @@ def test_a_frame_may_arrive_in_part() -> None:
         for cause in ("garbled", "silent"):
             with pytest.raises(InstrumentError) as caught:
                 link.exchange(b"MS,01")
-            assert caught.value.cause == cause
+            assert caught.value.code == cause
         assert link.exchange(b"MS,01") == b"MS,01,+0001.00"
         link.close()
 

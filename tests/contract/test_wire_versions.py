@@ -10,14 +10,15 @@ from typing import cast
 import pytest
 import zenoh
 
-from pincette.bus.links import Ends
 from pincette.bus.protocol import BusError
+from pincette.bus.topology import SessionConfig
 from pincette.bus.zenoh_bus import ZenohBus, open_session
-from pincette.codec import ENCODING, encode
-from pincette.messages import Done, Position, StatusRequest
-from pincette.runtime.partners import wait_for_partners
-from pincette.runtime.process import loop_services
-from pincette.topics import POSITION, STATUS, live_key, question_key
+from pincette.core.codec import encode
+from pincette.core.codec.wire import ENCODING
+from pincette.core.messages import Ack, Position, StatusRequest
+from pincette.core.topics import POSITION, STATUS, live_key, request_key
+from pincette.engine.peers import wait_for_peers
+from pincette.engine.process import loop_services
 from tests.support.rigs import demo_rig
 from tests.support.routed import router, until
 
@@ -57,11 +58,11 @@ def test_a_question_to_it_says_which_side_to_update(
 ) -> None:
     bus, other = both
     with pytest.raises(BusError, match="is it running"):
-        bus.ask(STATUS["controller"], StatusRequest(), 0.3)
+        bus.call(STATUS["controller"], StatusRequest(), 0.3)
     token = other.liveliness().declare_token(f"pincette/v{wire}/demo/live/controller")
     until(lambda: bool(bus.other_wires()))
     with pytest.raises(BusError) as caught:
-        bus.ask(STATUS["controller"], StatusRequest(), 0.3)
+        bus.call(STATUS["controller"], StatusRequest(), 0.3)
     assert str(caught.value).endswith(words)
     assert token
 
@@ -73,15 +74,15 @@ def test_an_answer_of_another_version_says_which_side_to_update(
 
     def answer(query: zenoh.Query) -> None:
         with query:
-            query.reply(query.key_expr, encode(Done(1)), encoding=zenoh.Encoding(NEWER))
+            query.reply(query.key_expr, encode(Ack(1)), encoding=zenoh.Encoding(NEWER))
 
-    served = other.declare_queryable(question_key("demo", STATUS["controller"]), answer)
+    served = other.declare_queryable(request_key("demo", STATUS["controller"]), answer)
     said = ""
 
     def told() -> bool:
         nonlocal said
         with pytest.raises(BusError) as caught:
-            bus.ask(STATUS["controller"], StatusRequest(), 0.3)
+            bus.call(STATUS["controller"], StatusRequest(), 0.3)
         said = str(caught.value)
         return "is it running" not in said
 
@@ -129,7 +130,9 @@ def test_who_waits_for_a_program_says_that_it_is_of_another_version(
 
     with caplog.at_level("INFO", "pincette"):
         bus = cast(ZenohBus, Alone())
-        assert wait_for_partners("sensor", demo_rig(), bus, Ends("peer"), loop_services(), stop)
+        assert wait_for_peers(
+            "sensor", demo_rig(), bus, SessionConfig("peer"), loop_services(), stop
+        )
     assert caplog.messages == [
         "waiting for actuator (actuator is there with wire version 2, this program has 1: "
         "update this program)"

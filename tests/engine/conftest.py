@@ -9,6 +9,7 @@ import pytest
 from tests.support.checkout import await_demo_ports
 from tests.support.engine import engine
 from tests.support.engine_stalls import ContainerStalls
+from tests.support.reruns import RECORDER
 
 HERE = Path(__file__).parent
 
@@ -29,7 +30,8 @@ def an_engine() -> Generator[None]:
 
 
 @pytest.fixture(scope="module")
-def stalls() -> Generator[ContainerStalls]:
-    """To be named after what builds the images."""
+def stalls(pytestconfig: pytest.Config) -> Generator[ContainerStalls]:
+    """To be named after what builds the images, by whatever test may be rerun."""
     with ContainerStalls() as recorder:
+        pytestconfig.stash[RECORDER] = recorder
         yield recorder

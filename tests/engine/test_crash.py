@@ -7,7 +7,7 @@ from time import monotonic, sleep
 
 import pytest
 
-from pincette.messages import Applied
+from pincette.core.messages import Applied
 from tests.support.engine_rig import ContainerRig, container_rig, only_root, until_seen_again
 from tests.support.engine_stalls import ContainerStalls
 from tests.support.grips import hold, make_ready, refused, reset, whole_grip
@@ -54,9 +54,12 @@ def comes_back(rig: ContainerRig, name: str, before: int) -> None:
 
 @pytest.mark.parametrize("name", ["sensor", "estimator", "controller", "rig"])
 def test_without_a_program_of_the_loop_the_part_is_kept_and_the_rig_latched(
-    rig: ContainerRig, seen: Witness, stalls: ContainerStalls, name: str
+    rig: ContainerRig,
+    seen: Witness,
+    stalls: ContainerStalls,  # noqa: ARG001  records stalls
+    name: str,
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     kept_V = seen.newest(Applied).voltage_V
     at_s, before = killed(rig, name)
     _, first = seen.until_state(TRIPPED, at_s)
@@ -71,13 +74,15 @@ def test_without_a_program_of_the_loop_the_part_is_kept_and_the_rig_latched(
     assert refused(rig)["type"].endswith("rig-latched")
     reset(rig)
     make_ready(rig)
-    whole_grip(rig, seen, stalls)
+    whole_grip(rig, seen)
 
 
 def test_an_actuator_that_was_started_again_moves_nothing_before_a_reset(
-    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+    rig: ContainerRig,
+    seen: Witness,
+    stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     at_s, before = killed(rig, "actuator")
     ended = rig.ended(job)
     assert ended["state"] == "failed"
@@ -88,13 +93,15 @@ def test_an_actuator_that_was_started_again_moves_nothing_before_a_reset(
     assert after == []
     reset(rig)
     make_ready(rig)
-    whole_grip(rig, seen, stalls)
+    whole_grip(rig, seen)
 
 
 def test_without_the_recorder_the_loop_goes_on_and_the_record_says_so(
-    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+    rig: ContainerRig,
+    seen: Witness,
+    stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     at_s, before = killed(rig, "recorder")
     goes_on(seen, at_s)
     comes_back(rig, "recorder", before)
@@ -103,26 +110,30 @@ def test_without_the_recorder_the_loop_goes_on_and_the_record_says_so(
     assert ended["state"] == "succeeded", ended["cause"]
     assert ended["record_complete"] is False
     make_ready(rig)
-    whole_grip(rig, seen, stalls)
+    whole_grip(rig, seen)
 
 
 def test_without_the_supervisor_the_part_stays_held_and_its_job_is_interrupted(
-    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+    rig: ContainerRig,
+    seen: Witness,
+    stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     at_s, before = killed(rig, "supervisor")
     goes_on(seen, at_s)
     comes_back(rig, "supervisor", before)
     assert rig.job(job)["state"] == "interrupted"
     assert not [echo for _, echo in seen.since(Applied, at_s) if echo.state in TRIPPED]
     make_ready(rig)
-    whole_grip(rig, seen, stalls)
+    whole_grip(rig, seen)
 
 
 def test_without_the_router_the_loop_goes_on_and_is_found_again(
-    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+    rig: ContainerRig,
+    seen: Witness,
+    stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     _, before = killed(rig, "router")
     comes_back(rig, "router", before)
     assert rig.job(job)["state"] in ("running", "failed", "stopped")
@@ -130,11 +141,12 @@ def test_without_the_router_the_loop_goes_on_and_is_found_again(
         sleep(BESIDE_S)
         assert again.newest(Applied).state in ("armed", "idle", "latched")
         make_ready(rig)
-        whole_grip(rig, again, stalls)
+        whole_grip(rig, again)
 
 
 def test_who_holds_the_network_is_started_again_and_the_others_are_made_anew(
-    rig: ContainerRig, stalls: ContainerStalls
+    rig: ContainerRig,
+    stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:
     before = rig.containers.restarts("loopback")
     os.kill(rig.containers.process("loopback"), signal.SIGKILL)
@@ -145,7 +157,7 @@ def test_who_holds_the_network_is_started_again_and_the_others_are_made_anew(
     rig.containers.project.up("--force-recreate")
     make_ready(rig)
     with witness(rig.rig) as again:
-        whole_grip(rig, again, stalls)
+        whole_grip(rig, again)
 
 
 def goes_on(seen: Witness, since_s: float) -> None:

@@ -8,7 +8,7 @@ from time import monotonic, sleep
 
 import pytest
 
-from pincette.messages import Applied
+from pincette.core.messages import Applied
 from tests.support.engine import told
 from tests.support.engine_rig import ContainerRig, container_rig, only_root, until_seen_again
 from tests.support.engine_stalls import ContainerStalls
@@ -67,10 +67,11 @@ def cut(rig: ContainerRig, port: int) -> Generator[float]:
 
 
 def test_without_the_router_the_loop_goes_on_and_all_find_it_again(
-    rig: ContainerRig, stalls: ContainerStalls
+    rig: ContainerRig,
+    stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:
     with witness(rig.rig) as seen:
-        job = hold(rig, seen, stalls)
+        job = hold(rig, seen)
         ticks = seen.newest(Applied).seq
         with cut(rig, ROUTER):
             sleep(CUT_S)
@@ -83,13 +84,15 @@ def test_without_the_router_the_loop_goes_on_and_all_find_it_again(
         # A supervisor that heard nothing for a second has given its job up; the part stays held.
         make_ready(rig)
         assert rig.job(job)["state"] in ("failed", "stopped", "aborted", "succeeded")
-        whole_grip(rig, again, stalls)
+        whole_grip(rig, again)
 
 
 def test_without_the_controller_the_part_is_kept_and_a_person_decides(
-    rig: ContainerRig, seen: Witness, stalls: ContainerStalls
+    rig: ContainerRig,
+    seen: Witness,
+    stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     kept_V = seen.newest(Applied).voltage_V
     with cut(rig, CONTROLLER) as at_s:
         _, first = seen.until_state(TRIPPED, at_s)
@@ -103,4 +106,4 @@ def test_without_the_controller_the_part_is_kept_and_a_person_decides(
     assert refused(rig)["type"].endswith("rig-latched")
     reset(rig)
     make_ready(rig)
-    whole_grip(rig, seen, stalls)
+    whole_grip(rig, seen)

@@ -24,9 +24,9 @@ from schemathesis.specs.openapi.checks import (
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.openapi import document
-from tests.support.keys import Ring, key_of_each_scope
+from tests.support.keys import ScopeKeys, key_of_each_scope
 from tests.support.rigs import demo_rig
-from tests.unit.supervisor.rig import Desk
+from tests.unit.supervisor.harness import Harness
 
 SEED = 20131
 EXAMPLES = 20
@@ -56,30 +56,30 @@ Known = dict[str, list[str]]
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Generator[Desk]:
-    desk = Desk(demo_rig(time="lockstep"), tmp_path_factory.mktemp("desk"))
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Generator[Harness]:
+    desk = Harness(demo_rig(time="lockstep"), tmp_path_factory.mktemp("desk"))
     desk.app = create_app(desk.rigs, Access(names=NAMES))
     yield desk
     desk.close()
 
 
 @pytest.fixture(scope="module")
-def described(desk: Desk) -> Any:
+def described(desk: Harness) -> Any:
     return schemathesis.openapi.from_asgi("/openapi.json", desk.app)
 
 
 @pytest.fixture(scope="module")
-def guarded(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Desk, Ring]]:
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Harness, ScopeKeys]]:
     """A supervisor that wants keys."""
-    desk = Desk(demo_rig(time="lockstep"), tmp_path_factory.mktemp("guarded"))
+    desk = Harness(demo_rig(time="lockstep"), tmp_path_factory.mktemp("guarded"))
     access = Access(names=NAMES)
     desk.app = create_app(desk.rigs, access)
-    yield desk, key_of_each_scope(desk.store, access.gate)
+    yield desk, key_of_each_scope(desk.store, access.authenticator)
     desk.close()
 
 
 @pytest.fixture(scope="module")
-def known(desk: Desk) -> Known:
+def known(desk: Harness) -> Known:
     """What is there to be named: a guess would never find it."""
     grip = desk.grip()["id"]
     desk.ended(grip)
@@ -141,7 +141,7 @@ def test_every_answer_is_documented(
 
 @pytest.mark.parametrize(("method", "path"), OPERATIONS)
 def test_every_answer_is_documented_where_keys_are_wanted(
-    guarded: tuple[Desk, Ring], method: str, path: str
+    guarded: tuple[Harness, ScopeKeys], method: str, path: str
 ) -> None:
     """Whoever asks: without a key, with one that opens nothing, and with one of each scope."""
     desk, ring = guarded

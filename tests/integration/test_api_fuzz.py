@@ -14,7 +14,7 @@ from pincette_supervisor.rest.openapi import document
 from tests.support.odd_requests import BODIES, GRIP, PLACES, RECIPES, TRAVERSALS, TYPES
 from tests.support.raw_http import JSON_HEADERS, Answer, endless, send
 from tests.support.rigs import demo_rig
-from tests.unit.supervisor.rig import Desk
+from tests.unit.supervisor.harness import Harness
 
 SEED = 20134
 MUTANTS = 250
@@ -27,14 +27,14 @@ SECRETS = ("Traceback", 'File "', "sqlite", "site-packages")
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Generator[Desk]:
-    desk = Desk(demo_rig(time="lockstep"), tmp_path_factory.mktemp("desk"))
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Generator[Harness]:
+    desk = Harness(demo_rig(time="lockstep"), tmp_path_factory.mktemp("desk"))
     yield desk
     desk.close()
 
 
 @pytest.fixture(scope="module")
-def job(desk: Desk) -> str:
+def job(desk: Harness) -> str:
     """A grip that has ended, with labels that would do harm where they were believed."""
     labels = {
         "part": '<script>alert("1")</script>',
@@ -66,7 +66,7 @@ def shown(answer: Answer) -> None:
 
 @pytest.mark.parametrize("case", BODIES)
 @pytest.mark.parametrize("place", ["/jobs", "/trajectories", "/trajectories/plot", "/calibrations"])
-def test_a_body_that_is_none_is_refused_in_words(desk: Desk, place: str, case: str) -> None:
+def test_a_body_that_is_none_is_refused_in_words(desk: Harness, place: str, case: str) -> None:
     before = desk.get("/jobs")["jobs"]
     answer = send(desk.app, "POST", f"/api/v1{place}?dry_run=true&predict=false", BODIES[case])
     shown(answer)
@@ -77,7 +77,7 @@ def test_a_body_that_is_none_is_refused_in_words(desk: Desk, place: str, case: s
 
 
 @pytest.mark.parametrize("body", [b"", b"[" * 100_000, b'{"values": NaN}', b'{"name": "\\ud800"}'])
-def test_other_bodies_that_are_none(desk: Desk, job: str, body: bytes) -> None:
+def test_other_bodies_that_are_none(desk: Harness, job: str, body: bytes) -> None:
     for place in (
         "/recipes", f"/jobs/{job}/actions", "/rigs/demo/reset", "/rigs/demo/queue/actions",
         "/rigs/demo/model/actions", f"/calibrations/{job}/actions",
@@ -86,14 +86,14 @@ def test_other_bodies_that_are_none(desk: Desk, job: str, body: bytes) -> None:
 
 
 @pytest.mark.parametrize("case", RECIPES)
-def test_a_recipe_that_cannot_be_is_refused(desk: Desk, case: str) -> None:
+def test_a_recipe_that_cannot_be_is_refused(desk: Harness, case: str) -> None:
     body = f'{{"name": "fuzz", "values": {RECIPES[case]}}}'.encode()
     refused(send(desk.app, "POST", "/api/v1/recipes", body))
     assert desk.get("/recipes")["recipes"] == []
 
 
 @pytest.mark.parametrize("kind", TYPES, ids=repr)
-def test_another_content_type_moves_nothing(desk: Desk, kind: bytes | None) -> None:
+def test_another_content_type_moves_nothing(desk: Harness, kind: bytes | None) -> None:
     headers = [] if kind is None else [(b"content-type", kind)]
     for body in (f"{{{GRIP}}}".encode(), b"a=1", b"--x\r\n\r\n--x--", b""):
         answer = send(desk.app, "POST", "/api/v1/jobs?dry_run=true&predict=false", body, headers)
@@ -103,7 +103,7 @@ def test_another_content_type_moves_nothing(desk: Desk, kind: bytes | None) -> N
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_no_path_leads_out_of_its_folder(desk: Desk, job: str, place: str) -> None:
+def test_no_path_leads_out_of_its_folder(desk: Harness, job: str, place: str) -> None:
     for odd in TRAVERSALS:
         path = place.replace("{job}", job).replace("{}", odd)
         answer = send(desk.app, "GET", path)
@@ -132,7 +132,7 @@ def test_no_path_leads_out_of_its_folder(desk: Desk, job: str, place: str) -> No
     ids=repr,
 )  # fmt: skip
 def test_odd_headers_are_refused_or_passed_over(
-    desk: Desk, job: str, header: tuple[bytes, bytes]
+    desk: Harness, job: str, header: tuple[bytes, bytes]
 ) -> None:
     for method, path, body in (
         ("GET", f"/api/v1/jobs/{job}", b""),
@@ -148,7 +148,7 @@ def test_odd_headers_are_refused_or_passed_over(
 
 
 def test_a_key_shows_up_nowhere(
-    desk: Desk, job: str, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+    desk: Harness, job: str, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
     key, said = "pk-0a1b2c3d4e5f", ""
     headers = [
@@ -174,7 +174,7 @@ def test_a_key_shows_up_nowhere(
     assert "Traceback" not in caplog.text + written.out + written.err
 
 
-def test_a_body_without_end_is_not_read_to_its_end(desk: Desk) -> None:
+def test_a_body_without_end_is_not_read_to_its_end(desk: Harness) -> None:
     chunk, most = b" " * 65_536, 400
     for place in ("/jobs?dry_run=true", "/recipes", "/trajectories", "/rigs/demo/reset"):
         answer = send(desk.app, "POST", f"/api/v1{place}", endless(chunk, most))
@@ -182,13 +182,13 @@ def test_a_body_without_end_is_not_read_to_its_end(desk: Desk) -> None:
         assert answer.read < most * len(chunk)
 
 
-def test_an_emergency_stop_reads_no_body(desk: Desk) -> None:
+def test_an_emergency_stop_reads_no_body(desk: Harness) -> None:
     answer = send(desk.app, "POST", "/api/v1/rigs/demo/estop", endless(b"x" * 1024, 2))
     assert answer.status == 200
     assert desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
 
 
-def test_labels_reach_no_header_and_are_escaped_on_the_page(desk: Desk, job: str) -> None:
+def test_labels_reach_no_header_and_are_escaped_on_the_page(desk: Harness, job: str) -> None:
     attached = send(desk.app, "GET", f"/api/v1/jobs/{job}/artifacts/samples.csv")
     assert attached.headers["content-disposition"] == f'attachment; filename="{job}.csv"'
     report = send(desk.app, "GET", f"/api/v1/jobs/{job}/artifacts/report.html")
@@ -201,7 +201,7 @@ def test_labels_reach_no_header_and_are_escaped_on_the_page(desk: Desk, job: str
 
 
 @pytest.mark.parametrize("path", ["/api/v2/jobs", "/api/v0/rigs/demo/estop", "/api/v11", "/api/x"])
-def test_another_version_is_told_which_one_is_served(desk: Desk, path: str) -> None:
+def test_another_version_is_told_which_one_is_served(desk: Harness, path: str) -> None:
     for method in ("GET", "POST"):
         problem = refused(send(desk.app, method, path))
         assert problem["status"] == 404
@@ -240,7 +240,7 @@ def mutants(chance: random.Random) -> Generator[bytes]:
         yield bytes(body)
 
 
-def test_bodies_near_a_sound_one_are_answered_as_documented(desk: Desk) -> None:
+def test_bodies_near_a_sound_one_are_answered_as_documented(desk: Harness) -> None:
     print(f"seed {SEED}")
     chance, known = random.Random(SEED), documented()["POST", "/api/v1/jobs"]
     seen = set[int]()

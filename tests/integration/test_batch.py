@@ -1,20 +1,20 @@
 """A batch has the numbers of the composed loop, to the last bit, whatever rig, law and seed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
-from pincette.batch.cases import Case, Run
-from pincette.batch.composed import play_composed
-from pincette.batch.kernel.lane import COLUMNS, Ending
-from pincette.batch.lanes import play_lane
-from pincette.batch.prepared import prepare_rig
-from pincette.batch.runs import play_all
 from pincette.config import RigFile
-from pincette.control.laws.law import LawSettings, default_settings
-from pincette.paper.closed_loop import tracking_plan
+from pincette.control.laws.definition import LawSettings
+from pincette_batch.cases import Case, Run
+from pincette_batch.composed import play_composed
+from pincette_batch.kernel.lane import COLUMNS, Ending
+from pincette_batch.lanes import play_lane
+from pincette_batch.prepared import prepare_rig
+from pincette_batch.runs import play_all
+from pincette_study.closed_loop import tracking_plan
 from tests.support.batches import LAWS, drawn_rig, same, short_grip, short_track
+from tests.support.laws import DSMIFC
 from tests.support.rigs import Tree, demo_rig
 
 BOTH: Tree = {
@@ -27,7 +27,7 @@ BOTH: Tree = {
 def test_drawn_rigs_run_as_they_do_composed(seed: int) -> None:
     rig = drawn_rig(seed)
     law = LAWS[seed % len(LAWS)]
-    case = Case(rig, replace(short_track(rig), laws=(law,)), seed)
+    case = Case(rig, replace(short_track(rig), laws=(law.spec(),)), seed)
     run = play_lane(prepare_rig(rig), case)
     assert run.ending is Ending.DONE
     same(run, play_composed(case))
@@ -47,7 +47,7 @@ def test_arms_with_modes_of_their_own_run_as_they_do_composed(
     changes: Tree, law: LawSettings
 ) -> None:
     rig = demo_rig({"simulation": changes}, time="lockstep")
-    case = Case(rig, replace(short_track(rig), laws=(law,)))
+    case = Case(rig, replace(short_track(rig), laws=(law.spec(),)))
     run = play_lane(prepare_rig(rig), case)
     assert run.ending is Ending.DONE
     same(run, play_composed(case))
@@ -56,7 +56,7 @@ def test_arms_with_modes_of_their_own_run_as_they_do_composed(
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{law.scheme}-{law.set}")
 def test_a_grip_runs_as_it_does_composed(law: LawSettings) -> None:
     rig = demo_rig(time="lockstep")
-    case = Case(rig, replace(short_grip(rig), laws=(law,)))
+    case = Case(rig, replace(short_grip(rig), laws=(law.spec(),)))
     run = play_lane(prepare_rig(rig), case)
     assert run.outcome == "gripped"
     same(run, play_composed(case))
@@ -95,7 +95,7 @@ def gains_and_seeds(rig: RigFile) -> list[Case]:
     return [
         Case(
             rig,
-            replace(track, laws=(replace(default_settings("dsmifc", "consistent"), K_f=K_f),)),
+            replace(track, laws=(DSMIFC.settings(K_f=K_f).spec(),)),
             seed,
         )
         for K_f in (0.0, 2000.0)
@@ -115,7 +115,7 @@ def test_two_processes_give_what_one_gives_in_order() -> None:
 def test_without_the_compiler_the_numbers_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     case = gains_and_seeds(demo_rig(time="lockstep"))[1]
     (fast,) = play_all([case])
-    monkeypatch.setattr("pincette.batch.runs.available", lambda: False)
+    monkeypatch.setattr("pincette_batch.runs.available", lambda: False)
     (slow,) = play_all([case])
     same(fast, slow)
 

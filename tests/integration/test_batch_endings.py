@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pincette.batch.composed import play_composed
-from pincette.batch.followed import program_objection, rig_objection
-from pincette.batch.kernel.lane import Ending
-from pincette.batch.lanes import play_lane
-from pincette.batch.prepared import prepare_rig
+from pincette_batch.composed import play_composed
+from pincette_batch.followed import program_objection, rig_objection
+from pincette_batch.kernel.lane import Ending
+from pincette_batch.lanes import play_lane
+from pincette_batch.prepared import prepare_rig
 from tests.support.batches import TROUBLES, drawn_case, same
 
 CASES = 5 * len(TROUBLES)

@@ -7,7 +7,7 @@ import pytest
 
 from pincette.config import read_rig
 from pincette.sim.bench import Bench
-from tests.support.calibrating import Bystander, calibrated, opened_benches, value
+from tests.support.calibrating import Bystander, calibrated, opened_benches, result_of, value
 from tests.support.rigs import DEMO, Tree, at_own_ports, demo_rig
 
 WITHIN = 0.02
@@ -32,7 +32,7 @@ def test_the_noise_is_that_of_the_sensor(bench: list[Bench]) -> None:
     # A step of q adds q²/12 to the variance of the readings.
     true_um = (simulated.sensor_noise_um**2 + simulated.sensor_step_um**2 / 12.0) ** 0.5
     assert value(record, "sensor.noise_um") == pytest.approx(true_um, rel=0.1)
-    figures = {figure.name: figure.value for figure in record.result.figures}
+    figures = {figure.name: figure.value for figure in result_of(record).figures}
     # The display rounds multiples of the step to 0.01 µm.
     assert figures["step"] == pytest.approx(simulated.sensor_step_um, abs=0.0051)
 
@@ -45,7 +45,7 @@ def test_weights_hung_as_the_job_asks_give_the_compliance(bench: list[Bench]) ->
     assert person.hung == [0.0, 5.0, 10.0, 20.0, 10.0, 5.0, 0.0]
     found = value(record, "model.compliance_um_per_mN")
     assert found == pytest.approx(rig.simulation.compliance_um_per_mN, rel=WITHIN)
-    (item,) = record.result.values
+    (item,) = result_of(record).values
     assert item.uncertainty is not None
     assert 0.0 < item.uncertainty < WITHIN * found
 
@@ -60,7 +60,7 @@ def test_weights_that_nobody_hung_give_no_compliance(
 
     monkeypatch.setattr(Bystander, "hang", forget)
     record, _ = calibrated(rig, bench, "compliance", "were the weights hung")
-    assert record.result.values == []
+    assert result_of(record).values == []
 
 
 def test_the_free_response_has_the_secant_gain_of_the_rig(bench: list[Bench]) -> None:
@@ -70,7 +70,7 @@ def test_the_free_response_has_the_secant_gain_of_the_rig(bench: list[Bench]) ->
     assert value(record, "model.piezo_um_per_V") == pytest.approx(19.0, rel=WITHIN)
     taught = value(record, "model.free_response")
     assert taught["residual_um"] < 0.3
-    figures = {figure.name: figure.value for figure in record.result.figures}
+    figures = {figure.name: figure.value for figure in result_of(record).figures}
     assert figures["loop"] == pytest.approx(18.5, abs=1.5)
 
 
@@ -83,7 +83,7 @@ def test_a_press_finds_stiffness_and_place_of_the_contact(bench: list[Bench]) ->
         simulated.environment_stiffness_mN_per_um, rel=WITHIN
     )
     assert value(record, "part.contact_um") == pytest.approx(simulated.bead_contact_um, abs=0.3)
-    assert record.result.warnings == [
+    assert result_of(record).warnings == [
         f"rests on {quantity}, which is assumed: calibrate it first"
         for quantity in ("model.compliance_um_per_mN", "model.free_response")
     ]

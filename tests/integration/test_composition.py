@@ -5,23 +5,15 @@ from functools import cache
 
 import pytest
 
-from pincette.messages import (
-    Arm,
-    Asked,
-    Load,
-    Message,
-    Reset,
-    Status,
-    StatusRequest,
-)
-from pincette.runtime.arming import ORDER
-from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.composition import Composition
-from pincette.runtime.node import Node
-from pincette.runtime.process import loop_services
-from pincette.runtime.simulated import simulated_devices
-from pincette.service import services_of
-from pincette.topics import TOPIC_OF
+from pincette.core.messages import Arm, Load, Message, RequestLog, Reset, Status, StatusRequest
+from pincette.core.service import member_services
+from pincette.core.topics import TOPIC_OF
+from pincette.engine.arming import ORDER
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.node import Node
+from pincette.engine.process import loop_services
+from pincette.engine.scheduler import Scheduler
+from pincette.engine.simulated import simulated_devices
 from tests.support.partitions import Programs, composing, partitions
 from tests.support.rigs import demo_rig
 from tests.support.scripted import NEAR, PROGRAM
@@ -37,16 +29,16 @@ class Shared:
         devices = simulated_devices(self.rig, self.told.append)
         services = loop_services()
         self.programs = {
-            name: Composition(
-                Node(services[one], self.rig, devices.get(one)) for one in services_of(name)
+            name: Scheduler(
+                Node(services[one], self.rig, devices.get(one)) for one in member_services(name)
             )
             for name in self.rig.programs
         }
         self._on_its_way: deque[tuple[str, Message]] = deque()
 
-    def ask(self, service: str, request: Message) -> Message | str:
+    def call(self, service: str, request: Message) -> Message | str:
         name = self.rig.program_of(service)
-        answer, outputs = self.programs[name].of(service).ask(request, 0.0)
+        answer, outputs = self.programs[name].task(service).call(request, 0.0)
         self._say(name, outputs)
         return answer
 
@@ -66,14 +58,14 @@ class Shared:
         source, message = self._on_its_way.popleft()
         for name, program in self.programs.items():
             if name != source and TOPIC_OF[type(message)] in program.inputs:
-                program.share((message,), 0.0)
+                program.deliver(message, 0.0)
         return True
 
     def _step(self) -> bool:
         for name, program in self.programs.items():
-            turns = program.due(0.0)
-            if turns is not None:
-                self._say(name, turns.node.fire(0.0))
+            task = program.ready(0.0)
+            if task is not None:
+                self._say(name, task.node.fire(0.0))
                 return True
         return False
 
@@ -82,7 +74,7 @@ def by_kind(messages: list[Message]) -> dict[str, list[Message]]:
     """Each stream in its order; between streams no order is promised."""
     found: dict[str, list[Message]] = {}
     for message in messages:
-        if not isinstance(message, Asked):
+        if not isinstance(message, RequestLog):
             found.setdefault(type(message).__name__, []).append(message)
     return found
 
@@ -95,13 +87,13 @@ def alone() -> dict[str, list[Message]]:
 @pytest.mark.parametrize("composed", partitions(), ids=" and ".join)
 def test_the_same_bits_in_every_partition(composed: Programs) -> None:
     loop = Shared(composed)
-    status = loop.ask("controller", StatusRequest())
+    status = loop.call("controller", StatusRequest())
     assert isinstance(status, Status)
-    assert not isinstance(loop.ask("actuator", Reset(acknowledge=True)), str)
+    assert not isinstance(loop.call("actuator", Reset(acknowledge=True)), str)
     loop.told.clear()
-    loop.ask("controller", Load(PROGRAM))
+    loop.call("controller", Load(PROGRAM))
     for service in ORDER:
-        reply = loop.ask(service, Arm(1, status.instance, loop.rig.digest()))
+        reply = loop.call(service, Arm(1, status.instance, loop.rig.digest()))
         assert not isinstance(reply, str), reply
     loop.run()
     found, wanted = by_kind(loop.told), alone()

@@ -4,16 +4,16 @@ from math import fsum
 
 import pytest
 
-from pincette.api.request_models import GripJobRequest
 from pincette.config import Output, RigFile
-from pincette.messages import Applied, Message, Telemetry, Truth
-from pincette.runtime.composed import ComposedLoop
+from pincette.core.messages import Applied, GroundTruth, Message, Telemetry
+from pincette.engine.composed import ComposedLoop
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.rigs import demo_rig, output_step_V
 
 
-def truths(published: list[Message]) -> list[Truth]:
-    return [message for message in published if isinstance(message, Truth)]
+def truths(published: list[Message]) -> list[GroundTruth]:
+    return [message for message in published if isinstance(message, GroundTruth)]
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from pincette.api.request_models import GripJobRequest
 from pincette.config import RigFile, read_rig
-from pincette.messages import Estimate, Message, Telemetry, Truth
-from pincette.runtime.composed import ComposedLoop
+from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
+from pincette.engine.composed import ComposedLoop
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 
 DEMO = Path(__file__).parents[2] / "deploy/rigs/demo.toml"
@@ -36,7 +36,9 @@ def in_phase(published: list[Message], *phases: str) -> list[int]:
 
 def test_the_bead_is_gripped_with_the_force_that_is_stated(published: list[Message]) -> None:
     estimates = {message.seq: message for message in published if isinstance(message, Estimate)}
-    truths = {message.seq: message.force_mN for message in published if isinstance(message, Truth)}
+    truths = {
+        message.seq: message.force_mN for message in published if isinstance(message, GroundTruth)
+    }
     telemetry = [message for message in published if isinstance(message, Telemetry)]
     assert telemetry[-1].outcome == "gripped"
     hold = in_phase(published, "hold")
@@ -52,7 +54,9 @@ def test_the_bead_is_gripped_with_the_force_that_is_stated(published: list[Messa
 
 
 def test_contact_is_believed_only_where_there_is_one(published: list[Message]) -> None:
-    truths = {message.seq: message.force_mN for message in published if isinstance(message, Truth)}
+    truths = {
+        message.seq: message.force_mN for message in published if isinstance(message, GroundTruth)
+    }
     assert truths[in_phase(published, "load")[0]] > 0.0
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from pincette.api.request_models import GripJobRequest
 from pincette.api.states import ActionType
 from pincette.records import folder, mcap_reading
 from pincette.records.mcap_file import NAME
+from pincette_supervisor.kinds.grip import GripJobRequest
 from tests.support.grips import SHORT
 from tests.support.office import Office
 from tests.support.rigs import demo_rig
@@ -37,12 +37,12 @@ def test_the_next_one_closes_the_record_of_the_job_that_was_interrupted(
     rig: VirtualRig, tmp_path: Path, ticks: int
 ) -> None:
     office = Office(rig, tmp_path)
-    name = office.conductor.create(GRIP)[0].id
+    name = office.manager.create(GRIP)[0].id
     office.steps.pass_(ticks)
     played = len([echo for echo in rig.applied if echo.seq >= 0])
     office.kill()
     after = Office(rig, tmp_path)
-    job = after.conductor.job(name)
+    job = after.manager.job(name)
     assert (job.state, job.record_complete, job.record_detail) == ("interrupted", True, "")
     assert rig.keeper.record is None
     where = tmp_path / "jobs" / name
@@ -64,14 +64,14 @@ def test_a_refused_arming_ends_the_job_and_its_record(
     rig: VirtualRig, tmp_path: Path, asked: ActionType | None, state: str
 ) -> None:
     office = Office(rig, tmp_path)
-    name = office.conductor.create(GRIP)[0].id
+    name = office.manager.create(GRIP)[0].id
     while rig.keeper.record is None:
         office.steps.look()
     if asked is not None:
-        office.conductor.act(name, asked, "test")
-    office.conductor.latch.estop("test")
+        office.manager.perform(name, asked, "test")
+    office.manager.latch.estop("test")
     office.steps.pass_(60)
-    job = office.conductor.job(name)
+    job = office.manager.job(name)
     assert (job.state, job.record_complete) == (state, True)
     assert "latched" in job.cause
     assert rig.keeper.record is None
@@ -83,14 +83,14 @@ def test_a_kill_in_a_refused_arming_leaves_none_open_either(
     rig: VirtualRig, tmp_path: Path
 ) -> None:
     office = Office(rig, tmp_path)
-    name = office.conductor.create(GRIP)[0].id
+    name = office.manager.create(GRIP)[0].id
     while rig.keeper.record is None:
         office.steps.look()
-    office.conductor.latch.estop("test")
+    office.manager.latch.estop("test")
     office.steps.look()
     office.kill()
     after = Office(rig, tmp_path)
-    job = after.conductor.job(name)
+    job = after.manager.job(name)
     assert (job.state, job.record_complete) == ("interrupted", True)
     assert rig.keeper.record is None
     after.end()

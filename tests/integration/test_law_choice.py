@@ -8,29 +8,27 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from pincette.api.request_models import AnyJobRequest, Body
-from pincette.api.result_models import (
-    GripResult,
-    JobResult,
-    Percentiles,
-    TrackResult,
-)
+from pincette.api.requests import JobRequest
+from pincette.api.results import ClosedLoopResult, Percentiles
 from pincette.config import RigFile
 from pincette.config.gains import tuned
 from pincette.control.arm.plant import discretize, printed_arm
-from pincette.control.laws.law import ParameterSet, Scheme
-from pincette.messages import Message, Sample
-from pincette.runtime.composed import ComposedLoop
+from pincette.control.laws.parameters import ParameterSet
+from pincette.core.messages import Message, Sample
+from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.kinds.bodies import Body
+from pincette_supervisor.kinds.grip import GripResult
+from pincette_supervisor.kinds.track import TrackResult
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.results.archive import Record, Take, gather
 from tests.support.rigs import demo_rig
 
-SCHEMES: tuple[Scheme, ...] = ("pbsmic", "dsmifc")
+SCHEMES: tuple[str, ...] = ("pbsmic", "dsmifc")
 SETS: tuple[ParameterSet, ...] = ("consistent", "printed")
 RIG = demo_rig(time="lockstep")
 PRINTED_K_S_MN = 0.003
-REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 
 
 def ended(body: dict[str, Any], rig: RigFile = RIG) -> Record:
@@ -55,11 +53,11 @@ def ended(body: dict[str, Any], rig: RigFile = RIG) -> Record:
 
 
 @lru_cache
-def played(kind: str, scheme: Scheme, name: ParameterSet) -> Record:
+def played(kind: str, scheme: str, name: ParameterSet) -> Record:
     return ended({"kind": kind, "scheme": scheme, "set": name})
 
 
-def percentiles(result: JobResult, name: str) -> Percentiles:
+def percentiles(result: ClosedLoopResult, name: str) -> Percentiles:
     found = getattr(result, name)
     assert isinstance(found, Percentiles)
     assert 0.0 <= found.p50 <= found.p95 <= found.p99
@@ -68,7 +66,7 @@ def percentiles(result: JobResult, name: str) -> Percentiles:
 
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_grip_succeeds_by_every_law(scheme: Scheme, name: ParameterSet) -> None:
+def test_a_grip_succeeds_by_every_law(scheme: str, name: ParameterSet) -> None:
     result = played("grip", scheme, name).result
     assert isinstance(result, GripResult)
     assert result.outcome == "gripped"
@@ -80,7 +78,7 @@ def test_a_grip_succeeds_by_every_law(scheme: Scheme, name: ParameterSet) -> Non
 
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_path_is_tracked_by_every_law(scheme: Scheme, name: ParameterSet) -> None:
+def test_a_path_is_tracked_by_every_law(scheme: str, name: ParameterSet) -> None:
     result = played("track", scheme, name).result
     assert isinstance(result, TrackResult)
     assert result.outcome == "tracked"
@@ -93,7 +91,7 @@ def test_a_path_is_tracked_by_every_law(scheme: Scheme, name: ParameterSet) -> N
 
 @pytest.mark.parametrize("kind", ["grip", "track"])
 def test_each_law_moves_the_arm_in_its_own_way(kind: str) -> None:
-    tables = [played(kind, scheme, name).table for scheme in SCHEMES for name in SETS]
+    tables = [played(kind, scheme, name).run.table for scheme in SCHEMES for name in SETS]
     voltages = [tuple(table["voltage_V"]) for table in tables]
     assert len(set(voltages)) == len(voltages)
 
@@ -102,9 +100,10 @@ def test_each_law_moves_the_arm_in_its_own_way(kind: str) -> None:
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("kind", ["grip", "track"])
 def test_a_result_says_how_well_the_law_knew_the_arm(
-    kind: str, scheme: Scheme, name: ParameterSet
+    kind: str, scheme: str, name: ParameterSet
 ) -> None:
     result = played(kind, scheme, name).result
+    assert isinstance(result, ClosedLoopResult)
     plant = discretize(RIG.model.arm() if name == "consistent" else printed_arm(), 0.02)
     residual, error = (percentiles(result, n) for n in ("residual_um", "perturbation_error_mN"))
     # p̃ is -k̄ times the residual, by whichever set the law has.
@@ -124,13 +123,14 @@ def test_a_result_says_how_well_the_law_knew_the_arm(
 def test_the_error_of_the_perturbation_is_the_noise_of_the_sensor_where_nothing_moves() -> None:
     """By (6) and (8): p̃ is k·(x_{k-1} - x_k), since a voltage at rest and the mass count little."""
     held = played("grip", "pbsmic", "consistent")
-    table = held.table
+    table = held.run.table
     x_um = [x for x, phase in zip(table["x_um"], table["phase"], strict=True) if phase == "hold"]
     true_um = [
         x for x, phase in zip(table["true_x_um"], table["phase"], strict=True) if phase == "hold"
     ]
     off_um = [measured - true for measured, true in zip(x_um, true_um, strict=True)]
     noise_um = pstdev(off_um)
+    assert isinstance(held.result, ClosedLoopResult)
     true_error = percentiles(held.result, "true_perturbation_error_mN")
     # Half of a normal distribution lies within 0.674 standard deviations; two samples differ
     # by √2 of them.
@@ -145,8 +145,8 @@ def test_tuned_gains_of_both_laws_hold_what_they_promise(kind: str) -> None:
         found = tuned(RIG, scheme)
         print(f"{scheme} tuned in {process_time() - begun:.2f} s of processor time")
         kept = ended({"kind": kind, "scheme": scheme, "gains": "tuned"})
-        law = kept.planned.values["law"]
-        assert (law["K_P"], law["K_f"]) == (found.chosen.settings.K_P, found.chosen.settings.K_f)
+        law = kept.run.planned.values["law"]
+        assert law["gains"] == found.chosen.settings.gains
         assert law["gains_from"] == "tuned"
         assert kept.result.outcome in ("gripped", "tracked")
         if isinstance(kept.result, TrackResult):
@@ -174,4 +174,4 @@ def test_a_law_that_is_chosen_and_the_same_in_the_rig_file_are_one() -> None:
     rig = RIG.model_copy(update={"law": own})
     chosen = ended({"kind": "grip", "scheme": "dsmifc", "gains": {"K_P": 2.0}})
     filed = ended({"kind": "grip"}, rig)
-    assert chosen.table["voltage_V"] == filed.table["voltage_V"]
+    assert chosen.run.table["voltage_V"] == filed.run.table["voltage_V"]

@@ -7,14 +7,27 @@ from pathlib import Path
 
 import pytest
 
-from pincette import plugins
-from pincette.api.request_models import GripJobRequest
+from pincette.api.requests import JobRequest
 from pincette.bus.protocol import RefusalError
-from pincette.messages import Applied, Asked, Lease, Message, Reset, Sample, Telemetry, Truth
-from pincette.runtime.arming import arm
-from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.replay.service_alone import replay
-from pincette.topics import LEASE, LOOP, RESET, TOPICS, Topic
+from pincette.core import plugins
+from pincette.core.faults import Acted, LeaseEnd
+from pincette.core.messages import (
+    Applied,
+    GroundTruth,
+    Lease,
+    Message,
+    RequestLog,
+    Reset,
+    Sample,
+    Telemetry,
+)
+from pincette.core.topics import LEASE, LOOP, RESET, TOPICS, Topic
+from pincette.engine.arming import arm
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.replay.service_alone import replay
+from pincette_supervisor.jobs.policies import lease_end
+from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffnessRequest
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.replay.desk import recorded
 from tests.support.grips import SHORT
@@ -30,8 +43,14 @@ def nobody(_loop: ComposedLoop, _seq: int) -> None:
     """Renew nothing."""
 
 
-def played(length_s: float, renew: Renew = nobody, most: int = 1000) -> tuple[Message, ...]:
-    """A grip under a lease; ``renew`` is called after every tick, of which there are so many."""
+def played(
+    length_s: float,
+    renew: Renew = nobody,
+    most: int = 1000,
+    request: JobRequest = GRIP,
+    then: LeaseEnd = LeaseEnd.STOP,
+) -> tuple[Message, ...]:
+    """A job under a lease; ``renew`` is called after every tick, of which there are so many."""
     loop = ComposedLoop(RIG)
     said: list[Message] = []
 
@@ -42,15 +61,15 @@ def played(length_s: float, renew: Renew = nobody, most: int = 1000) -> tuple[Me
 
     for topic in TOPICS:
         loop.bus.subscribe(topic, take)
-    loop.bus.ask(RESET, Reset(acknowledge=True))
-    program = plan_job(GRIP, RIG).program
-    lease = Lease(EPOCH, length_s)
+    loop.bus.call(RESET, Reset(acknowledge=True))
+    program = plan_job(request, RIG).program
+    lease = Lease(EPOCH, length_s, then)
     arm(loop.bus, program, epoch=EPOCH, digest=RIG.digest(), lease=lease)
     while loop.bus.pump():
         if sum(isinstance(message, Applied) for message in said) > most:
             break
     return tuple(
-        item for item in said if not isinstance(item, Sample | Asked) or item.epoch == EPOCH
+        item for item in said if not isinstance(item, Sample | RequestLog) or item.epoch == EPOCH
     )
 
 
@@ -60,9 +79,9 @@ def lost(length_s: float = LENGTH_S) -> tuple[Message, ...]:
     return played(length_s)
 
 
-def ended(messages: tuple[Message, ...]) -> list[Asked]:
+def ended(messages: tuple[Message, ...]) -> list[RequestLog]:
     """What the controller has asked of itself."""
-    return [item for item in messages if isinstance(item, Asked) and item.act is not None]
+    return [item for item in messages if isinstance(item, RequestLog) and item.action is not None]
 
 
 def view(messages: tuple[Message, ...]) -> list[Telemetry]:
@@ -71,11 +90,11 @@ def view(messages: tuple[Message, ...]) -> list[Telemetry]:
 
 def test_the_program_is_stopped_at_the_tick_at_which_its_lease_has_ended() -> None:
     (noted,) = ended(lost())
-    assert noted.act is not None
-    assert (noted.act.action, noted.service, noted.topic) == ("stop", "controller", "estimate")
+    assert noted.action is not None
+    assert (noted.action.action, noted.service, noted.topic) == ("stop", "controller", "estimate")
     # Granted at 0 s; the first sample later than the limit is the next after it.
     assert noted.seq == round(LENGTH_S / RIG.rig.period_s) + 1
-    acted = [sample.seq for sample in view(lost()) if sample.acted == "lease stop"]
+    acted = [sample.seq for sample in view(lost()) if sample.acted == (Acted.LEASE, Acted.STOP)]
     assert acted == [noted.seq + 1]
     last = [item for item in lost() if isinstance(item, Applied)][-1]
     assert (last.final, last.state, last.part_held) == (True, "idle", False)
@@ -91,7 +110,9 @@ def test_a_held_part_is_held_with_the_force_it_had_long_after() -> None:
     after = [sample for sample in view(messages) if sample.seq > noted.seq]
     assert len(after) > 1000
     assert {(sample.held, sample.phase) for sample in after[1:]} == {(True, "hold")}
-    truths = [item for item in messages if isinstance(item, Truth) and item.seq > noted.seq + 50]
+    truths = [
+        item for item in messages if isinstance(item, GroundTruth) and item.seq > noted.seq + 50
+    ]
     assert min(item.force_mN for item in truths) > 0.8 * 8.0
     assert all(
         item.state == "armed"
@@ -100,12 +121,25 @@ def test_a_held_part_is_held_with_the_force_it_had_long_after() -> None:
     )
 
 
+@pytest.mark.parametrize("length_s", [1.0, 1.8, 4.0, 6.0, 9.0, 30.0])
+def test_a_calibration_that_presses_leaves_no_force_on_the_part(length_s: float) -> None:
+    request = ContactStiffnessRequest(calibration="contact_stiffness")
+    messages = played(length_s, most=3000, request=request, then=lease_end(request))
+    (noted,) = ended(messages)
+    before = [item for item in view(messages) if item.seq == noted.seq][-1]
+    last = [item for item in messages if isinstance(item, Applied)][-1]
+    assert (last.final, last.state, last.part_held) == (True, "idle", False), before.phase
+    truth = [item for item in messages if isinstance(item, GroundTruth)][-1]
+    assert truth.force_mN == 0.0, before.phase
+    assert {item.state for item in messages if isinstance(item, Applied)} == {"armed", "idle"}
+
+
 @pytest.mark.parametrize("every", [1, 7, 40])
 def test_renewals_change_no_number_however_often_they_come(every: int) -> None:
     def renew(loop: ComposedLoop, seq: int) -> None:
         if seq % every == 0:
             with suppress(RefusalError):  # once the program has come to its end
-                loop.bus.ask(LEASE, Lease(EPOCH, LENGTH_S))
+                loop.bus.call(LEASE, Lease(EPOCH, LENGTH_S))
 
     def alone(loop: ComposedLoop) -> list[Message]:
         return loop.play(plan_job(GRIP, RIG).program, EPOCH)

@@ -2,13 +2,14 @@
 
 import pytest
 
-from pincette.messages import Asked, Lease, Telemetry
+from pincette.core.faults import TRIPPED, Acted, Mode
+from pincette.core.messages import Lease, RequestLog, Telemetry
+from pincette.core.wording import fault_text
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_places import EPOCH, STATES, T, place
 
 LENGTH_S = 0.5
 PLACES_IN_THE_PERIOD = (0.05, 0.35, 0.65, 0.95)
-TRIPPED = ("frozen", "ramping", "latched")
 STOPPED_S = 0.5
 """In which a free arm is at rest once its program is asked to stop, with some ticks to spare."""
 PLAYING = tuple(state for state in STATES if state not in ("idle", "stopping"))
@@ -28,14 +29,16 @@ def told(loop: VirtualLoop, since_s: float) -> list[tuple[float, Telemetry]]:
     return [(at, one) for at, one in said if isinstance(one, Telemetry) and at > since_s]
 
 
-def asked(loop: VirtualLoop, since_s: float) -> list[tuple[float, Asked]]:
+def asked(loop: VirtualLoop, since_s: float) -> list[tuple[float, RequestLog]]:
     """What the controller has asked of itself."""
-    found = [(at, one) for at, one in loop.told or [] if isinstance(one, Asked) and at > since_s]
-    return [(at, one) for at, one in found if one.act is not None and one.act.reason]
+    found = [
+        (at, one) for at, one in loop.told or [] if isinstance(one, RequestLog) and at > since_s
+    ]
+    return [(at, one) for at, one in found if one.action is not None and one.action.reason]
 
 
-def tripped(loop: VirtualLoop, since_s: float) -> set[str]:
-    return {echo.state for at, echo in loop.applied if at > since_s} & set(TRIPPED)
+def tripped(loop: VirtualLoop, since_s: float) -> set[Mode]:
+    return {echo.state for at, echo in loop.applied if at > since_s} & TRIPPED
 
 
 @pytest.mark.parametrize("state", PLAYING)
@@ -50,10 +53,10 @@ def test_the_program_is_stopped_in_time_and_nothing_trips(state: str) -> None:
             continue
         ((ended_s, noted),) = found
         assert LENGTH_S - T < ended_s - begun_s < LENGTH_S + 2.0 * T
-        assert noted.act is not None
-        assert noted.act.reason.endswith("limit 0.5 s")
+        assert noted.action is not None
+        assert fault_text(noted.action.reason).endswith("limit 0.5 s")
         acted = [one for _, one in told(loop, ended_s) if one.acted]
-        assert [one.acted for one in acted] == ["lease stop"]
+        assert [one.acted for one in acted] == [(Acted.LEASE, Acted.STOP)]
         assert acted[0].seq == noted.seq + 1
         loop.run(loop.now_s + LONG_S)
         assert not tripped(loop, begun_s)
@@ -71,7 +74,7 @@ def test_one_that_is_busy_for_most_of_the_lease_changes_nothing(state: str) -> N
     begun_s = loop.now_s
     for _ in range(6):
         loop.run(loop.now_s + 0.9 * LENGTH_S)
-        if isinstance(loop.ask("controller", Lease(EPOCH, LENGTH_S)), str):
+        if isinstance(loop.call("controller", Lease(EPOCH, LENGTH_S)), str):
             break  # the program has come to its own end
     assert not asked(loop, begun_s)
     assert not tripped(loop, begun_s)

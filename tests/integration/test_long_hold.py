@@ -7,8 +7,8 @@ import pytest
 
 from pincette.config import RigFile, read_rig
 from pincette.control.planning.program import Guards, Program, Segment
-from pincette.messages import Estimate, Message, Telemetry, Truth
-from pincette.runtime.composed import ComposedLoop
+from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
+from pincette.engine.composed import ComposedLoop
 
 DEMO = Path(__file__).parents[2] / "deploy/rigs/demo.toml"
 FORCE_MN, HOLD_S = 20.0, 60.0
@@ -39,7 +39,7 @@ def demo_rig(seed: int) -> RigFile:
 def errors_mN(published: list[Message], *phases: str) -> list[tuple[float, float]]:
     """Error of the estimate and the uncertainty stated, for each sample of some phases."""
     estimates = {message.seq: message for message in published if isinstance(message, Estimate)}
-    truths = {message.seq: message for message in published if isinstance(message, Truth)}
+    truths = {message.seq: message for message in published if isinstance(message, GroundTruth)}
     return [
         (
             estimates[message.seq].force_mN - truths[message.seq].force_mN,

@@ -5,12 +5,14 @@ from math import fsum
 
 import pytest
 
-from pincette.api.request_models import GripJobRequest, TrackJobRequest
 from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.program import Program
-from pincette.messages import Act, Estimate, Message, Telemetry, Truth
-from pincette.runtime.composed import ComposedLoop
-from pincette.topics import ACT, TELEMETRY, Topic
+from pincette.core.faults import Acted, ActionCode
+from pincette.core.messages import Action, Estimate, GroundTruth, Message, Telemetry
+from pincette.core.topics import ACTION, TELEMETRY, Topic
+from pincette.engine.composed import ComposedLoop
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.rigs import demo_rig
 
@@ -33,11 +35,11 @@ class Operator:
         assert isinstance(message, Telemetry)
         if message.phase == self._phase and not self._asked:
             self._asked = True
-            self._loop.bus.ask(ACT, Act("pause"))
+            self._loop.bus.call(ACTION, Action(ActionCode.PAUSE))
         self._rested += message.paused
         if self._rested * T >= PAUSE_S - 0.5 * T and not self._over:
             self._over = True
-            self._loop.bus.ask(ACT, Act(self._then))
+            self._loop.bus.call(ACTION, Action(ActionCode(self._then)))
 
 
 def played(phase: str, program: Program = PROGRAM) -> list[Message]:
@@ -59,7 +61,7 @@ def test_the_force_is_held_within_one_mN_through_the_pause(in_hold: list[Message
     seqs = {view.seq for view in telemetry(in_hold) if view.paused}
     assert len(seqs) == pytest.approx(PAUSE_S / T, abs=2)
     estimates = [m.force_mN for m in in_hold if isinstance(m, Estimate) and m.seq in seqs]
-    truths = [m.force_mN for m in in_hold if isinstance(m, Truth) and m.seq in seqs]
+    truths = [m.force_mN for m in in_hold if isinstance(m, GroundTruth) and m.seq in seqs]
     assert max(abs(force_mN - FORCE_MN) for force_mN in estimates) < WITHIN_MN
     assert abs(fsum(truths) / len(truths) - FORCE_MN) < WITHIN_MN
 
@@ -69,7 +71,7 @@ def test_it_goes_on_to_its_end_and_holds_as_long_as_without_a_pause(
 ) -> None:
     views = telemetry(in_hold)
     assert views[-1].outcome == "gripped"
-    assert [view.acted for view in views if view.acted] == ["pause", "resume"]
+    assert [view.acted for view in views if view.acted] == [(Acted.PAUSE,), (Acted.RESUME,)]
     going = [view for view in views if view.phase == "hold" and not view.paused]
     assert len(going) == pytest.approx(1.0 / T, abs=2)
 
@@ -77,7 +79,7 @@ def test_it_goes_on_to_its_end_and_holds_as_long_as_without_a_pause(
 def test_the_references_rest_and_nothing_else_differs(in_hold: list[Message]) -> None:
     """Until the pause the samples are those of a grip without one, bit for bit."""
     plain = ComposedLoop(RIG).play(PROGRAM)
-    began = next(view.seq for view in telemetry(in_hold) if view.acted == "pause")
+    began = next(view.seq for view in telemetry(in_hold) if view.acted == (Acted.PAUSE,))
     before = [view for view in telemetry(in_hold) if view.seq < began]
     assert before == telemetry(plain)[: len(before)]
     resting = [(v.x_r_um, v.force_r_mN) for v in telemetry(in_hold) if v.paused][1:]
@@ -87,7 +89,7 @@ def test_the_references_rest_and_nothing_else_differs(in_hold: list[Message]) ->
 @pytest.mark.parametrize("phase", ["approach", "contact", "load", "unload"])
 def test_a_pause_asked_for_in_any_phase_is_taken_up_and_ended(phase: str) -> None:
     views = telemetry(played(phase))
-    assert [view.acted for view in views if view.acted] == ["pause", "resume"]
+    assert [view.acted for view in views if view.acted] == [(Acted.PAUSE,), (Acted.RESUME,)]
     assert views[-1].outcome == "gripped"
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from pincette.config import read_rig
-from pincette.messages import Position, Timing, TimingRequest
-from pincette.topics import LOOP
+from pincette.core.messages import Position, Timing, TimingRequest
+from pincette.core.topics import LOOP
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_engine import BUS_MOST_S, BUS_S, COMPUTING_S
 
@@ -21,7 +21,7 @@ ROUNDING = 1.0 + 1.0 / 32.0
 def timings(loop: VirtualLoop) -> dict[str, Timing]:
     found: dict[str, Timing] = {}
     for name in LOOP:
-        told = loop.ask(name, TimingRequest())
+        told = loop.call(name, TimingRequest())
         assert isinstance(told, Timing)
         found[name] = told
     return found

@@ -5,19 +5,20 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from pincette.api.request_models import AnyJobRequest, Body
+from pincette.api.requests import JobRequest
 from pincette.config import RigFile
-from pincette.messages import Estimate, Message, Reset, Telemetry, Truth
-from pincette.runtime.arming import arm
-from pincette.runtime.composed import ComposedLoop
-from pincette.topics import ESTIMATE, RESET, TELEMETRY, TRUTH
+from pincette.core.messages import Estimate, GroundTruth, Message, Reset, Telemetry
+from pincette.core.topics import ESTIMATE, GROUND_TRUTH, RESET, TELEMETRY
+from pincette.engine.arming import arm
+from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.journal.recipes import RecipeRow
+from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.model.model_in_use import rig_file_alone
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.recipes import plan_with_recipe
 from tests.support.rigs import demo_rig
 
-REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 FORCE_MN = 10.0
 FARTHER_UM = 40.0
 """Where a small object is met: 10 µm beyond the rig file's 30 µm, whose tolerance is 3 µm."""
@@ -48,9 +49,9 @@ def planned(file: RigFile, part: dict[str, float]) -> Planned:
 def played(file: RigFile, planned: Planned, calibration: str) -> list[Message]:
     loop = ComposedLoop(file)
     published: list[Message] = []
-    for topic in (ESTIMATE, TELEMETRY, TRUTH):
+    for topic in (ESTIMATE, TELEMETRY, GROUND_TRUTH):
         loop.bus.subscribe(topic, lambda _topic, message: published.append(message))
-    loop.bus.ask(RESET, Reset(acknowledge=True))
+    loop.bus.call(RESET, Reset(acknowledge=True))
     arm(loop.bus, planned.program, epoch=1, digest=file.digest(), calibration=calibration)
     while loop.bus.pump():
         pass
@@ -80,7 +81,7 @@ def test_the_recipes_numbers_grip_what_the_rig_files_do_not(
     assert outcome(messages) == "gripped"
     held = {item.seq for item in messages if isinstance(item, Telemetry) and item.phase == "hold"}
     settled = sorted(held)[len(held) // 2 :]
-    true = {item.seq: item.force_mN for item in messages if isinstance(item, Truth)}
+    true = {item.seq: item.force_mN for item in messages if isinstance(item, GroundTruth)}
     said = {item.seq: item for item in messages if isinstance(item, Estimate)}
     for seq in settled:
         assert true[seq] == pytest.approx(FORCE_MN, abs=1.0)

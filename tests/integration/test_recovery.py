@@ -5,30 +5,29 @@ from itertools import pairwise
 
 import pytest
 
-from pincette.api.motion_requests import AnyMotionRequest
-from pincette.api.request_models import (
-    GripJobRequest,
-    HoldJobRequest,
-    MoveJobRequest,
-    ReleaseJobRequest,
-)
-from pincette.api.result_models import MotionResult
+from pincette.api.requests import JobRequest
+from pincette.api.results import MotionResult
 from pincette.control.planning.program import Program
-from pincette.messages import (
-    Act,
+from pincette.core.faults import ActionCode, Cause
+from pincette.core.messages import (
+    Action,
     Applied,
+    GroundTruth,
     Message,
     Position,
     Reset,
     Sample,
     Telemetry,
     Trip,
-    Truth,
 )
-from pincette.runtime.arming import arm
-from pincette.runtime.composed import ComposedLoop
-from pincette.topics import ACT, RESET, TOPICS, TRIP, Topic
+from pincette.core.topics import ACTION, RESET, TOPICS, TRIP, Topic
+from pincette.engine.arming import arm
+from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.kinds.hold import HoldJobRequest
+from pincette_supervisor.kinds.move import MoveJobRequest
+from pincette_supervisor.kinds.release import ReleaseJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results.archive import Take, gather
@@ -48,14 +47,14 @@ class Desk:
     def __init__(self) -> None:
         self.loop = ComposedLoop(RIG)
         self.said: list[Message] = []
-        self.truths: list[Truth] = []
+        self.truths: list[GroundTruth] = []
         self.x_um = self.voltage_V = 0.0
         self.held = False
         self.frozen = 0
         self._watch: Watch = _nobody
         for topic in TOPICS:
             self.loop.bus.subscribe(topic, self._take)
-        self.loop.bus.ask(RESET, Reset(acknowledge=True))
+        self.loop.bus.call(RESET, Reset(acknowledge=True))
 
     def _take(self, _topic: Topic, message: Message) -> None:
         self.said.append(message)
@@ -63,7 +62,7 @@ class Desk:
             self.x_um = message.x_um
         elif isinstance(message, Applied):
             self.voltage_V, self.held = message.voltage_V, message.part_held
-        elif isinstance(message, Truth):
+        elif isinstance(message, GroundTruth):
             self.truths.append(message)
         if isinstance(message, Telemetry | Applied):
             self._watch(self, message)
@@ -87,7 +86,7 @@ class Desk:
         return [m for m in self.said if not isinstance(m, Sample) or m.seq >= 0]
 
     def job(
-        self, request: AnyMotionRequest, epoch: int, watch: Watch | None = None
+        self, request: JobRequest, epoch: int, watch: Watch | None = None
     ) -> tuple[MotionResult, list[Applied]]:
         """Plan a job from where the rig stands, play it, and work out its result."""
         planned = plan_job(request, RIG, self.present)
@@ -100,7 +99,7 @@ class Desk:
 
     def ask(self, *actions: str) -> None:
         for action in actions:
-            self.loop.bus.ask(ACT, Act(action))
+            self.loop.bus.call(ACTION, Action(ActionCode(action)))
 
 
 def _nobody(_desk: Desk, _message: Telemetry | Applied) -> None:
@@ -111,11 +110,11 @@ def trip_and_reset(desk: Desk, message: Telemetry | Applied) -> None:
     """Trip in the hold, and reset while the voltage is frozen."""
     if isinstance(message, Telemetry):
         if (message.phase, message.segment_tick) == ("hold", HELD_TICKS):
-            desk.loop.bus.ask(TRIP, Trip("estop"))
+            desk.loop.bus.call(TRIP, Trip(Cause.ESTOP))
     elif message.state == "frozen":
         desk.frozen += 1
         if desk.frozen % FROZEN_TICKS == 0:
-            desk.loop.bus.ask(RESET, Reset(acknowledge=True))
+            desk.loop.bus.call(RESET, Reset(acknowledge=True))
 
 
 def stop_and_keep(desk: Desk, message: Telemetry | Applied) -> None:
@@ -209,7 +208,7 @@ def test_a_trip_that_lets_go_ramps_at_once_and_keeps_nothing() -> None:
     def abort(desk: Desk, message: Telemetry | Applied) -> None:
         at = (message.phase, message.segment_tick) if isinstance(message, Telemetry) else None
         if at == ("hold", HELD_TICKS):
-            desk.loop.bus.ask(TRIP, Trip("abort", let_go=True))
+            desk.loop.bus.call(TRIP, Trip(Cause.ABORT, release_now=True))
 
     desk = Desk()
     said = desk.play(GRIP, 1, abort)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from pincette.paper.study import run_study
+from pincette_study.study import run_study
 from tests.support.rigs import demo_rig
 
 SECTIONS = (

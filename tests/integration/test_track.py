@@ -4,15 +4,14 @@ from functools import lru_cache
 
 import pytest
 
-from pincette.api.request_models import TrackJobRequest
-from pincette.api.result_models import TrackResult
 from pincette.config import IdentifiedFreeResponse, RigFile
 from pincette.control.arm.plant import discretize
-from pincette.messages import Message, Sample
+from pincette.core.messages import Message, Sample
+from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import columns
-from pincette.runtime.composed import ComposedLoop
+from pincette_supervisor.kinds.track import TrackJobRequest, TrackResult
+from pincette_supervisor.kinds.track.functions import track_result
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.results.track_result import track_result
 from tests.support.rigs import demo_rig
 
 STIFFNESS, CONTACT_UM, GAIN = 2.11, 31.2, 19.0

@@ -4,24 +4,27 @@ import asyncio
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
 import httpx
 import jsonschema_rs
 import pytest
+from msgspec import inspect
+from msgspec.structs import fields
 
-from pincette.api.request_models import GripJobRequest
 from pincette.asyncapi.document import document, tree
 from pincette.asyncapi.schemas import type_schema
-from pincette.codec import encode, msgpack
-from pincette.config.bus import Bus
-from pincette.messages import Act, Applied, Load, Position
-from pincette.topics import QUESTIONS, ROOT, TOPICS, key, question_key
+from pincette.config.programs import Bus
+from pincette.core.codec import encode
+from pincette.core.codec.refusals import msgpack
+from pincette.core.faults import ActionCode, Cause, Mode
+from pincette.core.messages import Action, Applied, Load, Position
+from pincette.core.topics import REQUESTS, ROOT, TOPICS, key, request_key
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.running.rigs import Rigs
+from pincette_supervisor.rigs.rigs import Rigs
 from tests.support.rigs import demo_rig
 
 COMMITTED = Path(__file__).parents[2] / "deploy" / "asyncapi.json"
@@ -64,7 +67,7 @@ def test_committed_document_is_what_the_topics_say() -> None:
     assert COMMITTED.read_text(encoding="utf-8") == document(), (
         "deploy/asyncapi.json differs from the topics and messages; if the change is wanted: "
         "`make docs`, and look at the difference. A listener that reads by field names survives "
-        "a field that is added; for any other change, raise the version in pincette.topics.ROOT"
+        "a field that is added; for any other change, raise pincette.core.topics.WIRE"
     )
 
 
@@ -141,9 +144,9 @@ def test_no_topic_and_no_question_is_left_out() -> None:
         assert {f"send_{topic.name}", f"latest_{topic.name}"} <= operations.keys()
         schema = whole["components"]["schemas"][topic.message.__name__]
         assert schema["required"] == [field.name for field in fields(topic.message)]
-    for question in QUESTIONS:
+    for question in REQUESTS:
         name = f"{question.service}_{question.name}"
-        assert whole["channels"][name]["address"] == question_key("{rig}", question)
+        assert whole["channels"][name]["address"] == request_key("{rig}", question)
         reply = operations[name]["reply"]["messages"][0]["$ref"]
         message = found(whole, found(whole, reply)["$ref"])
         assert message["payload"]["$ref"].endswith(f"/{question.reply.__name__}")
@@ -152,20 +155,30 @@ def test_no_topic_and_no_question_is_left_out() -> None:
 def test_units_and_texts_come_from_the_source() -> None:
     schemas = tree()["components"]["schemas"]
     position, applied = schemas["Position"], schemas["Applied"]
-    assert position["properties"]["x_um"] == {"type": "number", "x-unit": "µm"}
+    assert position["properties"]["x_um"] == {
+        "type": "number",
+        "minimum": -1e9,
+        "maximum": 1e9,
+        "x-unit": "µm",
+    }
     assert "own grid point" in position["description"]
     assert "voltage was kept" in applied["properties"]["answered"]["description"]
     assert schemas["Estimate"]["properties"]["zero_age_s"] == {
-        "oneOf": [{"type": "number"}, {"type": "null"}],
+        "oneOf": [{"type": "number", "minimum": -1e12, "maximum": 1e12}, {"type": "null"}],
         "x-unit": "s",
     }
 
 
 def test_what_is_sent_is_what_the_document_says() -> None:
     program = plan_job(GripJobRequest(kind="grip"), demo_rig()).program
-    applied = Applied(1, 0, 1.5, "armed", "", 0, False, False, False, True, 0, 0.001)
+    applied = Applied(1, 0, 1.5, Mode.ARMED, Cause.NONE, 0, False, False, False, True, 0, 0.001)
     components = tree()["components"]
-    for message in (Position(1, 0, 0.0, 1.5, True), applied, Load(program), Act("stop")):
+    for message in (
+        Position(1, 0, 0.0, 1.5, True),
+        applied,
+        Load(program),
+        Action(ActionCode.STOP),
+    ):
         name = type(message).__name__
         schema = {"$ref": f"#/components/schemas/{name}", "components": components}
         validator = jsonschema_rs.Draft7Validator(schema)
@@ -186,5 +199,5 @@ def test_a_listener_learns_the_version_and_the_way_in() -> None:
 
 
 def test_a_type_the_codec_does_not_carry_has_no_schema() -> None:
-    with pytest.raises(TypeError, match="bytes"):
-        type_schema(bytes)
+    with pytest.raises(TypeError, match="Bytes"):
+        type_schema(inspect.type_info(bytes))

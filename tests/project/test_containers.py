@@ -9,11 +9,11 @@ from typing import Any, cast
 import pytest
 import yaml
 
-from pincette.bus.links import endpoint
+from pincette.bus.topology import endpoint
 from pincette.config import read_rig
-from pincette.runtime.fleet import ports
-from pincette.runtime.priority import FIFO
-from pincette.topics import LOOP
+from pincette.core.topics import LOOP
+from pincette.engine.fleet import ports
+from pincette.engine.realtime.os_scheduling import FIFO
 from tests.support.contained import contained
 
 HOLDS_THE_NETWORK = "loopback"

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +12,7 @@ from pincette.config import RigFile
 from pincette.sim.instruments.dcon import SimulatedI7024
 from pincette.sim.wires.wire import serve
 from tests.support.example_lds import SimulatedLDS
+from tests.support.example_packages import installed, python_path
 from tests.support.rigs import demo_rig, rig_toml
 
 FILES = {"toml": "pyproject.toml", "python": "pincette_example_lds.py"}
@@ -30,29 +30,15 @@ def page(root: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def place(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that the package is installed in, from a copy, so that nothing is left beside it."""
-    copy = tmp_path_factory.mktemp("source") / "driver"
-    shutil.copytree(root / "docs/examples/driver", copy, ignore=shutil.ignore_patterns("__*"))
-    target = tmp_path_factory.mktemp("installed")
-    options = ["--isolated", "--disable-pip-version-check", "--no-deps", "--no-build-isolation"]
-    command = [sys.executable, "-m", "pip", "install", *options, "--no-index", "--quiet"]
-    done = subprocess.run(
-        [*command, "--target", target, copy],
-        capture_output=True,
-        text=True,
-        timeout=120.0,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return target
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that the package is installed in."""
+    return installed("driver", tmp_path_factory)
 
 
 def pincette(*words: str | Path, path: Path | None = None) -> subprocess.CompletedProcess[str]:
     environment = dict(os.environ)
     if path is not None:
-        before = environment.get("PYTHONPATH")
-        environment["PYTHONPATH"] = os.pathsep.join([str(path), *([before] if before else [])])
+        environment["PYTHONPATH"] = python_path(path)
     return subprocess.run(
         [sys.executable, "-m", "pincette", *words],
         env=environment,

@@ -17,12 +17,12 @@ from packaging.utils import canonicalize_name
 from pincette.config import parse_rig
 
 PROGRAMS_OF_THE_LOOP = (
-    "pincette.cli.door",
-    "pincette.runtime.router",
+    "pincette.cli.entrypoint",
+    "pincette.engine.program",
     "pincette.instruments.keyence_lkg",
     "pincette.instruments.icpdas_i7024",
     "pincette.instruments.srs_dc205",
-    "pincette.security.credentials",
+    "pincette.security.folder",
     "pincette_actuator",
     "pincette_controller",
     "pincette_estimator",
@@ -52,15 +52,42 @@ def pins(root: Path, name: str) -> set[str]:
     return {line.rstrip(" \\") for line in text.splitlines()}
 
 
+PLACES = [
+    {
+        "sys_platform": system,
+        "os_name": "posix",
+        "python_full_version": f"{python}.0",
+        "python_version": python,
+    }
+    for system in ("linux", "darwin")
+    for python in ("3.11", "3.12", "3.13")
+]
+"""Where pincette runs, as far as pins tell it apart."""
+
+
+def held(root: Path, name: str, place: dict[str, str]) -> set[str]:
+    """The pins that hold in a place."""
+    read = (Requirement(line) for line in pins(root, name) if "==" in line)
+    return {
+        f"{canonicalize_name(one.name)}{one.specifier}"
+        for one in read
+        if one.marker is None or one.marker.evaluate(place)
+    }
+
+
 def names(root: Path, name: str) -> set[str]:
     found = (line for line in pins(root, name) if "==" in line)
     return {canonicalize_name(Requirement(line).name) for line in found}
 
 
-@pytest.mark.parametrize("name", ["run", "loop", "build"])
-def test_the_images_are_filled_from_the_pins_that_are_tested(root: Path, name: str) -> None:
-    assert len(pins(root, name)) > 5
-    assert pins(root, name) - pins(root, "dev") == set()
+@pytest.mark.parametrize("name", ["run", "loop", "build", "tools"])
+@pytest.mark.parametrize("place", PLACES, ids=lambda place: " ".join(place.values()))
+def test_what_is_installed_are_the_pins_that_are_tested(
+    root: Path, name: str, place: dict[str, str]
+) -> None:
+    installed = {one for one in held(root, name, place) if not one.startswith("uv==")}
+    assert len(installed) > 5
+    assert installed - held(root, "dev", place) == set()
 
 
 def test_nothing_is_installed_without_its_hash(dockerfile: str) -> None:

@@ -1,12 +1,13 @@
-"""The page of keys is the one that pincette.topics makes."""
+"""The page of keys is the one that pincette.core.topics makes."""
 
 import runpy
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 from typing import cast
 
-from pincette.topics import QUESTIONS, TOPICS, key, question_key
+from msgspec.structs import fields
+
+from pincette.core.topics import REQUESTS, TOPICS, key, request_key
 
 Pages = dict[Path, Callable[[], str]]
 
@@ -30,8 +31,8 @@ def test_the_page_of_keys_leaves_nothing_out(root: Path) -> None:
         assert f"`{key('{rig}', topic)}`" in page
         for field in fields(topic.message):
             assert f"| `{field.name}` |" in page
-    for question in QUESTIONS:
-        assert f"`{question_key('{rig}', question)}`" in page
+    for question in REQUESTS:
+        assert f"`{request_key('{rig}', question)}`" in page
 
 
 def test_units_are_read_from_the_names(root: Path) -> None:

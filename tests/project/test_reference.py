@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 import pytest
 
-from pincette.asyncapi.fields import notes
+from pincette.asyncapi.schemas import notes
 from pincette.config import RigFile, Table
 from pincette.config.reading import read_rig
 
@@ -46,7 +46,7 @@ def test_every_path_and_model_of_rest_is_there(root: Path, rest: str) -> None:
 
 def test_a_field_of_rest_has_unit_limits_default_and_meaning(rest: str) -> None:
     told = part(rest, "### TrackJobRequest")
-    assert "| `force_pp_mN` | number or null | mN |  | > 0 | Peak to peak. |" in told
+    assert "| `force_pp_mN` | number or null | mN |  | > 0, ≤ 1e+15 | Peak to peak. |" in told
     assert "| `cycles` | whole number or null |  |  | ≥ 1, ≤ 1000 |" in told
     assert '| `kind` | `"track"` |  | *required* |' in told
 

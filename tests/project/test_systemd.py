@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli.main import parser
-from pincette.runtime.fleet import Fleet
+from pincette.engine.fleet import Fleet
+from tests.support.command_line import parsed
 from tests.support.rigs import demo_rig
 
 UNIT = "pincette@.service"
@@ -62,8 +62,7 @@ def test_the_command_is_one_of_the_command_line(units: Path) -> None:
         for name in wanted(units / target):
             program, *words = shlex.split(line.replace("%i", name))
             assert Path(program).name == "pincette"
-            given = parser().parse_args(words)
-            assert given.name == name
+            assert parsed(*words).params["name"] == name
 
 
 def test_a_program_may_do_no_more_than_it_needs(units: Path) -> None:

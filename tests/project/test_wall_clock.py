@@ -11,17 +11,19 @@ LOOP = (
     "services/controller",
     "services/actuator",
     "shared/pincette/control",
-    "shared/pincette/messages",
-    "shared/pincette/codec",
+    "shared/pincette/core/messages",
+    "shared/pincette/core/codec",
     "shared/pincette/instruments",
     "shared/pincette/bus",
-    "shared/pincette/runtime",
+    "shared/pincette/engine",
     "shared/pincette/sim",
-    "shared/pincette/service.py",
-    "shared/pincette/topics.py",
+    "shared/pincette/core/service.py",
+    "shared/pincette/core/topics.py",
 )
 WALL = {("time", "time"), ("time", "time_ns"), ("datetime", "datetime"), ("datetime", "date")}
-NOT_IN_A_TICK = {"shared/pincette/bus/places.py": "dates of certificates, once, before the start"}
+NOT_IN_A_TICK = {
+    "shared/pincette/bus/endpoints.py": "dates of certificates, once, before the start"
+}
 
 
 def readers() -> Iterator[str]:

@@ -5,12 +5,22 @@ from pathlib import Path
 
 from pincette.config import RigFile
 from pincette.control.planning.program import Program
-from pincette.messages import Act, Applied, Asked, Message, Reset, Sample, Telemetry, Trip
+from pincette.core.faults import ActionCode, Cause
+from pincette.core.messages import (
+    Action,
+    Applied,
+    Message,
+    RequestLog,
+    Reset,
+    Sample,
+    Telemetry,
+    Trip,
+)
+from pincette.core.topics import ACTION, RESET, TOPICS, TRIP, Topic
+from pincette.engine.arming import arm
+from pincette.engine.composed import ComposedLoop
 from pincette.records.mcap_file import McapFile
 from pincette.records.mcap_reading import Recording, read
-from pincette.runtime.arming import arm
-from pincette.runtime.composed import ComposedLoop
-from pincette.topics import ACT, RESET, TOPICS, TRIP, Topic
 
 START_NS = 1_763_740_800_000_000_000
 Watch = Callable[["Desk", Telemetry | Applied], None]
@@ -47,20 +57,20 @@ class Desk:
         arm(self.loop.bus, program, epoch=epoch, digest=digest, calibration=calibration)
         while self.loop.bus.pump():
             pass
-        told = [item for item in self._said if isinstance(item, Sample | Asked)]
+        told = [item for item in self._said if isinstance(item, Sample | RequestLog)]
         return [item for item in told if item.epoch == epoch]
 
     def act(self, action: str) -> None:
         """Ask the controller."""
-        self.loop.bus.ask(ACT, Act(action))
+        self.loop.bus.call(ACTION, Action(ActionCode(action)))
 
     def trip(self) -> None:
         """Ask the actuator for its safe state."""
-        self.loop.bus.ask(TRIP, Trip("estop"))
+        self.loop.bus.call(TRIP, Trip(Cause.ESTOP))
 
     def reset(self) -> None:
         """Clear the latch."""
-        self.loop.bus.ask(RESET, Reset(acknowledge=True))
+        self.loop.bus.call(RESET, Reset(acknowledge=True))
 
 
 def nobody(_desk: Desk, _message: Telemetry | Applied) -> None:

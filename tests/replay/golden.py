@@ -9,7 +9,7 @@ else; that older records can be read must not end with it.
 import sys
 from pathlib import Path
 
-from pincette.api.request_models import GripJobRequest
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.replay.desk import Desk, at, recorded
 from tests.support.rigs import demo_rig

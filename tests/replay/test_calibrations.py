@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from pincette import plugins
 from pincette.config import read_rig
-from pincette.messages import Asked, Burst, Command, Message
-from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.replay.service_alone import replay
-from pincette.runtime.replay.steps import STEPS
+from pincette.core import plugins
+from pincette.core.messages import Burst, Command, Message, RequestLog
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.replay.service_alone import replay
+from pincette.engine.replay.steps import STEPS
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.calibrating import REQUEST, Bystander, opened_benches
 from tests.support.rigs import DEMO, Tree, at_own_ports
@@ -36,7 +36,9 @@ def test_a_calibration_is_repeated(path: Path, wishes: dict[str, Any]) -> None:
         loop = ComposedLoop(rig)
         Bystander(loop, benches[-1], planned)
         played = loop.play(planned.program)
-    said: list[Message] = [item for item in played if not isinstance(item, Asked) or item.epoch]
+    said: list[Message] = [
+        item for item in played if not isinstance(item, RequestLog) or item.epoch
+    ]
     swept = any(isinstance(item, Command) and item.sweep for item in said)
     assert swept == (path is FAST) == any(isinstance(item, Burst) for item in said)
     for one in STEPS:

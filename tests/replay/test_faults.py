@@ -2,10 +2,11 @@
 
 import pytest
 
-from pincette import plugins
-from pincette.messages import Asked, Message
-from pincette.runtime.replay.service_alone import replay
-from pincette.runtime.replay.steps import DEVICE, STEPS
+from pincette.core import plugins
+from pincette.core.faults import Cause
+from pincette.core.messages import Message, RequestLog
+from pincette.engine.replay.service_alone import replay
+from pincette.engine.replay.steps import STEPS
 from tests.support.rigs import Tree
 from tests.support.scripted import T, a_rig, play
 
@@ -26,11 +27,11 @@ def test_a_spoilt_grip_is_repeated(name: str) -> None:
     fault = FAULTS[name]
     played = play(fault)
     of_epoch: list[Message] = [
-        item for item in played.messages if not isinstance(item, Asked) or item.epoch
+        item for item in played.messages if not isinstance(item, RequestLog) or item.epoch
     ]
     if fault["target"] == "output":
         assert played.trip is not None
-        assert played.trip.cause.startswith(DEVICE)
+        assert played.trip.cause == Cause.DEVICE
     for one in STEPS:
         found = replay(plugins.load(plugins.SERVICES, one), a_rig(fault), of_epoch)
         assert (found.different, found.first, found.stopped) == (0, None, "")

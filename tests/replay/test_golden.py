@@ -2,10 +2,10 @@
 
 import pytest
 
-from pincette import plugins
-from pincette.cli.replay import epoch_of, opened, rig_of
-from pincette.runtime.replay.service_alone import replay
-from pincette.runtime.replay.steps import STEPS
+from pincette.cli.records import epoch_of, opened_record, rig_of
+from pincette.core import plugins
+from pincette.engine.replay.service_alone import replay
+from pincette.engine.replay.steps import STEPS
 from tests.replay.golden import FOLDER
 
 LAST_BITS = 1e-9
@@ -14,7 +14,7 @@ LAST_BITS = 1e-9
 
 @pytest.mark.parametrize("name", STEPS)
 def test_a_record_of_an_earlier_version_is_repeated(name: str) -> None:
-    recording = opened(FOLDER)
+    recording = opened_record(FOLDER)
     rig, messages = rig_of(recording, FOLDER), epoch_of(recording)
     found = replay(plugins.load(plugins.SERVICES, name), rig, messages)
     assert found.stopped == ""

@@ -3,15 +3,24 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from pincette import plugins
-from pincette.api.request_models import GripJobRequest
-from pincette.cli.replay import epoch_of
-from pincette.messages import Applied, Arm, Asked, Command, Estimate, Load, Message, Position, Reset
-from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.node import Node
-from pincette.runtime.replay.service_alone import replay
-from pincette.runtime.replay.steps import STEPS
-from pincette.runtime.replay.tape import Tape
+from pincette.cli.records import epoch_of
+from pincette.core import plugins
+from pincette.core.messages import (
+    Applied,
+    Arm,
+    Command,
+    Estimate,
+    Load,
+    Message,
+    Position,
+    RequestLog,
+    Reset,
+)
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.node import Node
+from pincette.engine.replay.service_alone import Tape, replay
+from pincette.engine.replay.steps import STEPS
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.replay.desk import recorded
 from tests.support.rigs import demo_rig
@@ -43,7 +52,7 @@ class Loop:
             ("controller", Load(PROGRAM)),
             *((name, arm) for name in STEPS),
         ):
-            reply, outputs = self.nodes[name].ask(question, 0.0)
+            reply, outputs = self.nodes[name].call(question, 0.0)
             assert not isinstance(reply, str), reply
             self._say(outputs)
         (self.partner,) = [item for item in self.said if isinstance(item, Applied) and item.epoch]
@@ -85,7 +94,7 @@ def messages() -> list[Message]:
     for message in ComposedLoop(LOCKSTEP).play(PROGRAM):
         if isinstance(message, Position):
             loop.tick(message)
-    return [item for item in loop.said if not isinstance(item, Asked) or item.epoch]
+    return [item for item in loop.said if not isinstance(item, RequestLog) or item.epoch]
 
 
 def test_every_step_is_repeated_with_the_samples_that_it_had(tmp_path: Path) -> None:

@@ -1,25 +1,24 @@
 """Jobs of one rig, one after the other: each record is repeated by itself, to the last bit."""
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
-from pincette import plugins
-from pincette.api.request_models import (
-    AnyJobRequest,
-    GripJobRequest,
-    MoveJobRequest,
-    TrackJobRequest,
-)
-from pincette.cli.replay import epoch_of, rig_of
+from pincette.api.requests import JobRequest
+from pincette.cli.records import epoch_of, rig_of
 from pincette.config import Calibration
 from pincette.control.planning.program import Program
-from pincette.messages import Asked, Document, Estimate, Message, Position, Telemetry
-from pincette.runtime.replay.comparison import Difference, Findings
-from pincette.runtime.replay.service_alone import replay
-from pincette.runtime.replay.steps import STEPS
+from pincette.control.quantities import Document
+from pincette.core import plugins
+from pincette.core.messages import Estimate, Message, Position, RequestLog, Telemetry
+from pincette.engine.replay.comparison import Difference, Findings
+from pincette.engine.replay.service_alone import replay
+from pincette.engine.replay.steps import STEPS
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.kinds.move import MoveJobRequest
+from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.present import Present
 from tests.replay.desk import Desk, Watch, at, nobody, recorded
@@ -49,7 +48,7 @@ def stop_and_let_go(desk: Desk, message: Telemetry | object) -> None:
             desk.act("release" if stopped else "stop")
 
 
-JOBS: tuple[tuple[str, AnyJobRequest, Watch, str], ...] = (
+JOBS: tuple[tuple[str, JobRequest, Watch, str], ...] = (
     ("grip", SHORT, nobody, ""),
     ("after a grip", SHORT, nobody, ""),
     ("paused", LONG, pause_and_resume, ""),
@@ -64,7 +63,7 @@ JOBS: tuple[tuple[str, AnyJobRequest, Watch, str], ...] = (
 )
 
 
-def program_of(request: AnyJobRequest, desk: Desk) -> Program:
+def program_of(request: JobRequest, desk: Desk) -> Program:
     return plan_job(request, RIG, Present(desk.voltage_V, desk.x_um, desk.held)).program
 
 
@@ -96,20 +95,22 @@ def test_a_record_is_repeated_without_those_before_it(tmp_path: Path, name: str)
 
 def test_the_jobs_were_what_they_are_called() -> None:
     acted = {
-        name: "".join(item.acted for item in messages if isinstance(item, Telemetry))
+        name: "".join(
+            acted for item in messages if isinstance(item, Telemetry) for acted in item.acted
+        )
         for name, messages in played().items()
     }
     assert acted["paused"] == "pauseresumerelease"
     assert acted["stopped and let go"] == "stoprelease"
     assert acted["stopped free"] == "stop"
     for name in ("tripped free", "tripped held"):
-        assert any(isinstance(item, Asked) and item.trip for item in played()[name])
+        assert any(isinstance(item, RequestLog) and item.trip for item in played()[name])
         assert any(isinstance(item, Estimate) and item.tripped for item in played()[name])
 
 
 def test_what_is_carried_into_the_epoch_counts() -> None:
     messages = [
-        replace(item, carried=Document("")) if isinstance(item, Asked) else item
+        replace(item, state_snapshot=Document("")) if isinstance(item, RequestLog) else item
         for item in played()["after a grip"]
     ]
     found = replay(plugins.load(plugins.SERVICES, "estimator"), RIG, messages)
@@ -118,7 +119,9 @@ def test_what_is_carried_into_the_epoch_counts() -> None:
 
 
 def test_a_record_without_its_arming_says_so(tmp_path: Path) -> None:
-    messages: list[Message] = [item for item in played()["grip"] if not isinstance(item, Asked)]
+    messages: list[Message] = [
+        item for item in played()["grip"] if not isinstance(item, RequestLog)
+    ]
     recording = recorded(tmp_path, RIG, messages, 1)
     for name in STEPS:
         found = replay(plugins.load(plugins.SERVICES, name), RIG, epoch_of(recording))

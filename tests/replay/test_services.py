@@ -4,10 +4,10 @@ from functools import cache
 
 import pytest
 
-from pincette import plugins
-from pincette.api.request_models import GripJobRequest
-from pincette.messages import Message
-from pincette.topics import LOOP
+from pincette.core import plugins
+from pincette.core.messages import Message
+from pincette.core.topics import LOOP
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.alone import recording, service_alone
 from tests.support.rigs import demo_rig

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 from pincette.config import RigFile
 from pincette.control.planning.program import Program
-from pincette.messages import Arm, Load, Message, Position, Reset, Truth
-from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.node import Node
-from pincette.service import AnyService
-from pincette.topics import LOAD, RESET
+from pincette.core.messages import Arm, GroundTruth, Load, Message, Position, Reset
+from pincette.core.service import AnyService
+from pincette.core.topics import LOAD, RESET
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.node import Node
 
 EPOCH = 1
 
@@ -16,7 +16,7 @@ EPOCH = 1
 def recording(rig: RigFile, program: Program) -> tuple[Message, ...]:
     """Every message of a program played whole, in order, without what the simulation knows."""
     published = ComposedLoop(rig).play(program, EPOCH)
-    return tuple(message for message in published if not isinstance(message, Truth))
+    return tuple(message for message in published if not isinstance(message, GroundTruth))
 
 
 class Tape:
@@ -50,12 +50,12 @@ def service_alone(
     node = Node(service, rig, Tape(rig, messages) if service.instrument else None)
     published: list[Message] = []
     questions: list[Message] = [Arm(EPOCH, 1, rig.digest())]
-    if LOAD in service.questions:
+    if LOAD in service.requests:
         questions.insert(0, Load(program))
-    if RESET in service.questions:
+    if RESET in service.requests:
         questions.insert(0, Reset(acknowledge=True))
     for question in questions:
-        reply, outputs = node.ask(question, 0.0)
+        reply, outputs = node.call(question, 0.0)
         if isinstance(reply, str):
             raise TypeError(f"{service.name} refuses {type(question).__name__}: {reply}")
         published += outputs

@@ -1,16 +1,15 @@
 """Rigs and programs that batches are compared with the composed loop on."""
 
-from dataclasses import replace
-
 import numpy as np
+from msgspec.structs import replace
 
-from pincette.batch.cases import Case, Run
 from pincette.config import RigFile, derived
-from pincette.control.laws.law import default_settings
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Program
 from pincette.control.planning.track_plan import TrackRequest, plan_track
+from pincette_batch.cases import Case, Run
+from tests.support.laws import default_settings
 from tests.support.rigs import Tree, demo_rig
 
 LAWS = (
@@ -157,7 +156,7 @@ def drawn_case(seed: int) -> tuple[str, Case]:
     program = short_grip(rig) if chance.integers(2) else short_track(rig)
     law = LAWS[int(chance.integers(len(LAWS)))]
     if trouble == "wild gains":
-        law = replace(law, K_P=10.0 ** draw(-4.0, 0.0), K_I=10.0 ** draw(0.5, 3.0))
+        law = law.with_gains(K_P=10.0 ** draw(-4.0, 0.0), K_I=10.0 ** draw(0.5, 3.0))
     guards = replace(
         program.guards,
         contact_samples=int(chance.integers(1, 5)),
@@ -165,4 +164,4 @@ def drawn_case(seed: int) -> tuple[str, Case]:
     )
     if trouble == "a part that yields":
         guards = replace(guards, lost_fraction=draw(0.98, 1.1))
-    return trouble, Case(rig, replace(program, laws=(law,), guards=guards), seed)
+    return trouble, Case(rig, replace(program, laws=(law.spec(),), guards=guards), seed)

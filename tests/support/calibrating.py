@@ -6,20 +6,22 @@ from typing import Any, cast
 
 from pydantic import TypeAdapter
 
-from pincette.api.request_models import AnyJobRequest, Body
+from pincette.api.calibrations import CalibrationResult
+from pincette.api.requests import JobRequest
 from pincette.config import RigFile
-from pincette.messages import Act, Message, Sample, Telemetry
-from pincette.runtime import simulated
-from pincette.runtime.composed import ComposedLoop
+from pincette.core.faults import ActionCode
+from pincette.core.messages import Action, Message, Sample, Telemetry
+from pincette.core.topics import ACTION, TELEMETRY, Topic
+from pincette.engine import simulated
+from pincette.engine.composed import ComposedLoop
 from pincette.sim.bench import Bench
-from pincette.topics import ACT, TELEMETRY, Topic
 from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.results.archive import Take
-from pincette_supervisor.results.calibration_record import CalibrationRecord, gather
+from pincette_supervisor.results.archive import Record, Take, gather
 
-REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 HANDS_TICKS = 25
 """How long a person takes to hang a weight."""
 
@@ -44,7 +46,7 @@ class Bystander:
             assert weight_mN is not None
             assert f"{weight_mN:g}" in wait.instruction or "every weight" in wait.instruction
             self.hang(weight_mN)
-            self.loop.bus.ask(ACT, Act("continue"))
+            self.loop.bus.call(ACTION, Action(ActionCode.CONTINUE))
 
     def hang(self, weight_mN: float) -> None:
         self.bench.rig.hang(weight_mN)
@@ -70,7 +72,7 @@ def opened_benches() -> Generator[list[Bench]]:
 
 def calibrated(
     rig: RigFile, bench: list[Bench], calibration: str, fault: str = "", **wishes: Any
-) -> tuple[CalibrationRecord, Bystander]:
+) -> tuple[Record, Bystander]:
     """A calibration played to its end, as it would be kept."""
     body = {"kind": "calibrate", "calibration": calibration, **wishes}
     planned = plan_job(REQUEST.validate_python(body), rig)
@@ -90,6 +92,11 @@ def calibrated(
     return record, person
 
 
-def value(record: CalibrationRecord, quantity: str) -> Any:
-    found = {item.quantity: item for item in record.result.values}
+def result_of(record: Record) -> CalibrationResult:
+    assert isinstance(record.result, CalibrationResult)
+    return record.result
+
+
+def value(record: Record, quantity: str) -> Any:
+    found = {item.quantity: item for item in result_of(record).values}
     return found[quantity].value

@@ -10,15 +10,15 @@ from typing import Any, cast
 
 import zenoh
 
-from pincette.bus.links import Ends, Member, secured
 from pincette.bus.settings import settings
-from pincette.codec import encode
+from pincette.bus.topology import SessionConfig, TlsIdentity, secured
 from pincette.config import RigFile
-from pincette.messages import Message
+from pincette.core.codec import encode
+from pincette.core.messages import Message
+from pincette.core.topics import Request, request_key
 from pincette.security.establishing import establish
 from pincette.security.folder import Folder
 from pincette.security.identity import Credentials, Identity
-from pincette.topics import Question, question_key
 
 NOW = datetime.now(UTC)
 DAYS = 60.0
@@ -50,9 +50,9 @@ class Intruder:
     @contextmanager
     def joined(self, host: str, port: int) -> Generator["zenoh.Session"]:
         """A session at one node; raises ZError where it is not let in."""
-        ends = Ends(self.mode, connect=(f"tcp/{host}:{port}",))
+        ends = SessionConfig(self.mode, connect=(f"tcp/{host}:{port}",))
         if self.credentials is not None:
-            ends = secured(ends, Member(self.credentials, {}))
+            ends = secured(ends, TlsIdentity(self.credentials, {}))
         tree: dict[str, Any] = settings(ends, self.name)
         tree.pop("access_control", None)
         tree["connect"] |= {
@@ -69,9 +69,9 @@ def stranger(place: Path, rig: str, like: Identity) -> Intruder:
     return Intruder("stranger", folder_for(place, rig).credentials(like))
 
 
-def ask(session: "zenoh.Session", rig: str, question: Question, request: Message) -> list[str]:
+def ask(session: "zenoh.Session", rig: str, question: Request, request: Message) -> list[str]:
     """What comes back to a question, refusals included; empty where nobody answers."""
-    replies = session.get(question_key(rig, question), payload=encode(request), timeout=ASK_S)
+    replies = session.get(request_key(rig, question), payload=encode(request), timeout=ASK_S)
     return [_words(reply) for reply in cast(Iterable[Any], replies) if not _timed_out(reply)]
 
 

@@ -1,28 +1,58 @@
 """Commands of the documents, run as a reader runs them: in a checkout, on the demo rig's ports."""
 
+import fcntl
 import os
 import signal
 import subprocess
+import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import monotonic, sleep
 
 from pincette.config import read_rig
-from pincette.runtime.fleet import FleetError, check_ports
+from pincette.engine.fleet import FleetError, check_ports
 from tests.support.rigs import DEMO
 
 ROOT = Path(__file__).parents[2]
 OF_MAKE = ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "MAKEOVERRIDES", "ARGS", "PYTHON", "PINCETTE_RIG")
 
 
+PACED = {'time = "real"\n': 'time = "lockstep"\n', "truth = true\n": "truth = true\npace = 1.0\n"}
+"""What makes the demo's rig file one of lockstep, at the pace of real time."""
+
+
 def workspace(folder: Path) -> Path:
-    """A folder that shows the checkout, with records of its own."""
-    folder.mkdir(exist_ok=True)
-    for path in ROOT.iterdir():
-        if path.name != "data":
-            (folder / path.name).symlink_to(path)
+    """A folder that shows the checkout, with records of its own; its demo does not trip by itself.
+
+    The demo's rig is in lockstep, so that a machine that stalls lets no command be late.
+    """
+    _show(ROOT, folder, {"data", "deploy"})
+    _show(ROOT / "deploy", folder / "deploy", {"rigs"})
+    _show(ROOT / "deploy/rigs", folder / "deploy/rigs", {DEMO.name})
+    text = DEMO.read_text(encoding="utf-8")
+    for line, paced in PACED.items():
+        assert text.count(line) == 1, f"{DEMO} has no line {line!r}"
+        text = text.replace(line, paced)
+    (folder / "deploy/rigs" / DEMO.name).write_text(text, encoding="utf-8")
     return folder
+
+
+def _show(whole: Path, folder: Path, without: set[str]) -> None:
+    folder.mkdir(exist_ok=True)
+    for path in whole.iterdir():
+        if path.name not in without:
+            (folder / path.name).symlink_to(path)
+
+
+@contextmanager
+def demo_ports() -> Generator[None]:
+    """The ports of the demo rig, for this process alone; none of them is in use at either end."""
+    with (Path(tempfile.gettempdir()) / "pincette-demo-ports").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        await_demo_ports()
+        yield
+        await_demo_ports(20.0)
 
 
 def environment() -> dict[str, str]:

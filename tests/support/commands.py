@@ -2,11 +2,14 @@
 
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from time import monotonic, sleep
 
+from pincette.cli.main import main
 from pincette.config import RigFile
-from pincette.runtime.fleet import check_ports
+from pincette.engine.fleet import check_ports
 
 PINCETTE = (sys.executable, "-m", "pincette")
 
@@ -15,6 +18,14 @@ def pincette(*arguments: str | Path, timeout_s: float = 60.0) -> subprocess.Comp
     """Run a command to its end."""
     command = [*PINCETTE, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, check=False)
+
+
+def pincette_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a command that starts no program and asks no supervisor, in this process."""
+    given = [str(one) for one in arguments]
+    with redirect_stdout(StringIO()) as said, redirect_stderr(StringIO()) as complained:
+        status = main(given)
+    return subprocess.CompletedProcess(given, status, said.getvalue(), complained.getvalue())
 
 
 def processes_of(path: Path) -> dict[int, str]:

@@ -1,6 +1,6 @@
 """Which programs have a container: those of a rig on one host."""
 
-from pincette.runtime.process import programs
+from pincette.engine.process import programs
 
 BEYOND = "upstream"
 """The program of another host."""

@@ -56,7 +56,7 @@ def attempt(act: Callable[[], float | None]) -> Said:
     try:
         return act()
     except InstrumentError as error:
-        return error.cause
+        return error.code
 
 
 def read_positions(world: World, url: str, link: Link | None) -> Iterator[Said]:

@@ -132,8 +132,15 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/batches.md": Sitting(
         (
             Told("pip install 'pincette[batch]'", "requirements/dev.txt has the extra already"),
-            Typed("from dataclasses import replace", r"4000\.0 4 \(", seconds=300.0),
-            Told("from pincette.batch.tuning", "a search of 10 000 gains takes many minutes"),
+            Typed("from pathlib import Path", r"4000\.0 4 \(", seconds=300.0),
+            Told("from pincette_batch.tuning", "a search of 10 000 gains takes many minutes"),
+            Told(
+                "pip install 'pincette[batch,cluster]'",
+                "requirements/dev.txt has the extra already",
+            ),
+            Told(
+                "from distributed import Client", "tests/integration/test_batch_cluster.py does it"
+            ),
         ),
         slow=True,
     ),
@@ -158,16 +165,33 @@ SITTINGS: dict[str, Sitting] = {
             Told(".venv/bin/pip install", "docs/tutorials/write-a-driver.md types it"),
         )
     ),
+    "docs/how-to/add-a-law.md": Sitting(
+        (
+            Told(
+                '"""Impedance control with integral action',
+                "tests/unit/supervisor/test_example_law.py installs it and grips by it",
+            ),
+        )
+    ),
+    "docs/how-to/add-a-job-kind.md": Sitting(
+        (
+            Told('"""``tap``: touch', "tests/system/test_example_job_kind.py installs and runs it"),
+            Told('"""Plan, result', "tests/system/test_example_job_kind.py installs and runs it"),
+            Told("pip install", "tests/system/test_example_job_kind.py installs and runs it"),
+        )
+    ),
     "docs/how-to/listen.md": Sitting(
         (Told("pip install", "requirements/dev.txt has both; test_examples.py runs the scripts"),)
     ),
     "docs/how-to/bring-up.md": Sitting(
         (
-            Told("export PINCETTE_RIG=bench.toml", BENCH),
+            Told("pincette run router", "tests/system/test_bring_up.py starts both so"),
+            Told("pincette init bench.toml", "tests/system/test_bring_up.py types it"),
             Told("pincette doctor", BENCH),
             Told("pincette doctor --move", BENCH),
             Told("pincette up", BENCH),
             Told("pincette doctor", BENCH),
+            Told("pincette bring-up", "tests/system/test_bring_up.py types it"),
             Told("kill -9 PID", BENCH),
             Told("pincette job grip", BENCH),
         )

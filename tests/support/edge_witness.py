@@ -9,11 +9,11 @@ import sys
 from pathlib import Path
 from time import monotonic
 
-from pincette.bus.places import tool_place
+from pincette.bus.endpoints import tool_endpoint
 from pincette.bus.zenoh_bus import ZenohBus
-from pincette.cli.rig_file import opened
-from pincette.messages import Applied, Message, Telemetry
-from pincette.topics import APPLIED, TELEMETRY, Topic
+from pincette.cli import opened
+from pincette.core.messages import Applied, Message, Telemetry
+from pincette.core.topics import APPLIED, TELEMETRY, Topic
 
 
 def main() -> None:
@@ -33,9 +33,9 @@ def main() -> None:
                 before[0] = now
                 say(state=now[0], cause=now[1], part_held=now[2], voltage_V=message.voltage_V)
         elif isinstance(message, Telemetry) and message.acted:
-            say(acted=message.acted, phase=message.phase)
+            say(acted=" ".join(message.acted), phase=message.phase)
 
-    bus = ZenohBus(tool_place(rig), rig.rig.name, "witness")
+    bus = ZenohBus(tool_endpoint(rig), rig.rig.name, "witness")
     bus.subscribe(APPLIED, take)
     bus.subscribe(TELEMETRY, take)
     say(begun=True)

@@ -15,7 +15,7 @@ import pytest
 
 from pincette.config import RigFile, parse_rig, read_rig
 from pincette.config.reading import laid_over
-from pincette.runtime.fleet import Fleet, Member
+from pincette.engine.fleet import Child, Fleet
 from tests.support.contained import contained
 from tests.support.engine import Project, told, up
 from tests.support.grips import SHORT
@@ -33,7 +33,7 @@ class Containers(Fleet):
         self.members = {}
         self.project = project
 
-    def ended(self) -> list[Member]:
+    def ended(self) -> list[Child]:
         """None: it is not the tests that start them again."""
         return []
 

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from hypothesis.stateful import RuleBasedStateMachine, invariant
 
-from pincette.api.request_models import AnyJobRequest, ReleaseJobRequest
+from pincette.api.requests import JobRequest
 from pincette.api.states import STATES, ActionType, JobState
 from pincette.config.reading import laid_over
+from pincette_supervisor.jobs import policies
 from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.kinds.release import ReleaseJobRequest
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.running import deadlines, policies
 from tests.support.grips import SHORT
 from tests.support.office import Office
 from tests.support.rigs import demo_rig
@@ -73,15 +74,15 @@ class Explored(RuleBasedStateMachine):
         alive = [row for row in self.rows() if row.state not in ENDS]
         queued = [row for row in alive if row.state == "queued"]
         assert len(alive) - len(queued) <= 1
-        assert len(queued) == len(self.office.conductor.queue)
+        assert len(queued) == len(self.office.manager.queue)
 
     @invariant()
     def no_state_lasts_beyond_its_deadline(self) -> None:
-        live = self.office.conductor.active
+        live = self.office.manager.active
         if live is None:
             return
         policy = policies.on_stop(live.request)
-        limit_s = deadlines.limit_s(live.state, live.planned, self.rig.rig, policy)
+        limit_s = policies.deadline_s(live.state, live.planned, self.rig.rig, policy)
         if limit_s is not None and live.state != "running":
             slack_s = SLACK_TICKS * self.rig.rig.rig.period_s
             assert self.rig.now_s - live.entered_at <= limit_s + slack_s, live.state
@@ -103,8 +104,8 @@ class Explored(RuleBasedStateMachine):
         """Stop all, and let go what is held; then nothing plays any more."""
         for target in ("sensor", "output"):
             self.rig.order(target, "heal", None, None)
-        self.office.conductor.order_queue("clear", "test")
-        live = self.office.conductor.active
+        self.office.manager.control_queue("clear", "test")
+        live = self.office.manager.active
         if live is not None and not live.terminal:
             self.ask(self.row(live.id), "stop")
             self.pass_until_it_ends(live.id)
@@ -115,8 +116,8 @@ class Explored(RuleBasedStateMachine):
             assert live.done.wait(ENDING_S)
         if self.rig.applied and self.rig.applied[-1].part_held:
             # Of a job whose supervisor was killed: only another one can let go.
-            self.tried(lambda: self.office.conductor.create(RELEASE))
-            live = self.office.conductor.active
+            self.tried(lambda: self.office.manager.create(RELEASE))
+            live = self.office.manager.active
             assert live is None or live.done.wait(ENDING_S), live.state
         assert self._falls_silent(), self.rig.applied[-1]
 
@@ -131,29 +132,29 @@ class Explored(RuleBasedStateMachine):
         return False
 
     def pass_until_it_ends(self, job: str) -> None:
-        live = self.office.conductor.active
+        live = self.office.manager.active
         assert live is not None
         deadline_s = self.rig.now_s + self._longest_s(live.request, live.planned)
-        while not self.office.conductor.over(job):
+        while not self.office.manager.is_over(job):
             assert self.rig.now_s <= deadline_s, f"still {self.row(job).state}"
             self.tried(self.office.steps.pass_)
 
-    def _longest_s(self, request: AnyJobRequest, planned: Planned | None) -> float:
+    def _longest_s(self, request: JobRequest, planned: Planned | None) -> float:
         """How long a stop may take, with an abort that comes of it."""
         policy = policies.on_stop(request)
         limits_s = [
-            deadlines.limit_s(state, planned, self.rig.rig, policy) or 0.0
+            policies.deadline_s(state, planned, self.rig.rig, policy) or 0.0
             for state in ("stopping", "aborting")
         ]
         return sum(limits_s) + SLACK_TICKS * self.rig.rig.rig.period_s
 
     def ask(self, row: JobRow, action: ActionType) -> None:
         """Ask for an action; what the table does not offer is refused, and changes nothing."""
-        conductor = self.office.conductor
+        manager = self.office.manager
 
         def act() -> None:
-            allowed = conductor.job(row.id).allowed_actions
-            _, holds = conductor.act(row.id, action, "test")
+            allowed = manager.job(row.id).allowed_actions
+            _, holds = manager.perform(row.id, action, "test")
             assert holds or action in allowed
 
         self.tried(act)
@@ -182,5 +183,5 @@ class Explored(RuleBasedStateMachine):
 
     def state(self) -> JobState | None:
         """Of the job that has the rig."""
-        live = self.office.conductor.active
+        live = self.office.manager.active
         return None if live is None else live.state

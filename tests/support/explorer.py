@@ -7,13 +7,15 @@ from hypothesis import strategies as st
 from hypothesis.stateful import initialize, precondition, rule
 from pydantic import TypeAdapter
 
-from pincette.api.request_models import AnyJobRequest, Body
+from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType
-from pincette.messages import Act
-from pincette_supervisor.running import policies
+from pincette.core.faults import ActionCode
+from pincette.core.messages import Action
+from pincette_supervisor.jobs import policies
+from pincette_supervisor.kinds.bodies import Body
 from tests.support.explored import Explored
 
-BODY: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
+BODY: TypeAdapter[JobRequest] = TypeAdapter(Body)
 ACTIONS: tuple[ActionType, ...] = get_args(ActionType)
 LEAVES: tuple[ActionType, ...] = ("stop", "stop", "abort", "resume")
 """What may end a pause."""
@@ -79,7 +81,7 @@ class Explorer(Explored):
         if kind["kind"] in ("move", "release"):
             policies = {name: policies[name] for name in ("autostart", "queue")}
         request = BODY.validate_json(json.dumps({**kind, **policies}))
-        self.tried(lambda: self.office.conductor.create(request))
+        self.tried(lambda: self.office.manager.create(request))
 
     @precondition(lambda self: bool(self.rows()))
     @rule(action=st.sampled_from(ACTIONS), which=st.sampled_from((0, 0, 0, 1, 2)))
@@ -106,7 +108,7 @@ class Explorer(Explored):
 
     def stop_from_the_pause(self) -> None:
         """Ask for a stop; nothing may begin to move but what ``on_stop`` says."""
-        office, live = self.office, self.office.conductor.active
+        office, live = self.office, self.office.manager.active
         assert live is not None
         job, held, policy = live.id, live.held, policies.on_stop(live.request)
         before, line = self.rig.telemetry[-1], office.line
@@ -116,8 +118,8 @@ class Explorer(Explored):
         self.pass_until_it_ends(job)
         if self.office is not office:  # killed meanwhile
             return
-        acts = [request for request in line.asked[asked:] if isinstance(request, Act)]
-        stop = policies.stop_act(live.request)
+        acts = [request for request in line.asked[asked:] if isinstance(request, Action)]
+        stop = Action(ActionCode(policies.lease_end(live.request)))
         assert acts in ([], [stop])
         if self.row(job).state != "stopped":  # a fault has come before it, or in its course
             return
@@ -125,6 +127,8 @@ class Explorer(Explored):
         later = [told for told in self.rig.telemetry[said:] if told.playing]
         moves = {"hold": [], "release": ["unload"], "retract": ["unload", "retreat"]}[policy]
         begun = [move for move in moves if held or move != "unload"]
+        if any(action.type == "release" for action in self.row(job).actions):
+            begun.append("unload")  # asked for in the pause, it may have begun before the stop
         assert {told.phase for told in later if not told.paused} <= {*RESTING, *begun}
         if not begun:
             references = {(told.x_r_um, told.force_r_mN) for told in (before, *later)}
@@ -141,7 +145,7 @@ class Explorer(Explored):
         """A fault, an emergency stop, or the supervisor's end: at once or after some writes."""
         match which:
             case "estop":
-                self.tried(lambda: self.office.conductor.latch.estop("test"))
+                self.tried(lambda: self.office.manager.latch.estop("test"))
             case "end" | "kill":
                 self.restart(in_order=which == "end")
             case "kill soon":
@@ -152,9 +156,9 @@ class Explorer(Explored):
     @precondition(lambda self: self.rig.applied and self.rig.applied[-1].state in TRIPPED)
     @rule()
     def reset(self) -> None:
-        self.tried(lambda: self.office.conductor.latch.reset("test"))
+        self.tried(lambda: self.office.manager.latch.reset("test"))
 
-    @precondition(lambda self: len(self.office.conductor.queue) > 0)
+    @precondition(lambda self: len(self.office.manager.queue) > 0)
     @rule(order=st.sampled_from(("resume", "resume", "clear")))
     def order_queue(self, order: Any) -> None:
-        self.tried(lambda: self.office.conductor.order_queue(order, "test"))
+        self.tried(lambda: self.office.manager.control_queue(order, "test"))

@@ -5,18 +5,23 @@ import random
 import struct
 import types
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from enum import EnumType
 from functools import cache
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
-from pincette.codec import encode, msgpack
-from pincette.codec.bounds import whole_range
-from pincette.codec.kinds import KINDS
-from pincette.control.laws.law import LawSettings
+from msgspec import Struct, structs
+
+from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.paths import Knot, Path
 from pincette.control.planning.sweep import Sweep
-from pincette.latency.histogram import Distribution, counted
-from pincette.messages import Document, Message
+from pincette.control.quantities import Document
+from pincette.core.codec import KINDS, encode
+from pincette.core.codec.refusals import msgpack
+from pincette.core.messages import Message
+from pincette.latency.histogram import Distribution
+from tests.support.bounds import whole_range
+from tests.support.histograms import counted
+from tests.support.laws import law_settings
 
 Chance = random.Random
 BY_NAME = {kind.__name__: kind for kind in sorted(KINDS, key=lambda kind: kind.__name__)}
@@ -26,7 +31,7 @@ NOT_NEGATIVE = ("duration_s", "move_s", "contact_stiffness_mN_per_um")
 WORDS = ("", "a", "stop", "estop", "no command", "µm", "hold", "free", "part", "remove", "off")
 SELF_CHECKED: dict[type, tuple[Any, ...]] = {
     Sweep: (Sweep(5.0, 400.0, 1.0, 0.05, 4000.0), Sweep(1.0, 2.0, 0.6, 1.0, 9.0, 0.1)),
-    LawSettings: (LawSettings(), LawSettings(scheme="dsmifc", delta=1e6, K_S=3.0)),
+    LawSpec: (law_settings().spec(), law_settings("dsmifc", delta=1e6, K_S=3.0).spec()),
     Path: (
         Path("force", "sinusoid", 12.0, 8.0, 2.0, 3),
         Path("position", "triangle", 12.0, 8.0, 2.0, 3, corner=0.1),
@@ -52,7 +57,7 @@ def sound(kind: type, chance: Chance) -> Any:
 def _hints(kind: type) -> tuple[tuple[str, Any], ...]:
     """Fields of a record, each with its annotation."""
     hints = get_type_hints(kind)
-    return tuple((item.name, hints[item.name]) for item in fields(kind))
+    return tuple((item.name, hints[item.name]) for item in structs.fields(kind))
 
 
 def _value(hint: Any, name: str, chance: Chance) -> Any:
@@ -67,8 +72,10 @@ def _value(hint: Any, name: str, chance: Chance) -> Any:
         return chance.random() < 0.5
     if hint in (str, Document):
         return chance.choice(WORDS)
-    if is_dataclass(hint):
-        return sound(cast(type, hint), chance)
+    if isinstance(hint, EnumType):
+        return chance.choice(list(hint.__members__.values()))
+    if isinstance(hint, type) and issubclass(hint, Struct):
+        return sound(hint, chance)
     if get_origin(hint) in (Union, types.UnionType):
         choices = [item for item in get_args(hint) if item is not type(None)]
         return None if chance.random() < 0.6 else _value(choices[0], name, chance)

@@ -6,11 +6,12 @@ import subprocess
 import sys
 from collections.abc import Callable
 from time import monotonic, sleep
+from typing import NoReturn
 
-from pincette.messages import Applied, Telemetry
+from pincette.core.messages import Applied, Telemetry
+from pincette.core.wording import applied_text
 from tests.support.rigs import Tree
 from tests.support.running import Json, RunningRig
-from tests.support.stalls import STALL_S, StallRecorder
 from tests.support.witness import Witness
 
 FREEZE_S = 0.4
@@ -39,7 +40,7 @@ TRIES = 4
 WAIT_S = 10.0
 LOOK_S = 0.002
 BEFORE_S = 0.1
-"""A stall this long before a trip may have caused it: the age limit and two periods."""
+"""Of what is told of a trip: the age limit and two periods."""
 TRIPPED = ("frozen", "ramping")
 CREEPS = "zero_refused"
 """Of an arm that was held for long, and still creeps back: a person would try again."""
@@ -47,35 +48,35 @@ NOT_YET = (409, 503)
 """Where a program that was cut off is not back yet, or a job has just begun to end."""
 
 
-def hold(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> str:
+def hold(rig: RunningRig, seen: Witness) -> str:
     """Grip and wait for the hold, which lasts until it is released; the job's id."""
 
     def holds(view: Telemetry) -> bool:
         return view.phase == "hold" and view.segment_tick >= 5
 
-    return _begin(rig, seen, stalls, holds, {"until_released": True})
+    return _begin(rig, seen, holds, {"until_released": True})
 
 
-def approach(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> str:
+def approach(rig: RunningRig, seen: Witness) -> str:
     """Begin a grip and wait until the free arm is well under way; the job's id."""
 
     def under_way(view: Telemetry) -> bool:
         return view.phase == "approach" and view.x_r_um > MOVED_UM
 
-    return _begin(rig, seen, stalls, under_way, {"approach_um_per_s": SLOWLY_UM_PER_S})
+    return _begin(rig, seen, under_way, {"approach_um_per_s": SLOWLY_UM_PER_S})
 
 
-def move_away(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> str:
+def move_away(rig: RunningRig, seen: Witness) -> str:
     """Begin to move the free arm away from the part and wait until it is far out; the job's id."""
 
     def far_out(view: Telemetry) -> bool:
         return view.phase == "move" and seen.newest(Applied).voltage_V < FAR_V
 
     move: Tree = {"kind": "move", "to_V": AWAY_V, "speed_um_per_s": AWAY_UM_PER_S, "zero": False}
-    return _begin(rig, seen, stalls, far_out, move)
+    return _begin(rig, seen, far_out, move)
 
 
-def whole_grip(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Json:
+def whole_grip(rig: RunningRig, seen: Witness) -> Json:
     """Grip, hold and let go, and fail where that does not succeed; the job as it ended."""
     ended: Json = {}
     for _ in range(TRIES):
@@ -85,9 +86,8 @@ def whole_grip(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Json:
             ((at, echo) for at, echo in seen.since(Applied, begun) if echo.state in TRIPPED), None
         )
         if trip is not None:
-            check_excused(seen, stalls, *trip)
-            make_ready(rig)
-        elif ended["state"] == "succeeded" or CREEPS not in ended["cause"]:
+            fail_of_trip(seen, *trip)
+        if ended["state"] == "succeeded" or CREEPS not in ended["cause"]:
             break
     assert ended["state"] == "succeeded", ended["cause"]
     return ended
@@ -96,31 +96,22 @@ def whole_grip(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Json:
 def _begin(
     rig: RunningRig,
     seen: Witness,
-    stalls: StallRecorder,
     there: Callable[[Telemetry], bool],
     wishes: Tree,
 ) -> str:
-    """Start a grip and see it to a place; again, where the machine stood still on the way."""
-    for _ in range(TRIES):
-        begun = monotonic()
-        before = _epoch(seen)
-        job = rig.start_grip(**wishes)
-        while monotonic() < begun + WAIT_S:
-            views = [view for _, view in seen.since(Telemetry, begun)]
-            if any(there(view) for view in views if view.epoch != before):
-                return job
-            tripped = [
-                (at, echo) for at, echo in seen.since(Applied, begun) if echo.state in TRIPPED
-            ]
-            if tripped:
-                check_excused(seen, stalls, *tripped[0])
-                rig.ended(job)
-                make_ready(rig)
-                break
-            sleep(LOOK_S)
-        else:
-            raise TimeoutError(f"the grip does not get there: {rig.job(job)}")
-    raise TimeoutError(f"the machine stood still in each of {TRIES} grips")
+    """Start a grip and see it to a place."""
+    begun = monotonic()
+    before = _epoch(seen)
+    job = rig.start_grip(**wishes)
+    while monotonic() < begun + WAIT_S:
+        views = [view for _, view in seen.since(Telemetry, begun)]
+        if any(there(view) for view in views if view.epoch != before):
+            return job
+        for at, echo in seen.since(Applied, begun):
+            if echo.state in TRIPPED:
+                fail_of_trip(seen, at, echo)
+        sleep(LOOK_S)
+    raise TimeoutError(f"the grip does not get there: {rig.job(job)}")
 
 
 def _epoch(seen: Witness) -> int:
@@ -131,12 +122,10 @@ def _epoch(seen: Witness) -> int:
         return 0
 
 
-def check_excused(seen: Witness, stalls: StallRecorder, tripped_at: float, echo: Applied) -> None:
-    """Fail where a trip that nobody caused has no stall of the machine to blame."""
-    stood_s = stalls.between(tripped_at - BEFORE_S, tripped_at)
-    assert stood_s >= STALL_S, (
-        f"trip without a fault at seq {echo.seq} ({echo.cause}); "
-        f"stalls of the machine in the {1e3 * BEFORE_S:.0f} ms before: {1e3 * stood_s:.1f} ms\n"
+def fail_of_trip(seen: Witness, tripped_at: float, echo: Applied) -> NoReturn:
+    """Fail: a rig has tripped, and no test has caused it."""
+    raise AssertionError(
+        f"trip without a fault at seq {echo.seq} ({applied_text(echo)})\n"
         f"{seen.account(tripped_at, 2.0 * BEFORE_S)}"
     )
 

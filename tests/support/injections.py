@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from time import monotonic, sleep
 
-from pincette.messages import Applied, Position, Truth
-from pincette.topics import LOOP
+from pincette.core.messages import Applied, GroundTruth, Position
+from pincette.core.topics import LOOP
 from tests.support.distributions import Injected
 from tests.support.grips import hold, kill, make_ready, move_away, restart, wait_for_any_phase
 from tests.support.namespaces import Cut, Way
@@ -62,7 +62,7 @@ def inject(
     TimeoutError
         Where the rig does not come to be safe, or ready.
     """
-    job = hold(rig, seen, stalls) if fault.held else move_away(rig, seen, stalls)
+    job = hold(rig, seen) if fault.held else move_away(rig, seen)
     strike, heal = _harm(rig, fault)
     wait_for_any_phase(chance, rig.rig.rig.period_s)
     try:
@@ -101,7 +101,9 @@ def _harm(rig: RunningRig, fault: Fault) -> tuple[Callable[[], float], Callable[
 def _safe(rig: RunningRig, seen: Witness, since_s: float) -> float:
     """When the instrument first put out the safe voltage."""
     step_V, safe_V = output_step_V(rig.rig), rig.rig.safety.safe_V
-    return seen.until(Truth, lambda truth: abs(truth.voltage_V - safe_V) <= step_V, since_s)[0]
+    return seen.until(GroundTruth, lambda truth: abs(truth.voltage_V - safe_V) <= step_V, since_s)[
+        0
+    ]
 
 
 def _wait_out(
@@ -120,7 +122,7 @@ def _reacted(
 ) -> Injected:
     """What the actuator did."""
     reaction = await_reaction(rig.rig, seen, stalls, struck_s, held=fault.held)
-    ramp = seen.since(Truth, struck_s - BEFORE_PERIODS * rig.rig.rig.period_s)
+    ramp = seen.since(GroundTruth, struck_s - BEFORE_PERIODS * rig.rig.rig.period_s)
     ringing_um, way_um = residual(rig.rig, ramp)
     return Injected(
         *fault.name,

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any, cast
 
-from pincette.topics import ROOT as WIRE_ROOT
+from pincette.core.topics import ROOT as WIRE_ROOT
 from pincette_supervisor.problems import SERVED
 
 ROOT = Path(__file__).parents[2]
@@ -66,6 +66,6 @@ def complaint(name: str, said: tuple[str, str] | None, version: str, now: str) -
         f"or a member has gone or means something else, raise the version {version} first: "
         + {
             "REST": "SERVED in services/supervisor/pincette_supervisor/problems.py",
-            "keys and messages": "WIRE in shared/pincette/topics.py",
+            "keys and messages": "WIRE in shared/pincette/core/topics.py",
         }[name]
     )

@@ -3,15 +3,14 @@
 from dataclasses import dataclass
 from typing import get_args
 
-from pincette.api.access_models import Scope
-from pincette_supervisor.access.gate import Gate
-from pincette_supervisor.access.secret import digest_of, new_key
-from pincette_supervisor.journal.base import Base
-from pincette_supervisor.journal.keys import KeyBook
+from pincette.api.access import Scope
+from pincette_supervisor.access.authentication import Authenticator, digest_of, new_key
+from pincette_supervisor.journal.access_rows import KeyRepository
+from pincette_supervisor.journal.database import Database
 
 
 @dataclass(frozen=True)
-class Ring:
+class ScopeKeys:
     """A key of each scope, by its scope."""
 
     keys: dict[Scope, str]
@@ -26,12 +25,12 @@ def shown(key: str) -> dict[str, str]:
     return {"Authorization": f"Bearer {key}"}
 
 
-def key_of_each_scope(store: Base, gate: Gate | None = None) -> Ring:
+def key_of_each_scope(store: Database, gate: Authenticator | None = None) -> ScopeKeys:
     """Keys ``an-observe``, ``an-operate`` and ``an-admin``, in force from here on."""
     keys: dict[Scope, str] = {scope: new_key() for scope in get_args(Scope)}
-    book = KeyBook(store)
+    book = KeyRepository(store)
     for scope, key in keys.items():
         book.add(f"an-{scope}", digest_of(key), scope)
     if gate is not None:
-        gate.renew(book)
-    return Ring(keys)
+        gate.refresh(book)
+    return ScopeKeys(keys)

@@ -15,7 +15,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Literal
 
-from pincette.runtime.priority import FIFO
+from pincette.engine.realtime.os_scheduling import FIFO
 
 Way = Literal["both", "out", "in"]
 """Which packets are lost: all, those the program sends, or those that are sent to it."""

@@ -12,19 +12,19 @@ from unittest.mock import patch
 
 from sqlalchemy import Connection
 
-from pincette.bus.protocol import Answerer, BusError, Sink
-from pincette.messages import Message
-from pincette.topics import Question, Topic
+from pincette.bus.protocol import BusError, RequestHandler, Sink
+from pincette.core.messages import Message
+from pincette.core.topics import Request, Topic
+from pincette_supervisor.jobs import job_manager as job_manager_module
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.results import archive
-from pincette_supervisor.running import conductor as conducting
-from pincette_supervisor.running import latch
-from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.running.events import EventLog
-from pincette_supervisor.running.health import PROGRAMS, Health
-from pincette_supervisor.running.observer import Observer
-from pincette_supervisor.running.site import Site
+from pincette_supervisor.rigs import latch
+from pincette_supervisor.rigs.health import PROGRAMS, Health
+from pincette_supervisor.rigs.observer import Observer
+from pincette_supervisor.rigs.rig_context import RigContext
 from tests.support.steps import GUARD_S, AtOnce, KilledError, SteppedJob, Steps
 from tests.support.virtual_rig import VirtualRig
 
@@ -53,15 +53,15 @@ class Line:
         with self._rig.turn:
             return self._rig.bus.latest(topic, timeout_s)
 
-    def serve(self, question: Question, answerer: Answerer) -> None:
+    def serve(self, question: Request, answerer: RequestHandler) -> None:
         raise NotImplementedError(f"{question} {answerer}")
 
-    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+    def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         self._steps.rest()
         if self._steps.killed:
             raise BusError(f"killed before {question.name} was asked within {timeout_s:g} s")
         self.asked.append(request)
-        return self._rig.ask(question, request)
+        return self._rig.call(question, request)
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
         for program in (*PROGRAMS, "rig"):
@@ -141,7 +141,7 @@ class Office:
         self.health = SteppedHealth(rig.rig, self.line, self.observer, self.store, now_s)
         self.health.steps = steps
         self.events = EventLog(self.store, rig.rig.rig.name)
-        site = Site(
+        context = RigContext(
             model=RigModel(rig.rig, data / "models", self.store),
             bus=self.line,
             observer=self.observer,
@@ -153,16 +153,16 @@ class Office:
             clock=now_s,
         )
         with patch.object(latch, "ThreadPoolExecutor", AtOnce):
-            self.conductor = Conductor(site)
+            self.manager = JobManager(context)
         self._patches = ExitStack()
         for target, name, stepped in (
-            (conducting, "LiveJob", self._live_job),
-            (conducting, "threading", _Threading(self._thread)),
+            (job_manager_module, "LiveJob", self._live_job),
+            (job_manager_module, "threading", _Threading(self._thread)),
             (archive, "picture", _no_picture),
         ):
             self._patches.enter_context(patch.object(target, name, stepped))
         self.health.refresh()
-        self.conductor.recover(self.store.interrupt_left_over(utc_now()))
+        self.manager.recover(self.store.interrupt_unfinished(utc_now()))
 
     def _thread(self, **given: Any) -> threading.Thread:
         run = given.pop("target")
@@ -189,7 +189,7 @@ class Office:
     def end(self) -> None:
         """End in order: a job that lives is interrupted."""
         self.steps.free = True
-        self.conductor.close()
+        self.manager.close()
         self._leave()
 
     def _leave(self) -> None:
@@ -197,7 +197,7 @@ class Office:
             thread.join(GUARD_S)
             assert not thread.is_alive()
         self._patches.close()
-        self.conductor.latch.close()
-        self.conductor.release()
-        self.events.close()
+        self.manager.latch.close()
+        self.manager.release()
+        self.events.listeners.close()
         self.store.close()

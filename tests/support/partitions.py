@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from pincette.config import RigFile
-from pincette.service import composed_name
-from pincette.topics import LOOP
+from pincette.core.service import canonical_name
+from pincette.core.topics import LOOP
 
 Programs = tuple[str, ...]
 """Of one loop; see the rig file's ``[rig] composed``."""
@@ -24,7 +24,7 @@ def _groups(services: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ...]]:
 def partitions() -> list[Programs]:
     """What ``composed`` may be: the programs of more than one service, of every partition."""
     return [
-        tuple(composed_name("+".join(group)) for group in groups if len(group) > 1)
+        tuple(canonical_name("+".join(group)) for group in groups if len(group) > 1)
         for groups in _groups(LOOP)
     ]
 

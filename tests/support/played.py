@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 
-from pincette.bus.links import client_ends, router_ends
+from pincette.bus.topology import client_session, router_session
 from pincette.bus.zenoh_bus import ZenohBus, serve_router
 from tests.support.rigs import free_ports
 from tests.unit.supervisor import samples
@@ -40,7 +40,7 @@ def played_rig() -> Generator[Played]:
         end.wait()
 
     def play() -> None:
-        bus = ZenohBus(client_ends("127.0.0.1", port), RIG, "played")
+        bus = ZenohBus(client_session("127.0.0.1", port), RIG, "played")
         try:
             for epoch in count(1):
                 for tick in samples.grip(epoch):
@@ -51,7 +51,7 @@ def played_rig() -> Generator[Played]:
         finally:
             bus.close()
 
-    ends = router_ends("127.0.0.1", port)
+    ends = router_session("127.0.0.1", port)
     threads = [threading.Thread(target=serve_router, args=(ends, RIG, route))]
     threads[0].start()
     assert up.wait(UP_S)

@@ -4,27 +4,28 @@ import random
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 
-from pincette.control.laws.law import LawSettings
 from pincette.control.planning.paths import Knot, Path
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.planning.sweep import Sweep
-from pincette.latency.histogram import counted
-from pincette.messages import (
+from pincette.core.faults import Cause, Mode, Outcome
+from pincette.core.messages import (
     Applied,
-    Asked,
     Burst,
     Command,
     Estimate,
+    GroundTruth,
     JobNotice,
     Load,
     Message,
     Position,
+    RequestLog,
     Telemetry,
     Timing,
-    Truth,
 )
+from pincette.core.topics import TOPIC_OF
 from pincette.records.mcap_file import McapFile
-from pincette.topics import TOPIC_OF
+from tests.support.histograms import counted
+from tests.support.laws import law_settings
 
 EPOCH = 0x5A5A_1234_5678
 PERIOD_S = 0.02
@@ -54,7 +55,7 @@ def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Me
         force_uncertainty_mN=number(),
         perturbation_mN=number(),
         zero_age_s=later(),
-        zero_refusal="",
+        zero_refusal=None,
         applied_V=voltage,
         applied_seq=seq - 1,
         limits_active=seq % 4,
@@ -77,11 +78,11 @@ def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Me
         perturbation_mN=number(),
         perturbation_error_mN=number(),
         residual_um=number(),
-        outcome="gripped" if final else "",
+        outcome=Outcome.GRIPPED if final else Outcome.NONE,
         contact_x_um=later(),
         contact_stiffness_mN_per_um=None,
         held=seq > 1,
-        acted="",
+        acted=(),
     )
     yield Command(
         epoch=EPOCH,
@@ -94,13 +95,13 @@ def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Me
         valid=True,
         sweep=SWEEP if seq == 1 else None,
     )
-    yield Truth(1000 + seq, x, force, voltage)
+    yield GroundTruth(1000 + seq, x, force, voltage)
     yield Applied(
         epoch=EPOCH,
         seq=seq,
         voltage_V=voltage,
-        state="idle" if final else "armed",
-        cause="",
+        state=Mode.IDLE if final else Mode.ARMED,
+        cause=Cause.NONE,
         limits_active=0,
         part_held=seq > 1,
         zero=seq == 0,
@@ -124,16 +125,16 @@ def notice(state: str = "running") -> JobNotice:
     return JobNotice("j-1", "grip", EPOCH, state, "hold", "", held=True, at="2026-03-01T12:00:00Z")
 
 
-def asked() -> Asked:
+def asked() -> RequestLog:
     """What the controller was given to play, with a path whose names are much alike."""
     path = Path("force", "sinusoid", mean=10.0, amplitude=-0.0, cycle_s=0.5, cycles=2)
     held = Segment("hold", "path", path.duration_s, path=path)
     knots = (Knot(0.0, 1.0, 0.0), Knot(1.0, 0.1 + 0.2, 0.0))
     moved = Segment("move", "path", 1.0, path=Path("position", "waypoints", knots=knots))
     guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
-    laws = (LawSettings(), LawSettings("dsmifc"))
+    laws = (law_settings().spec(), law_settings("dsmifc").spec())
     load = Load(Program((held, moved), guards, 2.17, laws))
-    return Asked(EPOCH, -1, "controller", "", load=load)
+    return RequestLog(EPOCH, -1, "controller", "", load=load)
 
 
 def timing(service: str, seq: int, *lates_s: float) -> Timing:

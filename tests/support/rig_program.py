@@ -8,9 +8,9 @@ from typing import cast
 
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
+from pincette.core.messages import GroundTruth, Message
+from pincette.engine.program import Context
 from pincette.instruments.protocols import PositionSensor, VoltageOutput
-from pincette.messages import Message, Truth
-from pincette.runtime.context import Context
 from pincette_rig.program import run
 
 START_S = 5.0
@@ -72,7 +72,7 @@ def truths_of_three_writes(
     folder: Path,
     open_sensor: Callable[[], PositionSensor],
     open_output: Callable[[], VoltageOutput],
-) -> list[Truth]:
+) -> list[GroundTruth]:
     """Write 1, 1 and 0.5 V, with a reading after each; what the rig says of it."""
     with offered(rig, folder) as bus:
         sensor, output = open_sensor(), open_output()
@@ -82,4 +82,4 @@ def truths_of_three_writes(
         assert output.read_V() == 0.5
         sensor.close()
         output.close()
-    return [message for message in bus.told if isinstance(message, Truth)]
+    return [message for message in bus.told if isinstance(message, GroundTruth)]

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from pincette.config import RigFile, parse_rig, read_rig
 from pincette.config.reading import laid_over
-from pincette.sim.instruments.traits import resolved
+from pincette.sim.instruments.fitting import resolved
 
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
 Tree = dict[str, Any]
@@ -40,6 +40,11 @@ def _is_free(port: int) -> bool:
 def demo_rig(changes: Tree | None = None, *, time: str = "real") -> RigFile:
     """The demo rig on ports of its own, with changes."""
     return at_own_ports(read_rig(DEMO), laid_over({"rig": {"time": time}}, changes or {}))
+
+
+def paced_rig(changes: Tree | None = None, *, pace: float = 1.0) -> RigFile:
+    """The same in lockstep, at a pace: nothing trips where the machine stalls."""
+    return demo_rig(laid_over({"simulation": {"pace": pace}}, changes or {}), time="lockstep")
 
 
 def output_step_V(rig: RigFile) -> float:

@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from pincette.config import RigFile
-from pincette.messages import Truth
-from pincette.sim.instruments.traits import resolved
+from pincette.core.messages import GroundTruth
+from pincette.sim.instruments.fitting import resolved
 from pincette.sim.plant import plant
 from pincette.sim.plant.parameters import PlantParameters
 
@@ -62,7 +62,7 @@ def amplitude_um(
     return float(np.hypot(found[-2], found[-1]))
 
 
-def residual(rig: RigFile, truths: Sequence[tuple[float, Truth]]) -> tuple[float, float]:
+def residual(rig: RigFile, truths: Sequence[tuple[float, GroundTruth]]) -> tuple[float, float]:
     """Amplitude after a ramp, and the way of the arm during it, both in µm.
 
     ``truths`` are those of the ramp with the time at which each was heard, the last voltage before

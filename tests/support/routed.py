@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from time import monotonic, sleep
 
-from pincette.bus.links import Ends, client_ends, router_ends
+from pincette.bus.topology import SessionConfig, client_session, router_session
 from pincette.bus.zenoh_bus import serve_router
 from tests.support.rigs import free_ports
 
@@ -13,7 +13,7 @@ WAIT_S = 5.0
 
 
 @contextmanager
-def router(rig: str) -> Generator[Ends]:
+def router(rig: str) -> Generator[SessionConfig]:
     """Route in a thread; gives a tool's place."""
     port = free_ports(1)
     end, up = threading.Event(), threading.Event()
@@ -22,11 +22,13 @@ def router(rig: str) -> Generator[Ends]:
         up.set()
         end.wait()
 
-    thread = threading.Thread(target=serve_router, args=(router_ends("127.0.0.1", port), rig, wait))
+    thread = threading.Thread(
+        target=serve_router, args=(router_session("127.0.0.1", port), rig, wait)
+    )
     thread.start()
     try:
         assert up.wait(WAIT_S)
-        yield client_ends("127.0.0.1", port)
+        yield client_session("127.0.0.1", port)
     finally:
         end.set()
         thread.join()

@@ -10,8 +10,8 @@ from typing import Any, cast
 import httpx
 
 from pincette.config import RigFile
-from pincette.runtime.fleet import Fleet
-from pincette.topics import LOOP
+from pincette.core.topics import LOOP
+from pincette.engine.fleet import Fleet
 from tests.support.rigs import rig_toml
 
 Json = dict[str, Any]

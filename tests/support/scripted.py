@@ -8,11 +8,19 @@ from unittest.mock import patch
 from pincette.config import RigFile
 from pincette.config.reading import laid_over
 from pincette.control.planning.program import Guards, Program, Segment
-from pincette.messages import Applied, Asked, Estimate, Message, Position, Telemetry, Truth
-from pincette.runtime import composed
-from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.instrument import Device
-from pincette.runtime.simulated import devices_on, simulated_bench
+from pincette.core.messages import (
+    Applied,
+    Estimate,
+    GroundTruth,
+    Message,
+    Position,
+    RequestLog,
+    Telemetry,
+)
+from pincette.engine import composed
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.instrument import Device
+from pincette.engine.simulated import devices_on, simulated_bench
 from pincette.sim.rig.rig import SimulatedRig
 from tests.support.rigs import Tree, demo_rig
 
@@ -50,7 +58,7 @@ class Played:
     @cached_property
     def told(self) -> list[Message]:
         """All but what was asked, which names the rig file and with it its ports."""
-        return [message for message in self.messages if not isinstance(message, Asked)]
+        return [message for message in self.messages if not isinstance(message, RequestLog)]
 
     @cached_property
     def positions(self) -> list[Position]:
@@ -65,8 +73,8 @@ class Played:
         return [message for message in self.messages if isinstance(message, Applied)]
 
     @cached_property
-    def truths(self) -> list[Truth]:
-        return [message for message in self.messages if isinstance(message, Truth)]
+    def truths(self) -> list[GroundTruth]:
+        return [message for message in self.messages if isinstance(message, GroundTruth)]
 
     @cached_property
     def outcome(self) -> str:
@@ -97,7 +105,7 @@ def play(
     built: list[SimulatedRig] = []
     in_time_s = SimulatedRig.now_s
 
-    def devices(rig_file: RigFile, publish: Callable[[Truth], None]) -> dict[str, Device]:
+    def devices(rig_file: RigFile, publish: Callable[[GroundTruth], None]) -> dict[str, Device]:
         bench = simulated_bench(rig_file, publish)
         built.append(bench.rig)
         return devices_on(bench, rig_file)

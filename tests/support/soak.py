@@ -20,17 +20,19 @@ from typing import cast
 import httpx
 
 from pincette.config.reading import laid_over
-from pincette.runtime.interpreter import settle
+from pincette.engine.realtime.gc_tuning import disable_gc
 from tests.support.distributions import Injected, Json, table, tree
 from tests.support.grips import SHORT, make_ready, whole_grip
 from tests.support.injections import CUTS, WATCHED, Fault, inject
 from tests.support.namespaces import alone
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import BLAMED_S, SPAN_S, STALL_S, TRIES, StallRecorder
+from tests.support.stalls import BLAMED_S, SPAN_S, STALL_S, StallRecorder
 from tests.support.witness import Witness, witness
 
 SEED = 20131
+TRIES = 2
+"""Of an injection, where a stall may have spoilt the first."""
 ROUNDS = 50
 KINDS = ("killed", "stopped", "cut off")
 PROGRAMS = ("controller", "estimator", "sensor")
@@ -113,7 +115,7 @@ def soak(kinds: Sequence[str], programs: Sequence[str], rounds: int, seed: int) 
     ):
         campaign = Campaign(running, seen, stalls, seed)
         make_ready(running)
-        whole_grip(running, seen, stalls)
+        whole_grip(running, seen)
         campaign.run(faults)
         stood_s = [length_s for _, length_s in stalls.stalls if length_s > STALL_S]
     about: Json = {
@@ -152,7 +154,7 @@ def main() -> int:
     words.add_argument("--kinds", nargs="+", default=KINDS, choices=("killed", "stopped", *CUTS))
     words.add_argument("--programs", nargs="+", default=PROGRAMS)
     wished = words.parse_args()
-    settle()
+    disable_gc()
     found = soak(wished.kinds, wished.programs, wished.rounds, wished.seed)
     wished.file.write_text(json.dumps(found, indent=1, ensure_ascii=False), encoding="utf-8")
     print(table(found["rows"]))

@@ -5,9 +5,11 @@ import sys
 import threading
 from dataclasses import dataclass, field
 from itertools import islice, takewhile
+from math import inf
+from pathlib import Path
 from time import monotonic, sleep
 
-from pincette.runtime.priority import come_first
+from pincette.engine.realtime.os_scheduling import raise_priority
 
 BEAT_S = 0.001
 STALL_S = 0.005
@@ -17,20 +19,26 @@ thread of it had the processor."""
 SPAN_S, BLAMED_S = 0.100, 0.005
 """Stalls of so long in all, within the length that lets a rig at T = 20 ms trip, may spoil a test:
 more than that an instrument that owes an answer is not waited for."""
-TRIES = 5
-"""How often a test of real time is made at most, where stalls may have spoilt it."""
+TICK_S = 0.01
+"""In which the system counts processor time in /proc."""
+
+
+Span = tuple[float, float]
+"""From when to when, in seconds of the monotonic clock."""
 
 
 @dataclass
 class StallRecorder:
     """Stalls as (begin, length) in seconds of the monotonic clock.
 
-    One thread is bound to each processor, since a virtual machine may lose one of them while the
-    others run: what was running there stands still, and nothing else notices. They run as early
-    as the loop does, so that what does not delay the loop counts as no stall.
+    ``stalls`` are times in which the machine did not run one of its processors at all, ``waits``
+    times in which other processes had it. One thread is bound to each processor, since a virtual
+    machine may lose one of them while the others run: what was running there stands still, and
+    nothing else notices. They run as early as the loop does.
     """
 
     stalls: list[tuple[float, float]] = field(default_factory=list[tuple[float, float]])
+    waits: list[tuple[float, float]] = field(default_factory=list[tuple[float, float]])
 
     def __enter__(self) -> "StallRecorder":
         self._stop = threading.Event()
@@ -50,28 +58,50 @@ class StallRecorder:
     def _beat(self, processor: int) -> None:
         if sys.platform == "linux":  # where 0 is the thread that asks
             os.sched_setaffinity(0, {processor})
-        come_first()
+        raise_priority()
+        stolen_s = stolen(processor)
         with _Queue() as queue:
             last, queued_s = monotonic(), queue.waited_s()
             while not self._stop.is_set():
                 sleep(BEAT_S)
                 now, before_s, queued_s = monotonic(), queued_s, queue.waited_s()
                 late_s = now - last - BEAT_S
-                away_s = late_s if late_s > STALL_S else late_s - (queued_s - before_s)
+                waited_s = min(late_s, queued_s - before_s)
+                away_s = late_s - waited_s
+                if late_s > STALL_S:
+                    # A processor that is taken away while this thread waits counts as waiting, too.
+                    before_s, stolen_s = stolen_s, stolen(processor)
+                    away_s = max(away_s, min(late_s, stolen_s - before_s))
                 if away_s > SHORT_S:
                     self.stalls.append((last, away_s))
+                if late_s - away_s > STALL_S:
+                    self.waits.append((last, late_s - away_s))
                 last = now
 
-    def most(self, since_s: float) -> float:
-        """Seconds for which some processor stood still, at most in ``SPAN_S`` since then."""
-        apart = [(first_s, last_s) for first_s, last_s in self.apart() if first_s >= since_s]
+    def blamed_s(self, begin_s: float, end_s: float, elsewhere_s: float = 0.0) -> float:
+        """Seconds within ``SPAN_S``, at most in a window, that the product cannot be blamed for.
+
+        Waits count where other programs than the test's had the processors as long as that:
+        for ``elsewhere_s`` within the window.
+        """
+        stood_s = self.most(begin_s, end_s)
+        both = StallRecorder(self.stalls + self.waits).most(begin_s, end_s)
+        return max(stood_s, min(both, elsewhere_s))
+
+    def most(self, begin_s: float, end_s: float = inf) -> float:
+        """Seconds for which some processor stood still, at most in ``SPAN_S`` of a window."""
+        apart = [
+            (max(first_s, begin_s), min(last_s, end_s))
+            for first_s, last_s in self.apart()
+            if first_s < end_s and last_s > begin_s
+        ]
         most_s = 0.0
-        for place, (begin_s, _) in enumerate(apart):
-            end_s = begin_s + SPAN_S
+        for place, (first_s, _) in enumerate(apart):
+            until_s = first_s + SPAN_S
             within = takewhile(
-                lambda stall, end_s=end_s: stall[0] < end_s, islice(apart, place, None)
+                lambda stall, until_s=until_s: stall[0] < until_s, islice(apart, place, None)
             )
-            most_s = max(most_s, sum(min(last_s, end_s) - first_s for first_s, last_s in within))
+            most_s = max(most_s, sum(min(last_s, until_s) - begun_s for begun_s, last_s in within))
         return most_s
 
     def between(self, begin_s: float, end_s: float, least_s: float = 0.0) -> float:
@@ -83,14 +113,62 @@ class StallRecorder:
         parts = (min(end_s, last_s) - max(begin_s, first_s) for first_s, last_s in apart)
         return sum(part_s for part_s in parts if part_s > 0.0)
 
-    def apart(self, least_s: float = 0.0) -> list[tuple[float, float]]:
+    def apart(self, least_s: float = 0.0) -> list[Span]:
         """From when to when some processor stood still, without overlap and in order."""
-        apart: list[tuple[float, float]] = []
+        apart: list[Span] = []
         for begin_s, length_s in sorted(self.stalls):
             first_s = max(begin_s, apart[-1][1]) if apart else begin_s
             if length_s >= least_s and begin_s + length_s > first_s:
                 apart.append((first_s, begin_s + length_s))
         return apart
+
+
+def stolen(processor: int) -> float:
+    """Seconds since the start of the system for which a processor was taken away from it."""
+    try:
+        lines = Path("/proc/stat").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return 0.0
+    words = next(
+        (line.split() for line in lines if line.startswith(f"cpu{processor} ")), list[str]()
+    )
+    return TICK_S * int(words[8]) if len(words) > 8 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """Processor time since the start of the system."""
+
+    all_s: float
+    own_s: float
+    """Of this process, its descendants, and those of them that have ended."""
+
+    def elsewhere_s(self, before: "Usage") -> float:
+        """What other programs than the test's have used since then."""
+        return max(0.0, (self.all_s - before.all_s) - (self.own_s - before.own_s))
+
+
+def usage() -> Usage:
+    """Processor time until now; nothing where the system does not tell."""
+    try:
+        words = Path("/proc/stat").read_text(encoding="ascii").split("\n", 1)[0].split()
+    except OSError:
+        return Usage(0.0, 0.0)
+    user, nice, system, _idle, _waiting, irq, softirq = map(int, words[1:8])
+    parents: dict[int, int] = {}
+    used: dict[int, int] = {}
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (place / "stat").read_text(errors="replace").rpartition(")")[2].split()
+        except OSError:  # it has ended meanwhile
+            continue
+        parents[int(place.name)] = int(fields[1])
+        used[int(place.name)] = sum(map(int, fields[11:15]))
+    own = {os.getpid()}
+    while grown := {process for process, parent in parents.items() if parent in own} - own:
+        own |= grown
+    own_ticks = sum(used.get(process, 0) for process in own)
+    return Usage(TICK_S * (user + nice + system + irq + softirq), TICK_S * own_ticks)
 
 
 class _Queue:

@@ -10,7 +10,7 @@ from concurrent.futures import Executor, Future
 from time import monotonic, sleep
 from typing import Any, TypeVar
 
-from pincette_supervisor.running.job import LiveJob
+from pincette_supervisor.jobs.job import LiveJob
 from tests.support.virtual_rig import VirtualRig
 
 GUARD_S, LOOK_S = 30.0, 0.001

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from time import monotonic, sleep
 
-from pincette.bus.links import client_ends
+from pincette.bus.topology import client_session
 from pincette.bus.zenoh_bus import ZenohBus
-from pincette.messages import Order
-from pincette.topics import ORDER
+from pincette.core.messages import SimCommand
+from pincette.core.topics import SIM_COMMAND
 from tests.support.running import Json, RunningRig
 
 LOOK_S = 0.02
@@ -25,7 +25,9 @@ class Technician:
     def at(cls, rig: RunningRig) -> "Technician":
         """Stand at a rig that is up."""
         file = rig.rig
-        return cls(rig, ZenohBus(client_ends(file.bus.host, file.bus.port), file.rig.name, "hand"))
+        return cls(
+            rig, ZenohBus(client_session(file.bus.host, file.bus.port), file.rig.name, "hand")
+        )
 
     def leave(self) -> None:
         """Go."""
@@ -33,7 +35,7 @@ class Technician:
 
     def do(self, target: str, what: str, value: float | None = None) -> None:
         """Do something at the bench."""
-        self.bus.ask(ORDER, Order(target, what, value))
+        self.bus.call(SIM_COMMAND, SimCommand(target, what, value))
 
     def calibrate(self, kind: str, **wishes: object) -> Json:
         """Run one calibration to its end and accept what it proposes; returns the proposal."""

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable
 
+from pincette.api import events
 from pincette.api.states import STATES, Event, JobState, next_state
-from pincette_supervisor.journal.rows import EventRow
 
 
-def states_told(told: Iterable[EventRow]) -> dict[str, JobState]:
+def states_told(told: Iterable[events.Event]) -> dict[str, JobState]:
     """Each job's last state, where every step on the way there is one of the table's."""
     states: dict[str, JobState] = {}
     for row in told:

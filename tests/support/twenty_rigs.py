@@ -1,4 +1,4 @@
-"""Rigs nobody knows, drawn by seed, calibrated and gripped with over REST, and set against truth.
+"""Random rigs, drawn by seed, calibrated and gripped with over REST, and compared with the truth.
 
 ``python -m tests.support.twenty_rigs FILE`` writes the table of both pairs of instruments.
 """
@@ -16,18 +16,19 @@ from typing import Any
 
 import httpx
 
-from pincette.api.request_models import GripJobRequest
+from pincette.api.calibrations import CalibrationResult
 from pincette.bus.protocol import BusError
 from pincette.config import Calibration, RigFile, read_rig
 from pincette.config import calibrated as laid
-from pincette.messages import Telemetry, Truth
-from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.fleet import FleetError
-from pincette.sim.drawn.random_rigs import random_simulation
-from pincette.sim.drawn.true_values import TrueValues, true_values
-from pincette.sim.instruments.traits import resolved
+from pincette.core.messages import GroundTruth, Telemetry
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.fleet import FleetError
+from pincette.sim.instruments.fitting import resolved
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.calibrating import calibrated, opened_benches
+from tests.support.drawn.random_rigs import random_simulation
+from tests.support.drawn.true_values import TrueValues, true_values
 from tests.support.rigs import DEMO, Tree, at_own_ports
 from tests.support.running import Json, RunningRig, running_rig
 from tests.support.technician import Technician
@@ -118,6 +119,7 @@ def in_one_process(pair: str, seed: int) -> Row:
             simulated = rig.simulation.model_copy(update={"bead": there})
             bare = rig.model_copy(update={"simulation": simulated})
             record, _ = calibrated(laid(bare, found), benches, kind)
+            assert isinstance(record.result, CalibrationResult)
             values = {item.quantity: item.value for item in record.result.values}
             found = Calibration(values={**found.values, **values})
     known = laid(rig, found)
@@ -125,7 +127,7 @@ def in_one_process(pair: str, seed: int) -> Row:
     published = ComposedLoop(known).play(program)
     views = [message for message in published if isinstance(message, Telemetry)]
     held = {view.seq for view in views if view.phase == "hold"}
-    forces_mN = [m.force_mN for m in published if isinstance(m, Truth) and m.seq in held]
+    forces_mN = [m.force_mN for m in published if isinstance(m, GroundTruth) and m.seq in held]
     deviations = _deviations(found.values, true_values(rig.simulation))
     return Row(seed, pair, deviations, views[-1].outcome, fsum(forces_mN) / len(forces_mN))
 
@@ -209,20 +211,20 @@ def _line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-TEXT = """# Twenty rigs nobody knows
+TEXT = """# Twenty rigs with unknown parameters
 
-Written by `python -m tests.support.twenty_rigs FILE`, in some minutes.
+Written by `python -m tests.support.twenty_rigs FILE`, which takes some minutes.
 
-Each rig is drawn at random by its seed: mode, damping, compliance, gain, loop of 10 to 23 % with
-asymmetry and curvature, creep, contact, noise, drift, passive arm. Its rig file has no model. The
-calibrations are played in lockstep by the services on the bus in memory, each proposal is taken
-into the model, and a bead is gripped with 20 mN and held for 4 s. The table shows the deviation of
-what was identified from the truth, in per cent. d_p is the secant gain at 2 V peak to peak, K_e
-that of the contact from 2 to 20 mN.
+Each rig has random values, drawn from its seed: mode, damping, compliance, gain, a hysteresis loop
+of 10 to 23 % with asymmetry and curvature, creep, contact, noise, drift and passive arm. Its rig
+file has no model. The services run the calibrations in lockstep on the bus in memory, and each
+proposal is taken into the model. Then a grip presses a bead with 20 mN and holds it for 4 s. The
+tables show the deviation of the identified values from the true ones, in per cent. d_p is the
+secant gain at 2 V peak to peak, K_e the secant stiffness of the contact from 2 to 20 mN.
 
-`make soak` does the same with every program in a process of its own, over REST, with hands at one
-and the same bench from the first calibration to the grip, and holds each deviation to 2 %, that of
-ζ to 20 %; `make test` does so for one rig of the fast pair.
+`make soak` does the same over REST, with each program in its own process and one bench from the
+first calibration to the grip. It requires each deviation to be within 2 %, that of ζ within 20 %.
+`make test` checks one rig of the fast pair in the same way.
 
 ## Fast pair: analog input and output with buffers
 
@@ -230,8 +232,8 @@ and the same bench from the first calibration to the grip, and holds each deviat
 
 ## Slow pair: LK-G5000 and I-7024 on serial lines
 
-Sensor and output are too slow for the mode: `frequency_response` is refused, and ω_n and ζ stay
-assumed.
+Sensor and output are too slow to measure the mode. `frequency_response` is refused, and ω_n and ζ
+stay assumed.
 
 {slow}
 """

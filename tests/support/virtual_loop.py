@@ -1,8 +1,9 @@
 """The virtual loop with those around it: who asks, arms and resets, and who hurts its programs."""
 
 from pincette.control.planning.program import Program as Played
-from pincette.messages import Arm, Document, Load, Message, Reset
-from pincette.runtime.arming import ORDER
+from pincette.control.quantities import Document
+from pincette.core.messages import Arm, Load, Message, Reset
+from pincette.engine.arming import ORDER
 from tests.support.virtual_loop_engine import Engine
 from tests.support.virtual_loop_program import forked_node
 
@@ -12,10 +13,10 @@ PATIENCE_S = 2.0
 class VirtualLoop(Engine):
     """A rig in real time whose clock is made; ``fork`` gives a twin that goes on by itself."""
 
-    def ask(self, name: str, request: Message) -> Message | str:
+    def call(self, name: str, request: Message) -> Message | str:
         """Ask a program; the reply, or the text of a refusal."""
         replies: list[Message | str] = []
-        self.hand_over(self.programs[name], (request, replies.append))
+        self.hand_over(self.program(name), (name, request, replies.append))
         assert self.run(self.now_s + PATIENCE_S, lambda: bool(replies)), f"{name} does not answer"
         return replies[0]
 
@@ -28,7 +29,7 @@ class VirtualLoop(Engine):
 
     def must(self, name: str, request: Message) -> None:
         """Ask, and fail where that is refused."""
-        reply = self.ask(name, request)
+        reply = self.call(name, request)
         assert not isinstance(reply, str), reply
 
     def reset(self) -> None:
@@ -48,15 +49,15 @@ class VirtualLoop(Engine):
         if name in self.fresh:
             node = forked_node(self.fresh[name], {})
             node.instance = self.instances
-            self.start(name, node)
+            self.start(name, [node])
         else:
-            self.add(name, name)
+            self.add(name)
 
     def add_rival(self, program: Played, epoch: int) -> None:
         """A second controller, armed for the same epoch as another owner."""
         node = forked_node(self.fresh["controller"], {})
         node.instance = self.instances
-        self.start("rival", node)
+        self.start("rival", [node])
         self.must("rival", Load(program))
         self.must("rival", Arm(epoch, node.instance, self.rig.digest()))
 

@@ -7,20 +7,20 @@ loop, so that plant, sensor and output meet in the order of their times.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from pincette import plugins
 from pincette.config import RigFile
 from pincette.config.script import ScriptedOrder
+from pincette.core import plugins
+from pincette.core.messages import SimCommand
 from pincette.instruments.icpdas_i7024 import timing as output_timing
 from pincette.instruments.keyence_lkg import timing as sensor_timing
 from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.protocols import PositionSensor, VoltageOutput
-from pincette.messages import Order
 from pincette.sim.instruments.dcon import HEARTBEAT, SimulatedI7024
+from pincette.sim.instruments.fitting import resolved
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.instruments.protocol import TERMINATOR
-from pincette.sim.instruments.traits import resolved
 from pincette.sim.plant.drive import rest_um
-from pincette.sim.rig.streamed_wave import StreamingRig
+from pincette.sim.rig.rig import SimulatedRig
 from pincette.sim.rig.timeline import Timeline
 from pincette.sim.script.script import Script
 
@@ -72,7 +72,7 @@ class VirtualBench:
     def __init__(self, rig_file: RigFile, clock: Clock) -> None:
         assert rig_file.simulation is not None
         plant = resolved(rig_file.simulation, rig_file.output.driver)
-        self.rig = StreamingRig(plant, rig_file.rig.period_s, False, clock.time)
+        self.rig = SimulatedRig(plant, rig_file.rig.period_s, False, clock.time)
         self.laser = SimulatedKeyence(self.measure_um)
         self.module = SimulatedI7024(self.take_V, self.rig.now_s)
         self.lines = lines_of(rig_file)
@@ -129,7 +129,7 @@ class VirtualBench:
         """Begin to note what a step asks of the instruments."""
         self.taken = Taken()
 
-    def order(self, order: Order) -> None:
+    def order(self, order: SimCommand) -> None:
         """Do something to the rig, from here on; a bench that has a script is not forked again."""
         if self._script is None:
             script = Script(timeouts_s={"sensor": 0.1, "output": 0.1})
@@ -183,6 +183,6 @@ class VirtualBench:
 
 def scripted(
     target: str, what: str, value: float | None = None, for_s: float | None = None
-) -> Order:
+) -> SimCommand:
     """An order that a rig file could have too."""
     return ScriptedOrder(at_s=0.0, target=target, what=what, value=value, for_s=for_s).order()

@@ -1,7 +1,11 @@
 """Faults of the loop, by the rows of the fault table: those that must trip, and their twins."""
 
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from math import nan
 
+from pincette.config import RigFile
+from pincette.core.topics import LOOP
 from tests.support.virtual_loop_faults import LinkFault
 from tests.support.virtual_loop_injection import Fault
 from tests.support.virtual_loop_places import T
@@ -217,3 +221,32 @@ LOST_ONCE: tuple[Fault, ...] = (
     _corrupt("sensor", "seq", ABSURD_SEQ, 4, BRIEFLY_S),
 )
 """One sample that the actuator does not see."""
+
+
+def befalling(rig: RigFile, faults: Iterable[Fault]) -> Iterator[Fault]:
+    """Each fault of a service as one of its program; without those that cannot be.
+
+    There is nothing between two services of one program. What kills or hangs that of the actuator
+    leaves nobody to trip, and is judged by itself.
+    """
+    having = rig.program_of("actuator")
+    for fault in faults:
+        who = rig.program_of(fault.who) if fault.who else ""
+        if fault.deed == "rival" and rig.program_of("controller") != "controller":
+            continue
+        if fault.must == "trip" and who == having:
+            continue
+        links = tuple(_links(rig, fault))
+        if links or fault.deed != "link":
+            echoes = fault.must == "trip" and any(link.source == having for link in links)
+            late_s = max(fault.late_s, ECHO_LATE_S) if echoes else fault.late_s
+            yield replace(fault, who=who, links=links, late_s=late_s)
+
+
+def _links(rig: RigFile, fault: Fault) -> Iterator[LinkFault]:
+    if len(rig.programs) == 1:
+        return
+    for link in fault.links:
+        source, to = (rig.program_of(one) if one in LOOP else one for one in (link.source, link.to))
+        if source == "*" or source != to:
+            yield replace(link, source=source, to=to)

@@ -1,8 +1,9 @@
-"""The whole loop in real time, and its time virtual: four real nodes, real bytes, one event heap.
+"""The whole loop in real time, and its time virtual: real nodes, real bytes, one event heap.
 
-Each program goes by the same ``Turns`` as its thread does in a process: it waits, takes what has
-come, steps, tells. Messages travel as bytes, and are decoded where they arrive. What a machine
-makes of it is drawn by a seed:
+Each program goes by the same ``Scheduler`` as its thread does in a process: it waits, takes what
+has come, steps, publishes. While a step of a program takes its time, nothing else of it is done:
+neither another step nor a look at the clock. Messages travel as bytes, and are decoded where they
+arrive. What a machine makes of it is drawn by a seed:
 
     computing   0.1 to 0.4 ms before the step, evenly
     bus         0.1 ms, and exponentially 0.2 ms more, 3 ms at most; in order on each link
@@ -12,19 +13,20 @@ The same seed gives the same numbers, to the last bit.
 """
 
 import random
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from heapq import heappop, heappush
 from typing import Any, Self
 
-from pincette import plugins
-from pincette.codec import CodecError, decode, encode
 from pincette.config import RigFile
-from pincette.messages import Applied, Message
-from pincette.runtime.node import Node
-from pincette.runtime.turns import MOST_AT_ONCE, Turns
-from pincette.topics import LOOP, TOPIC_OF, Topic
+from pincette.core import plugins
+from pincette.core.codec import decode, encode
+from pincette.core.codec.refusals import CodecError
+from pincette.core.messages import Applied, Message
+from pincette.core.service import member_services
+from pincette.core.topics import TOPIC_OF, Topic
+from pincette.engine.node import Node
+from pincette.engine.scheduler import MAX_BATCH, Scheduler, Task
 from tests.support.virtual_loop_bench import Clock, VirtualBench
 from tests.support.virtual_loop_faults import Link, LinkFault, on_the_way
 from tests.support.virtual_loop_program import Program, forked_node
@@ -60,35 +62,40 @@ class Engine:
         self._number = 0
         self._arrived: dict[Link, float] = {}
         self.instances = FIRST_INSTANCE
-        for name in LOOP:
-            self.add(name, name)
-        self.fresh = {name: forked_node(program.node, {}) for name, program in self.booted()}
+        for name in rig.programs:
+            self.add(name)
+        self.fresh = {
+            name: forked_node(program.scheduler.tasks[0].node, {})
+            for name, program in self.programs.items()
+            if self._boots_alike(program)
+        }
+        """Programs without an instrument, as they are started."""
         self._push(LOOK_S, "look", "", None)
 
-    def booted(self) -> list[tuple[str, Program]]:
-        """Programs without an instrument, as they are started."""
-        return [
-            (name, program)
-            for name, program in self.programs.items()
-            if program.node.service.instrument is None
-        ]
+    @staticmethod
+    def _boots_alike(program: Program) -> bool:
+        tasks = program.scheduler.tasks
+        return len(tasks) == 1 and tasks[0].node.service.instrument is None
 
-    def add(self, name: str, service: str) -> Program:
+    def add(self, name: str) -> Program:
+        """Start a program of the rig's, with its instruments."""
         devices = {"sensor": self.bench.sensor, "actuator": self.bench.output}
-        device = devices[service]() if service in devices else None
-        node = Node(plugins.load(plugins.SERVICES, service), self.rig, device, self.instances)
-        return self.start(name, node)
+        nodes: list[Node] = []
+        for service in member_services(name):
+            device = devices[service]() if service in devices else None
+            known = plugins.load(plugins.SERVICES, service)
+            nodes.append(Node(known, self.rig, device, self.instances + len(nodes)))
+        return self.start(name, nodes)
 
-    def start(self, name: str, node: Node) -> Program:
-        self.instances += 1
-        turns = Turns(node)
-        turns.begin(self.now_s)
+    def start(self, name: str, nodes: Sequence[Node]) -> Program:
+        self.instances += len(nodes)
+        scheduler = Scheduler(nodes)
+        scheduler.begin(self.now_s)
         turn = self.programs[name].turn + 1 if name in self.programs else 0
-        program = Program(name, node, turns, deque(), turn=turn)
-        self.programs[name] = program
-        for item in node.service.inputs:
-            listeners = self.listeners.setdefault(item.topic.message, [])
-            if item.role != "pace" and name not in listeners:
+        program = self.programs[name] = Program(name, scheduler, turn=turn)
+        for topic in scheduler.inputs:
+            listeners = self.listeners.setdefault(topic.message, [])
+            if name not in listeners:
                 listeners.append(name)
         self._push(self.now_s, "run", name, program.turn)
         return program
@@ -102,8 +109,16 @@ class Engine:
     def now_s(self) -> float:
         return self.clock.now_s
 
+    def program(self, name: str) -> Program:
+        """A program, or the one that has a service."""
+        return self.programs[name if name in self.programs else self.rig.program_of(name)]
+
+    def task(self, name: str) -> Task:
+        """Of one service, whatever program it is part of."""
+        return self.program(name).task_of(name)
+
     def node(self, name: str) -> Node:
-        return self.programs[name].node
+        return self.task(name).node
 
     def _push(self, at_s: float, what: str, name: str, data: Any) -> None:
         self._number += 1
@@ -150,41 +165,40 @@ class Engine:
 
     def _collect(self, program: Program) -> None:
         """Take what has come, then see what is to be done."""
-        for _ in range(min(len(program.queue), MOST_AT_ONCE + 1)):
+        for _ in range(min(len(program.queue), MAX_BATCH + 1)):
             item = program.queue.popleft()
             if isinstance(item, tuple):
-                request, reply = item
-                answer, outputs = program.turns.ask(request, self.now_s)
+                service, request, reply = item
+                answer, outputs = program.task_of(service).call(request, self.now_s)
                 self._publish(program, outputs)
                 self._deliver_voltages(self.now_s)
                 reply(answer)
             else:
-                program.turns.accept(item, self.now_s)
+                program.scheduler.deliver(item, self.now_s)
         self._go_on(program)
 
     def _go_on(self, program: Program) -> None:
         program.turn += 1
-        due = program.node.due(self.now_s)
-        if due or program.turns.due(self.now_s):
-            program.step, program.began_s, program.busy = (
-                "fire" if due else "clock",
-                self.now_s,
-                True,
-            )
+        scheduler = program.scheduler
+        ready = scheduler.ready(self.now_s)
+        task = ready or scheduler.due(self.now_s)
+        if task is not None:
+            program.service, program.timed = task.node.service.name, ready is None
+            program.began_s, program.busy = self.now_s, True
             wait_s = self.chance.uniform(*COMPUTING_S) + program.slow_s
             program.slow_s = 0.0
             self._push(self.now_s + wait_s, "act", program.name, program.turn)
         else:
             program.busy = False
-            wait_s = 0.0 if program.queue else program.turns.wait_s(self.now_s)
+            wait_s = 0.0 if program.queue else scheduler.wait_s(self.now_s)
             self._push(self.now_s + wait_s, "run", program.name, program.turn)
 
     def _act(self, program: Program) -> None:
         self.bench.step_begins()
-        turns, now = program.turns, program.began_s
-        outputs = turns.fire(now) if program.step == "fire" else turns.take(now)
+        task, now = program.task, program.began_s
+        outputs = task.tick(now) if program.timed else task.fire(now)
         taken, at_s = self.bench.taken, self.now_s + self.bench.taken.silent_s
-        if program.turns.on_grid and not taken.silent_s:
+        if program.timed and task.on_grid and not taken.silent_s:
             at_s += self.bench.lines.sensor_s
         if taken.written:
             at_s += self.bench.lines.output_s
@@ -198,14 +212,15 @@ class Engine:
 
     def _tell(self, program: Program, outputs: tuple[Message, ...]) -> None:
         self._publish(program, outputs)
-        if program.step == "fire":
-            program.turns.told(self.now_s)
-            self._go_on(program)
-        else:
-            program.turns.taken(self.now_s)
+        if program.timed:
+            program.task.finish_tick(self.now_s)
             self._collect(program)
+        else:
+            program.task.finish(self.now_s)
+            self._go_on(program)
 
     def _publish(self, program: Program, outputs: tuple[Message, ...]) -> None:
+        program.scheduler.share(outputs, self.now_s)
         for message in outputs:
             if self.told is not None:
                 self.told.append((self.now_s, message))

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from pincette.core.wording import applied_text
 from tests.support.reactions import REACTION_S, SAFE_S, TRIPPED, within
 from tests.support.scripted import PROGRAM
 from tests.support.virtual_loop import VirtualLoop
@@ -124,7 +125,7 @@ def _check_carries_on(loop: VirtualLoop, at: Place, said: str) -> None:
     began_s, answered, put_out = loop.now_s, 0, len(loop.put_out)
     loop.run(began_s + WATCHED_S)
     for at_s, echo in loop.applied:
-        assert echo.state in ("armed", "idle"), f"false trip by {said}: {echo.cause}"
+        assert echo.state in ("armed", "idle"), f"false trip by {said}: {applied_text(echo)}"
         answered += echo.answered and at_s > began_s
     if at.state == "idle":
         assert len(loop.put_out) == put_out, f"an idle rig moved after {said}"
@@ -143,7 +144,7 @@ def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said:
     assert tripped, f"no trip by {said}: {loop.applied[-1]}"
     reacted_s, first = tripped[0]
     assert first.state == ("frozen" if first.part_held else "ramping"), f"{said}: {first}"
-    within(limit_s, reacted_s - began_s, 0.0, f"{said}: the reaction")
+    within(limit_s, reacted_s - began_s, f"{said}: the reaction")
     latched_s = loop.applied[-1][0]
     assert loop.newest.state == "latched", f"{said}: not latched in time: {loop.applied[-1]}"
     frozen = [echo for _, echo in tripped if echo.state == "frozen"]
@@ -173,12 +174,12 @@ def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said:
         safe_s=_safe_at(loop, reacted_s) - began_s - (ramped_s - reacted_s if frozen else 0.0),
         ringing_um=ringing_um,
         stroke_um=stroke_um,
-        cause=first.cause,
+        cause=applied_text(first),
     )
-    within(SAFE_S + fault.late_s, reaction.safe_s, 0.0, f"{said}: the way to the safe voltage")
+    within(SAFE_S + fault.late_s, reaction.safe_s, f"{said}: the way to the safe voltage")
     most_um = RINGING_SHARE * stroke_um + loop.bench.step_um
     assert ringing_um <= most_um, f"{said}: it rings, limit {most_um:.3f} µm: {reaction}"
-    assert first.cause.startswith(SILENCE), f"{said}: {first.cause}"
+    assert applied_text(first).startswith(SILENCE), f"{said}: {applied_text(first)}"
     return reaction
 
 

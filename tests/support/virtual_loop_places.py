@@ -7,7 +7,12 @@ from functools import cache
 
 from pincette.config import RigFile, parse_rig
 from pincette.config.reading import laid_over
-from pincette.messages import Act, Telemetry
+from pincette.core.faults import ActionCode
+from pincette.core.messages import Action, Telemetry
+from pincette.core.service import member_services
+from pincette.engine.process import loop_services
+from pincette.engine.timing_budget import shared_timeout_s
+from tests.support.partitions import composing
 from tests.support.rigs import DEMO, Tree
 from tests.support.scripted import PROGRAM
 from tests.support.virtual_loop import VirtualLoop
@@ -105,11 +110,11 @@ def place(state: str) -> Place:
             loop.run(loop.now_s + 5.0 * T)
         case "paused":
             reach(loop, "load", 6)
-            loop.must("controller", Act("pause"))
+            loop.must("controller", Action(ActionCode.PAUSE))
             reach(loop, "load", TICKS_IN[state], paused=True)
         case "stopping":
             reach(loop, "approach", 10)
-            loop.must("controller", Act("stop"))
+            loop.must("controller", Action(ActionCode.STOP))
             reach(loop, "stopping", TICKS_IN[state])
         case _:
             reach(loop, state, TICKS_IN[state])
@@ -121,6 +126,33 @@ def place(state: str) -> Place:
 
 def _rest_in_the_period(loop: VirtualLoop) -> None:
     """Stand right before a grid point of the sensor, so that a phase of the cycle is a delay."""
-    due_at = loop.programs["sensor"].turns.due_at
+    due_at = loop.task("sensor").due_at
     assert due_at is not None
     loop.run(due_at - 1e-6)
+
+
+def composed_rig(*programs: str) -> RigFile:
+    """The rig of the places, with some services together and the patience that this asks for."""
+    rig = composing(near_rig(), *programs)
+    services = loop_services()
+    patience_s = min(
+        shared_timeout_s(rig, [services[one] for one in member_services(name)])
+        for name in rig.programs
+    )
+    waits = {"timeout_s": min(rig.sensor.timeout_s, patience_s)}
+    return rig.model_copy(update={"sensor": rig.sensor.model_copy(update=waits)})
+
+
+@cache
+def composed_place(state: str, *programs: str) -> Place:
+    """A loop of these programs in a state of its job; to be forked, never to be run."""
+    loop = VirtualLoop(composed_rig(*programs))
+    loop.run(loop.now_s + 3.0 * T)
+    loop.reset()
+    if state != "idle":
+        loop.arm(PROGRAM, EPOCH)
+        reach(loop, state, TICKS_IN[state])
+    _rest_in_the_period(loop)
+    echo = loop.newest
+    assert echo.state == ("idle" if state == "idle" else "armed"), (state, echo)
+    return Place(state, echo.part_held, loop)

@@ -1,28 +1,28 @@
-"""One program of a virtual loop: a node and its turns, as ``ServiceLoop`` has them."""
+"""One program of a virtual loop: a scheduler of one node or several, and what waits for it."""
 
 from collections import deque
 from collections.abc import Callable
 from copy import copy, deepcopy
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Any
 
-from pincette.messages import Message
-from pincette.runtime.node import Node
-from pincette.runtime.turns import Turns
+from pincette.core.messages import Message
+from pincette.engine.node import Node
+from pincette.engine.scheduler import Scheduler, Task
 
 Reply = Callable[[Message | str], None]
-Item = Message | tuple[Message, Reply]
-Step = Literal["fire", "clock"]
+Item = Message | tuple[str, Message, Reply]
+"""A sample; or a request to a service, with what takes the reply."""
 
 
 @dataclass(slots=True)
 class Program:
-    """A node with its queue; what it does next is an event of the loop that names its ``turn``."""
+    """A scheduler with its queue; what it does next is an event of the loop that names its
+    ``turn``."""
 
     name: str
-    node: Node
-    turns: Turns
-    queue: deque[Item]
+    scheduler: Scheduler
+    queue: deque[Item] = field(default_factory=deque[Item])
     alive: bool = True
     busy: bool = False
     """In a step, or telling what came of it: what comes meanwhile waits in the queue."""
@@ -31,22 +31,50 @@ class Program:
     stopped_until_s: float = 0.0
     slow_s: float = 0.0
     """How much longer its next step takes."""
-    step: Step = "fire"
+    service: str = ""
+    """Whose step is under way."""
+    timed: bool = False
+    """Whether a timer asked for it."""
     began_s: float = 0.0
-    """The time that the step under way was given."""
+    """The time that it was given."""
     refused: int = 0
     """Payloads that were no message."""
+
+    @property
+    def task(self) -> Task:
+        """What is under way."""
+        return self.scheduler.task(self.service)
+
+    def task_of(self, service: str) -> Task:
+        """The task of a service; of the only one where the program has another name."""
+        tasks = self.scheduler.tasks
+        return tasks[0] if len(tasks) == 1 else self.scheduler.task(service)
 
     def forked(self, memo: dict[int, Any]) -> "Program":
         """Another program that goes on from here by itself; what never changes is shared."""
         twin = copy(self)
-        twin.node = forked_node(self.node, memo)
-        twin.turns = copy(self.turns)
-        twin.turns.node = twin.node
-        twin.turns.numbering = self.turns.numbering.copy()
-        twin.turns.meter = None
+        twin.scheduler = _forked_scheduler(self.scheduler, memo)
         twin.queue = deque(self.queue)
         return twin
+
+
+def _forked_scheduler(scheduler: Scheduler, memo: dict[int, Any]) -> Scheduler:
+    tasks = {id(task): _forked_task(task, memo) for task in scheduler.tasks}
+    twin = copy(scheduler)
+    twin.tasks = [tasks[id(task)] for task in scheduler.tasks]
+    vars(twin)["_by_name"] = {task.node.service.name: task for task in twin.tasks}
+    twin.takers = {
+        kind: [tasks[id(task)] for task in takers] for kind, takers in scheduler.takers.items()
+    }
+    return twin
+
+
+def _forked_task(task: Task, memo: dict[int, Any]) -> Task:
+    twin = copy(task)
+    twin.node = forked_node(task.node, memo)
+    twin.sequence_filter = task.sequence_filter.copy()
+    twin.stats = None
+    return twin
 
 
 def forked_node(node: Node, memo: dict[int, Any]) -> Node:

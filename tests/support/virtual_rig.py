@@ -8,28 +8,37 @@ from unittest.mock import patch
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.config import RigFile
-from pincette.messages import Applied, Finish, Message, Order, Record, Status, Telemetry, Truth
-from pincette.runtime import composed
-from pincette.runtime.composed import ComposedLoop
-from pincette.runtime.instrument import Device
-from pincette.runtime.rig_orders import serve_orders
-from pincette.runtime.simulated import devices_on
-from pincette.sim.bench import open_bench
-from pincette.sim.script.script import script_of
-from pincette.topics import (
+from pincette.core.messages import (
+    Applied,
+    Finish,
+    GroundTruth,
+    Message,
+    Record,
+    SimCommand,
+    Status,
+    Telemetry,
+)
+from pincette.core.topics import (
     APPLIED,
     FINISH,
-    ORDER,
     RECORD,
+    SIM_COMMAND,
     STATUS,
     TELEMETRY,
     TOPICS,
-    Question,
+    Request,
     Topic,
 )
+from pincette.engine import composed
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.instrument import Device
+from pincette.engine.simulated import devices_on, serve_sim_commands
+from pincette.sim.bench import open_bench
+from pincette.sim.script.script import script_of
 from pincette_recorder.config import configure
 from pincette_recorder.intake import Intake
-from pincette_recorder.keeper import Keeper
+from pincette_recorder.record_keeper import Keeper
+from pincette_recorder.wall_clock import WallClock
 
 LATE_S = 0.1
 """Step in which the recorder's time goes on while somebody waits for its answer."""
@@ -48,20 +57,21 @@ class VirtualRig:
         self.applied: list[Applied] = []
         script = script_of(rig)
 
-        def devices(rig_file: RigFile, publish: Callable[[Truth], None]) -> dict[str, Device]:
+        def devices(rig_file: RigFile, publish: Callable[[GroundTruth], None]) -> dict[str, Device]:
             def truth(seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:
-                publish(Truth(seq, x_um, force_mN, voltage_V))
+                publish(GroundTruth(seq, x_um, force_mN, voltage_V))
 
             return devices_on(open_bench(rig_file, lambda: 0.0, truth, script), rig_file)
 
         with patch.object(composed, "simulated_devices", devices):
             self.bus: MemoryBus = ComposedLoop(rig).bus
-        serve_orders(self.bus, script)
+        serve_sim_commands(self.bus, script)
         for topic in (TELEMETRY, APPLIED):
             self.bus.subscribe(topic, self._hear)
         self._late_s = 0.0
         intake = Intake(self._now_ns)
-        self.keeper = Keeper(configure(rig, data), intake, self._recorder_s, self._now_ns)
+        wall = WallClock(self._now_ns, self._now_ns)
+        self.keeper = Keeper(configure(rig, data), intake, wall, self._recorder_s)
         for topic in TOPICS:
             self.bus.subscribe(topic, intake.take)
         self.bus.serve(STATUS["recorder"], self._recorder_status)
@@ -80,12 +90,12 @@ class VirtualRig:
         return round(self._recorder_s() * 1e9)
 
     def _recorder_status(
-        self, _question: Question, _request: Message, reply: Callable[[Message | str], None]
+        self, _question: Request, _request: Message, reply: Callable[[Message | str], None]
     ) -> None:
-        reply(Status("recorder", "", 1, self.rig.digest(), 0, 0, 0, 0, ""))
+        reply(Status("recorder", "", 1, self.rig.digest(), 0, 0, 0, 0))
 
     def _record(
-        self, _question: Question, request: Message, reply: Callable[[Message | str], None]
+        self, _question: Request, request: Message, reply: Callable[[Message | str], None]
     ) -> None:
         assert isinstance(request, Record)
         reply(self.keeper.begin(request))
@@ -99,12 +109,12 @@ class VirtualRig:
             self.now_s += self.rig.rig.period_s
             self.keeper.take()
 
-    def ask(self, question: Question, request: Message) -> Message:
+    def call(self, question: Request, request: Message) -> Message:
         """Ask, from any thread; the recorder takes the time that it needs."""
         with self.turn:
             if question == FINISH:
                 return self._finished(request)
-            return self.bus.ask(question, request)
+            return self.bus.call(question, request)
 
     def _finished(self, request: Message) -> Message:
         assert isinstance(request, Finish)
@@ -123,7 +133,7 @@ class VirtualRig:
 
     def order(self, target: str, what: str, value: float | None, for_s: float | None) -> None:
         """Do something to the rig."""
-        self.ask(ORDER, Order(target, what, value, 0.0, for_s))
+        self.call(SIM_COMMAND, SimCommand(target, what, value, 0.0, for_s))
 
     def close(self) -> None:
         """Close the record that is open."""

@@ -9,15 +9,23 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, TypeVar
 
-from pincette.bus.places import tool_place
+from pincette.bus.endpoints import tool_endpoint
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
-from pincette.messages import Applied, Message
-from pincette.runtime.priority import FIFO
-from pincette.topics import APPLIED, COMMAND, ESTIMATE, POSITION, TELEMETRY, TRUTH, Topic
+from pincette.core.messages import Applied, Message
+from pincette.core.topics import (
+    APPLIED,
+    COMMAND,
+    ESTIMATE,
+    GROUND_TRUTH,
+    POSITION,
+    TELEMETRY,
+    Topic,
+)
+from pincette.engine.realtime.os_scheduling import FIFO
 
 M = TypeVar("M", bound=Message)
-HEARD = (POSITION, ESTIMATE, COMMAND, APPLIED, TELEMETRY, TRUTH)
+HEARD = (POSITION, ESTIMATE, COMMAND, APPLIED, TELEMETRY, GROUND_TRUTH)
 LOOK_S = 0.002
 
 
@@ -81,7 +89,7 @@ class Witness:
 @contextmanager
 def witness(rig: RigFile) -> Generator[Witness]:
     """Listen to a rig that is up, by way of its router."""
-    bus = ZenohBus(tool_place(rig), rig.rig.name, "witness")
+    bus = ZenohBus(tool_endpoint(rig), rig.rig.name, "witness")
     try:
         outsider = Witness(bus)
         _hear_first()

@@ -8,13 +8,15 @@ from collections.abc import Generator
 import pytest
 from playwright.sync_api import Browser
 
-from pincette.runtime.interpreter import settle
+from pincette.config.reading import laid_over
+from pincette.engine.realtime.gc_tuning import disable_gc
 from tests.support.browser import open_browser
 from tests.support.grips import SHORT
-from tests.support.rigs import demo_rig
+from tests.support.rigs import demo_rig, paced_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.witness import Witness, witness
 
+SHARED = laid_over(SHORT, {"grip": {"hold_s": 2.0}})
 FIGURES = pytest.StashKey[list[str]]()
 
 
@@ -48,7 +50,7 @@ def settled() -> Generator[None]:
     early as the loop does.
     """
     interval_s = sys.getswitchinterval()
-    settle()
+    disable_gc()
     yield
     sys.setswitchinterval(interval_s)
     gc.enable()
@@ -58,6 +60,16 @@ def settled() -> Generator[None]:
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     """One rig for a whole file; its grips are short."""
     with running_rig(demo_rig(SHORT), tmp_path_factory.mktemp("rig")) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def paced(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    """One rig for all tests of a worker that leave it whole: lockstep at the pace of real time.
+
+    A test takes it as it finds it: `make_ready` clears what another has left.
+    """
+    with running_rig(paced_rig(SHARED), tmp_path_factory.mktemp("paced")) as running:
         yield running
 
 

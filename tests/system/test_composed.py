@@ -4,8 +4,8 @@ from collections.abc import Generator
 
 import pytest
 
-from pincette.messages import Applied, Truth
-from pincette.topics import LOOP
+from pincette.core.messages import Applied, GroundTruth
+from pincette.core.topics import LOOP
 from tests.support.commands import pincette
 from tests.support.grips import SHORT, approach, hold, kill, make_ready, whole_grip
 from tests.support.injections import MODULE_S, WATCHED
@@ -13,7 +13,6 @@ from tests.support.partitions import Programs
 from tests.support.reactions import within
 from tests.support.rigs import demo_rig, laid_over, output_step_V
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import StallRecorder
 from tests.support.witness import HEARD, Witness
 
 pytestmark = pytest.mark.usefixtures("stalls")
@@ -31,10 +30,8 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
         yield running
 
 
-def test_a_grip_in_real_time_is_as_from_five_programs(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder
-) -> None:
-    job = whole_grip(rig, seen, stalls)
+def test_a_grip_in_real_time_is_as_from_five_programs(rig: RunningRig, seen: Witness) -> None:
+    job = whole_grip(rig, seen)
     assert job["result"]["outcome"] == "gripped"
     view = rig.view()
     assert {one["name"] for one in view["programs"] if one["alive"]} == {*LOOP, "recorder"}
@@ -47,10 +44,8 @@ def test_a_grip_in_real_time_is_as_from_five_programs(
     assert "the actuator is part of loop" in said.stdout, said.stdout
 
 
-def test_an_emergency_stop_goes_past_the_supervisor(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder
-) -> None:
-    approach(rig, seen, stalls)
+def test_an_emergency_stop_goes_past_the_supervisor(rig: RunningRig, seen: Witness) -> None:
+    approach(rig, seen)
     said = pincette("estop", "--rig", rig.path, "--url", NOBODY)
     assert said.returncode == 0, said.stderr
     assert "stopped at the actuator" in said.stdout
@@ -59,13 +54,13 @@ def test_an_emergency_stop_goes_past_the_supervisor(
 
 
 def test_where_the_process_dies_the_module_is_safe_by_itself_and_the_job_names_the_services(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder
+    rig: RunningRig, seen: Witness
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     killed_s = kill(rig, "loop")
     step_V, safe_V = output_step_V(rig.rig), rig.rig.safety.safe_V
-    safe_s, _ = seen.until(Truth, lambda one: abs(one.voltage_V - safe_V) <= step_V, killed_s)
-    within(MODULE_S, safe_s - killed_s, stalls.between(killed_s, safe_s), "the module's watchdog")
+    safe_s, _ = seen.until(GroundTruth, lambda one: abs(one.voltage_V - safe_V) <= step_V, killed_s)
+    within(MODULE_S, safe_s - killed_s, "the module's watchdog")
     ended = rig.ended(job)
     assert ended["state"] == "failed"
     assert all(name in ended["cause"] for name in LOOP), ended["cause"]
@@ -73,10 +68,8 @@ def test_where_the_process_dies_the_module_is_safe_by_itself_and_the_job_names_t
     assert seen.newest(Applied).state == "idle"
 
 
-def test_told_to_end_it_brings_the_arm_to_rest(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder
-) -> None:
-    hold(rig, seen, stalls)
+def test_told_to_end_it_brings_the_arm_to_rest(rig: RunningRig, seen: Witness) -> None:
+    hold(rig, seen)
     process = rig.fleet.members["loop"].process
     process.terminate()
     assert process.wait(10.0) == 0

@@ -10,16 +10,14 @@ from time import monotonic
 import httpx
 import pytest
 
-from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.buckets import Buckets
+from pincette_supervisor.access.access import Access, TokenBuckets
 from pincette_supervisor.rest import server
 from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.server import HEAD_BYTES, MOST
 from tests.support.keys import key_of_each_scope, shown
 from tests.support.rigs import demo_rig
 from tests.support.served import connected, served
-from tests.support.stalls import StallRecorder
-from tests.unit.supervisor.rig import Desk
+from tests.unit.supervisor.harness import Harness
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
@@ -34,16 +32,14 @@ ESTOP = b"POST /api/v1/rigs/demo/estop HTTP/1.1\r\nHost: localhost\r\n\r\n"
 
 
 @pytest.fixture
-def desk(tmp_path: Path) -> Generator[Desk]:
-    made = Desk(demo_rig(time="lockstep"), tmp_path)
-    made.app = create_app(made.rigs, Access(buckets=Buckets()))
+def desk(tmp_path: Path) -> Generator[Harness]:
+    made = Harness(demo_rig(time="lockstep"), tmp_path)
+    made.app = create_app(made.rigs, Access(buckets=TokenBuckets()))
     yield made
     made.close()
 
 
-def test_a_stop_comes_through_a_flood_of_connections(
-    desk: Desk, stalls: StallRecorder, figures: list[str]
-) -> None:
+def test_a_stop_comes_through_a_flood_of_connections(desk: Harness, figures: list[str]) -> None:
     with served(desk.app) as address, ExitStack() as held:
         for number in range(MOST + 100):
             stranger = held.enter_context(connected(address))
@@ -55,14 +51,10 @@ def test_a_stop_comes_through_a_flood_of_connections(
         with httpx.Client(base_url=address, trust_env=False, timeout=30.0) as client:
             answer = client.post("/api/v1/rigs/demo/estop")
         took_s = monotonic() - begun_s
-        stood_s = stalls.between(begun_s, begun_s + took_s)
     assert answer.status_code == 200
     assert [row.body["cause"] for row in desk.told("alarm")] == ["estop"]
-    figures.append(
-        f"estop through {MOST + 130} connections of strangers: {1e3 * took_s:.0f} ms, of which "
-        f"the machine stood still {1e3 * stood_s:.0f} ms"
-    )
-    assert took_s - stood_s < ESTOP_S
+    figures.append(f"estop through {MOST + 130} connections of strangers: {1e3 * took_s:.0f} ms")
+    assert took_s < ESTOP_S
 
 
 def last_words(one: socket.socket) -> bytes:
@@ -74,7 +66,7 @@ def last_words(one: socket.socket) -> bytes:
 
 
 def test_a_connection_that_comes_to_no_point_is_given_up(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch
+    desk: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(server, "HEAD_S", 0.2)
     with served(desk.app) as address, ExitStack() as held:
@@ -86,7 +78,7 @@ def test_a_connection_that_comes_to_no_point_is_given_up(
         assert [last_words(one) for one in (silent, slow)] == [b"", b""]
 
 
-def test_a_connection_that_is_used_again_is_kept(desk: Desk) -> None:
+def test_a_connection_that_is_used_again_is_kept(desk: Harness) -> None:
     with (
         served(desk.app) as address,
         httpx.Client(base_url=address, trust_env=False, timeout=30.0) as client,
@@ -95,18 +87,18 @@ def test_a_connection_that_is_used_again_is_kept(desk: Desk) -> None:
             assert client.get("/livez").status_code == 200
 
 
-def test_a_head_that_is_too_long_is_refused(desk: Desk) -> None:
+def test_a_head_that_is_too_long_is_refused(desk: Harness) -> None:
     with served(desk.app) as address, connected(address) as stranger:
         stranger.sendall(HALF_A_HEAD + b"x" * (2 * HEAD_BYTES))
         assert stranger.recv(100).startswith(b"HTTP/1.1 400 ")
 
 
 def test_no_key_stands_in_a_log_or_an_answer(
-    desk: Desk, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+    desk: Harness, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
     access = Access()
     desk.app = create_app(desk.rigs, access)
-    ring = key_of_each_scope(desk.store, access.gate)
+    ring = key_of_each_scope(desk.store, access.authenticator)
     key = ring.keys["observe"]
     said: list[str] = []
     with (

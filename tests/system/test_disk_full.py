@@ -9,14 +9,11 @@ from time import monotonic, sleep
 
 import pytest
 
-from pincette.messages import Applied, Telemetry
+from pincette.core.messages import Applied, Telemetry
 from tests.support.grips import SHORT, hold, make_ready
-from tests.support.rigs import demo_rig
+from tests.support.rigs import paced_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import StallRecorder
 from tests.support.witness import witness
-
-pytestmark = pytest.mark.usefixtures("stalls")
 
 SIZE_MB, LEFT_MB = 24, 4.0
 """Of the whole disk, and the least room with which a record begins."""
@@ -43,7 +40,7 @@ def small_disk(where: Path) -> Generator[Path]:
 @pytest.fixture
 def rig(tmp_path: Path) -> Generator[RunningRig]:
     changed = {**SHORT, "recorder": {"min_free_MB": LEFT_MB}}
-    with small_disk(tmp_path / "disk") as disk, running_rig(demo_rig(changed), disk) as running:
+    with small_disk(tmp_path / "disk") as disk, running_rig(paced_rig(changed), disk) as running:
         yield running
 
 
@@ -62,11 +59,11 @@ def raised(rig: RunningRig) -> set[str]:
 
 
 def test_a_disk_that_runs_full_in_a_job_stops_nothing_and_is_told_once_there_is_room(
-    rig: RunningRig, stalls: StallRecorder
+    rig: RunningRig,
 ) -> None:
     make_ready(rig)
     with witness(rig.rig) as seen:
-        job = hold(rig, seen, stalls)
+        job = hold(rig, seen)
         ballast = fill(rig)
         begun_s = monotonic()
         sleep(2.0)

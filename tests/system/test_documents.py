@@ -10,12 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.checkout import ROOT, await_demo_ports, await_text, run, until_interrupted
+from tests.support.checkout import ROOT, await_text, demo_ports, run, until_interrupted
 from tests.support.checkout import workspace as shown
 from tests.support.document_register import SITTINGS
 from tests.support.documents import Block, Sitting, Typed, typed_blocks
-
-pytestmark = pytest.mark.usefixtures("stalls")
 
 UP_S = 90.0
 
@@ -41,11 +39,10 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Path]
 
     for name in ("PIP_TARGET", "PYTHONPATH"):
         monkeypatch.setenv(name, str(tmp_path / "packages"))
-    await_demo_ports(20.0)
     place = shown(tmp_path / "pincette")
     (place / "data").mkdir()
-    yield place
-    await_demo_ports(20.0)
+    with demo_ports():
+        yield place
 
 
 def script(block: Block, folder: Path) -> str:

@@ -20,8 +20,6 @@ from tests.support.played import RIG, Played, played_rig
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 EXAMPLES = ROOT / "docs/examples"
 FREE_OF_US = ("csv_export", "latest", "live_plot", "record_csv", "subscribe")
 FOREIGN = {"matplotlib", "msgpack", "zenoh"}
@@ -76,7 +74,7 @@ def test_latest_prints_every_topic_once(played: Played, tmp_path: Path) -> None:
         "command",
         "telemetry",
         "applied",
-        "truth",
+        "ground_truth",
     }
     assert ("estimate", "force_uncertainty_mN") in seen
 

@@ -8,15 +8,13 @@ from typing import Any, cast
 import pyarrow.parquet as parquet
 import pytest
 
-from pincette.api.request_models import (
-    AnyJobRequest,
-    GripJobRequest,
-    TrackJobRequest,
-)
+from pincette.api.requests import JobRequest
 from pincette.config import RigFile
-from pincette.messages import Applied, Estimate, Message, Position
-from pincette.runtime.composed import ComposedLoop
-from pincette.topics import LOOP
+from pincette.core.messages import Applied, Estimate, Message, Position
+from pincette.core.topics import LOOP
+from pincette.engine.composed import ComposedLoop
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.certificates import folder_for
 from tests.support.rigs import demo_rig
@@ -36,7 +34,7 @@ STANDSTILL_S = 1.0
 SEED = 20131
 
 
-def in_one_process(rig: RigFile, request: AnyJobRequest = GRIP) -> Numbers:
+def in_one_process(rig: RigFile, request: JobRequest = GRIP) -> Numbers:
     """Position, force and voltage of a job, on the bus in memory."""
     published: list[Message] = ComposedLoop(rig).play(plan_job(request, rig).program)
     return {
@@ -76,7 +74,7 @@ def test_one_process_repeats_itself() -> None:
     ids=["prompt", "delayed", "track", "dsmifc", "over mutual TLS"],
 )
 def test_seven_processes_give_the_same_bits(
-    tmp_path: Path, request_: AnyJobRequest, delayed: bool, secured: bool
+    tmp_path: Path, request_: JobRequest, delayed: bool, secured: bool
 ) -> None:
     rig = demo_rig(time="lockstep")
     if secured:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette.api.request_models import AnyJobRequest
+from pincette.api.requests import JobRequest
+from pincette.core.topics import LOOP
 from pincette.security.establishing import enrol
-from pincette.topics import LOOP
 from tests.support.certificates import NOW, folder_for
 from tests.support.partitions import Programs
 from tests.support.rigs import demo_rig
@@ -23,7 +23,7 @@ PAIRS: Programs = ("sensor+actuator", "estimator+controller")
     ids=["one", "pairs, track", "one over mutual TLS", "pairs over mutual TLS"],
 )
 def test_however_services_are_shared_out_they_give_the_same_bits(
-    tmp_path: Path, programs: Programs, request_: AnyJobRequest, secured: bool
+    tmp_path: Path, programs: Programs, request_: JobRequest, secured: bool
 ) -> None:
     rig = demo_rig({"rig": {"composed": list(programs)}}, time="lockstep")
     if secured:

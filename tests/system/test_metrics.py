@@ -5,7 +5,7 @@ from time import monotonic, sleep
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from pincette.topics import LOOP
+from pincette.core.topics import LOOP
 from tests.support.grips import kill, restart
 from tests.support.running import RunningRig
 

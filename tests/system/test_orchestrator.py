@@ -19,8 +19,6 @@ from tests.support.grips import SHORT, restart
 from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 GRIPS = 100
 REPEATED = range(5, GRIPS, 19)
 """Created twice with one key, as after an answer that was lost."""

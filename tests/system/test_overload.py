@@ -4,6 +4,7 @@
 """
 
 import os
+from collections.abc import Generator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -14,7 +15,8 @@ from time import monotonic
 import numpy as np
 import pytest
 
-from pincette.messages import Applied, Position
+from pincette.core.messages import Applied, Position
+from pincette.core.wording import applied_text
 from tests.support.grips import BEFORE_S, TRIPPED, make_ready, whole_grip
 from tests.support.hammer import hammered
 from tests.support.hogs import hog
@@ -22,7 +24,7 @@ from tests.support.running import RunningRig
 from tests.support.stalls import STALL_S, StallRecorder
 from tests.support.witness import Witness
 
-pytestmark = pytest.mark.usefixtures("stalls")
+pytestmark = pytest.mark.real_time
 
 LENGTH_S = float(os.environ.get("PINCETTE_OVERLOAD_S", "1200"))
 SHORT_S = 15.0
@@ -54,7 +56,7 @@ class Account:
         self.tripped = False
         for at, echo in seen.since(Applied, since_s):
             if echo.state in TRIPPED:
-                self._note(stalls, at, f"trip at seq {echo.seq}: {echo.cause}", BEFORE_S)
+                self._note(stalls, at, f"trip at seq {echo.seq}: {applied_text(echo)}", BEFORE_S)
                 self.trips, self.tripped = self.trips + 1, True
                 return
             if echo.state == "armed" and echo.seq >= 0:
@@ -84,17 +86,24 @@ class Account:
             )
 
 
+@pytest.fixture(scope="module")
+def stood() -> Generator[StallRecorder]:
+    """What excuses a tick, each by itself; so the test as a whole is never rerun."""
+    with StallRecorder() as recorder:
+        yield recorder
+
+
 @pytest.mark.parametrize("length_s", [SHORT_S, pytest.param(LENGTH_S, marks=pytest.mark.slow)])
 def test_no_load_on_the_machine_makes_the_rig_trip(
     rig: RunningRig,
     seen: Witness,
-    stalls: StallRecorder,
+    stood: StallRecorder,
     figures: list[str],
     tmp_path: Path,
     length_s: float,
 ) -> None:
     make_ready(rig)
-    whole_grip(rig, seen, stalls)
+    whole_grip(rig, seen)
     account, period_s = Account(), rig.rig.rig.period_s
     begun = monotonic()
     with ExitStack() as load:
@@ -106,12 +115,12 @@ def test_no_load_on_the_machine_makes_the_rig_trip(
             since = monotonic()
             ended = rig.ended(rig.start_grip(hold_s=HOLD_S), JOB_S)
             account.grips += 1
-            account.take(seen, stalls, since, period_s)
+            account.take(seen, stood, since, period_s)
             if ended["state"] != "succeeded":
                 if not account.tripped:
                     account.unexplained.append(f"job: {ended['cause']}")
                 make_ready(rig, JOB_S)
-    stood_s = [length_s for at, length_s in stalls.stalls if at >= begun]
+    stood_s = [length_s for at, length_s in stood.stalls if at >= begun]
     p50, p99 = (1e3 * float(np.percentile(account.ages_s, share)) for share in (50.0, 99.0))
     figures.append(
         f"{monotonic() - begun:.0f} s under load: {account.grips} grips, {account.ticks} ticks, "

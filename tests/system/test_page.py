@@ -8,30 +8,20 @@ from time import monotonic
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ViewportSize
 
-from pincette.config.reading import laid_over
 from tests.support.browser import DESK, Visit, keep_picture, origin_of, visit
-from tests.support.grips import SHORT
-from tests.support.rigs import demo_rig
-from tests.support.running import RunningRig, running_rig
-
-pytestmark = pytest.mark.usefixtures("stalls")
+from tests.support.running import RunningRig
 
 ESTOP_S = 2.0
 """From the press to the word of the actuator, with every connection of the browser taken."""
-PATIENT = {"grip": {"hold_s": 2.0}, "safety": {"command_age_periods": 10.0}}
-"""A browser beside it takes the machine's time; how fast the loop answers is not tested here."""
 TRIES = 3
 TEN_SECONDS = "#window [data-seconds='10']"
 
 
 @pytest.fixture(scope="module")
-def rig(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+def rig(browser: Browser, paced: RunningRig) -> RunningRig:
     """The rig comes after the browser: without one there is nothing to start it for."""
     assert browser.is_connected()
-    with running_rig(
-        demo_rig(laid_over(SHORT, PATIENT)), tmp_path_factory.mktemp("rig")
-    ) as running:
-        yield running
+    return paced
 
 
 @pytest.fixture(scope="module")
@@ -173,6 +163,17 @@ def test_escape_twice_is_an_estop_too(rig: RunningRig, seen: Visit) -> None:
     seen.page.keyboard.press("Escape")
     assert seen.page.locator("#estop-said").is_hidden()
     seen.page.keyboard.press("Escape")
+    seen.until("#estop-said", "confirmed by the actuator", 5.0)
+    until_tripped(rig, seen)
+
+
+def test_estop_acts_as_it_is_pressed_wherever_the_pointer_goes_then(
+    rig: RunningRig, seen: Visit
+) -> None:
+    seen.page.hover("#estop")
+    seen.page.mouse.down()
+    seen.page.mouse.move(5, 500)
+    seen.page.mouse.up()
     seen.until("#estop-said", "confirmed by the actuator", 5.0)
     until_tripped(rig, seen)
 

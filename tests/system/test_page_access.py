@@ -9,18 +9,15 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, ViewportSize
 from starlette.types import Receive, Scope, Send
 
-from pincette.api import access_models
+from pincette.api import access as access_models
 from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.secret import digest_of, new_key
-from pincette_supervisor.journal.audit import AuditBook
-from pincette_supervisor.journal.keys import KeyBook
+from pincette_supervisor.access.authentication import digest_of, new_key
+from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
 from pincette_supervisor.rest.api import create_app
 from tests.support.browser import DESK, Visit, visit
 from tests.support.rigs import demo_rig
 from tests.support.served import served
-from tests.unit.supervisor.rig import Desk
-
-pytestmark = pytest.mark.usefixtures("stalls")
+from tests.unit.supervisor.harness import Harness
 
 LONG_S = 60.0
 EXPECTED = ("401", "403", "409")
@@ -31,22 +28,22 @@ EXPECTED = ("401", "403", "409")
 class Bench:
     """A canned rig behind a real server, whose page a real browser opens."""
 
-    desk: Desk
+    desk: Harness
     access: Access
     address: str
 
     def key(self, name: str, scope: access_models.Scope) -> str:
         """Make a key that is in force at once."""
-        key, book = new_key(), KeyBook(self.desk.store)
+        key, book = new_key(), KeyRepository(self.desk.store)
         book.add(name, digest_of(key), scope)
-        self.access.gate.renew(book)
+        self.access.authenticator.refresh(book)
         return key
 
 
 @pytest.fixture
 def bench(browser: Browser, tmp_path: Path) -> Generator[Bench]:
     assert browser.is_connected()
-    desk, access = Desk(demo_rig(time="lockstep"), tmp_path), Access()
+    desk, access = Harness(demo_rig(time="lockstep"), tmp_path), Access()
     desk.app = create_app(desk.rigs, access)
     try:
         with served(desk.app) as address:
@@ -145,7 +142,7 @@ def test_a_page_of_elsewhere_can_neither_act_nor_read_nor_frame(
 ) -> None:
     """To a browser it is of the same site, whose cookies it would send along."""
     origin = bench.address
-    name = bench.desk.conductor.name
+    name = bench.desk.manager.name
     page = context.new_page()
     said: list[str] = []
     page.on("console", lambda message: said.append(message.text))
@@ -169,8 +166,8 @@ def test_a_page_of_elsewhere_can_neither_act_nor_read_nor_frame(
     while not [text for text in said if "frame-ancestors" in text]:
         assert monotonic() - begun_s < LONG_S, said
         page.wait_for_timeout(50)
-    book = AuditBook(bench.desk.store)
-    bench.access.trail.flush(book, everything=True)
+    book = AuditRepository(bench.desk.store)
+    bench.access.audit_buffer.flush(book, everything=True)
     refused = [(row.action, row.status) for row in book.newest(10)]
     assert refused == [(f"POST /api/v1/rigs/{name}/estop", 403)]
     assert bench.desk.told("alarm") == []

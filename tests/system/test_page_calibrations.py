@@ -85,3 +85,16 @@ def test_what_is_discarded_changes_nothing(rig: RunningRig, seen: Visit) -> None
         lambda: seen.page.locator(f"[id='accept-{proposal['id']}']").count() == 0,
         "it can still be accepted",
     )
+
+
+def test_the_checklist_starts_and_accepts_what_is_next(rig: RunningRig, seen: Visit) -> None:
+    path = f"/rigs/{rig.rig.rig.name}/checklist"
+    seen.page.click("#tab-calibrations")
+    seen.until("#step-frequency_response", "no buffered acquisition", LONG_S)
+    seen.page.click("#step-start-noise")
+    seen.until("#step-noise", "Accept", LONG_S)
+    seen.page.click("#step-accept-noise")
+    seen.until("#step-noise", "done", LONG_S)
+    seen.until("#step-noise", "noise", LONG_S)
+    seen.until("#step-compliance", "next", LONG_S)
+    assert rig.get(path)["next"] == "compliance"

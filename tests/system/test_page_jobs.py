@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser
 
-from pincette.topics import LOOP
+from pincette.core.topics import LOOP
 from tests.support.browser import Visit, looked_at
 from tests.support.grips import SHORT, make_ready
 from tests.support.rigs import demo_rig
@@ -212,7 +212,7 @@ def test_a_path_of_steps_is_asked_for_as_the_fields_say(rig: RunningRig, seen: V
 
 
 @pytest.mark.parametrize("kind", ["grip", "track", "move", "hold", "release", "calibrate"])
-def test_every_kind_is_foretold_before_it_starts(rig: RunningRig, seen: Visit, kind: str) -> None:
+def test_every_kind_is_predicted_before_it_starts(rig: RunningRig, seen: Visit, kind: str) -> None:
     before = ids(rig)
     fields = {"value": "3"} if kind == "move" else {}
     choose(seen, kind, **fields)

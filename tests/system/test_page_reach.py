@@ -12,9 +12,8 @@ from tests.support.browser import (
     origin_of,
     visit,
 )
+from tests.support.grips import make_ready
 from tests.support.running import RunningRig
-
-pytestmark = pytest.mark.usefixtures("stalls")
 
 CONTRAST = 4.5
 """WCAG 2 AA, for text."""
@@ -43,6 +42,13 @@ TEXTS = """() => [...document.querySelectorAll('body *')]
 WIDE = """() => Math.max(
   ...[document.documentElement, ...document.querySelectorAll('.side, .panel')]
   .map((each) => each.scrollWidth - each.clientWidth))"""
+
+
+@pytest.fixture
+def rig(browser: Browser, paced: RunningRig) -> RunningRig:
+    assert browser.is_connected()
+    make_ready(paced)
+    return paced
 
 
 def check(seen: Visit) -> None:

@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from pincette.config.reading import laid_over
-from pincette.runtime.fleet import Fleet
+from pincette.engine.fleet import Fleet
 from tests.support.browser import Visit, looked_at
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig, rig_toml

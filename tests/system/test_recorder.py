@@ -4,7 +4,6 @@ import json
 import random
 import signal
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, cast
@@ -14,22 +13,23 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 from mcap_protobuf.decoder import DecoderFactory
+from msgspec.structs import replace
 
-from pincette.bus.links import client_ends
 from pincette.bus.protocol import RefusalError
+from pincette.bus.topology import client_session
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
-from pincette.messages import Document, Finish, Record, Recorded, Status, StatusRequest
+from pincette.control.quantities import Document
+from pincette.core.messages import Finish, Record, Recorded, Status, StatusRequest
+from pincette.core.topics import FINISH, RECORD, STATUS
+from pincette.core.wording import status_text
+from pincette.engine.fleet import Fleet
 from pincette.records import mcap_reading
 from pincette.records.columns import columns
-from pincette.runtime.fleet import Fleet
-from pincette.topics import FINISH, RECORD, STATUS
 from tests.support.grips import SHORT, kill, make_ready, restart
 from tests.support.recorded import ABOUT, EPOCH, PERIOD_S, tick
 from tests.support.rigs import demo_rig, rig_toml
 from tests.support.running import RunningRig, running_rig
-
-pytestmark = pytest.mark.usefixtures("stalls")
 
 parquet: Any = untyped_parquet
 LOST_S = 0.5
@@ -46,13 +46,13 @@ class Bench:
         self.record = folder / "data" / "jobs" / "j-1" / "job.mcap"
         self.fleet.start(["router"])
         self.fleet.start(["recorder"])
-        self.bus = ZenohBus(client_ends(rig.bus.host, rig.bus.port), rig.rig.name, "loop")
+        self.bus = ZenohBus(client_session(rig.bus.host, rig.bus.port), rig.rig.name, "loop")
         self.seq = 0
         self._chance = random.Random(7)
 
     def begin(self) -> None:
         about = Document(json.dumps(ABOUT))
-        self.bus.ask(RECORD, Record("j-1", EPOCH, about), 10.0)
+        self.bus.call(RECORD, Record("j-1", EPOCH, about), 10.0)
 
     def play(self, ticks: int, *, final: bool = False) -> None:
         """Publish so many ticks at the pace of the loop."""
@@ -63,10 +63,10 @@ class Bench:
             sleep(PERIOD_S)
 
     def finish(self) -> Recorded:
-        return cast(Recorded, self.bus.ask(FINISH, Finish("j-1", EPOCH, self.seq - 1), 20.0))
+        return cast(Recorded, self.bus.call(FINISH, Finish("j-1", EPOCH, self.seq - 1), 20.0))
 
     def status(self) -> Status:
-        return cast(Status, self.bus.ask(STATUS["recorder"], StatusRequest(), 10.0))
+        return cast(Status, self.bus.call(STATUS["recorder"], StatusRequest(), 10.0))
 
     def kill_recorder(self) -> None:
         member = self.fleet.members["recorder"]
@@ -114,7 +114,7 @@ def test_the_next_start_closes_what_was_left(bench: Bench) -> None:
     left = mcap_reading.read(bench.record).messages
     bench.fleet.start(["recorder"])
     deadline = monotonic() + 20.0
-    while "closed after a crash" not in bench.status().detail:
+    while "closed after a crash" not in status_text(bench.status()):
         assert monotonic() < deadline, bench.status()
         sleep(0.1)
     assert mcap_reading.is_closed(bench.record)
@@ -134,7 +134,7 @@ def test_a_record_from_begin_to_end(bench: Bench) -> None:
         bench.finish()
     bench.begin()
     bench.play(30)
-    assert bench.status().detail == "records job j-1"
+    assert status_text(bench.status()) == "records job j-1"
     assert bench.status().epoch == EPOCH
     bench.play(5, final=True)
     recorded = bench.finish()
@@ -147,7 +147,7 @@ def test_a_record_from_begin_to_end(bench: Bench) -> None:
             item for item in sent if type(item) is kind
         ]
     assert recorded == replace(recorded, messages=len(sent), dropped=0)
-    assert bench.status().detail == "idle; 1 finished"
+    assert status_text(bench.status()) == "idle; 1 finished"
 
 
 @pytest.fixture(scope="module")

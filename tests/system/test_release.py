@@ -14,8 +14,6 @@ import pytest
 
 from tests.support.checkout import ROOT, await_demo_ports
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 BUILD = (sys.executable, "-m", "build", "--no-isolation")
 BUILD_S, INSTALL_S, DEMO_S = 300.0, 900.0, 170.0
 PACKAGES = ("shared", *(f"services/{path.name}" for path in sorted((ROOT / "services").iterdir())))

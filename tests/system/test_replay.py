@@ -9,7 +9,7 @@ from time import monotonic, sleep
 
 import pytest
 
-from pincette.runtime.replay.steps import STEPS
+from pincette.engine.replay.steps import STEPS
 from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
 

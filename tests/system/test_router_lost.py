@@ -11,15 +11,14 @@ from time import monotonic, sleep
 
 import pytest
 
-from pincette.bus.links import direct_ends
+from pincette.bus.topology import direct_session
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config.reading import laid_over
-from pincette.messages import Applied, Message
-from pincette.topics import APPLIED, Topic
+from pincette.core.messages import Applied, Message
+from pincette.core.topics import APPLIED, Topic
 from tests.support.grips import SHORT, approach, hold, kill, make_ready, restart, whole_grip
 from tests.support.rigs import Tree, demo_rig
 from tests.support.running import RunningRig, running_rig
-from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
 
 pytestmark = pytest.mark.usefixtures("stalls")
@@ -63,7 +62,7 @@ class Direct:
 
 @contextmanager
 def beside_the_router(rig: RunningRig) -> Generator[Direct]:
-    place = direct_ends(rig.rig.bus.host, rig.rig.bus.port, "actuator")
+    place = direct_session(rig.rig.bus.host, rig.rig.bus.port, "actuator")
     bus = ZenohBus(place, rig.rig.rig.name, "direct")
     try:
         yield Direct(bus)
@@ -91,32 +90,31 @@ def away(rig: RunningRig, for_s: float) -> tuple[float, float]:
 
 
 def test_the_loop_does_not_notice_and_all_are_back_within_five_seconds(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
+    rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     with beside_the_router(rig) as direct:
         killed_s, back_s = away(rig, BRIEF_S)
         echoes = direct.since(killed_s)
     figures.append(f"router killed: all are seen again {back_s:.1f} s after it is back")
-    assert back_s <= RECONNECT_S + stalls.between(killed_s, monotonic())
+    assert back_s <= RECONNECT_S
     period_s = rig.rig.rig.period_s
     until_s = killed_s + min(BRIEF_S, LEASE_S)
     for at, echo in echoes:
         if at <= until_s:
-            excused = stalls.between(at - 3.0 * period_s, at) > 0.0
             assert echo.state == "armed"
-            assert echo.answered or excused, f"no command was taken for {echo.seq}, nor a stall"
+            assert echo.answered, f"no command was taken for {echo.seq}"
     assert len([at for at, _ in echoes if at <= until_s]) >= 0.8 * BRIEF_S / period_s
     make_ready(rig)
     assert rig.job(job)["state"] in ("failed", "stopped", "aborted", "succeeded")
-    whole_grip(rig, seen, stalls)
+    whole_grip(rig, seen)
 
 
 def test_without_a_router_the_free_arm_comes_to_rest_and_stays_there(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
+    rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
     """The lease ends the motion; when the router is back nothing goes on by itself."""
-    job = approach(rig, seen, stalls)
+    job = approach(rig, seen)
     with beside_the_router(rig) as direct:
         killed_s, back_s = away(rig, LONG_S)
         ended = rig.ended(job)
@@ -128,10 +126,10 @@ def test_without_a_router_the_free_arm_comes_to_rest_and_stays_there(
         f"router killed, arm free: at rest {rest_s:.2f} s after, lease {LEASE_S:g} s; "
         f"seen again {back_s:.1f} s after it is back"
     )
-    assert rest_s <= LEASE_S + SETTLED_S + stalls.between(killed_s, monotonic())
+    assert rest_s <= LEASE_S + SETTLED_S
     assert echoes[-1][1].state in ("idle", "latched")
     assert ended["state"] == "failed"
     assert "silent" in ended["cause"] or "lease" in ended["cause"]
-    assert back_s <= RECONNECT_S + stalls.between(killed_s, monotonic())
+    assert back_s <= RECONNECT_S
     make_ready(rig)
-    whole_grip(rig, seen, stalls)
+    whole_grip(rig, seen)

@@ -10,36 +10,27 @@ only the supervisor may.
 
 import random
 from collections.abc import Generator
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from time import monotonic, sleep
 
 import pytest
 import zenoh
+from msgspec.structs import replace
 
-from pincette.codec import encode
-from pincette.messages import (
-    Applied,
-    Arm,
-    Command,
-    Load,
-    Message,
-    Reset,
-    Telemetry,
-    Trip,
-)
+from pincette.core.codec import encode
+from pincette.core.faults import Cause
+from pincette.core.messages import Applied, Arm, Command, Load, Message, Reset, Telemetry, Trip
+from pincette.core.topics import ARM, COMMAND, LOAD, RESET, TRIP, Request, key
 from pincette.security.establishing import enrol
 from pincette.security.folder import Folder
 from pincette.security.identity import program
-from pincette.topics import ARM, COMMAND, LOAD, RESET, TRIP, Question, key
 from tests.support.certificates import NOW, Intruder, ask, folder_for, stranger
 from tests.support.commands import pincette
 from tests.support.grips import SHORT, hold, make_ready, reset
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.scripted import PROGRAM
-from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness
 
 pytestmark = pytest.mark.usefixtures("stalls")
@@ -72,10 +63,10 @@ def rig(tmp_path_factory: pytest.TempPathFactory, folder: Folder) -> Generator[R
 
 
 @pytest.fixture
-def held(rig: RunningRig, seen: Witness, stalls: StallRecorder) -> Generator[str]:
+def held(rig: RunningRig, seen: Witness) -> Generator[str]:
     """A job that holds its part, from before the intrusion until after it."""
     make_ready(rig, READY_S)
-    yield hold(rig, seen, stalls)
+    yield hold(rig, seen)
     make_ready(rig, READY_S)
 
 
@@ -95,11 +86,11 @@ def intrude(session: "zenoh.Session", seen: Witness, chance: random.Random) -> N
         sleep(PAUSE_S)
 
 
-def questions(rig: RunningRig) -> list[tuple[Question, Message]]:
+def questions(rig: RunningRig) -> list[tuple[Request, Message]]:
     """What moves, stops or arms a rig."""
     arm = Arm(2**45, 1, rig.rig.digest())
     return [
-        (TRIP, Trip("estop")),
+        (TRIP, Trip(Cause.ESTOP)),
         (RESET, Reset(acknowledge=True)),
         (LOAD, Load(PROGRAM)),
         *((question, arm) for question in ARM.values()),

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile
-from pincette.runtime.fleet import Fleet, FleetError
-from pincette.topics import LOOP
+from pincette.core.topics import LOOP
+from pincette.engine.fleet import Fleet, FleetError
 from tests.support.commands import pincette
 from tests.support.grips import restart
 from tests.support.rigs import demo_rig, rig_toml

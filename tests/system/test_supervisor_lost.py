@@ -6,11 +6,11 @@ from time import monotonic, sleep
 
 import pytest
 
-from pincette.messages import Applied, Telemetry
+from pincette.core.faults import TRIPPED, Acted
+from pincette.core.messages import Applied, Telemetry
 from tests.support.grips import SHORT, approach, hold, kill, make_ready, restart, whole_grip
 from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
-from tests.support.stalls import StallRecorder
 from tests.support.witness import Witness, witness
 
 pytestmark = pytest.mark.usefixtures("stalls")
@@ -19,7 +19,6 @@ LEASE_S, SLACK_S = 1.5, 1.0
 """Length, and what the stop itself, a renewal under way and a busy machine may add."""
 RENEWED = 0.8
 """Part of its length that a lease still has at least when the supervisor dies."""
-TRIPPED = ("frozen", "ramping", "latched")
 LEASE = "lease: nothing heard from the supervisor for"
 
 
@@ -43,7 +42,7 @@ def ready(rig: RunningRig) -> None:
 
 def stopped_by_itself(seen: Witness, since_s: float) -> float:
     """When the controller has stopped the program without being asked."""
-    at, _ = seen.until(Telemetry, lambda view: view.acted == "lease stop", since_s)
+    at, _ = seen.until(Telemetry, lambda view: view.acted == (Acted.LEASE, Acted.STOP), since_s)
     return at
 
 
@@ -62,10 +61,10 @@ def acknowledged(rig: RunningRig) -> None:
 
 
 def test_killed_with_a_free_arm_the_program_comes_to_rest_and_the_job_reads_interrupted(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder, figures: list[str]
+    rig: RunningRig, seen: Witness, figures: list[str]
 ) -> None:
     acknowledged(rig)
-    job = approach(rig, seen, stalls)
+    job = approach(rig, seen)
     killed_s = kill(rig, "supervisor")
     took_s = stopped_by_itself(seen, killed_s) - killed_s
     seen.until(Applied, lambda echo: echo.final and echo.state == "idle", killed_s)
@@ -79,13 +78,13 @@ def test_killed_with_a_free_arm_the_program_comes_to_rest_and_the_job_reads_inte
     (row,) = lease_alarms(rig, job)
     assert row["words"] in told["cause"]
     # Nothing is latched: the next job begins without a reset.
-    whole_grip(rig, seen, stalls)
+    whole_grip(rig, seen)
 
 
 def test_killed_with_a_part_held_it_stays_held_until_the_next_one_lets_it_go(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder
+    rig: RunningRig, seen: Witness
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     killed_s = kill(rig, "supervisor")
     ended_s = stopped_by_itself(seen, killed_s)
     sleep(2.0 * LEASE_S)
@@ -101,9 +100,9 @@ def test_killed_with_a_part_held_it_stays_held_until_the_next_one_lets_it_go(
 
 
 def test_one_that_is_back_within_the_lease_has_the_program_stopped_itself(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder
+    rig: RunningRig, seen: Witness
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     acknowledged(rig)
     killed_s = kill(rig, "supervisor")
     restart(rig, "supervisor")
@@ -117,13 +116,17 @@ def test_one_that_is_back_within_the_lease_has_the_program_stopped_itself(
     assert (view["part"], view["latch"]["state"]) == ("held", "armed")
     # Once the program is stopped there is nothing left for a lease to stop.
     acted = [one.acted for _, one in seen.since(Telemetry, killed_s) if one.acted]
-    assert acted in (["stop"], ["lease stop"], ["lease stop", "stop"])
+    assert acted in (
+        [(Acted.STOP,)],
+        [(Acted.LEASE, Acted.STOP)],
+        [(Acted.LEASE, Acted.STOP), (Acted.STOP,)],
+    )
 
 
 def test_one_that_hangs_for_less_than_the_lease_changes_nothing(
-    rig: RunningRig, seen: Witness, stalls: StallRecorder
+    rig: RunningRig, seen: Witness
 ) -> None:
-    job = hold(rig, seen, stalls)
+    job = hold(rig, seen)
     begun_s = monotonic()
     rig.fleet.signal("supervisor", signal.SIGSTOP)
     sleep(0.4 * LEASE_S)
@@ -133,3 +136,21 @@ def test_one_that_hangs_for_less_than_the_lease_changes_nothing(
     assert rig.job(job)["state"] == "running"
     rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
     assert rig.ended(job)["state"] == "succeeded"
+
+
+def test_a_calibration_outlives_a_supervisor_that_does_not_run_for_longer_than_lease_s(
+    rig: RunningRig, seen: Witness
+) -> None:
+    """By default ``lease_s`` is 10 s, and so is the stall of a machine; here both are shorter."""
+    body = {"kind": "calibrate", "calibration": "compliance", "weights_mN": [0.0, 5.0]}
+    job = rig.post("/jobs", {**body, "autostart": True}).raise_for_status().json()["id"]
+    begun_s = monotonic()
+    seen.until(Telemetry, lambda view: view.phase == "hang 1", begun_s)
+    rig.fleet.signal("supervisor", signal.SIGSTOP)
+    sleep(1.5 * LEASE_S)
+    rig.fleet.signal("supervisor", signal.SIGCONT)
+    sleep(0.5 * LEASE_S)
+    assert not [view for _, view in seen.since(Telemetry, begun_s) if view.acted]
+    assert rig.job(job)["state"] == "running"
+    rig.post(f"/jobs/{job}/actions", {"type": "stop"}).raise_for_status()
+    assert rig.ended(job)["state"] == "stopped"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pincette.topics import LOOP
+from pincette.core.topics import LOOP
 from tests.support.checkout import await_text, until_interrupted
 from tests.support.commands import PINCETTE, assert_nothing_is_left, processes_of
 from tests.support.rigs import demo_rig, rig_toml

@@ -11,7 +11,6 @@ from pincette.config.reading import laid_over
 from tests.support.grips import whole_grip
 from tests.support.rigs import Tree, demo_rig
 from tests.support.running import Json, running_rig
-from tests.support.stalls import StallRecorder
 from tests.support.witness import witness
 
 pytestmark = pytest.mark.usefixtures("stalls")
@@ -42,11 +41,10 @@ def test_a_grip_over_pseudo_terminals_in_the_time_of_their_bytes(
 ) -> None:
     rig = on_terminals(tmp_path, baud, output)
     with (
-        StallRecorder() as stalls,
         running_rig(rig, tmp_path) as running,
         witness(rig) as seen,
     ):
-        job = whole_grip(running, seen, stalls)
+        job = whole_grip(running, seen)
     assert job["result"]["outcome"] == "gripped"
 
 

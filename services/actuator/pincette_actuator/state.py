@@ -1,15 +1,16 @@
-"""What the actuator remembers beside the rules: what waits, what plays, what was answered."""
+"""The actuator's state beside that of the safety rules, and its messages and device commands."""
 
-from dataclasses import dataclass
+from msgspec.structs import replace
 
 from pincette.control.planning.sweep import Sweep
-from pincette.control.replacing import replace
+from pincette.control.safety.admission import CommandFacts
+from pincette.control.safety.causes import Mode
 from pincette.control.safety.state import SafetyState
-from pincette.messages import Command
+from pincette.core.messages import Applied, Command
+from pincette.core.service import CheckWave, DeviceCommand, SetVoltage, Wave
 
 
-@dataclass(frozen=True, slots=True)
-class State(SafetyState):
+class State(SafetyState, frozen=True):
     """The state of the safety module, and that of the service around it."""
 
     pending: Command | None = None
@@ -21,6 +22,56 @@ class State(SafetyState):
     def settled(self) -> "State":
         """Outside an arming nothing plays; what waits is judged when its sample comes, since in
         lockstep that ends the tick."""
-        if self.mode == "armed" or self.sweep is None:
+        if self.mode == Mode.ARMED or self.sweep is None:
             return self
         return replace(self, sweep=None)
+
+
+def facts_of(command: Command) -> CommandFacts:
+    """What the safety rules know of a command."""
+    return CommandFacts(
+        epoch=command.epoch,
+        owner=command.owner,
+        seq=command.seq,
+        voltage_V=command.voltage_V,
+        part_held=command.part_held,
+        final=command.final,
+        valid=command.valid,
+        fault=command.fault,
+        force_mN=command.force_mN,
+        x_d_um=command.x_d_um,
+        sweep_V=None if command.sweep is None else command.sweep.amplitude_V,
+    )
+
+
+def applied_of(
+    state: State, seq: int, command: Command | None = None, age_s: float = 0.0
+) -> Applied:
+    """What became of tick ``seq``; ``command`` is the one that was taken for it, at that age."""
+    return Applied(
+        epoch=state.epoch,
+        seq=seq,
+        voltage_V=state.voltage_V,
+        state=state.mode,
+        cause=state.cause,
+        faults=state.faults,
+        limits_active=state.limits_active,
+        part_held=state.part_held,
+        zero=command is not None and command.zero,
+        final=state.mode in (Mode.IDLE, Mode.LATCHED),
+        answered=command is not None,
+        refused=state.refused,
+        command_age_s=age_s,
+    )
+
+
+def order_of(state: State, before: State) -> DeviceCommand:
+    """Command to the instrument: a voltage ends a sweep, a sweep that it plays goes on."""
+    if state.sweep is None:
+        return SetVoltage(state.voltage_V)
+    if state.sweep == before.sweep:
+        return CheckWave()
+    # It reckons with arrays, as no other program of the loop does; ``configure`` has loaded it.
+    from pincette.control.planning.swept_voltages import SweptVoltages
+
+    return Wave(SweptVoltages(state.sweep, state.voltage_V), state.sweep.rate_hz)

@@ -3,32 +3,40 @@ of the tick out."""
 
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from pincette.config import RigFile
-from pincette.control.replacing import replace
-from pincette.control.safety.admission import Offer, early, judged, sampled, turned_away, unheard
-from pincette.control.safety.causes import Cause
-from pincette.control.safety.feeding import may_feed
+from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.safety.admission import (
+    CommandFacts,
+    early,
+    judged,
+    sampled,
+    turned_away,
+    unheard,
+)
+from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.freshness import newest_seq, skipped_seq
-from pincette.control.safety.latch import awake, pass_time, trip, wind_down
+from pincette.control.safety.latch import awake, pass_time, shutdown, trip
 from pincette.control.safety.state import SafetyLimits
-from pincette.messages import Command, Message, Position
-from pincette.service import ForInstrument, Input, Service
-from pincette.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TIMING_OF, TRIP
-from pincette_actuator.answering import answer
+from pincette.control.safety.watchdog_feed import may_kick_watchdog
+from pincette.core.messages import Command, Message, Position
+from pincette.core.service import DeviceCommand, Input, Service
+from pincette.core.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TIMING_OF, TRIP
 from pincette_actuator.config import configure
-from pincette_actuator.state import State
-from pincette_actuator.wire import applied_of, offer_of, order_of
+from pincette_actuator.requests import handle
+from pincette_actuator.state import State, applied_of, facts_of, order_of
 
 ANSWER_PERIODS = 0.75
 """A tick without a command by then is answered with the voltage that is kept."""
 
-Outputs = tuple[Message | ForInstrument, ...]
+Outputs = tuple[Message | DeviceCommand, ...]
 
 
 class Inputs(NamedTuple):
-    """``device`` is the text of an instrument's fault."""
+    """``device`` is the instrument's fault."""
 
-    device: str | None
+    device: Fault | None
     command: Command | None
     position: Position | None
 
@@ -38,16 +46,22 @@ def start(limits: SafetyLimits) -> State:
     return State(voltage_V=limits.safe_V)
 
 
-def adopt(_limits: SafetyLimits, state: State, found_V: float) -> State:
-    """Begin from what is put out: after a restart it is the voltage that the arm stands at."""
-    return replace(state, voltage_V=found_V)
+def initialize_from_output(limits: SafetyLimits, state: State, found_V: float) -> State:
+    """Begin from what is put out, after a restart or a reset.
+
+    Where that is nearer to the safe voltage than to the one that was kept, the output has let a
+    part go by itself.
+    """
+    let_go = abs(found_V - limits.safe_V) < abs(found_V - state.voltage_V)
+    return replace(state, voltage_V=found_V, part_held=state.part_held and not let_go)
 
 
 def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tuple[State, Outputs]:
     """Take a command, note a sample, or let time pass."""
     state = before = awake(limits, state, now)
     if inputs.device is not None:
-        state = trip(limits, state, Cause.DEVICE.because(inputs.device), now)
+        state = _unconfirmed(state, inputs.device)
+        state = trip(limits, state, Cause.DEVICE, now, faults=(inputs.device,))
         state, outputs = _answer_tick(limits, state)
         return replace(state, unconfirmed=True), outputs
     skipped = -1
@@ -58,11 +72,11 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     command = state.pending
     if inputs.command is not None:
         state, command = _heard(state, inputs.command)
-    offer = None if command is None else offer_of(command)
-    if command is not None and offer is not None and not early(state, offer):
+    facts = None if command is None else facts_of(command)
+    if command is not None and facts is not None and not early(state, facts):
         if state.pending is not None:
             state = replace(state, pending=None)
-        state, outputs = _judge(limits, state, command, offer, now)
+        state, outputs = _judge(limits, state, command, facts, now)
     else:
         if command is not state.pending:
             state = replace(state, pending=command)
@@ -71,26 +85,35 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
         state, outputs = _let_pass(limits, before, state, now)
     if skipped < 0 or skipped == state.taken_seq:
         return state, outputs
-    # The estimate of a sample needs the voltage of the tick before it, whoever saw that tick.
+    # The estimate of a sample needs the voltage of the tick before it, seen here or not.
     return state, (*outputs, applied_of(state, skipped))
+
+
+def _unconfirmed(state: State, device: Fault) -> State:
+    """Tell beside the cause of a freeze, once, that the output does not confirm it any more."""
+    told = any(one.code is FaultCode.OUTPUT_UNCONFIRMED for one in state.faults)
+    if state.mode != Mode.FROZEN or state.cause == Cause.DEVICE or told:
+        return state
+    found = fault(FaultCode.OUTPUT_UNCONFIRMED, device.words)
+    return replace(state, faults=(*state.faults, found))
 
 
 def _heard(state: State, command: Command) -> tuple[State, Command | None]:
     """Which command is to be judged; one without authority, or repeated, displaces none that
     waits."""
-    offer, waits = offer_of(command), state.pending
-    if why := unheard(state, offer):
-        return turned_away(state, offer, why), waits
+    facts, waits = facts_of(command), state.pending
+    if why := unheard(state, facts):
+        return turned_away(state, facts, why), waits
     if waits is not None and (waits.epoch, waits.seq) >= (command.epoch, command.seq):
-        why = f"command {command.seq} after {waits.seq}"
+        why = fault(FaultCode.COMMAND_REPEATED, seq=command.seq, taken_seq=waits.seq)
         return replace(state, refused=state.refused + 1, refusal=why), waits
     return state, command
 
 
 def _judge(
-    limits: SafetyLimits, state: State, command: Command, offer: Offer, now: float
+    limits: SafetyLimits, state: State, command: Command, facts: CommandFacts, now: float
 ) -> tuple[State, Outputs]:
-    after = judged(limits, state, offer, now)
+    after = judged(limits, state, facts, now)
     if after.taken_seq != state.taken_seq:
         taken = replace(
             after, sweep=command.sweep, answered_seq=command.seq, unconfirmed=False
@@ -108,7 +131,7 @@ def _judge(
 def _let_pass(
     limits: SafetyLimits, before: State, state: State, now: float
 ) -> tuple[State, Outputs]:
-    """In real time: the age limit, the ramp, and ticks that nobody commands."""
+    """In real time: the age limit, the ramp, and ticks without a command."""
     later = pass_time(limits, state, now)
     if later.mode != before.mode or later.voltage_V != before.voltage_V:
         return _answer_tick(limits, later)
@@ -124,7 +147,7 @@ def _answer_tick(limits: SafetyLimits, state: State) -> tuple[State, Outputs]:
     state = state.settled()
     seq = newest_seq(state.arrivals)
     echo = applied_of(state, seq)
-    if limits.lockstep or state.mode not in ("idle", "frozen"):
+    if limits.lockstep or state.mode not in (Mode.IDLE, Mode.FROZEN):
         state = replace(state, answered_seq=seq, unconfirmed=False)
         return state, (order_of(state, state), echo)
     return replace(state, answered_seq=seq), (echo,)
@@ -134,8 +157,8 @@ def _wake_s(limits: SafetyLimits) -> float:
     return limits.age.wake_s
 
 
-def _wind_down(limits: SafetyLimits, state: State, now: float) -> tuple[State, bool]:
-    state, at_rest = wind_down(limits, state, now)
+def _shutdown(limits: SafetyLimits, state: State, now: float) -> tuple[State, bool]:
+    state, at_rest = shutdown(limits, state, now)
     return state.settled(), at_rest
 
 
@@ -144,16 +167,16 @@ SERVICE: Service[RigFile, SafetyLimits, State, Inputs] = Service(
     summary="authority, age, limits; freeze or ramp to the safe voltage; latch",
     inputs=(Input(COMMAND, "trigger"), Input(POSITION, "trigger")),
     outputs=(APPLIED,),
-    questions=(ARM["actuator"], TRIP, RESET, STATUS["actuator"], TIMING_OF["actuator"]),
+    requests=(ARM["actuator"], TRIP, RESET, STATUS["actuator"], TIMING_OF["actuator"]),
     inputs_type=Inputs,
     configure=configure,
     start=start,
     step=step,
-    answer=answer,
+    handle=handle,
     instrument="voltage_output",
     wake_s=_wake_s,
-    adopt=adopt,
-    carried=("voltage_V", "part_held", "refused"),
-    wind_down=_wind_down,
-    may_feed=may_feed,
+    initialize_from_output=initialize_from_output,
+    state_snapshot=("voltage_V", "part_held", "refused"),
+    shutdown=_shutdown,
+    may_kick_watchdog=may_kick_watchdog,
 )

@@ -1,10 +1,14 @@
 """What the controller takes from the rig file."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pincette.config import RigFile
+from pincette.config.laws import installed_laws
 from pincette.control.arm.plant import ArmParameters
-from pincette.control.laws.law import Law, LawSettings, build
+from pincette.control.laws.definition import LawDefinition, LawSettings
+from pincette.control.laws.law import Law, build
+from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.program import Program
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
@@ -12,21 +16,30 @@ from pincette.control.safety.voltage import VoltageLimits
 
 @dataclass(frozen=True, slots=True)
 class ControllerConfig:
-    """The arm as identified, the law where a program names none, the hard limits."""
+    """The arm as identified, the laws that a program may name, the hard limits."""
 
     period_s: float
     arm: ArmParameters
     law: LawSettings
+    """The law of a program that names none."""
+    installed: Mapping[str, LawDefinition]
+    """Laws by name."""
     force_filter_s: float
     monitors: MonitorLimits
     voltage: VoltageLimits
 
     def laws(self, program: Program) -> tuple[Law, ...]:
         """Laws of a program, in its order; raises ValueError where one cannot be made."""
+        chosen = [self._settings(spec) for spec in program.laws] or [self.law]
         return tuple(
-            build(settings, self.arm, self.period_s, self.force_filter_s)
-            for settings in program.laws or (self.law,)
+            build(settings, self.arm, self.period_s, self.force_filter_s) for settings in chosen
         )
+
+    def _settings(self, spec: LawSpec) -> LawSettings:
+        if spec.scheme not in self.installed:
+            there = ", ".join(sorted(self.installed)) or "none"
+            raise ValueError(f"no control law {spec.scheme!r} is installed; there are {there}")
+        return self.installed[spec.scheme].resolve(spec)
 
 
 def configure(rig: RigFile) -> ControllerConfig:
@@ -35,6 +48,7 @@ def configure(rig: RigFile) -> ControllerConfig:
         period_s=rig.rig.period_s,
         arm=rig.model.arm(),
         law=rig.law.settings(),
+        installed=installed_laws(),
         force_filter_s=rig.model.force_filter_s,
         monitors=rig.monitors,
         voltage=rig.voltage_limits,

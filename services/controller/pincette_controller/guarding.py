@@ -1,16 +1,17 @@
 """What ends a segment early: contact, too much force, a lost part, a limit of position."""
 
+from msgspec.structs import replace
+
 from pincette.control.planning.program import Program, Segment
-from pincette.control.replacing import replace
-from pincette.messages import Estimate
-from pincette_controller.playing import Player
-from pincette_controller.steering import enter, follow, has, jump, let_go
+from pincette.core.faults import Outcome, Phase
+from pincette.core.messages import Estimate
+from pincette_controller.player_state import Player, enter, follow, has_phase, jump, leave
 
 RETREAT_S = 2.0
 """How long the way back takes where a program has none."""
 STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
-WATCHED = ("hold", "settle", "track")
+WATCHED = (Phase.HOLD, Phase.SETTLE, Phase.TRACK)
 """Phases in which a part can be lost; in a pause it can be in any."""
 
 
@@ -19,18 +20,18 @@ def guard(program: Program, player: Player, estimate: Estimate, period_s: float)
     guards, segment = program.guards, player.segment
     F_mN = estimate.force_mN
     if segment.open_loop and _beyond(program, estimate.x_um):
-        if player.outcome != "overtravel":
-            return _give_up(program, replace(player, outcome="overtravel"), estimate.x_um)
+        if player.outcome != Outcome.OVERTRAVEL:
+            return _give_up(program, replace(player, outcome=Outcome.OVERTRAVEL), estimate.x_um)
     elif estimate.zero_age_s is not None and F_mN > guards.force_max_mN:
-        if player.outcome != "overforce":
-            return _give_up(program, replace(player, outcome="overforce"), estimate.x_um)
+        if player.outcome != Outcome.OVERFORCE:
+            return _give_up(program, replace(player, outcome=Outcome.OVERFORCE), estimate.x_um)
     elif player.zeroing:
         return _await_zero(program, player, estimate, period_s)
     elif segment.kind == "seek":
         return _seek(program, player, estimate)
     elif segment.guarded and estimate.zero_age_s is not None:
         return _watch_way(program, player, estimate)
-    elif segment.phase == "load" and not (player.paused or player.resumed):
+    elif segment.phase == Phase.LOAD and not (player.paused or player.resumed):
         line = player.line.add(estimate.x_um, F_mN, player.force_r_mN)
         return replace(player, line=line)
     elif segment.presses and (segment.phase in WATCHED or player.paused):
@@ -45,12 +46,12 @@ def _beyond(program: Program, x_um: float) -> bool:
 
 def _give_up(program: Program, player: Player, x_um: float) -> Player:
     """Bring the arm back to its rest, by the program's own way back where it has one."""
-    for phase in ("retreat", "unload"):
-        if has(program, phase):
+    for phase in (Phase.RETREAT, Phase.UNLOAD):
+        if has_phase(program, phase):
             return jump(program, player, phase, x_um)
-    back = Segment("retreat", "free", RETREAT_S, x_to_um=0.0)
+    back = Segment(Phase.RETREAT, "free", RETREAT_S, x_to_um=0.0)
     player = replace(player, pausing=False, paused=False)
-    return enter(let_go(player, back, x_um), len(program.segments), back)
+    return enter(leave(player, back, x_um), len(program.segments), back)
 
 
 def _await_zero(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
@@ -63,7 +64,9 @@ def _await_zero(program: Program, player: Player, estimate: Estimate, period_s: 
     player = replace(player, zeroing=False)
     if not guards.zero_needed:
         return follow(program, player, estimate.x_um)
-    return jump(program, replace(player, outcome="zero_refused"), "retreat", estimate.x_um)
+    return jump(
+        program, replace(player, outcome=Outcome.ZERO_REFUSED), Phase.RETREAT, estimate.x_um
+    )
 
 
 def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
@@ -97,7 +100,7 @@ def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
     x_um = estimate.x_um
     touched = replace(
         player,
-        outcome="contact",
+        outcome=Outcome.CONTACT,
         x_r_um=x_um,
         speed_um_per_s=0.0,
         bump=True,
@@ -105,18 +108,18 @@ def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
         paused=False,
     )
     if player.segment.open_loop:
-        return enter(touched, -1, Segment("stopping", "voltage", STOP_S))
-    rest = Segment("stopping", "free", STOP_S, x_to_um=x_um, law=player.segment.law)
+        return enter(touched, -1, Segment(Phase.STOPPING, "voltage", STOP_S))
+    rest = Segment(Phase.STOPPING, "free", STOP_S, x_to_um=x_um, law=player.segment.law)
     return enter(touched, -1, rest)
 
 
 def _watch_part(program: Program, player: Player, estimate: Estimate) -> Player:
     guards = program.guards
     # At the trough of a path an error of the estimate must not pass for a loss.
-    passing = player.segment.phase != "hold" or player.index < 0
+    passing = player.segment.phase != Phase.HOLD or player.index < 0
     light = passing and player.force_r_mN < 2.0 * guards.contact_force_mN
     if light or estimate.force_mN >= guards.lost_fraction * player.force_r_mN:
         return replace(player, count=0) if player.count else player
     if player.count + 1 < guards.lost_samples:
         return replace(player, count=player.count + 1)
-    return jump(program, replace(player, outcome="lost"), "retreat", estimate.x_um)
+    return jump(program, replace(player, outcome=Outcome.LOST), Phase.RETREAT, estimate.x_um)

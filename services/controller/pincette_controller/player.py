@@ -1,17 +1,21 @@
 """Playing a program: which references hold, and what comes after a segment.
 
 Times count in ticks of the controller that could act; a tick without a valid estimate does not
-move the program on, and neither does one of a pause.
+move the program on, and neither does one of a pause. A pause begins at a safe point, a sample at
+which the references are at rest: in a rest, between two segments that end at rest, at the turning
+point of a path. There the law goes on regulating, and the guards go on watching.
 """
 
+from msgspec.structs import replace
+
 from pincette.control.planning.program import Program
-from pincette.control.replacing import replace
-from pincette.messages import Estimate
+from pincette.core.faults import Outcome, Phase
+from pincette.core.messages import Estimate
 from pincette_controller.guarding import guard
-from pincette_controller.pausing import is_over, pause_at_rest
-from pincette_controller.playing import Player
-from pincette_controller.references import refer
-from pincette_controller.steering import follow, jump
+from pincette_controller.player_state import Player, at_tick, follow, jump
+
+MOVING = ("seek", "sweep")
+"""Kinds of segment that are nowhere at rest, not even at their end."""
 
 
 def begin(program: Program, x_um: float, applied_V: float = 0.0) -> Player:
@@ -41,13 +45,46 @@ def advance(program: Program, player: Player, estimate: Estimate, period_s: floa
     player = guard(program, player, estimate, period_s)
     if player.resumed:
         player = replace(player, resumed=False)
-    player = pause_at_rest(player, period_s)
-    while not player.ended and not player.paused and is_over(player, period_s):
-        player = pause_at_rest(_next(program, player, estimate), period_s)
+    player = _pause_at_rest(player, period_s)
+    while not player.ended and not player.paused and _is_over(player, period_s):
+        player = _pause_at_rest(_next(program, player, estimate), period_s)
     if player.ended or player.paused:
         return player
-    ticks = player.ticks + 1
-    return player.at(ticks, refer(player, ticks, period_s))
+    return at_tick(player, player.ticks + 1, period_s)
+
+
+def _pause_at_rest(player: Player, period_s: float) -> Player:
+    """Begin the pause that is requested, where the references are at rest."""
+    if not player.pausing or player.ended or not _at_rest(player, period_s):
+        return player
+    return replace(player, pausing=False, paused=True)
+
+
+def _is_over(player: Player, period_s: float) -> bool:
+    """Whether the segment has run its time."""
+    segment = player.segment
+    if segment.duration_s is None or player.zeroing:
+        return False
+    return player.ticks * period_s >= segment.duration_s - 0.5 * period_s
+
+
+def _at_rest(player: Player, period_s: float) -> bool:
+    """Whether the references can stay at this sample without a jump of their speed."""
+    if player.zeroing or player.segment.kind in MOVING:
+        return False
+    if _is_over(player, period_s):
+        return True
+    if player.ticks == 0 and player.segment.kind == "free" and player.from_speed_um_per_s != 0.0:
+        return False
+    before, here, after = (
+        (near.x_r_um, near.force_r_mN, near.voltage_V)
+        for near in (at_tick(player, player.ticks + step, period_s) for step in (-1, 0, 1))
+    )
+    # At rest, or where a path turns between one sample and the next.
+    return all(
+        (now - earlier) * (later - now) <= 0.0
+        for earlier, now, later in zip(before, here, after, strict=True)
+    )
 
 
 def _next(program: Program, player: Player, estimate: Estimate) -> Player:
@@ -57,27 +94,27 @@ def _next(program: Program, player: Player, estimate: Estimate) -> Player:
         # Stamped with this tick's command; the estimate of the next sample answers it.
         return replace(player, zero=True, zeroing=True, count=0)
     if segment.kind == "seek":
-        player = replace(player, outcome="no_contact")
-        return jump(program, player, "retreat", estimate.x_um)
-    if segment.phase == "load" and program.contact_line == "identified":
+        player = replace(player, outcome=Outcome.NO_CONTACT)
+        return jump(program, player, Phase.RETREAT, estimate.x_um)
+    if segment.phase == Phase.LOAD and program.contact_line == "identified":
         player = _settle_contact(program, player)
         if player.outcome:
-            return jump(program, player, "unload", estimate.x_um)
+            return jump(program, player, Phase.UNLOAD, estimate.x_um)
     if not player.outcome:
         player = replace(player, outcome=_outcome(program, player))
     return follow(program, player, estimate.x_um)
 
 
-def _outcome(program: Program, player: Player) -> str:
-    """What has been reached with the end of a segment; empty where that is nothing yet."""
+def _outcome(program: Program, player: Player) -> Outcome:
+    """What has been reached with the end of a segment."""
     segment = player.segment
     if program.begins_held:
-        return "released" if segment.phase == "unload" else ""
-    if segment.phase == "hold":
-        return "gripped"
+        return Outcome.RELEASED if segment.phase == Phase.UNLOAD else Outcome.NONE
+    if segment.phase == Phase.HOLD:
+        return Outcome.GRIPPED
     if segment.kind == "path":
-        return "tracked"
-    return "moved" if segment.open_loop or segment.guarded else ""
+        return Outcome.TRACKED
+    return Outcome.MOVED if segment.open_loop or segment.guarded else Outcome.NONE
 
 
 def _settle_contact(program: Program, player: Player) -> Player:
@@ -85,9 +122,9 @@ def _settle_contact(program: Program, player: Player) -> Player:
     fit = player.line.fit()
     guards = program.guards
     if fit is None:
-        return replace(player, outcome="wrong_stiffness")
+        return replace(player, outcome=Outcome.WRONG_STIFFNESS)
     K_e = fit.K_e_mN_per_um
     player = replace(player, contact_x_um=fit.x_e_um, K_e_mN_per_um=K_e)
     if not guards.stiffness_min_mN_per_um <= K_e <= guards.stiffness_max_mN_per_um:
-        return replace(player, outcome="wrong_stiffness")
+        return replace(player, outcome=Outcome.WRONG_STIFFNESS)
     return player

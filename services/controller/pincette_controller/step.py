@@ -1,32 +1,31 @@
 """The controller as a service: an estimate in, a command and the controller's own view out."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.laws import law as control_law
 from pincette.control.laws.law import Law, LawState
 from pincette.control.planning.program import Program
-from pincette.control.replacing import replace
+from pincette.control.record import FrozenRecord
 from pincette.control.safety.monitors import UNSEEN, Watches
-from pincette.messages import (
-    SLEW_DOWN,
-    SLEW_UP,
-    VOLTAGE_MAX,
-    VOLTAGE_MIN,
-    Act,
+from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
+from pincette.core.faults import Fault, FaultCode, Outcome
+from pincette.core.messages import (
+    Ack,
+    Action,
     Arm,
-    Asked,
     Command,
-    Done,
     Estimate,
     Lease,
     Load,
     Message,
+    RequestLog,
 )
-from pincette.service import ForInstrument, Input, RefusedError, Service
-from pincette.topics import (
-    ACT,
+from pincette.core.service import DeviceCommand, Input, RefusedError, Service
+from pincette.core.topics import (
+    ACTION,
     ARM,
     COMMAND,
     ESTIMATE,
@@ -36,16 +35,29 @@ from pincette.topics import (
     TELEMETRY,
     TIMING_OF,
 )
-from pincette_controller import lease as leasing
+from pincette_controller.actions import (
+    RunningLease,
+    act,
+    acted_in_tick,
+    action_objection,
+    lease_end,
+    lease_objection,
+)
 from pincette_controller.config import ControllerConfig, configure
-from pincette_controller.mirror import mirrored, refused
+from pincette_controller.outputs import (
+    check_command,
+    invalid_command,
+    no_command,
+    number_out_of_bounds,
+    telemetry_of,
+    zeroed_force_mN,
+)
 from pincette_controller.player import advance, begin
-from pincette_controller.playing import Player
-from pincette_controller.telling import known_mN, no_command, telemetry_of, unsayable
-from pincette_controller.wishes import ACTIONS, act, objection, told
+from pincette_controller.player_state import Player
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
 """Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
+TRIPPED = Fault(FaultCode.ACTUATOR_TRIPPED)
 
 
 class Inputs(NamedTuple):
@@ -54,8 +66,7 @@ class Inputs(NamedTuple):
     estimate: Estimate | None
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(FrozenRecord, frozen=True):
     """The program, where it stands, and the law's memory."""
 
     epoch: int = 0
@@ -69,15 +80,21 @@ class State:
     """Those of ``program``."""
     player: Player | None = None
     memory: LawState | None = None
-    wishes: tuple[Act, ...] = ()
-    lease: leasing.Running | None = None
-    """Without one the program plays to its end, whoever is there."""
+    pending: tuple[Action, ...] = ()
+    lease: RunningLease | None = None
+    """Without one the program plays to its end, with or without a supervisor."""
     watches: Watches = UNSEEN
-    """What the mirror of the hard limits has seen."""
-    silenced: str = ""
-    """Why it commands no more, though nobody has ended the program."""
+    """What the check of the hard limits has seen."""
+    silenced: Fault | None = None
+    """Why it commands no more, though no action has ended the program."""
     refused: int = 0
-    detail: str = ""
+    found: Fault | None = None
+    """Why it has stopped, or stops, without an action that asks for it."""
+
+    @property
+    def findings(self) -> tuple[Fault, ...]:
+        """Faults of this program that people see."""
+        return () if self.found is None else (self.found,)
 
 
 def start(_config: ControllerConfig) -> State:
@@ -87,26 +104,22 @@ def start(_config: ControllerConfig) -> State:
 
 def step(
     config: ControllerConfig, state: State, inputs: Inputs, now: float
-) -> tuple[State, tuple[Message | ForInstrument, ...]]:
-    """Answer one estimate with one command; without a program, or blind, with an invalid one.
-
-    Where the lease has ended, the stop that this means acts with the next estimate.
-    """
-    state, outputs = _answered(config, state, inputs.estimate)
+) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
+    """Answer an estimate with a command; the stop by an ended lease acts with the next one."""
+    state, outputs = _answer(config, state, inputs.estimate)
     if state.lease is None or not state.playing:
         return state, outputs
-    outcome = "" if state.player is None else state.player.outcome
-    wish = leasing.end(state.lease, outcome, now)
-    if wish is None:
+    outcome = Outcome.NONE if state.player is None else state.player.outcome
+    if (action := lease_end(state.lease, outcome, now)) is None:
         return state, outputs
-    noted = Asked(state.epoch, state.seq, SERVICE.name, ESTIMATE.name, act=wish)
-    ended = replace(state, wishes=(*state.wishes, wish), lease=None, detail=wish.reason)
-    return ended, (*outputs, noted)
+    log = RequestLog(state.epoch, state.seq, SERVICE.name, ESTIMATE.name, action=action)
+    ended = replace(state, pending=(*state.pending, action), lease=None, found=action.reason)
+    return ended, (*outputs, log)
 
 
-def _answered(
+def _answer(
     config: ControllerConfig, state: State, estimate: Estimate | None
-) -> tuple[State, tuple[Message | ForInstrument, ...]]:
+) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     if estimate is None:
         return state, ()
     if estimate.epoch != state.epoch:
@@ -115,13 +128,13 @@ def _answered(
         return _play(config, state, state.program, estimate)
     state = replace(state, seq=estimate.seq)
     if estimate.tripped and state.playing:
-        state = replace(state, playing=False, wishes=(), detail="the actuator has tripped")
+        state = replace(state, playing=False, pending=(), found=TRIPPED)
     return state, (no_command(estimate, state.epoch, state.owner, state.silenced),)
 
 
 def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
-) -> tuple[State, tuple[Message | ForInstrument, ...]]:
+) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     before = state.player or begin(program, estimate.x_um, estimate.applied_V)
     memory = state.memory or control_law.start(
         state.laws[before.segment.law],
@@ -130,7 +143,7 @@ def _play(
         force_mN=0.0,
         applied_V=estimate.applied_V,
     )
-    player, later, acted = act(program, before, state.wishes, estimate.seq, estimate.x_um)
+    player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
     player = advance(program, player, estimate, config.period_s)
     law = state.laws[player.segment.law]
     force_mN = estimate.force_mN if player.pressing else 0.0
@@ -172,36 +185,37 @@ def _play(
         final=player.ended,
         valid=True,
         sweep=None if player.ended else player.segment.sweep,
-        force_mN=known_mN(estimate),
+        force_mN=zeroed_force_mN(estimate),
         x_d_um=None if player.ended or not steered else memory.x_d_um,
     )
-    watches, command = mirrored(config.monitors, config.voltage, state.watches, command, estimate)
-    telemetry = telemetry_of(estimate, before, memory, player, output, told(acted, before, player))
-    astray = unsayable(telemetry)
+    watches, command = check_command(config, state.watches, command, estimate)
+    acted = acted_in_tick(effects, before, player)
+    telemetry = telemetry_of(estimate, before, memory, player, output, acted)
+    astray = number_out_of_bounds(telemetry)
     if astray and command.valid:
-        command = refused(command, estimate, astray, known=True)
+        command = invalid_command(command, estimate, astray, known=True)
     played = replace(
         state,
         seq=estimate.seq,
         playing=command.valid and not player.ended,
         player=player,
         memory=after,
-        wishes=later if command.valid else (),
+        pending=later if command.valid else (),
         watches=watches,
     )
     if not command.valid:
-        played = replace(played, silenced=command.fault, detail=command.fault)
+        played = replace(played, silenced=command.fault, found=command.fault)
     return played, (command,) if astray else (command, telemetry)
 
 
 def _limited(limits_active: int) -> int:
-    """As ``winds_up`` takes it."""
+    """As ``winds_up`` takes it: 1 where the voltage cannot rise, -1 where it cannot fall."""
     if limits_active & RAISING:
         return 1
     return -1 if limits_active & LOWERING else 0
 
 
-def answer(
+def handle(
     config: ControllerConfig, state: State, request: Message, now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
     """Load a program, begin an epoch with it, or note an action."""
@@ -209,7 +223,7 @@ def answer(
         if not request.program.segments:
             raise RefusedError("the program has no segments")
         _check_laws(config, request.program)
-        return replace(state, loaded=request.program), Done(state.seq), ()
+        return replace(state, loaded=request.program), Ack(state.seq), ()
     if isinstance(request, Arm):
         if state.loaded is None:
             raise RefusedError("the controller has no program: load one first")
@@ -222,8 +236,8 @@ def answer(
             playing=True,
             refused=state.refused,
         )
-        return fresh, Done(0), ()
-    if isinstance(request, Act):
+        return fresh, Ack(0), ()
+    if isinstance(request, Action):
         return _note(state, request)
     if isinstance(request, Lease):
         return _lease(state, request, now)
@@ -231,11 +245,10 @@ def answer(
 
 
 def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tuple[Message, ...]]:
-    ended = state.detail.startswith(leasing.CAUSE)
-    why = leasing.objection(lease, state.epoch, playing=state.playing, ended=ended)
-    if why:
+    ended = state.found is not None and state.found.code is FaultCode.LEASE_ENDED
+    if why := lease_objection(lease, state.epoch, playing=state.playing, ended=ended):
         raise RefusedError(why)
-    return replace(state, lease=leasing.Running(lease, now)), Done(state.seq), ()
+    return replace(state, lease=RunningLease(lease, now)), Ack(state.seq), ()
 
 
 def _check_laws(config: ControllerConfig, program: Program) -> None:
@@ -248,27 +261,33 @@ def _check_laws(config: ControllerConfig, program: Program) -> None:
             raise RefusedError(f"{segment.phase} names law {segment.law}, there are {len(laws)}")
 
 
-def _note(state: State, request: Act) -> tuple[State, Message, tuple[Message, ...]]:
-    if not state.playing and request.action in ACTIONS:
+def _note(state: State, request: Action) -> tuple[State, Message, tuple[Message, ...]]:
+    if not state.playing:
         raise RefusedError(f"nothing plays: {request.action} has nothing to act on")
-    why = objection(state.wishes, state.player, request.action)
-    if why:
+    if why := action_objection(state.pending, state.player, request.action):
         raise RefusedError(why)
     if request.at_seq is not None and request.at_seq <= state.seq:
         raise RefusedError(f"seq {request.at_seq} is past, the controller is at {state.seq}")
     seq = state.seq + 1 if request.at_seq is None else request.at_seq
-    return replace(state, wishes=(*state.wishes, request)), Done(seq), ()
+    return replace(state, pending=(*state.pending, request)), Ack(seq), ()
 
 
 SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     name="controller",
-    summary="plays a program of segments: references, a law (PBSMIC or DSMIFC), guards",
+    summary="plays a program of segments: references, a control law, guards",
     inputs=(Input(ESTIMATE, "trigger"),),
     outputs=(COMMAND, TELEMETRY),
-    questions=(LOAD, ARM["controller"], ACT, LEASE, STATUS["controller"], TIMING_OF["controller"]),
+    requests=(
+        LOAD,
+        ARM["controller"],
+        ACTION,
+        LEASE,
+        STATUS["controller"],
+        TIMING_OF["controller"],
+    ),
     inputs_type=Inputs,
     configure=configure,
     start=start,
     step=step,
-    answer=answer,
+    handle=handle,
 )

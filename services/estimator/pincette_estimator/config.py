@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from pincette.config import RigFile, derived
 from pincette.control.arm.plant import DifferenceEquation, discretize
+from pincette.control.force.contact_detector import KinkLimits, kink_limits
 from pincette.control.force.observers import ForceObserver
-from pincette.control.force.touch import KinkLimits, kink_limits
 from pincette.control.force.zeroing import ZeroLimits
 from pincette.control.response.free_response import FreeResponse
-from pincette_estimator.stuck import moved_V
+from pincette.control.response.unknown_past import UnknownPast, unknown_past
+from pincette_estimator.state import moved_V
 
 REST_S = 0.2
 REST_SAMPLES = (10, 64)
@@ -23,6 +26,8 @@ class EstimatorConfig:
     plant: DifferenceEquation
     response: FreeResponse
     """x_1 before anything has happened: the arm unpoled, at 0 V."""
+    unknown: UnknownPast
+    """What the arm may have been through before; in lockstep it is new, as the simulation is."""
     observer: ForceObserver
     """At rest without a force."""
     compliance_um_per_mN: float
@@ -42,21 +47,18 @@ class EstimatorConfig:
 
 
 def configure(rig: RigFile) -> EstimatorConfig:
-    """Take the estimator's part of a rig file.
-
-    Raises
-    ------
-    ConfigError
-        Where the force observer cannot work at the rig's period.
-    """
+    """Take the estimator's part of a rig file; raises ConfigError for an impossible observer."""
     model, part, period_s = rig.model, rig.part, rig.rig.period_s
     observer = derived.force_observer(rig)
     s_p = model.compliance_um_per_mN
     fewest, most = REST_SAMPLES
+    response = derived.free_response(model)
+    unknown = unknown_past(response, (rig.limits.voltage_min_V, rig.limits.voltage_max_V))
     return EstimatorConfig(
         period_s=period_s,
         plant=discretize(model.arm(), period_s),
-        response=derived.free_response(model),
+        response=response,
+        unknown=replace(unknown, known=True) if rig.lockstep else unknown.judged(response),
         observer=observer,
         compliance_um_per_mN=s_p,
         noise_um=rig.sensor.noise_um * observer.noise_gain,

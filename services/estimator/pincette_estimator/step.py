@@ -1,84 +1,36 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
-from dataclasses import dataclass, field
-from math import log10
-from typing import NamedTuple
+from math import hypot, log10
+
+from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.arm.plant import perturbation
+from pincette.control.force.contact_detector import ContactDetector
 from pincette.control.force.estimation import COVERAGE, uncertainty
-from pincette.control.force.observers import ForceObserver
-from pincette.control.force.to_and_fro import ToAndFro, forgotten_mN
-from pincette.control.force.touch import TouchWatch
+from pincette.control.force.reversal_memory import ReversalMemory, forgotten_mN
 from pincette.control.force.zeroing import zero_refusal
-from pincette.control.replacing import replace
-from pincette.control.response.free_response import FreeResponse, FreeSample
-from pincette.control.response.voltage_memory import VoltageMemory
-from pincette.messages import Applied, Arm, Done, Estimate, Message, Position
-from pincette.service import Drive, Input, RefusedError, Service
-from pincette.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
+from pincette.control.response.free_response import FreeSample
+from pincette.control.response.unknown_past import standard_uncertainty_um
+from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
+from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
+from pincette.core.service import Input, RefusedError, Service, SetVoltage
+from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.config import EstimatorConfig, configure
-from pincette_estimator.stuck import StuckWatch
+from pincette_estimator.state import Inputs, State
 
 FREE_SAMPLES = 128
 """Samples of free motion kept, enough for the branch that leads to a rest."""
-TRIPPED = ("frozen", "ramping", "latched")
-
-
-class Inputs(NamedTuple):
-    """``applied`` is that of the sample before; None where it did not come in time."""
-
-    position: Position | None
-    applied: Applied | None
-
-
-@dataclass(frozen=True, slots=True)
-class State:
-    """The free response in use, the samples behind it, and the past that a force needs."""
-
-    response: FreeResponse
-    """Its memory outlives an arming, as the arm's does."""
-    model: FreeResponse
-    """What ``response`` began as, unpoled."""
-    observer: ForceObserver
-    epoch: int = 0
-    followed_seq: int = -1
-    """The sample up to which ``response`` has followed the voltage."""
-    observed_seq: int | None = None
-    """The last sample that ``observer`` has seen; None before the first of an epoch."""
-    samples: tuple[FreeSample, ...] = ()
-    watch: TouchWatch = field(default_factory=lambda: TouchWatch(0.0, 0.0))
-    """Since the zero, or the first sample of the epoch."""
-    zero_s: float | None = None
-    zero_refusal: str = ""
-    x_2_um: float = 0.0
-    x_3_um: float = 0.0
-    to_and_fro: ToAndFro = field(default_factory=lambda: ToAndFro(0.0))
-    """Of the voltage, since the zero."""
-    highest_V: float = 0.0
-    """That ``response`` has followed, ever, and"""
-    known_V: float = 0.0
-    """before this epoch: up to there it has the arm's memory."""
-    refused: int = 0
-    stuck: StuckWatch = field(default_factory=StuckWatch)
-    """Whether the sensor follows the voltage at all."""
-    past: VoltageMemory = field(default_factory=VoltageMemory)
-    """The voltage since the start, for another model to be led through."""
-
-    @property
-    def detail(self) -> str:
-        """What a person is told of this program."""
-        return self.stuck.words
 
 
 def start(config: EstimatorConfig) -> State:
     """Nothing has been applied and nothing measured."""
-    return State(config.response, config.response, config.observer)
+    return State(config.response, config.response, config.observer, config.unknown)
 
 
 def step(
     config: EstimatorConfig, state: State, inputs: Inputs, _now: float
-) -> tuple[State, tuple[Message | Drive, ...]]:
+) -> tuple[State, tuple[Message | SetVoltage, ...]]:
     """Estimate the force of one sample; a sample of another epoch is dropped and counted."""
     position, applied = inputs.position, inputs.applied
     if position is None:
@@ -90,80 +42,106 @@ def step(
         state, applied = replace(state, refused=state.refused + 1), None
     if applied is None:
         return state, (_degraded(config, state, position, None),)
-    seq, x_um, u_V = position.seq, position.x_um, applied.voltage_V
-    # Over all samples since the last that had a voltage.
-    passed_s = (seq - state.followed_seq) * config.period_s
-    response, past = state.response.follow(u_V, passed_s), state.past.follow(u_V, passed_s)
-    to_and_fro = state.to_and_fro.follow(u_V)
-    stuck = state.stuck
-    if measured := position.valid and _within(config.position_um, x_um):
-        stuck = stuck.follow(x_um, u_V, config.stuck_V)
-    if not measured or stuck.stuck:
-        state = replace(
-            state,
-            response=response,
-            to_and_fro=to_and_fro,
-            followed_seq=seq,
-            stuck=stuck,
-            past=past,
-        )
+    state = _follow_voltage(config, state, position.seq, applied.voltage_V)
+    measured = position.valid and _within(config.position_um, position.x_um)
+    if measured:
+        stuck = state.stuck.follow(position.x_um, applied.voltage_V, config.stuck_V)
+        state = replace(state, stuck=stuck)
+    if not measured or state.stuck.stuck:
         return state, (_degraded(config, state, position, applied),)
-    t_s, first = seq * config.period_s, state.observed_seq is None
-    if first:
-        response = response.begin(x_um)
-    free_um = response.position_um()
-    nominal_um = response.nominal_um_per_V * u_V
-    watch = TouchWatch(nominal_um, x_um) if first else state.watch
-    watch = watch.follow(config.kink_limits, x_um, nominal_um)
+    state, F_mN, p_mN = _take_sample(config, state, position, applied)
+    return state, (_estimate(config, state, position, applied, F_mN, p_mN),)
+
+
+def _follow_voltage(config: EstimatorConfig, state: State, seq: int, voltage_V: float) -> State:
+    """Take in the voltage applied, over all samples since the last that had one."""
+    passed_s = (seq - state.followed_seq) * config.period_s
+    return replace(
+        state,
+        response=state.response.follow(voltage_V, passed_s),
+        past=state.past.follow(voltage_V, passed_s),
+        unknown=state.unknown.follow(voltage_V, passed_s),
+        reversal_memory=state.reversal_memory.follow(voltage_V),
+        followed_seq=seq,
+    )
+
+
+def _take_sample(
+    config: EstimatorConfig, state: State, position: Position, applied: Applied
+) -> tuple[State, float, float]:
+    """Take in a measurement; the next state, the force (53) and the perturbation (6) in mN."""
+    x_um, voltage_V = position.x_um, applied.voltage_V
+    first = state.observed_seq is None
+    missed = state.observed_seq != position.seq - 1
+    state = _follow_free_motion(config, state, x_um, applied)
+    if applied.zero:
+        state = _zero(config, state, position, applied)
+    zeroed = applied.zero and not state.zero_refusal
+    observer, free_um = state.observer, state.response.position_um()
+    if first or missed or zeroed:
+        observer = observer.restart(x_um, free_um, voltage_V)
+    observer, F_mN = observer.observe(x_um, free_um, voltage_V)
+    x_2_um, x_3_um = (x_um, x_um) if first else (state.x_2_um, state.x_3_um)
+    p_mN = perturbation(
+        config.plant, x_um=x_um, x_1_um=x_2_um, x_2_um=x_3_um, voltage_V=voltage_V, force_mN=F_mN
+    )
+    after = replace(
+        state,
+        observer=observer,
+        observed_seq=position.seq,
+        x_2_um=x_um,
+        x_3_um=x_2_um,
+        highest_V=max(state.highest_V, voltage_V),
+    )
+    return after, F_mN, p_mN
+
+
+def _follow_free_motion(
+    config: EstimatorConfig, state: State, x_um: float, applied: Applied
+) -> State:
+    """Keep the sample if the arm is free, and look for a contact; the first one begins x_1."""
+    first = state.observed_seq is None
+    response = state.response.begin(x_um) if first else state.response
+    nominal_um = response.nominal_um_per_V * applied.voltage_V
+    detector = ContactDetector(nominal_um, x_um) if first else state.contact_detector
     samples: tuple[FreeSample, ...] = ()
     if not applied.part_held:
         samples = (*state.samples[1 - FREE_SAMPLES :], response.sample(x_um))
-    zero_s, refusal, observer = state.zero_s, state.zero_refusal, state.observer
-    gap = first or seq - 1 != state.observed_seq
-    if applied.zero:
-        refusal = zero_refusal(
-            response,
-            samples,
-            part_held=applied.part_held,
-            limits=config.zero_limits,
-            creep_um=_creep_um(config, t_s if zero_s is None else t_s - zero_s),
-            touch=watch.touch,
-            zeroed=zero_s is not None,
-            memory_known=u_V <= state.known_V,
-        )
-        if not refusal:
-            response = response.rezero(samples, config.zero_limits.rest_samples)
-            free_um = response.position_um()
-            watch, to_and_fro = TouchWatch(nominal_um, x_um), ToAndFro(u_V)
-            zero_s, gap = t_s, True
-    if gap:
-        observer = observer.restart(x_um, free_um, u_V)
-    observer, F_mN = observer.observe(x_um, free_um, u_V)
-    x_2_um, x_3_um = (x_um, x_um) if first else (state.x_2_um, state.x_3_um)
-    after = State(
+    return replace(
+        state,
+        response=response,
+        unknown=state.unknown.rezero(response) if first else state.unknown,
+        contact_detector=detector.follow(config.kink_limits, x_um, nominal_um),
+        samples=samples,
+    )
+
+
+def _zero(config: EstimatorConfig, state: State, position: Position, applied: Applied) -> State:
+    """Zero the force at this sample, or note why it cannot be zeroed."""
+    response, t_s = state.response, position.seq * config.period_s
+    refusal = zero_refusal(
         response,
-        state.model,
-        observer,
-        state.epoch,
-        seq,
-        seq,
-        samples,
-        watch,
-        zero_s,
-        refusal,
-        x_um,
-        x_2_um,
-        to_and_fro,
-        max(state.highest_V, u_V),
-        state.known_V,
-        state.refused,
-        stuck,
-        past,
+        state.samples,
+        part_held=applied.part_held,
+        limits=config.zero_limits,
+        creep_um=_creep_um(config, t_s if state.zero_s is None else t_s - state.zero_s)
+        + state.unknown.error_um(response),
+        touch=state.contact_detector.touch,
+        zeroed=state.zero_s is not None,
+        memory_known=applied.voltage_V <= state.known_V,
     )
-    p_mN = perturbation(
-        config.plant, x_um=x_um, x_1_um=x_2_um, x_2_um=x_3_um, voltage_V=u_V, force_mN=F_mN
+    if refusal:
+        return replace(state, zero_refusal=refusal)
+    nominal_um = response.nominal_um_per_V * applied.voltage_V
+    return replace(
+        state,
+        response=response.rezero(state.samples, config.zero_limits.rest_samples),
+        unknown=state.unknown.rezero(response),
+        contact_detector=ContactDetector(nominal_um, position.x_um),
+        reversal_memory=ReversalMemory(applied.voltage_V),
+        zero_s=t_s,
+        zero_refusal=None,
     )
-    return after, (_estimate(config, after, position, applied, F_mN, p_mN),)
 
 
 def _estimate(
@@ -179,12 +157,15 @@ def _estimate(
     age_s = None if state.zero_s is None else t_s - state.zero_s
     u_F_mN = uncertainty(
         noise_um=config.noise_um,
-        free_error_um=state.response.error_um(),
+        free_error_um=hypot(
+            state.response.error_um(),
+            standard_uncertainty_um(state.unknown.error_um(state.response)),
+        ),
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
         zero_age_s=t_s if age_s is None else age_s,
         forgotten_mN=forgotten_mN(
-            state.to_and_fro.total_V,
+            state.reversal_memory.total_V,
             full_mN=config.forgotten_mN,
             scale_V=config.forgotten_scale_V,
         ),
@@ -221,7 +202,7 @@ def _within(range_: tuple[float, float], value: float) -> bool:
 def _degraded(
     config: EstimatorConfig, state: State, position: Position, applied: Applied | None
 ) -> Estimate:
-    """An estimate that nobody may control by: the partner or the measurement is missing."""
+    """An estimate that must not be used for control: the voltage or the measurement is missing."""
     return Estimate(
         epoch=position.epoch,
         seq=position.seq,
@@ -243,38 +224,48 @@ def _degraded(
 
 def _fault(
     config: EstimatorConfig, state: State, position: Position, applied: Applied | None
-) -> str:
+) -> Fault | None:
     """Why there is no force to be had from a sample."""
     if not position.valid:
-        return f"sensor: {position.fault}"[:200]
+        return position.fault
     low_um, high_um = config.position_um
     if not low_um <= position.x_um <= high_um:
-        return f"sensor: position {position.x_um:g} µm is outside {low_um:g}..{high_um:g} µm"
-    return state.stuck.words or ("no voltage of the sample before" if applied is None else "")
+        return fault(
+            FaultCode.POSITION_OUT_OF_RANGE,
+            x_um=position.x_um,
+            minimum_um=low_um,
+            maximum_um=high_um,
+        )
+    if stuck := state.stuck.fault:
+        return stuck
+    return fault(FaultCode.NO_APPLIED_VOLTAGE) if applied is None else None
 
 
-def answer(
+def handle(
     config: EstimatorConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
-    """Begin a new epoch without a zero; x_1 remembers what the arm has been through.
+    """Begin a new epoch without a zero; x_1, and a new model of it, keeps the arm's past.
 
-    Another model than before is led through the same past.
+    What nobody has followed stays unknown to a new model too, until a stroke has wiped it out.
     """
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
     same = config.response == state.model
+    response = state.response if same else state.past.replayed(config.response)
+    unknown = state.unknown if same else config.unknown.led_through(state.past)
     begun = State(
-        state.response if same else state.past.replayed(config.response),
+        response,
         config.response,
         config.observer,
+        unknown.judged(response),
         epoch=request.epoch,
-        to_and_fro=state.to_and_fro,
+        reversal_memory=state.reversal_memory,
         highest_V=state.highest_V,
         known_V=state.highest_V,
         refused=state.refused,
         past=state.past,
     )
-    return begun, Done(0), ()
+    return begun, Ack(0), ()
 
 
 SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
@@ -282,11 +273,11 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
     summary="contact force (53) and perturbation (6) from position k and the voltage of k-1",
     inputs=(Input(POSITION, "trigger"), Input(APPLIED, "join", offset=-1)),
     outputs=(ESTIMATE,),
-    questions=(ARM["estimator"], STATUS["estimator"], TIMING_OF["estimator"]),
+    requests=(ARM["estimator"], STATUS["estimator"], TIMING_OF["estimator"]),
     inputs_type=Inputs,
     configure=configure,
     start=start,
     step=step,
-    answer=answer,
-    carried=("response", "to_and_fro", "highest_V", "known_V"),
+    handle=handle,
+    state_snapshot=("response", "unknown", "reversal_memory", "highest_V", "known_V"),
 )

@@ -1,19 +1,20 @@
-"""From the threads of the bus to the one that writes: a bounded queue, and what found no room."""
+"""A bounded queue from the threads of the bus to the one that writes."""
 
 from collections import Counter, deque
 from collections.abc import Callable
 from time import time_ns
-from typing import Any, cast
 
-from pincette.messages import JobNotice, Message, Truth
-from pincette.topics import Topic
+from pincette.core.messages import JobNotice, Message, RequestLog, Sample, Timing
+from pincette.core.topics import Topic
 
 ROOM = 50_000
 """Messages that may wait to be written; nearly three minutes of a loop at 50 Hz."""
 
+OfEpoch = Sample | RequestLog | Timing
+
 
 class Intake:
-    """Takes the messages of one epoch. A sink does no more than look, and append."""
+    """Takes the messages of one epoch."""
 
     def __init__(self, clock_ns: Callable[[], int] = time_ns, room: int = ROOM) -> None:
         self._clock_ns, self._room = clock_ns, room
@@ -23,7 +24,7 @@ class Intake:
         """What found no room, by topic."""
 
     def open(self, job: str, epoch: int) -> None:
-        """Take the messages of an epoch, and what is said of its job, from here on."""
+        """Take the messages of an epoch, and the notices of its job, from here on."""
         self._queue.clear()
         self.dropped = Counter()
         self._job, self._epoch = job, epoch
@@ -33,16 +34,13 @@ class Intake:
         self._job, self._epoch = "", 0
 
     def take(self, topic: Topic, message: Message) -> None:
-        """Take a message of the bus, where it belongs to what is recorded.
-
-        A simulated rig knows no epochs: what it says belongs to the record that is open.
-        """
+        """Take a message of the bus if it is of the open record, as are those without an epoch."""
         if not self._epoch:
             return
         if isinstance(message, JobNotice):
             if message.job != self._job:
                 return
-        elif not isinstance(message, Truth) and cast(Any, message).epoch != self._epoch:
+        elif isinstance(message, OfEpoch) and message.epoch != self._epoch:
             return
         if len(self._queue) >= self._room:
             self.dropped[topic.name] += 1

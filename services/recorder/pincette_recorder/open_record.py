@@ -4,41 +4,32 @@ import logging
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import cast
 
-from pincette.messages import (
+from pincette.core.messages import (
     Applied,
     Command,
     Estimate,
-    JobNotice,
     Message,
     Position,
+    RequestLog,
     Sample,
     Telemetry,
     Timing,
-    Truth,
 )
+from pincette.core.topics import TIMING
 from pincette.records import mcap_reading
-from pincette.records.losses import lost
 from pincette.records.mcap_file import NAME, McapFile
-from pincette.records.tables import write_tables
-from pincette.topics import TIMING
+from pincette.records.tables import lost, write_tables
 
 log = logging.getLogger(__name__)
 MADE = (Position, Estimate, Command, Telemetry, Applied)
-"""What a loop that plays says of every sample."""
+"""Messages of every sample of a loop that plays."""
 TIMING_S = 10.0
-"""How often the programs' timing is kept: each counts on, so that the last one says it all."""
+"""How often the programs' timing is kept; each message counts on from the one before."""
 
 
 class OpenRecord:
-    """The record of one epoch. Times are arguments; a disk that takes no more is noted, not raised.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be begun; its folder may have a record already.
-    """
+    """The record of one epoch; OSError where it cannot begin, later a full disk is only noted."""
 
     def __init__(
         self,
@@ -57,7 +48,7 @@ class OpenRecord:
         self.trouble = ""
         """Why the disk takes no more."""
         self.refused: Counter[str] = Counter()
-        """What came after that, or could not be kept, by topic."""
+        """Messages that came after that, or could not be kept, by topic."""
         self.over_seq: int | None = None
         """The sample with which the actuator said that the arming is over."""
         self.alive_at_s = self.heard_at_s = now_s
@@ -78,8 +69,8 @@ class OpenRecord:
                 self._write_timings()
             return
         self.heard_at_s = now_s
-        if not isinstance(message, Truth | JobNotice):
-            self._newest[type(message)] = cast(Sample, message).seq
+        if isinstance(message, Sample | RequestLog):
+            self._newest[type(message)] = message.seq
         if isinstance(message, Applied | Telemetry):
             ended = isinstance(message, Applied) and message.final
             if ended and message.seq >= 0 and self.over_seq is None:
@@ -101,18 +92,12 @@ class OpenRecord:
             self.file.add(message, arrival_ns)
         except ValueError as error:  # a number that no file has room for
             self.refused[topic] += 1
-            log.error(
-                "%s: a message of %s cannot be kept: %s",
-                self.job,
-                topic,
-                error,
-                extra={"job": self.job},
-            )
+            self._log_error(f"a message of {topic} cannot be kept: {error}")
         except OSError as error:
             self._give_up(error)
 
     def flush_aged(self, now_ns: int) -> None:
-        """Let nothing stay in memory for long."""
+        """Write messages that have been in memory for long."""
         if self.trouble:
             return
         try:
@@ -121,7 +106,7 @@ class OpenRecord:
             self._give_up(error)
 
     def has(self, seq: int) -> bool:
-        """Whether all that is made of a sample has come, each by a link of its own."""
+        """Whether all messages of a sample have come, each by its own link."""
         last = seq if self.over_seq is None else min(seq, self.over_seq)
         return all(self._newest.get(kind, -2) >= last for kind in MADE)
 
@@ -130,14 +115,12 @@ class OpenRecord:
         return max(self._newest.values(), default=-2) >= seq
 
     def tables(self) -> list[str]:
-        """Make the tables of what has been written so far; returns what is wrong with the record.
-
-        The file is read back for it, so that the tables show what the file really holds.
-        """
+        """Make the tables of what has been written so far; returns what is wrong with it."""
         self._write_timings()
         try:
             if not self.trouble:
                 self.file.flush()
+            # Read back, so that the tables show what the file really holds.
             recording = mcap_reading.read(self.folder / NAME)
             wrong = write_tables(self.folder, recording)
         except (OSError, ValueError) as error:
@@ -158,8 +141,11 @@ class OpenRecord:
 
     def _give_up(self, error: OSError) -> None:
         self.trouble = f"the record cannot be written: {error}"
-        log.error("%s: %s", self.job, self.trouble, extra={"job": self.job})
+        self._log_error(self.trouble)
         try:
             self.file.abandon()
         except OSError as again:
-            log.error("%s: %s", self.job, again, extra={"job": self.job})
+            self._log_error(str(again))
+
+    def _log_error(self, text: str) -> None:
+        log.error("%s: %s", self.job, text, extra={"job": self.job})

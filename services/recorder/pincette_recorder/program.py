@@ -1,23 +1,24 @@
-"""The recorder program: takes what the bus brings, answers questions, keeps the folder in order."""
+"""The recorder program: records the messages of the bus, and keeps the folder of records."""
 
 import logging
 import queue
 import secrets
 import threading
-from collections.abc import Callable
+from contextlib import closing
 from time import monotonic, time
 from typing import cast
 
 from pincette import __version__
 from pincette.bus.zenoh_bus import ZenohBus
-from pincette.messages import Finish, Message, Record, Status
-from pincette.runtime.context import Context
-from pincette.runtime.priority import stand_back
-from pincette.topics import FINISH, RECORD, STATUS, TOPICS, Question
-from pincette_recorder import mending, retention
+from pincette.core.faults import FaultCode, fault
+from pincette.core.messages import Finish, Message, Record, Status
+from pincette.core.topics import FINISH, RECORD, STATUS, TOPICS
+from pincette.engine.program import Context
+from pincette.engine.realtime.os_scheduling import lower_priority
+from pincette_recorder import record_repair, retention
 from pincette_recorder.config import RecorderConfig, configure
 from pincette_recorder.intake import Intake
-from pincette_recorder.keeper import Keeper, Reply
+from pincette_recorder.record_keeper import Keeper, Reply
 from pincette_recorder.wall_clock import WallClock
 
 log = logging.getLogger(__name__)
@@ -33,10 +34,9 @@ class Recorder:
         self._config, self._bus = config, bus
         wall = WallClock()
         self._intake = Intake(wall.now_ns)
-        self._keeper = Keeper(config, self._intake, clock_ns=wall.now_ns, wall=wall)
+        self._keeper = Keeper(config, self._intake, wall)
         self._asked: queue.SimpleQueue[tuple[Message, Reply]] = queue.SimpleQueue()
         self._instance = secrets.randbits(48)
-        self._stopping = threading.Event()
         self._mended = self._deleted = 0
         self._tidy_at_s = monotonic()
 
@@ -45,29 +45,23 @@ class Recorder:
         for topic in TOPICS:
             self._bus.subscribe(topic, self._intake.take)
         for question in (RECORD, FINISH):
-            self._bus.serve(question, self._queue)
-        self._bus.serve(STATUS["recorder"], self._tell)
-
-    def _queue(self, _question: Question, request: Message, reply: Reply) -> None:
-        self._asked.put((request, reply))
-
-    def _tell(self, _question: Question, _request: Message, reply: Reply) -> None:
-        reply(self._status())
+            self._bus.serve(question, lambda _, request, reply: self._asked.put((request, reply)))
+        self._bus.serve(STATUS["recorder"], lambda _, _request, reply: reply(self._status()))
 
     def _status(self) -> Status:
         keeper, record = self._keeper, self._keeper.record
-        words = ["idle" if record is None else f"records job {record.job}"]
         lost = keeper.dropped + self._intake.dropped.total()
-        for count, what in (
-            (keeper.finished, "finished"),
-            (self._mended, "closed after a crash"),
-            (self._deleted, "old ones deleted"),
-            (lost, "messages lost"),
-        ):
-            if count:
-                words.append(f"{count} {what}")
+        counts = {
+            "finished": keeper.finished,
+            "closed_after_a_crash": self._mended,
+            "old_ones_deleted": self._deleted,
+            "messages_lost": lost,
+        }
+        doing = "idle" if record is None else f"records job {record.job}"
+        counted = {name: float(count) for name, count in counts.items() if count}
+        findings = [fault(FaultCode.RECORDER_STATE, doing, **counted)]
         if record is not None and record.trouble:
-            words.append(record.trouble)
+            findings.append(fault(FaultCode.RECORD_TROUBLE, record.trouble))
         return Status(
             service="recorder",
             version=__version__,
@@ -77,19 +71,22 @@ class Recorder:
             steps=keeper.written,
             missed=lost,
             refused=self._bus.refused,
-            detail="; ".join(words)[:380],
+            findings=tuple(findings),
         )
 
-    def work(self) -> None:
-        """Write until told to stop; then close what is open."""
+    def work(self, stop: threading.Event) -> None:
+        """Write until ``stop``, then close the open record; a fault stops the program too."""
         try:
-            while not self._stopping.is_set():
+            while not stop.is_set():
                 self._answer_one()
                 self._keeper.take()
                 if self._keeper.record is None and monotonic() >= self._tidy_at_s:
                     self._tidy()
         finally:
-            self._keeper.close()
+            try:
+                self._keeper.close()
+            finally:
+                stop.set()
 
     def _answer_one(self) -> None:
         try:
@@ -107,53 +104,34 @@ class Recorder:
         self._tidy_at_s = monotonic() + TIDY_S
         config = self._config
         try:
-            for folder in mending.unclosed(config.records):
-                mending.mend(folder, mending.KILLED)
+            for folder in record_repair.unclosed(config.records):
+                record_repair.mend(folder, record_repair.KILLED)
                 self._mended += 1
             retention.sweep(config.records)
             if config.keep_s is None and config.keep_bytes is None:
                 return
-            kept = retention.ended(config.records, but="")
+            kept = retention.ended(config.records)
             for name in retention.doomed(kept, time(), config.keep_s, config.keep_bytes):
                 retention.delete(config.records, name)
                 self._deleted += 1
         except OSError as error:
             log.error("%s: %s", config.records, error)
 
-    def stop(self) -> None:
-        """Ask the thread to end."""
-        self._stopping.set()
-
 
 def run(context: Context) -> None:
-    """Record until told to stop."""
+    """Record until the program is stopped."""
     config = configure(context.rig, context.data)
     if not context.rig.lockstep:
-        stand_back()
-    bus = context.open_bus()
-    try:
+        lower_priority()
+    with closing(context.open_bus()) as bus:
         recorder = Recorder(config, bus)
-        thread = threading.Thread(target=_until_it_ends(recorder, context), name="records")
         recorder.serve()
+        thread = threading.Thread(target=recorder.work, args=[context.stop], name="records")
         thread.start()
         try:
             bus.announce("recorder")
             context.ready("keeps every sample of a job")
             context.stop.wait()
         finally:
-            recorder.stop()
-            thread.join()
-    finally:
-        bus.close()
-
-
-def _until_it_ends(recorder: Recorder, context: Context) -> Callable[[], None]:
-    """Work; where it ends by a fault, the program ends too, and says so."""
-
-    def work() -> None:
-        try:
-            recorder.work()
-        finally:
             context.stop.set()
-
-    return work
+            thread.join()

@@ -42,12 +42,12 @@ def doomed(
     return names
 
 
-def ended(records: Path, but: str) -> list[Kept]:
-    """Jobs that have ended, which a manifest says, one of them excepted; raises OSError."""
+def ended(records: Path) -> list[Kept]:
+    """Jobs that have ended, as a manifest shows; raises OSError."""
     found: list[Kept] = []
     for manifest in records.glob(f"*/{files.MANIFEST}"):
         folder = manifest.parent
-        if folder.name == but or folder.is_symlink() or folder.name.startswith(DOOMED):
+        if folder.is_symlink() or folder.name.startswith(DOOMED):
             continue
         size = sum(path.stat().st_size for path in folder.iterdir() if path.is_file())
         found.append(Kept(folder.name, manifest.stat().st_mtime, size))

@@ -1,8 +1,4 @@
-"""UTC for a record, which does not step while one is open; steps of the machine's clock are noted.
-
-Somebody may set the clock of the machine, or a time server may. Within a record time goes on from
-where it began, by the monotonic clock, so that no sample lies before the one before it.
-"""
+"""UTC that does not step while a record is open; steps of the machine's clock are noted."""
 
 from collections.abc import Callable
 from time import monotonic_ns, time_ns
@@ -10,7 +6,7 @@ from time import monotonic_ns, time_ns
 STEP_S = 0.5
 """A wall clock that has moved by so much more or less than time has passed was set."""
 MOST = 5
-"""Steps that are told one by one."""
+"""Steps that are listed one by one."""
 
 
 class WallClock:
@@ -27,7 +23,7 @@ class WallClock:
         self.begin()
 
     def begin(self) -> None:
-        """Take the time of day as it is, and forget the steps of before."""
+        """Anchor the monotonic clock at the time of day, and forget earlier steps."""
         self._begun_ns = self._steady_ns()
         self._offset_ns = self._seen_ns = self._wall_ns() - self._begun_ns
         self._steps.clear()
@@ -47,9 +43,9 @@ class WallClock:
 
     def words(self) -> str:
         """What was noticed since the begin; empty where nothing was."""
-        told = [
+        listed = [
             f"the wall clock was set by {step_s:+.1f} s, {at_s:.1f} s after the begin"
             for at_s, step_s in self._steps[:MOST]
         ]
-        more = len(self._steps) - len(told)
-        return "; ".join([*told, f"and {more} times more"] if more > 0 else told)
+        more = len(self._steps) - len(listed)
+        return "; ".join([*listed, f"and {more} times more"] if more > 0 else listed)

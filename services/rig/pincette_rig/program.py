@@ -1,44 +1,66 @@
 """The rig program: the simulated plant behind its instruments' real bytes."""
 
 import time
+from collections.abc import Callable
 
-from pincette.messages import Truth
-from pincette.runtime.context import Context
-from pincette.runtime.priority import come_first
-from pincette.runtime.rig_orders import serve_orders
+from pincette.config import ConfigError
+from pincette.core.messages import GroundTruth
+from pincette.engine.program import Context
+from pincette.engine.realtime.os_scheduling import raise_priority
+from pincette.engine.simulated import serve_sim_commands
 from pincette.sim.bench import open_bench
 from pincette.sim.script.script import script_of
-from pincette_rig.config import configure
+
+BEHIND_S = 0.1
+"""A rig that has stood still for longer goes on at its pace, and does not make up for it."""
+
+
+class Pace:
+    """Lets lockstep pass no faster than ``pace`` times real time."""
+
+    def __init__(
+        self,
+        pace: float,
+        clock: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], object] = time.sleep,
+    ) -> None:
+        self._pace, self._clock, self._wait = pace, clock, wait
+        self._began_s = clock()
+
+    def __call__(self, rig_s: float) -> None:
+        """Wait until the rig's time has come."""
+        early_s = self._began_s + rig_s / self._pace - self._clock()
+        if early_s > 0.0:
+            self._wait(early_s)
+        elif early_s < -BEHIND_S:
+            self._began_s -= early_s
 
 
 def run(context: Context) -> None:
-    """Offer both instruments at the urls of the rig file, and take orders, until told to stop.
-
-    What is true is published from the output's thread, before the write is answered; its ``seq``
-    counts the ticks since the start, from 0.
-
-    Raises
-    ------
-    ConfigError
-        Where the rig file describes no rig that can be simulated.
-    WireError
-        Where a port is taken.
-    """
-    config = configure(context.rig)
-    if not context.rig.lockstep:
-        come_first(context.rig.realtime.of("rig"))
+    """Serve both instruments at their urls, and simulation commands, until stopped."""
+    rig, simulation = context.rig, context.rig.simulation
+    if simulation is None:
+        raise ConfigError(
+            f"rig {rig.rig.name!r} has no [simulation]: its instruments are real, and there "
+            "is nothing for `pincette run rig` to do"
+        )
+    if not rig.lockstep:
+        raise_priority(rig.realtime.of("rig"))
     bus = context.open_bus()
 
+    # From the output's thread, before the write is answered; ``seq`` counts ticks from 0.
     def tell(seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:
-        bus.publish(Truth(seq, x_um, force_mN, voltage_V))
+        bus.publish(GroundTruth(seq, x_um, force_mN, voltage_V))
 
     try:
-        script = script_of(context.rig)
-        bench = open_bench(context.rig, time.monotonic, tell if config.truth else None, script)
+        script = script_of(rig)
+        pace = Pace(simulation.pace) if rig.lockstep and simulation.pace else None
+        truth = tell if simulation.truth else None
+        bench = open_bench(rig, time.monotonic, truth, script, pace)
         with bench.offer():
-            serve_orders(bus, script)
+            serve_sim_commands(bus, script)
             bus.announce("rig")
-            context.ready(f"simulates {config.sensor_url} and {config.output_url}")
+            context.ready(f"simulates {rig.sensor.url} and {rig.output.url}")
             context.stop.wait()
     finally:
         bus.close()

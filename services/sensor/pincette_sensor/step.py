@@ -1,13 +1,14 @@
 """The sensor as a service: one reading, one numbered sample."""
 
-from dataclasses import dataclass
 from math import isfinite
 from typing import NamedTuple
 
 from pincette.config import RigFile
-from pincette.messages import Arm, Burst, Done, Message, Position
-from pincette.service import Acquired, ForInstrument, Input, Reading, RefusedError, Service
-from pincette.topics import APPLIED, ARM, BURST, POSITION, STATUS, TIMING_OF
+from pincette.control.record import FrozenRecord
+from pincette.core.faults import Fault, FaultCode, fault
+from pincette.core.messages import Ack, Arm, Burst, Message, Position
+from pincette.core.service import Acquired, DeviceCommand, Input, Reading, RefusedError, Service
+from pincette.core.topics import APPLIED, ARM, BURST, POSITION, STATUS, TIMING_OF
 from pincette_sensor.config import SensorConfig, configure
 
 
@@ -17,15 +18,20 @@ class Inputs(NamedTuple):
     device: Reading | None
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(FrozenRecord, frozen=True):
     """Epoch and number of the next sample, and how many readings were no measurement."""
 
     epoch: int = 0
     seq: int = 0
     began_s: float | None = None
     refused: int = 0
-    detail: str = ""
+    fault: Fault | None = None
+    """Of the newest reading."""
+
+    @property
+    def findings(self) -> tuple[Fault, ...]:
+        """Faults of this program that people see."""
+        return () if self.fault is None else (self.fault,)
 
 
 def start(_config: SensorConfig) -> State:
@@ -33,33 +39,35 @@ def start(_config: SensorConfig) -> State:
     return State()
 
 
-def _fault(config: SensorConfig, reading: Reading) -> str:
-    """Why a reading is not a measurement; empty where it is one."""
+def _fault(config: SensorConfig, reading: Reading) -> Fault | None:
+    """Why a reading is not a measurement; None where it is one."""
     if reading.fault:
         return reading.fault
     if not isfinite(reading.x_um):
-        return f"position {reading.x_um} µm is not a number"
+        return fault(FaultCode.READING_NOT_FINITE, x_um=reading.x_um)
     if not config.minimum_um <= reading.x_um <= config.maximum_um:
-        return (
-            f"position {reading.x_um:.3f} µm is outside the sensor's range "
-            f"{config.minimum_um:g}..{config.maximum_um:g} µm"
+        return fault(
+            FaultCode.READING_OUT_OF_RANGE,
+            x_um=reading.x_um,
+            minimum_um=config.minimum_um,
+            maximum_um=config.maximum_um,
         )
-    return ""
+    return None
 
 
 def step(
     config: SensorConfig, state: State, inputs: Inputs, now: float
-) -> tuple[State, tuple[Message | ForInstrument, ...]]:
+) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     """Number the reading; what is no measurement is sent as invalid, with its fault."""
     reading = inputs.device
     if reading is None:
         return state, ()
     began_s = now if state.began_s is None else state.began_s
-    fault = _fault(config, reading)
-    x_um = 0.0 if fault else config.direction * (reading.x_um - config.offset_um)
-    position = Position(state.epoch, state.seq, now - began_s, x_um, not fault, fault[:200])
-    refused = state.refused + bool(fault)
-    after = State(state.epoch, state.seq + 1, began_s, refused, fault)
+    found = _fault(config, reading)
+    x_um = 0.0 if found else config.direction * (reading.x_um - config.offset_um)
+    position = Position(state.epoch, state.seq, now - began_s, x_um, found is None, found)
+    refused = state.refused + (found is not None)
+    after = State(state.epoch, state.seq + 1, began_s, refused, found)
     if reading.acquired is None:
         return after, (position,)
     return after, (position, _burst(config, state, reading.acquired))
@@ -78,13 +86,13 @@ def _burst(config: SensorConfig, state: State, acquired: Acquired) -> Burst:
     )
 
 
-def answer(
+def handle(
     _config: SensorConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
     """Begin a new epoch at seq 0."""
     if not isinstance(request, Arm):
         raise RefusedError(f"the sensor does not answer {type(request).__name__}")
-    return State(request.epoch, 0, None, state.refused, state.detail), Done(0), ()
+    return State(request.epoch, 0, None, state.refused, state.fault), Ack(0), ()
 
 
 SERVICE: Service[RigFile, SensorConfig, State, Inputs] = Service(
@@ -92,11 +100,11 @@ SERVICE: Service[RigFile, SensorConfig, State, Inputs] = Service(
     summary="owns the sampling clock, numbers the samples, refuses what is no measurement",
     inputs=(Input(APPLIED, "pace"),),
     outputs=(POSITION, BURST),
-    questions=(ARM["sensor"], STATUS["sensor"], TIMING_OF["sensor"]),
+    requests=(ARM["sensor"], STATUS["sensor"], TIMING_OF["sensor"]),
     inputs_type=Inputs,
     configure=configure,
     start=start,
     step=step,
-    answer=answer,
+    handle=handle,
     instrument="position_sensor",
 )

@@ -1,4 +1,4 @@
-"""What the supervisor takes from the rig file, and where it keeps what it knows."""
+"""The supervisor's settings, from the rig file and its data folder."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +15,13 @@ class SupervisorConfig:
     host: str
     port: int
     names: frozenset[str]
-    """By which it may be asked, in lower case, beside addresses and localhost."""
+    """Host names beside addresses and localhost, in lower case."""
     in_container: bool
     """Whether its port is published on the loopback of a container's host alone."""
+    always_keys: bool
+    """Whether keys are required also before there is one."""
     store: Path
-    """SQLite: jobs, actions, results, keys."""
+    """SQLite: jobs, actions, results; the keys lie beside it."""
     records: Path
     """A folder for each job."""
     models: Path
@@ -27,12 +29,13 @@ class SupervisorConfig:
 
 
 def configure(rig: RigFile, data: Path) -> SupervisorConfig:
-    """Take the supervisor's part of a rig file; its files lie under ``data``."""
+    """Settings from a rig file; the supervisor's files lie under ``data``."""
     return SupervisorConfig(
         host=rig.supervisor.host,
         port=rig.supervisor.port,
         names=frozenset(name.lower() for name in (rig.supervisor.host, *rig.supervisor.names)),
         in_container=rig.supervisor.behind == "container",
+        always_keys=rig.supervisor.keys == "always",
         store=data / STORE,
         records=data / "jobs",
         models=data / "models",

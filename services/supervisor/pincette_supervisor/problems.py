@@ -1,33 +1,22 @@
-"""Errors as problem details (RFC 9457): what, value, unit, limit, and what to do."""
+"""Errors as problem details (RFC 9457), with value, unit, limit and remedy."""
 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from http import HTTPStatus
-from typing import Any, cast, get_args
+from typing import Any, cast
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
-from pincette.api.calibration_models import CalibrationName
-from pincette.api.job_models import JobKind
-from pincette.api.problem_models import MEDIA_TYPE, TYPE
-from pincette_supervisor.journal.base import StoreError
-from pincette_supervisor.planning.calibration_support import UnsupportedError
+from pincette.api.job_kinds import job_kinds
+from pincette.api.problems import MEDIA_TYPE, TYPE
+from pincette.core.units import unit_of
+from pincette_supervisor.journal.database import StoreError
+from pincette_supervisor.planning.errors import UnsupportedError
 
-UNITS = {
-    "_mN_per_um": "mN/µm",
-    "_um_per_s": "µm/s",
-    "_V_per_s": "V/s",
-    "_mN": "mN",
-    "_um": "µm",
-    "_V": "V",
-    "_s": "s",
-    "_hz": "Hz",
-}
-KINDS = (*get_args(JobKind), *get_args(CalibrationName))
 CODES = {
     404: "not-found",
     405: "method-not-allowed",
@@ -36,14 +25,14 @@ CODES = {
     422: "invalid-request",
 }
 
-MOST_FAULTS = 20
-"""Of a request, that are told; a person mends one after the other."""
+ERRORS_MAX = 20
+"""Errors of one request that are listed."""
 SERVED = "/api/v1"
 OTHER_VERSION = re.compile(rf"/api/(?!{SERVED.rpartition('/')[2]}(?:/|$))")
 
 
 class ProblemError(Exception):
-    """A request that is refused; becomes a problem document."""
+    """A refused request; answered by a problem document."""
 
     def __init__(
         self,
@@ -64,31 +53,15 @@ class ProblemError(Exception):
         self.extensions = extensions
 
 
-def _document(
-    status: int,
-    code: str,
-    title: str,
-    detail: str,
-    extensions: Mapping[str, object] | None = None,
-    headers: Mapping[str, str] | None = None,
-) -> JSONResponse:
-    extensions = extensions or {}
-    body = {"type": TYPE + code, "title": title, "status": status, "detail": detail, **extensions}
+def response_of(error: ProblemError) -> JSONResponse:
+    """The answer to a refused request."""
+    body = {"type": TYPE + error.code, "title": error.title, "status": error.status}
     return JSONResponse(
-        body, status_code=status, media_type=MEDIA_TYPE, headers=dict(headers or {})
+        {**body, "detail": error.detail, **error.extensions},
+        status_code=error.status,
+        media_type=MEDIA_TYPE,
+        headers=dict(error.headers or {}),
     )
-
-
-def answer(error: ProblemError) -> JSONResponse:
-    """The document of a problem."""
-    return _document(
-        error.status, error.code, error.title, error.detail, error.extensions, error.headers
-    )
-
-
-def unit_of(name: str) -> str:
-    """Unit that a field name carries as its suffix."""
-    return next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), "")
 
 
 def _shown(value: Any) -> str:
@@ -97,17 +70,19 @@ def _shown(value: Any) -> str:
 
 
 def _named(path: Sequence[str]) -> str:
-    """The last member of a path, with its places in a list."""
+    """The last field of a path, with its list indices."""
     names = [place for place, part in enumerate(path) if not part.isdigit()]
     last = names[-1] if names else 0
     return "".join([*path[last : last + 1], *(f"[{index}]" for index in path[last + 1 :])])
 
 
-def fault(error: Mapping[str, Any]) -> dict[str, str]:
-    """One entry of ``errors``: where in the request, and what is wrong with the value there."""
+def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
+    """One entry of ``errors``: the place in the request, and what is wrong with its value."""
     place, *path = (str(part) for part in error["loc"])
-    while path and path[0] in KINDS:
-        # Not a member: which kind of request the others were checked as.
+    kinds = job_kinds()
+    tags = {*kinds, *(name for kind in kinds.values() for name in kind.variants)}
+    while path and path[0] in tags:
+        # Not a field: the kind of request that the body was checked as.
         path = path[1:]
     name = _named(path) or place
     unit = unit_of(name.partition("[")[0])
@@ -140,21 +115,20 @@ def fault(error: Mapping[str, Any]) -> dict[str, str]:
 
 
 def invalid(errors: Sequence[Mapping[str, Any]]) -> JSONResponse:
-    """422 with one entry for each fault of the request."""
-    faults = [fault(error) for error in errors[:MOST_FAULTS]]
-    detail = "; ".join(entry["message"] for entry in faults)
-    if len(errors) > MOST_FAULTS:
-        detail += f"; and {len(errors) - MOST_FAULTS} more"
-    return _document(
-        422, "invalid-request", "The request cannot be used", detail, {"errors": faults}
-    )
+    """422 with an entry for each error of the request."""
+    entries = [error_entry(error) for error in errors[:ERRORS_MAX]]
+    detail = "; ".join(entry["message"] for entry in entries)
+    if len(errors) > ERRORS_MAX:
+        detail += f"; and {len(errors) - ERRORS_MAX} more"
+    title = "The request cannot be used"
+    return response_of(ProblemError(422, "invalid-request", title, detail, errors=entries))
 
 
-def install(app: FastAPI) -> None:
-    """Make every error of an application a problem document."""
+def install_handlers(app: FastAPI) -> None:
+    """Answer every error of an application with a problem document."""
 
     async def problem(_request: Request, error: Exception) -> JSONResponse:
-        return answer(cast(ProblemError, error))
+        return response_of(cast(ProblemError, error))
 
     async def validation(_request: Request, error: Exception) -> JSONResponse:
         return invalid(cast(RequestValidationError, error).errors())
@@ -167,33 +141,35 @@ def install(app: FastAPI) -> None:
         if known.status_code == 404 and OTHER_VERSION.match(request.url.path):
             detail = f"this supervisor serves {SERVED}, and no other version"
         code = CODES.get(known.status_code, phrase.lower().replace(" ", "-"))
-        return _document(
-            known.status_code, code, phrase, f"{place}: {detail}", headers=known.headers
+        text = f"{place}: {detail}"
+        return response_of(
+            ProblemError(known.status_code, code, phrase, text, headers=known.headers)
         )
 
-    async def unforeseen(request: Request, error: Exception) -> JSONResponse:
+    async def internal(request: Request, error: Exception) -> JSONResponse:
         detail = f"{request.method} {request.url.path}: {type(error).__name__}: {error}"
-        return _document(500, "internal-error", "The supervisor has a fault", detail)
+        title = "The supervisor has a fault"
+        return response_of(ProblemError(500, "internal-error", title, detail))
 
-    async def unwritten(_request: Request, error: Exception) -> JSONResponse:
+    async def store_failed(_request: Request, error: Exception) -> JSONResponse:
         title = "The journal cannot be used"
-        return _document(503, "store-failed", title, str(error))
+        return response_of(ProblemError(503, "store-failed", title, str(error)))
 
     app.add_exception_handler(ProblemError, problem)
-    app.add_exception_handler(StoreError, unwritten)
+    app.add_exception_handler(StoreError, store_failed)
     app.add_exception_handler(RequestValidationError, validation)
     app.add_exception_handler(HTTPException, http)
-    app.add_exception_handler(Exception, unforeseen)
+    app.add_exception_handler(Exception, internal)
 
 
 def not_found(what: str, name: str, known: Sequence[str] = ()) -> ProblemError:
-    """404 that says what there is."""
+    """404 that lists what there is."""
     there = f"; there are {', '.join(known)}" if known else ""
     return ProblemError(404, "not-found", "Not found", f"no {what} {name!r}{there}")
 
 
 def unsupported(error: UnsupportedError) -> ProblemError:
-    """422 with the bandwidth that there is, and each instrument's part in it."""
+    """422 with the available bandwidth, and each instrument's part in it."""
     return ProblemError(
         422,
         "calibration-unsupported",

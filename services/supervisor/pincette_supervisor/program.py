@@ -1,42 +1,40 @@
-"""The supervisor as a program: port, store, bus, REST."""
+"""The supervisor as a program: its port, journal, rigs and REST server."""
 
 import socket
 import threading
-from collections.abc import Sequence
+from collections.abc import Generator
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
-from typing import Protocol
 
 from fastapi import FastAPI
 
 from pincette.config import RigFile
-from pincette.runtime.context import Context
-from pincette.runtime.priority import stand_back
-from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.buckets import Buckets
-from pincette_supervisor.access.keeper import kept
-from pincette_supervisor.access.opening import gate_of, require_key
-from pincette_supervisor.config import SupervisorConfig, configure
+from pincette.engine.program import Context
+from pincette.engine.realtime.os_scheduling import lower_priority
+from pincette_supervisor.access.access import Access, TokenBuckets, authenticator_of, require_key
+from pincette_supervisor.access.key_sync import KeySync
+from pincette_supervisor.config import configure
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.journal.listeners import Listeners
 from pincette_supervisor.journal.store import Store, utc_now
+from pincette_supervisor.kinds.functions import import_functions
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.worker import Worker
 from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.server import server_of
-from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.running.listeners import Listeners
-from pincette_supervisor.running.rig_finder import RigFinder
-from pincette_supervisor.running.rigs import Rigs
-from pincette_supervisor.running.taking_up import Household
-from pincette_supervisor.running.waking import Waking
+from pincette_supervisor.rigs.rig_finder import RigFinder
+from pincette_supervisor.rigs.rigs import RigFactory, Rigs
+from pincette_supervisor.rigs.suspend_aware_clock import SuspendAwareClock
 
 STOP_S = 5.0
 
 
 class PortInUseError(OSError):
-    """The port cannot be had; the text says which, and what to do."""
+    """The port is in use; the text names it and the remedy."""
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """Take the port, before anything else is started; raises PortInUseError."""
+    """Bind the port before anything else is started; raises PortInUseError."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -52,58 +50,41 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 def run(context: Context) -> None:
-    """Serve REST until told to stop."""
+    """Serve REST until the program is stopped."""
     config = configure(context.rig, context.data)
-    listener = bind(config.host, config.port)
-    worker = Worker(played)
-    worker.begin()
-    if not context.rig.lockstep:  # which waits for whoever is late
-        stand_back()
-    try:
-        store = Store(config.store)
-        try:
-            access = Access(gate_of(config), names=config.names, buckets=Buckets())
-            with kept(store, access):
-                require_key(config, access.gate)
-                _serve(context, config, listener, store, access, worker)
-        finally:
-            store.close()
-    finally:
-        worker.close()
-        listener.close()
+    with ExitStack() as stack:
+        listener = stack.enter_context(closing(bind(config.host, config.port)))
+        worker = stack.enter_context(closing(Worker(played)))
+        worker.begin()
+        if not context.rig.lockstep:  # in lockstep the loop waits for late programs
+            lower_priority()
+        import_functions()
+        store = stack.enter_context(closing(Store(config.store)))
+        access = Access(authenticator_of(config), names=config.names, buckets=TokenBuckets())
+        stack.enter_context(closing(KeySync(store, access)))
+        require_key(config, access.authenticator)
+        bus = stack.enter_context(closing(context.open_bus()))
+        clock = stack.enter_context(closing(SuspendAwareClock()))
+        clock.start()
+        listeners = Listeners()
+        factory = RigFactory(
+            store, listeners, context.data, context.open_bus, partial(worker.run, played), clock
+        )
+        unfinished = _by_rig(store, store.interrupt_unfinished(utc_now()))
 
+        def create(rig: RigFile) -> JobManager:
+            return factory.create(rig, unfinished.pop(rig.rig.name, ()))
 
-def _serve(
-    context: Context,
-    config: SupervisorConfig,
-    listener: socket.socket,
-    store: Store,
-    access: Access,
-    worker: Worker,
-) -> None:
-    listeners, waking = Listeners(), Waking()
-    household = Household(
-        store, listeners, context.data, context.open_bus, partial(worker.run, played), waking
-    )
-    left_over = _by_rig(store, store.interrupt_left_over(utc_now()))
-
-    def take_up(rig: RigFile) -> Conductor:
-        return household.take_up(rig, left_over.pop(rig.rig.name, ()))
-
-    everywhere = context.open_bus()
-    waking.begin()
-    try:
-        rigs = Rigs(take_up(context.rig))
-        finder = RigFinder(rigs, context.open_bus, take_up)
-        try:
-            finder.begin(everywhere)
-            _answer(context, config, listener, create_app(rigs, access), (finder, rigs, listeners))
-        finally:
-            finder.close()
-            rigs.release()
-    finally:
-        waking.close()
-        everywhere.close()
+        rigs = Rigs(create(context.rig))
+        stack.callback(rigs.release)
+        finder = stack.enter_context(closing(RigFinder(rigs, context.open_bus, create)))
+        finder.start(bus)
+        stack.enter_context(_rest_server(listener, create_app(rigs, access), context.stop))
+        # These end before the server, so that no request waits for them.
+        for close in (listeners.close, rigs.close, finder.close):
+            stack.callback(close)
+        context.ready(f"serves at http://{config.host}:{config.port}/api/v1")
+        context.stop.wait()
 
 
 def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
@@ -116,33 +97,16 @@ def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
     return found
 
 
-class Closing(Protocol):
-    """What ends before the server does, so that no answer is waited for in vain."""
-
-    def close(self) -> None:
-        """End."""
-        ...
-
-
-def _answer(
-    context: Context,
-    config: SupervisorConfig,
-    listener: socket.socket,
-    app: FastAPI,
-    behind: Sequence[Closing],
-) -> None:
-    """Serve REST until told to stop."""
+@contextmanager
+def _rest_server(listener: socket.socket, app: FastAPI, stop: threading.Event) -> Generator[None]:
+    """Serve in a thread of its own, which leaves signals to the program's start-up."""
     server = server_of(app)
-    # In a thread of its own the server leaves signals to the program's start-up.
     thread = threading.Thread(target=server.run, args=([listener],), name="rest")
     thread.start()
     try:
         while thread.is_alive() and not server.started:
-            context.stop.wait(0.02)
-        context.ready(f"serves at http://{config.host}:{config.port}/api/v1")
-        context.stop.wait()
+            stop.wait(0.02)
+        yield
     finally:
-        for one in behind:
-            one.close()
         server.should_exit = True
         thread.join(STOP_S)

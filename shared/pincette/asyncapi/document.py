@@ -1,6 +1,6 @@
 """The AsyncAPI document of the bus: ``python -m pincette.asyncapi.document FILE``.
 
-It is told from the rig's side: the rig sends samples, and receives questions.
+It states the side of the rig: the rig sends samples, and receives requests.
 """
 
 import json
@@ -9,11 +9,19 @@ from functools import cache
 from pathlib import Path
 
 from pincette import __version__
-from pincette.asyncapi.fields import reachable, summary
-from pincette.asyncapi.schemas import Json, record_schema
-from pincette.codec import ENCODING, MEDIA_TYPE
-from pincette.config.bus import Bus
-from pincette.topics import QUESTIONS, TOPICS, WIRE, Question, Topic, key, live_key, question_key
+from pincette.asyncapi.schemas import Json, reachable, record_schema, summary
+from pincette.config.programs import Bus
+from pincette.core.codec.wire import ENCODING, MEDIA_TYPE
+from pincette.core.topics import (
+    REQUESTS,
+    TOPICS,
+    WIRE,
+    Request,
+    Topic,
+    key,
+    live_key,
+    request_key,
+)
 
 ASYNCAPI = "3.0.0"
 ABOUT = (
@@ -49,13 +57,13 @@ def document() -> str:
 def tree() -> Json:
     """The document as data."""
     kinds = [topic.message for topic in TOPICS]
-    kinds += [kind for item in QUESTIONS for kind in (item.request, item.reply)]
+    kinds += [kind for item in REQUESTS for kind in (item.request, item.reply)]
     messages = {kind.__name__: _message(kind) for kind in kinds}
     channels = {topic.name: _topic(topic) for topic in TOPICS}
-    channels |= {_name(item): _question(item) for item in QUESTIONS}
+    channels |= {_name(item): _request(item) for item in REQUESTS}
     operations = {f"send_{topic.name}": _send(topic) for topic in TOPICS}
     operations |= {f"latest_{topic.name}": _latest(topic) for topic in TOPICS}
-    operations |= {_name(item): _answer(item) for item in QUESTIONS}
+    operations |= {_name(item): _answer(item) for item in REQUESTS}
     return {
         "asyncapi": ASYNCAPI,
         "info": {
@@ -94,21 +102,21 @@ def _message(kind: type) -> Json:
     return {"name": name, "summary": summary(kind), "payload": payload}
 
 
-def _name(question: Question) -> str:
-    return f"{question.service}_{question.name}"
+def _name(request: Request) -> str:
+    return f"{request.service}_{request.name}"
 
 
-def _refer(*path: str) -> Json:
+def _reference(*path: str) -> Json:
     return {"$ref": "#/" + "/".join(path)}
 
 
 def _parameters(*names: str) -> Json:
-    return {name: _refer("components", "parameters", name) for name in names}
+    return {name: _reference("components", "parameters", name) for name in names}
 
 
-def _held(**messages: str) -> Json:
+def _messages(**messages: str) -> Json:
     """The messages of a channel."""
-    return {role: _refer("components", "messages", name) for role, name in messages.items()}
+    return {role: _reference("components", "messages", name) for role, name in messages.items()}
 
 
 def _topic(topic: Topic) -> Json:
@@ -119,18 +127,19 @@ def _topic(topic: Topic) -> Json:
         "summary": topic.summary,
         "description": f"From `{topic.producer}`, {often}; where a link stalls, {stalled}.",
         "parameters": _parameters("rig"),
-        "messages": _held(sample=topic.message.__name__, query="Query"),
+        "messages": _messages(sample=topic.message.__name__, query="Query"),
     }
 
 
-def _question(question: Question) -> Json:
-    request, reply = question.request.__name__, question.reply.__name__
+def _request(request: Request) -> Json:
     return {
-        "address": question_key("{rig}", question),
-        "summary": question.summary,
-        "description": f"A Zenoh query that `{question.service}` answers.",
+        "address": request_key("{rig}", request),
+        "summary": request.summary,
+        "description": f"A Zenoh query that `{request.service}` answers.",
         "parameters": _parameters("rig"),
-        "messages": _held(request=request, reply=reply, refusal="Refusal"),
+        "messages": _messages(
+            request=request.request.__name__, reply=request.reply.__name__, refusal="Refusal"
+        ),
     }
 
 
@@ -145,14 +154,14 @@ def _live() -> Json:
 
 
 def _operation(action: str, channel: str, text: str, *roles: str) -> Json:
-    place = _refer("channels", channel)
-    messages = [_refer("channels", channel, "messages", role) for role in roles]
+    place = _reference("channels", channel)
+    messages = [_reference("channels", channel, "messages", role) for role in roles]
     return {"action": action, "channel": place, "summary": text, "messages": messages}
 
 
 def _reply(channel: str, *roles: str) -> Json:
-    messages = [_refer("channels", channel, "messages", role) for role in roles]
-    return {"channel": _refer("channels", channel), "messages": messages}
+    messages = [_reference("channels", channel, "messages", role) for role in roles]
+    return {"channel": _reference("channels", channel), "messages": messages}
 
 
 def _send(topic: Topic) -> Json:
@@ -165,9 +174,9 @@ def _latest(topic: Topic) -> Json:
     return operation | {"reply": _reply(topic.name, "sample")}
 
 
-def _answer(question: Question) -> Json:
-    name = _name(question)
-    operation = _operation("receive", name, question.summary, "request")
+def _answer(request: Request) -> Json:
+    name = _name(request)
+    operation = _operation("receive", name, request.summary, "request")
     return operation | {"reply": _reply(name, "reply", "refusal")}
 
 

@@ -1,39 +1,83 @@
-"""JSON Schema of what a payload holds once its MessagePack is unpacked."""
+"""Messages by their source: JSON Schema, texts, and the records within each."""
 
-from dataclasses import fields, is_dataclass
-from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+import ast
+import inspect as python_inspect
+import textwrap
+from collections.abc import Iterable
+from typing import Any
 
-from pincette.asyncapi.fields import notes, summary
-from pincette.codec import MAX_DOCUMENT, MAX_ITEMS, MAX_TEXT
-from pincette.messages import Document
-from pincette.records.units import unit_of
+from msgspec import inspect
+
+from pincette.core.units import unit_of
 
 Json = dict[str, Any]
 
-PLAIN: dict[Any, Json] = {
-    float: {"type": "number"},
-    int: {"type": "integer"},
-    bool: {"type": "boolean"},
-    str: {"type": "string", "maxLength": MAX_TEXT},
-    Document: {"type": "string", "maxLength": MAX_DOCUMENT},
-}
-NULL = {"type": "null"}
+
+def summary(kind: type) -> str:
+    """First paragraph of a record's docstring, in Markdown, on one line."""
+    return _plain((python_inspect.getdoc(kind) or "").split("\n\n")[0])
+
+
+def notes(kind: type) -> dict[str, str]:
+    """The text under each field in the source, in Markdown; fields without one are left out."""
+    (tree,) = ast.parse(textwrap.dedent(python_inspect.getsource(kind))).body
+    assert isinstance(tree, ast.ClassDef)
+    found: dict[str, str] = {}
+    for field, after in zip(tree.body, tree.body[1:], strict=False):
+        match field, after:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(
+                value=ast.Constant(value=str(text))
+            ):
+                found[name] = _plain(text)
+            case _:
+                pass
+    return found
+
+
+def reachable(kinds: Iterable[type]) -> list[type]:
+    """These records, each followed by the records that its fields carry, once each."""
+    found: dict[type, None] = {}
+    for kind in kinds:
+        _collect(inspect.type_info(kind), found)
+    return list(found)
+
+
+def _collect(node: inspect.Type, found: dict[type, None]) -> None:
+    match node:
+        case inspect.StructType() if node.cls not in found:
+            found[node.cls] = None
+            for field in node.fields:
+                _collect(field.type, found)
+        case inspect.VarTupleType():
+            _collect(node.item_type, found)
+        case inspect.UnionType():
+            for item in node.types:
+                _collect(item, found)
+        case inspect.Metadata():
+            _collect(node.type, found)
+        case _:
+            pass
+
+
+def _plain(text: str) -> str:
+    return " ".join(text.split()).replace("``", "`")
 
 
 def record_schema(kind: type) -> Json:
     """The schema of a record: a map that has every field, by name, and no other."""
-    hints, texts = get_type_hints(kind), notes(kind)
-    names = [field.name for field in fields(kind)]
+    node, texts = inspect.type_info(kind), notes(kind)
+    assert isinstance(node, inspect.StructType)
     tree: Json = {"type": "object", "description": summary(kind), "additionalProperties": False}
-    if names:
-        tree["required"] = names
-        tree["properties"] = {name: _field(name, hints[name], texts) for name in names}
+    if node.fields:
+        tree["required"] = [field.name for field in node.fields]
+        tree["properties"] = {
+            field.name: _field(field.name, field.type, texts) for field in node.fields
+        }
     return tree
 
 
-def _field(name: str, hint: Any, texts: dict[str, str]) -> Json:
-    tree = type_schema(hint)
+def _field(name: str, node: inspect.Type, texts: dict[str, str]) -> Json:
+    tree = type_schema(node)
     about: Json = {"description": texts[name]} if name in texts else {}
     if unit_of(name):
         about["x-unit"] = unit_of(name)
@@ -41,24 +85,37 @@ def _field(name: str, hint: Any, texts: dict[str, str]) -> Json:
     return {"allOf": [tree], **about} if about and "$ref" in tree else tree | about
 
 
-def type_schema(hint: Any) -> Json:
-    """The schema of a field's type; records are referred to by name.
+def type_schema(node: inspect.Type) -> Json:
+    """The schema of a field's type; records by reference.
 
     Raises
     ------
     TypeError
         Where a message has a field of a type that the codec does not carry.
     """
-    if hint in PLAIN:
-        return PLAIN[hint]
-    if is_dataclass(hint) and isinstance(hint, type):
-        return {"$ref": f"#/components/schemas/{hint.__name__}"}
-    arguments = get_args(hint)
-    if get_origin(hint) is Literal:
-        return {"enum": list(arguments)}
-    if get_origin(hint) is tuple:
-        return {"type": "array", "maxItems": MAX_ITEMS, "items": type_schema(arguments[0])}
-    if get_origin(hint) in (Union, UnionType):
-        choices = [NULL if item is type(None) else type_schema(item) for item in arguments]
-        return {"oneOf": choices}
-    raise TypeError(f"no schema for a field of type {hint}")
+    match node:
+        case inspect.Metadata():
+            return type_schema(node.type)
+        case inspect.FloatType():
+            return {"type": "number", "minimum": node.ge, "maximum": node.le}
+        case inspect.IntType():
+            return {"type": "integer", "minimum": node.ge, "maximum": node.le}
+        case inspect.BoolType():
+            return {"type": "boolean"}
+        case inspect.NoneType():
+            return {"type": "null"}
+        case inspect.StrType():
+            return {"type": "string", "maxLength": node.max_length}
+        case inspect.StructType():
+            return {"$ref": f"#/components/schemas/{node.cls.__name__}"}
+        case inspect.LiteralType():
+            return {"enum": list(node.values)}
+        case inspect.EnumType():
+            return {"enum": [code.value for code in node.cls]}
+        case inspect.VarTupleType():
+            items = type_schema(node.item_type)
+            return {"type": "array", "maxItems": node.max_length, "items": items}
+        case inspect.UnionType():
+            return {"oneOf": [type_schema(item) for item in node.types]}
+        case _:
+            raise TypeError(f"no schema for a field of type {node}")

@@ -1,21 +1,16 @@
-"""Why two programs do not come together: looked at over a link of one's own, then put in words.
+"""Diagnoses a link by a handshake of Python's own TLS, since Zenoh does not give the reason."""
 
-Zenoh says of a handshake that fails only that it failed. Python's own TLS, with the same files, is
-told the reason by the other side.
-"""
-
+import errno
 import socket
 import ssl
 from typing import Any, cast
 
-from pincette.bus.links import address_of
+from pincette.bus.topology import address_of
 from pincette.security.identity import Credentials
 
 ANSWER_S, ALERT_S = 3.0, 0.5
-"""How long to wait for an answer, and for a word of refusal after the handshake.
-
-Zenoh that is spoken to in a language it does not know hangs up after 1 s.
-"""
+"""Limits of the wait for an answer (Zenoh hangs up on other protocols after 1 s), and for an alert
+after the handshake."""
 PLAIN = "it does not speak TLS: is [bus] pki missing where that one starts?"
 REFUSED = "it does not take the certificate {ours}"
 UNKNOWN = "it believes another authority than the one that has signed {ours}"
@@ -30,13 +25,12 @@ REASONS = {
     "UNEXPECTED_EOF": PLAIN,
 }
 """What the other side means, by a part of OpenSSL's name for it."""
+ALERT = "ALERT"
+"""In OpenSSL's name for an alert of the other side, as ``TLSV13_ALERT_CERTIFICATE_REQUIRED``."""
 
 
-def why_no_link(place: str, credentials: Credentials | None, name: str = "") -> str:
-    """Why no link to an endpoint can be made, as a person would say it; empty where it can.
-
-    ``name`` is whose certificate the other side should show; empty: anybody's of our authority.
-    """
+def diagnose_link(place: str, credentials: Credentials | None, name: str = "") -> str:
+    """Why no link to an endpoint, with a certificate of ``name``, can be made; empty if it can."""
     address = address_of(place)
     try:
         with socket.create_connection(address, ANSWER_S) as line:
@@ -50,6 +44,19 @@ def why_no_link(place: str, credentials: Credentials | None, name: str = "") -> 
         return f"{place} does not answer within {ANSWER_S:g} s"
     except OSError as error:
         return f"{place}: {error.strerror or error}"
+
+
+def is_taken(endpoint: str) -> bool:
+    """Whether another program listens at an endpoint of this machine."""
+    host, port = address_of(endpoint)
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            return error.errno == errno.EADDRINUSE
+    return False
 
 
 def _shaken(place: str, host: str, line: socket.socket, credentials: Credentials, name: str) -> str:
@@ -71,10 +78,8 @@ def _shaken(place: str, host: str, line: socket.socket, credentials: Credentials
 
 
 def _ended(wrapped: ssl.SSLSocket) -> bool:
-    """Whether the other side ends the connection once it has seen our certificate.
-
-    With TLS 1.3 a client is done before the server has looked at it.
-    """
+    """Whether the other side ends the connection once it has seen our certificate."""
+    # With TLS 1.3 a client is done before the server has looked at it.
     wrapped.settimeout(ALERT_S)
     try:
         return wrapped.recv(1) == b""
@@ -91,20 +96,24 @@ def _shown(wrapped: ssl.SSLSocket) -> str:
 
 
 def _speaks_tls(place: str, line: socket.socket) -> str:
-    """Whether one that is to be spoken to in plain words wants TLS."""
+    """Why a plain link fails: the other side wants TLS; empty where it does not."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     try:
         with context.wrap_socket(line):
             pass
     except (ssl.SSLError, OSError) as error:
-        spoke = isinstance(error, ssl.SSLError) and "ALERT" in (error.reason or "")
-        if not spoke:
+        if not isinstance(error, ssl.SSLError) or ALERT not in _openssl_code(error):
             return ""
     return f"{place} speaks TLS: name the folder of certificates, [bus] pki, in the rig file"
 
 
 def _words(error: ssl.SSLError) -> str:
-    reason = error.reason or ""
-    found = (words for name, words in REASONS.items() if name in reason)
-    return next(found, reason.lower().replace("_", " ") or str(error))
+    code = _openssl_code(error)
+    found = (words for name, words in REASONS.items() if name in code)
+    return next(found, code.lower().replace("_", " ") or str(error))
+
+
+def _openssl_code(error: ssl.SSLError) -> str:
+    """OpenSSL's name for its error, such as ``TLSV13_ALERT_CERTIFICATE_REQUIRED``; may be empty."""
+    return error.reason or ""

@@ -1,10 +1,11 @@
 """A bus within one process: delivery in order of publication, when the owner pumps it."""
 
 from collections import deque
+from collections.abc import Callable
 
-from pincette.bus.protocol import Answerer, BusError, RefusalError, Sink
-from pincette.messages import Message
-from pincette.topics import TOPIC_OF, Question, Topic
+from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
+from pincette.core.messages import Message
+from pincette.core.topics import TOPIC_OF, Request, Topic
 
 
 class MemoryBus:
@@ -13,9 +14,14 @@ class MemoryBus:
     def __init__(self) -> None:
         # By what is sent, since a topic takes longer to be found by.
         self._sinks: dict[type[Message], list[Sink]] = {}
-        self._answerers: dict[Question, Answerer] = {}
+        self._answerers: dict[Request, RequestHandler] = {}
         self._queue: deque[tuple[Topic, Message]] = deque()
         self._latest: dict[type[Message], Message] = {}
+        self._step: Callable[[], bool] | None = None
+
+    def step_when_empty(self, step: Callable[[], bool]) -> None:
+        """Let ``pump`` make a step of a loop where no message waits; it says whether it did."""
+        self._step = step
 
     def publish(self, message: Message) -> None:
         """Put a message in the queue."""
@@ -31,11 +37,11 @@ class MemoryBus:
         """Deliver to ``sink`` when the bus is pumped."""
         self._sinks.setdefault(topic.message, []).append(sink)
 
-    def serve(self, question: Question, answerer: Answerer) -> None:
+    def serve(self, question: Request, answerer: RequestHandler) -> None:
         """Answer a question at once, in the asker's call."""
         self._answerers[question] = answerer
 
-    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+    def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         """Ask; see Bus. The answer comes at once, or not at all."""
         if question not in self._answerers:
             raise BusError(f"nobody answers {question.service}/{question.name}")
@@ -48,9 +54,9 @@ class MemoryBus:
         return replies[0]
 
     def pump(self) -> bool:
-        """Deliver the oldest message; False where there is none."""
+        """Deliver the oldest message, or make a step; False where there is neither."""
         if not self._queue:
-            return False
+            return self._step is not None and self._step()
         topic, message = self._queue.popleft()
         for sink in self._sinks.get(type(message), ()):
             sink(topic, message)

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from pincette.messages import Message
-from pincette.topics import Question, Topic
+from pincette.core.messages import Message
+from pincette.core.topics import Request, Topic
 
 Sink = Callable[[Topic, Message], None]
-Answerer = Callable[[Question, Message, Callable[[Message | str], None]], None]
+RequestHandler = Callable[[Request, Message, Callable[[Message | str], None]], None]
 """Gets a question, its request, and a function that takes the reply or the text of a refusal."""
 
 
@@ -30,20 +30,12 @@ class Bus(Protocol):
         """Deliver every message of a topic to ``sink``, from a thread of the bus."""
         ...
 
-    def serve(self, question: Question, answerer: Answerer) -> None:
+    def serve(self, question: Request, answerer: RequestHandler) -> None:
         """Answer a question; the reply may be given later and from another thread."""
         ...
 
-    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
-        """Ask and wait.
-
-        Raises
-        ------
-        BusError
-            Where nobody answered in time.
-        RefusalError
-            Where the program refused.
-        """
+    def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
+        """Ask and wait; raises BusError without an answer in time, RefusalError for a refusal."""
         ...
 
     def close(self) -> None:
@@ -52,14 +44,8 @@ class Bus(Protocol):
 
 
 class LatestBus(Bus, Protocol):
-    """A bus that can be asked what a topic said last."""
+    """A bus that can be asked for the newest message of a topic."""
 
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
-        """Ask the producer for its newest message; None where it has sent none or is not there.
-
-        Raises
-        ------
-        BusError
-            Where the producer did not answer in time, or with what is no such message.
-        """
+        """Ask the producer for its newest message; None without one; raises BusError."""
         ...

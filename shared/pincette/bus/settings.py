@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from pincette.bus.links import Ends, Member
-from pincette.codec import MAX_BYTES
+from pincette.bus.topology import SessionConfig, TlsIdentity
+from pincette.core.codec import MAX_BYTES
 from pincette.security.access import as_settings
 
 LEASE_MS = 500
@@ -27,15 +27,15 @@ PRIORITIES = (
 )
 
 
-def settings(ends: Ends, name: str) -> dict[str, Any]:
-    """The tree of settings with which a program, seen by others under a name, opens its session."""
-    waits = ends.mode == "client"
+def settings(config: SessionConfig, name: str) -> dict[str, Any]:
+    """Zenoh's settings of a program's session, seen by others under a name."""
+    waits = config.mode == "client"
     tree: dict[str, Any] = {
-        "mode": ends.mode,
+        "mode": config.mode,
         "metadata": {"name": name},
-        "listen": {"endpoints": list(ends.listen), "exit_on_failure": True},
+        "listen": {"endpoints": list(config.listen), "exit_on_failure": True},
         "connect": {
-            "endpoints": list(ends.connect),
+            "endpoints": list(config.connect),
             "timeout_ms": 3000 if waits else -1,
             "exit_on_failure": waits,
             "retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
@@ -47,17 +47,17 @@ def settings(ends: Ends, name: str) -> dict[str, Any]:
             "unicast": {"open_timeout": 1000, "accept_timeout": 1000},
             "shared_memory": {"enabled": False},
             "link": {
-                "tx": _sending(patient=ends.patient),
+                "tx": _sending(patient=config.patient),
                 "rx": {"max_message_size": MOST_BYTES},
             },
         },
     }
-    if ends.member is not None:
+    if config.tls is not None:
         tree["transport"]["link"] |= {
             "protocols": ["tls"],
-            "tls": _tls(ends.member, closes_on_expiry=ends.mode == "router"),
+            "tls": _tls(config.tls, closes_on_expiry=config.mode == "router"),
         }
-        tree["access_control"] = as_settings(ends.member.access)
+        tree["access_control"] = as_settings(config.tls.access)
     return tree
 
 
@@ -73,12 +73,9 @@ def _sending(*, patient: bool) -> dict[str, Any]:
     }
 
 
-def _tls(member: Member, *, closes_on_expiry: bool) -> dict[str, Any]:
-    """Mutual TLS.
-
-    The router closes the link of one whose certificate ends. The services do not: a part that is
-    held is not let go of because of a date.
-    """
+def _tls(member: TlsIdentity, *, closes_on_expiry: bool) -> dict[str, Any]:
+    """Mutual TLS; the router closes a link whose certificate ends."""
+    # The services do not: a held part is not let go of because of a date.
     files = member.credentials
     return {
         "root_ca_certificate": str(files.authority),

@@ -7,57 +7,64 @@ import json
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import zenoh
 
-from pincette.bus.handshake import why_no_link
-from pincette.bus.links import Ends
-from pincette.bus.protocol import Answerer, BusError, RefusalError, Sink
+from pincette.bus.handshake import diagnose_link, is_taken
+from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
 from pincette.bus.settings import settings
-from pincette.codec import ENCODING, MAX_BYTES, CodecError, decode, encode, explained
-from pincette.codec.wire import of_other_wires, update_which
-from pincette.messages import Message
-from pincette.topics import (
+from pincette.bus.topology import SessionConfig
+from pincette.core.codec import MAX_BYTES, decode, encode
+from pincette.core.codec.refusals import CodecError
+from pincette.core.codec.wire import ENCODING, explained, of_other_wires, update_which
+from pincette.core.messages import Message
+from pincette.core.topics import (
     TOPIC_OF,
-    Question,
+    Request,
     Topic,
     alive_of,
     key,
     live_key,
     live_key_of_any_wire,
-    question_key,
+    request_key,
 )
 
+M = TypeVar("M", bound=Message)
+REFUSED = zenoh.Encoding.TEXT_PLAIN
+"""Of a refusal by a program; Zenoh's own errors have another."""
 
-def open_session(ends: Ends, name: str) -> "zenoh.Session":
+
+def open_session(config: SessionConfig, name: str) -> "zenoh.Session":
     """Join; raises BusError with what to do where that fails."""
     zenoh.init_log_from_env_or("error")
     try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(settings(ends, name))))
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(settings(config, name))))
     except zenoh.ZError as error:
-        if ends.listen and "use" in str(error).lower():
+        if taken := [place for place in config.listen if is_taken(place)]:
             raise BusError(
-                f"{name}: {', '.join(ends.listen)} is in use: another rig, or the same rig for "
+                f"{name}: {', '.join(taken)} is in use: another rig, or the same rig for "
                 "the second time? Stop it, or give this rig another [bus] port"
             ) from error
-        files = ends.member.credentials if ends.member else None
-        why = [trouble for place in ends.connect if (trouble := why_no_link(place, files))]
+        files = config.tls.credentials if config.tls else None
+        why = [trouble for place in config.connect if (trouble := diagnose_link(place, files))]
         raise BusError(
-            f"{name}: cannot join the bus (listen {', '.join(ends.listen) or 'nowhere'}, "
-            f"connect {', '.join(ends.connect) or 'nowhere'}): {'; '.join(why) or error}"
+            f"{name}: cannot join the bus (listen {', '.join(config.listen) or 'nowhere'}, "
+            f"connect {', '.join(config.connect) or 'nowhere'}): {'; '.join(why) or error}"
         ) from error
 
 
 class ZenohBus:
     """One program's place on the bus of one rig."""
 
-    def __init__(self, ends: Ends, rig: str, program: str, *, reliable: bool = False) -> None:
+    def __init__(
+        self, config: SessionConfig, rig: str, program: str, *, reliable: bool = False
+    ) -> None:
         self._rig = rig
-        self._shown = ends.member.credentials.identity.name if ends.member else ""
-        self._session = open_session(ends, f"{rig}/{program}")
+        self._identity = config.tls.credentials.identity.name if config.tls else ""
+        self._session = open_session(config, f"{rig}/{program}")
         self._reliable = reliable
-        self._outlets: dict[type[Message], _Outlet] = {}
+        self._outlets: dict[type[Message], _Publisher] = {}
         """By what they send, since a topic takes longer to be found by."""
         self._declaring = threading.Lock()
         self._declared: list[Any] = []
@@ -71,13 +78,13 @@ class ZenohBus:
 
     def alive(self) -> set[str]:
         """Programs whose token is seen from here."""
-        return {program for _, program in self._alive(self._rig)}
+        return {program for _, program in self._tokens(self._rig)}
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
         """Rigs and programs whose token is seen from here, of every rig on the router."""
-        return self._alive("*")
+        return self._tokens("*")
 
-    def _alive(self, rig: str) -> set[tuple[str, str]]:
+    def _tokens(self, rig: str) -> set[tuple[str, str]]:
         replies = self._session.liveliness().get(live_key(rig, "*"), timeout=1.0)
         return {alive_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
 
@@ -104,12 +111,12 @@ class ZenohBus:
         )
 
     def declare(self, topic: Topic) -> None:
-        """Make ready to publish a topic, and to tell on the same key what was published last."""
+        """Prepare to publish a topic, and to answer on its key with the newest message."""
         with self._declaring:
             if topic.message in self._outlets:
                 return
             place = key(self._rig, topic)
-            outlet = _Outlet(
+            outlet = _Publisher(
                 place,
                 self._session.declare_publisher(
                     place,
@@ -126,7 +133,7 @@ class ZenohBus:
                     ),
                 ),
             )
-            self._declared.append(self._session.declare_queryable(place, outlet.tell))
+            self._declared.append(self._session.declare_queryable(place, outlet.reply))
             self._outlets[topic.message] = outlet
 
     def publish(self, message: Message) -> None:
@@ -143,7 +150,7 @@ class ZenohBus:
             if reply.ok is None:
                 raise BusError(f"{place}: {topic.producer} did not answer within {timeout_s:g} s")
             try:
-                return decode(topic.message, _bytes(reply.ok.payload))
+                return _decode(topic.message, reply.ok.payload)
             except CodecError as error:
                 why = explained(error, str(reply.ok.encoding), topic.producer)
                 raise BusError(f"{place}: {why}") from error
@@ -154,7 +161,7 @@ class ZenohBus:
 
         def deliver(sample: zenoh.Sample) -> None:
             try:
-                message = decode(topic.message, _bytes(sample.payload))
+                message = _decode(topic.message, sample.payload)
             except CodecError as error:
                 self.refused += 1
                 self.refusal = explained(error, str(sample.encoding), topic.producer)
@@ -163,14 +170,13 @@ class ZenohBus:
 
         self._declared.append(self._session.declare_subscriber(key(self._rig, topic), deliver))
 
-    def serve(self, question: Question, answerer: Answerer) -> None:
+    def serve(self, question: Request, answerer: RequestHandler) -> None:
         """Answer a question; see Bus."""
 
         def deliver(query: zenoh.Query) -> None:
             reply = partial(_reply, query)
             try:
-                payload = _bytes(query.payload) if query.payload is not None else b""
-                request = decode(question.request, payload)
+                request = _decode(question.request, query.payload)
             except CodecError as error:
                 self.refused += 1
                 self.refusal = explained(error, str(query.encoding), "who asks")
@@ -179,31 +185,30 @@ class ZenohBus:
             answerer(question, request, reply)
 
         self._declared.append(
-            self._session.declare_queryable(question_key(self._rig, question), deliver)
+            self._session.declare_queryable(request_key(self._rig, question), deliver)
         )
 
-    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+    def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         """Ask and wait; see Bus."""
         place = f"{question.service}/{question.name}"
         replies = self._session.get(
-            question_key(self._rig, question),
+            request_key(self._rig, question),
             payload=encode(request),
             encoding=zenoh.Encoding(ENCODING),
             timeout=timeout_s,
         )
         # A question that an access list refuses is one that nobody answers.
-        trouble = f"is it running, and may {self._shown} ask it?" if self._shown else ""
-        trouble = trouble or "is it running?"
+        allowed = f", and may {self._identity} ask it" if self._identity else ""
+        trouble = f"is it running{allowed}?"
         for reply in cast("Any", replies):
             if reply.ok is not None:
                 try:
-                    return decode(question.reply, _bytes(reply.ok.payload))
+                    return _decode(question.reply, reply.ok.payload)
                 except CodecError as error:
                     why = explained(error, str(reply.ok.encoding), question.service)
                     raise BusError(f"{self._rig}: {place}: {why}") from error
-            text = reply.err.payload.to_bytes().decode(errors="replace")
-            if text != "Timeout":
-                raise RefusalError(text)
+            if reply.err.encoding == REFUSED:
+                raise RefusalError(reply.err.payload.to_bytes().decode(errors="replace"))
             trouble = f"no answer within {timeout_s:g} s; it may hang"
         wire = self.other_wires().get(question.service)
         if wire is not None:
@@ -215,8 +220,8 @@ class ZenohBus:
         self._session.close()
 
 
-class _Outlet:
-    """Where one topic leaves; the newest payload stays, for whoever asks."""
+class _Publisher:
+    """Publishes one topic, and keeps the newest payload for queries."""
 
     __slots__ = ("_newest", "_place", "_publisher")
 
@@ -229,7 +234,7 @@ class _Outlet:
         self._newest = payload
         self._publisher.put(payload)
 
-    def tell(self, query: zenoh.Query) -> None:
+    def reply(self, query: zenoh.Query) -> None:
         """Answer with the newest payload, or with nothing before the first."""
         newest = self._newest
         with query:
@@ -237,24 +242,27 @@ class _Outlet:
                 query.reply(self._place, newest, encoding=zenoh.Encoding(ENCODING))
 
 
-def _bytes(payload: zenoh.ZBytes) -> bytes:
-    """What came, but no copy of what is too large anyway."""
-    if len(payload) > MAX_BYTES:
-        raise CodecError(f"{len(payload)} bytes, limit {MAX_BYTES}")
-    return payload.to_bytes()
+def _decode(kind: type[M], payload: zenoh.ZBytes | None) -> M:
+    """A message; no copy is made of what is too large anyway."""
+    size = 0 if payload is None else len(payload)
+    if size > MAX_BYTES:
+        raise CodecError(f"{kind.__name__}: {size} bytes, limit {MAX_BYTES}")
+    return decode(kind, b"" if payload is None else payload.to_bytes())
 
 
 def _reply(query: zenoh.Query, answer: Message | str) -> None:
     with query:
         if isinstance(answer, str):
-            query.reply_err(answer.encode(), encoding=zenoh.Encoding.TEXT_PLAIN)
+            query.reply_err(answer.encode(), encoding=REFUSED)
         else:
             query.reply(query.key_expr, encode(answer), encoding=zenoh.Encoding(ENCODING))
 
 
-def serve_router(ends: Ends, rig: str, wait: Callable[[], None], name: str = "router") -> None:
+def serve_router(
+    config: SessionConfig, rig: str, wait: Callable[[], None], name: str = "router"
+) -> None:
     """Route between the services of a rig and the tools around it until ``wait`` returns."""
-    session = open_session(ends, f"{rig}/{name}")
+    session = open_session(config, f"{rig}/{name}")
     try:
         wait()
     finally:

@@ -1,1 +1,92 @@
-"""The command `pincette`."""
+"""The command line: exit statuses, the error that a person reads, and the rig file to use."""
+
+import os
+from collections.abc import Mapping
+from enum import IntEnum
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+
+class Exit(IntEnum):
+    """Exit statuses of the command line."""
+
+    DONE = 0
+    FAILED = 1
+    USAGE = 2
+    NO_ANSWER = 3
+    NOT_READY = 4
+    LIMIT = 5
+    INTERRUPTED = 130
+
+
+MEANINGS: Mapping[Exit, str] = {
+    Exit.DONE: "done; a job that was followed has succeeded",
+    Exit.FAILED: "refused or failed; a job that was followed has ended otherwise",
+    Exit.USAGE: "the command line cannot be understood",
+    Exit.NO_ANSWER: "no supervisor answers",
+    Exit.NOT_READY: "the rig is latched or not ready; nothing has moved",
+    Exit.LIMIT: "a limit of the rig would be broken; nothing has moved",
+    Exit.INTERRUPTED: "ended by Ctrl-C; a job that was followed goes on",
+}
+
+
+class CliError(Exception):
+    """The command cannot be carried out; the text says why, and what to do."""
+
+    def __init__(self, text: str, status: int = Exit.FAILED) -> None:
+        super().__init__(text)
+        self.status = status
+
+
+if TYPE_CHECKING:
+    from pincette.config import RigFile
+
+RIG_VARIABLE = "PINCETTE_RIG"
+PKI = "PINCETTE_PKI"
+"""Names a folder of certificates in place of the rig file's, for tools beside `up --secure`."""
+IN_A_CHECKOUT = Path("deploy/rigs/demo.toml")
+IN_THE_PACKAGE = "rigs/demo.toml"
+"""The same file, as the wheel brings it along."""
+
+
+def chosen(given: Path | None) -> Path:
+    """The file of ``--rig``, else of the environment, else the demo's: a checkout's, or ours.
+
+    Raises
+    ------
+    CliError
+        Where none of them names a file.
+    """
+    if given is not None:
+        return given
+    named = os.environ.get(RIG_VARIABLE)
+    if named:
+        return Path(named)
+    if IN_A_CHECKOUT.is_file():
+        return IN_A_CHECKOUT
+    if (ours := brought()) is not None:
+        return ours
+    raise CliError(
+        f"no rig file: {IN_A_CHECKOUT} is not in {Path.cwd()}. Name one with --rig FILE or in "
+        f"the environment variable {RIG_VARIABLE}, or work in a checkout of pincette"
+    )
+
+
+def brought() -> Path | None:
+    """The demo's rig file that was installed with the package; None where it runs in place."""
+    with as_file(files("pincette") / IN_THE_PACKAGE) as path:
+        return path if path.is_file() else None
+
+
+def opened(path: Path) -> "RigFile":
+    """Read a rig file; raises CliError with what is wrong in it."""
+    # The models of a rig file take longer to load than a help text to show.
+    from pincette.config import ConfigError, read_rig
+
+    try:
+        rig = read_rig(path)
+    except ConfigError as error:
+        raise CliError(f"{error}\nMend the file, or name another with --rig") from error
+    pki = os.environ.get(PKI)
+    return rig.secured(Path(pki)) if pki else rig

@@ -1,97 +1,241 @@
-"""``pincette job``: start a job and follow it, act on one, list them."""
+"""``pincette job``, ``plan`` and ``stop``: start jobs, follow them, act on them."""
 
-import argparse
-from typing import Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, get_args
 
-from pincette.cli import job_acts, job_lists, job_words
-from pincette.cli.exit_status import Exit, of_job
-from pincette.cli.follow import follow
-from pincette.cli.options import Words, addressed, does, words
-from pincette.cli.output import emit, screen
-from pincette.cli.rest import FOLLOWED_S, CliError, rig_of
-from pincette.cli.show import show_result
-from pincette.cli.show_plan import show_plan
-from pincette.client import JobHandle, RigHandle
+from rich.console import Console
+from typer import Argument, BadParameter, Option, Typer
 
-ABOUT = "start a job and follow it, act on one, list them"
-CALIBRATE = "calibrate one thing of the rig: the same as `job calibrate`"
+from pincette.api.job_kinds import JobKind, job_kinds
+from pincette.api.jobs import Job
+from pincette.api.states import ActionType
+from pincette.cli import CliError, Exit
+from pincette.cli.access import FOLLOWED_S, Target
+from pincette.cli.options import Limit, Picture, given_fields, help_text, request_parameters
+from pincette.cli.results import outcome, show_plan, show_result
+from pincette.cli.terminal import STATE_COLOURS, clock, command, group, screen, table
+from pincette.cli.watch import followed
+from pincette.client import RigHandle, WaitTimeoutError
 
-
-def add(word: Words) -> None:
-    """Add ``job`` with every kind and every action, and ``calibrate``."""
-    kinds = words(word("job", ABOUT), "what", "KIND")
-    job_words.add(kinds, _starts)
-    job_acts.add(kinds)
-    job_lists.add(kinds)
-    job_words.add_calibrations(does(word("calibrate", CALIBRATE), start), _calibrates)
-
-
-def _starts(word: argparse.ArgumentParser) -> None:
-    job_words.taking(word)
-    word.add_argument("--dry-run", action="store_true", help="plan and predict only")
-    word.add_argument(
-        "--no-wait", action="store_true", help="do not follow the job: print its id, and end"
-    )
-    if word.get_default("kind") == "release":
-        word.add_argument(
-            "name",
-            metavar="JOB",
-            nargs="?",
-            help="the job whose part it is; left out, a job of its own lets go of what is held",
-        )
-        does(addressed(word), _release)
-        return
-    does(addressed(word), start)
+ACTIONS: Mapping[ActionType, str] = {
+    "pause": "pause a job at its next safe point; a held part stays held with its force",
+    "resume": "let a paused job go on",
+    "stop": "stop a job; a held part stays held",
+    "abort": "abort a job: the actuator goes to its safe state and latches",
+    "continue": "go on with a job that waits for you",
+    "start": "begin a job that was created and is ready",
+}
+STOPPED_S = 60.0
+"""How long ``stop`` waits for the rig to confirm."""
 
 
-def _calibrates(word: argparse.ArgumentParser) -> None:
-    word.set_defaults(kind="calibrate")
-    _starts(word)
+def label(text: str) -> tuple[str, str]:
+    """A label as NAME=TEXT."""
+    name, equals, value = text.partition("=")
+    if not equals or not name:
+        raise BadParameter(f"{text!r} is no label: give NAME=TEXT, such as part=b12")
+    return name, value
 
 
-def _release(given: argparse.Namespace) -> int:
-    return start(given) if given.name is None else job_acts.ask(given, "release")
+ID = "its id, or `last`"
+JobName = Annotated[str, Argument(metavar="JOB", help=ID)]
+DryRun = Annotated[bool, Option("--dry-run", help="plan and predict only")]
+NoWait = Annotated[bool, Option("--no-wait", help="print the id of the job, and do not follow it")]
+Queue = Annotated[bool, Option("--queue", help="wait for the job that has the rig")]
+Labels = Annotated[
+    list[Any] | None,
+    Option("--label", parser=label, metavar="NAME=TEXT", help="kept with the job; repeatable"),
+]
+
+app = group()
+job_app = group("job", "start a job and follow it, act on one, list them")
+plan_app = group("plan", "say what a job would do, and every limit that it would break")
+app.add_typer(job_app)
+app.add_typer(plan_app)
 
 
-def start(given: argparse.Namespace) -> int:
-    """Start a job and follow it to its end; the exit status says whether it succeeded."""
-    rig, wishes = rig_of(given), job_words.wishes(given)
-    if given.dry_run:
-        return planned(rig, given.kind, wishes, machine=given.json)
-    job = rig.start(given.kind, **wishes)
-    if given.no_wait:
-        if given.json:
-            emit(job.job)
-        else:
-            print(job.id)
-        return Exit.DONE
-    return followed(job, machine=given.json)
+def _add_start(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[str, Any]) -> None:
+    """Add the command that starts a job of a kind, or of a variant of it."""
+    request = kind.request_of(fixed.get(kind.variant_field, ""))
+    more = request_parameters(request, tuple(fixed))
+
+    def start(
+        target: Target,
+        queue: Queue = False,
+        labels: Labels = None,
+        dry_run: DryRun = False,
+        no_wait: NoWait = False,
+        **given: Any,
+    ) -> int | None:
+        fields = {**fixed, **given_fields(given)}
+        if queue:
+            fields["queue"] = True
+        if labels:
+            fields["labels"] = dict(labels)
+        rig = target.rig()
+        if dry_run:
+            return _planned(target, rig, kind, fields)
+        job = rig.start(kind.name, **fields)
+        if not no_wait:
+            return followed(job.patient(FOLLOWED_S), machine=target.json)
+        target.answer(job.job, job.id)
+        return None
+
+    def act_or_start(
+        target: Target,
+        job: Annotated[
+            str | None,
+            Argument(metavar="JOB", help="the job to ask; a new job does it if not given"),
+        ] = None,
+        queue: Queue = False,
+        labels: Labels = None,
+        dry_run: DryRun = False,
+        no_wait: NoWait = False,
+        **given: Any,
+    ) -> int | None:
+        if job is not None:
+            return _act(target, job, name)  # pyright: ignore[reportArgumentType]
+        return start(target, queue, labels, dry_run, no_wait, **given)
+
+    is_action = name in get_args(ActionType)
+    command(below, name, more, help=about)(act_or_start if is_action else start)
 
 
-def followed(job: JobHandle, *, machine: bool) -> int:
-    """Follow a job to its end, and show what came of it."""
-    console = screen(machine=machine)
-    patient = job.patient(FOLLOWED_S)
-    try:
-        follow(patient, console)
-    except KeyboardInterrupt:
-        raise CliError(
-            f"no longer followed, but job {job.id} goes on: `pincette job stop {job.id}` stops "
-            "it, `pincette estop` stops the rig",
-            Exit.INTERRUPTED,
-        ) from None
-    if machine:
-        emit(patient.job)
-    else:
-        show_result(patient.job.model_dump(mode="json"), console)
-    return of_job(patient.job)
+def _add_plan(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[str, Any]) -> None:
+    request = kind.request_of(fixed.get(kind.variant_field, ""))
+    more = request_parameters(request, tuple(fixed))
+
+    def plan(target: Target, plot: Picture = None, **given: Any) -> int:
+        fields, rig = {**fixed, **given_fields(given)}, target.rig()
+        status = _planned(target, rig, kind, fields)
+        if plot is not None:
+            written(plot, rig.plot(kind.name, **fields))
+            if not target.json:
+                print(f"plot: {plot}")
+        return status
+
+    def plan_alone(target: Target, **given: Any) -> int:
+        return plan(target, None, **given)
+
+    command(below, name, more, help=about)(plan if kind.predicted else plan_alone)
 
 
-def planned(rig: RigHandle, kind: Any, wishes: dict[str, Any], *, machine: bool) -> int:
+def _planned(target: Target, rig: RigHandle, kind: JobKind, fields: dict[str, Any]) -> int:
     """Show what a job would do; the exit status says whether it may."""
-    plan = rig.plan(kind, **wishes)
-    if machine:
-        emit(plan)
-    else:
-        show_plan(plan, screen())
+    plan = rig.plan(kind.name, **fields)
+    target.answer(plan, lambda: show_plan(plan, screen()))
     return Exit.DONE if plan.feasible else Exit.LIMIT
+
+
+def written(path: Path, content: bytes) -> None:
+    """Write a file; raises CliError if it cannot be written."""
+    try:
+        path.write_bytes(content)
+    except OSError as error:
+        raise CliError(f"{path} cannot be written ({error.strerror}): name another") from error
+
+
+def _add_kinds() -> None:
+    for kind in job_kinds().values():
+        about = help_text(kind.summary)
+        if not kind.variants:
+            _add_start(job_app, kind.name, about, kind, {})
+            _add_plan(plan_app, kind.name, about, kind, {})
+            continue
+        below, plans = group(kind.name, about), group(kind.name, about)
+        for variant in kind.variants.values():
+            fixed, about = {kind.variant_field: variant.name}, help_text(variant.summary)
+            _add_start(below, variant.name, about, kind, fixed)
+            _add_plan(plans, variant.name, about, kind, fixed)
+        job_app.add_typer(below)
+        plan_app.add_typer(plans)
+
+
+def _act(target: Target, name: str, action: ActionType) -> None:
+    """Ask a job for an action."""
+    job = target.job(name)
+    answer = job.act(action)
+    target.answer(answer, f"job {job.id}: {action} taken; it is {answer.state}")
+
+
+def _add_action(action: ActionType, about: str) -> None:
+    def act(target: Target, job: JobName) -> None:
+        _act(target, job, action)
+
+    command(job_app, action, help=about)(act)
+
+
+@command(app, "stop")
+def stop(
+    target: Target,
+    name: Annotated[
+        str | None, Argument(metavar="JOB", help=f"{ID}; the one that runs if not given")
+    ] = None,
+) -> None:
+    """Stop a job, and wait for its end."""
+    job = target.job(name) if name else target.rig().active_job()
+    if job is None:
+        target.answer(None, "no job runs")
+        return
+    job.stop()
+    try:
+        job.wait(STOPPED_S)
+    except WaitTimeoutError as error:
+        raise CliError(f"{error}; `pincette estop` stops the rig at once") from error
+    text = f"job {job.id} is {job.state}"
+    if "release" in job.job.allowed_actions:
+        text += f"\nits part is still held: `pincette job release {job.id}` releases it"
+    target.answer(job.job, text)
+
+
+@command(job_app, "list")
+def list_jobs(
+    target: Target,
+    limit: Limit = 20,
+    state: Annotated[str | None, Option("--state", metavar="STATE", help="only jobs in it")] = None,
+    kind: Annotated[str | None, Option("--kind", metavar="KIND", help="only jobs of it")] = None,
+    label: Annotated[
+        str | None, Option("--label", metavar="NAME=TEXT", help="only jobs that carry it")
+    ] = None,
+) -> None:
+    """List jobs, the newest first."""
+    filters = {"rig": target.rig_name, "state": state, "kind": kind, "label": label}
+    wanted = {name: value for name, value in filters.items() if value is not None}
+    jobs = [handle.job for handle in target.supervisor().jobs(limit, **wanted)]
+    rig = ["rig"] if len({job.rig for job in jobs}) > 1 else []
+    rows = table("job", *rig, "kind", "state", "outcome", "begun", right=())
+    for job in jobs:
+        state_text = f"[{STATE_COLOURS.get(job.state, 'default')}]{job.state}[/]"
+        begun = clock(job.started_at or job.created_at)
+        cells = (job.kind, state_text, outcome(job), begun)
+        rows.add_row(job.id, *([job.rig] if rig else []), *cells)
+    none = "no such job" if wanted else "no job yet; `pincette job grip` starts one"
+    target.answer(jobs, rows, none)
+
+
+def show_job(job: Job, console: Console) -> None:
+    """Print a job: its result, its request, its actions."""
+    show_result(job, console)
+    given = [f"{name} = {value}" for name, value in job.request.items() if name != "labels"]
+    given += [f"{name}: {value}" for name, value in job.labels.items()]
+    console.print(f"\nasked for: {', '.join(given)}", markup=False)
+    for action in job.actions:
+        at = "" if action.seq is None else f", took effect at sample {action.seq}"
+        console.print(
+            f"{clock(action.requested_at)}  {action.type} by {action.by}{at}", markup=False
+        )
+    if job.allowed_actions:
+        console.print(f"can be asked for: {', '.join(job.allowed_actions)}", markup=False)
+
+
+@command(job_app, "show")
+def show(target: Target, job: JobName) -> None:
+    """Show a job: its request, its result, its actions."""
+    found = target.job(job).job
+    target.answer(found, lambda: show_job(found, screen()))
+
+
+_add_kinds()
+for _action, _about in ACTIONS.items():
+    _add_action(_action, _about)

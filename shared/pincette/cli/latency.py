@@ -1,101 +1,296 @@
-"""The word ``latency``: how punctual this machine is, and which control period it supports."""
+"""``pincette latency``: the timing of this machine, and the period it supports."""
 
-import argparse
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from math import log10
 from pathlib import Path
+from time import monotonic
+from typing import Annotated, Any
 
+from msgspec.structs import asdict
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn
+from typer import BadParameter, Option
+
+from pincette.api.live import Spread
 from pincette.bus.protocol import BusError
-from pincette.cli.exit_status import Exit
-from pincette.cli.latency_progress import shown
-from pincette.cli.options import Words, does, machine
-from pincette.cli.output import emit, screen
-from pincette.cli.rest import CliError
-from pincette.cli.rig_file import chosen, opened
-from pincette.cli.show_latency import tell, tree
-from pincette.config.realtime import Wishes
-from pincette.latency.rule import shortest_supported_s
-from pincette.runtime.measuring.machine import PERIODS_S, MeasuringError, measure
+from pincette.cli import CliError, Exit, chosen, opened
+from pincette.cli.options import DATA, DataFolder, Picture
+from pincette.cli.rigs import milliseconds
+from pincette.cli.terminal import Json, command, emit, group, screen, table
+from pincette.config import RigFile
+from pincette.config.programs import Scheduling
+from pincette.engine.measuring.kept import changes_of, keep
+from pincette.engine.measuring.machine import PERIODS_S, Findings, MeasuringError, measure
+from pincette.engine.measuring.machine import Progress as Report
+from pincette.latency.histogram import NS_PER_S, Distribution, first_ns
+from pincette.latency.rule import (
+    FEWEST,
+    HOPS,
+    HOPS_SHARE,
+    LATE_SHARE,
+    LATEST_SHARE,
+    TAIL,
+    Measured,
+    objections,
+    shortest_supported_s,
+)
+from pincette.plotting import (
+    BLUE,
+    FAINT,
+    GREEN,
+    INK,
+    ORANGE,
+    RED,
+    Axis,
+    label,
+    legend,
+    picture,
+)
+from pincette.records.timings import spread
 
-ABOUT = "measure how punctual this machine is, and say which control period it supports"
-SECONDS = (1.0, 86_400.0)
-PERIOD_S = (1e-4, 1.0)
+LOOK_S = 0.5
 
-
-def add(word: Words) -> None:
-    """Add ``latency``."""
-    one = word("latency", ABOUT)
-    one.add_argument(
-        "--seconds",
-        type=_seconds,
-        default=30.0,
-        metavar="S",
-        help="how long in all; %(default)g s if not given",
-    )
-    one.add_argument(
-        "--period-s",
-        type=_period,
-        metavar="T",
-        help="of the grid; several from 20 ms down to 1 ms if not given",
-    )
-    one.add_argument(
-        "--load", action="store_true", help="while every processor and the disk are kept busy"
-    )
-    one.add_argument("--plot", type=Path, metavar="FILE", help="draw the wake-ups there, as PNG")
-    one.add_argument(
-        "--rig",
-        type=Path,
-        dest="asks",
-        metavar="FILE",
-        help="rig file whose [realtime] is asked for; the defaults where there is none",
-    )
-    does(machine(one), latency)
+app = group()
 
 
-def latency(given: argparse.Namespace) -> int:
-    """Measure, and say what is supported; the status says whether it is."""
-    periods_s = PERIODS_S if given.period_s is None else (given.period_s,)
-    wishes = _wishes(given.asks)
+def _within(least_s: float, most_s: float) -> Callable[[str], float]:
+    """Reader of a time between two limits."""
+
+    def read(text: str) -> float:
+        try:
+            value_s = float(text)
+        except ValueError:
+            value_s = -1.0
+        if not least_s <= value_s <= most_s:
+            raise BadParameter(f"{text!r}: wanted {least_s:g} s to {most_s:g} s")
+        return value_s
+
+    return read
+
+
+@command(app, "latency")
+def latency(
+    form: Json,
+    seconds: Annotated[
+        float,
+        Option("--seconds", parser=_within(1.0, 86_400.0), metavar="S", help="how long in all"),
+    ] = 30.0,
+    period_s: Annotated[
+        float | None,
+        Option(
+            "--period-s",
+            parser=_within(1e-4, 1.0),
+            metavar="T",
+            help="of the grid; several from 20 ms down to 1 ms if not given",
+        ),
+    ] = None,
+    load: Annotated[
+        bool, Option("--load", help="while every processor and the disk are kept busy")
+    ] = False,
+    picture: Picture = None,
+    rig: Annotated[
+        Path | None,
+        Option(
+            "--rig",
+            metavar="FILE",
+            help="rig file whose [realtime] is asked for; the defaults if there is none",
+        ),
+    ] = None,
+    data: DataFolder = DATA,
+) -> int:
+    """Measure, keep it, and print what is supported; the exit status is 1 if no period is."""
+    file = _rig_file(rig)
+    periods_s = PERIODS_S if period_s is None else (period_s,)
+    scheduling = Scheduling() if file is None else file.realtime.of("sensor")
     try:
-        with shown(given.seconds) as progress:
-            found = measure(periods_s, given.seconds, wishes, progress, loaded=given.load)
+        with progress(seconds) as report:
+            found = measure(periods_s, seconds, scheduling, report, loaded=load)
     except (MeasuringError, BusError) as error:
         raise CliError(f"this machine could not be measured: {error}") from error
+    keep(data, found, datetime.now(UTC).isoformat(timespec="seconds"))
     supported_s = shortest_supported_s(found.wake_ups, found.hop)
-    if given.json:
-        emit(tree(found, supported_s))
+    proposals = [] if file is None or file.lockstep else changes_of(file, found)
+    if form.json:
+        emit({**tree(found, supported_s), "changes": [one._asdict() for one in proposals]})
     else:
-        tell(found, supported_s, screen())
-    if given.plot is not None:
-        # Nothing else waits for the drawing library.
-        from pincette.cli.latency_plot import plot
+        print_report(found, supported_s, screen())
+        for one in proposals:
+            print(f"suits this machine: {one.words()}")
+    if picture is not None:
+        # Only this loads the drawing library.
+        from pincette.cli.latency import plot
 
-        given.plot.write_bytes(plot(found))
-        if not given.json:
-            print(f"plot: {given.plot}")
+        picture.write_bytes(plot(found))
+        if not form.json:
+            print(f"plot: {picture}")
     return Exit.FAILED if supported_s is None else Exit.DONE
 
 
-def _wishes(path: Path | None) -> Wishes:
-    """What the rig file's sensor asks for, or where there is none, what is asked for by default."""
+def _rig_file(path: Path | None) -> RigFile | None:
+    """The rig file that is chosen; None if there is none."""
     try:
         path = chosen(path)
     except CliError:
-        return Wishes()
-    return opened(path).realtime.of("sensor")
+        return None
+    return opened(path)
 
 
-def _seconds(text: str) -> float:
-    return _within(text, *SECONDS)
+@contextmanager
+def progress(for_s: float) -> Generator[Report]:
+    """Show on standard error what is measured, for about so long in all."""
+    console = screen(machine=True)
+    if not console.is_terminal:
+        yield lambda what, part_s: console.print(f"{what}: {part_s:.1f} s")
+        return
+    name, share = TextColumn("{task.description:<24}"), TextColumn("{task.percentage:>3.0f} %")
+    # It refreshes itself seldom: what draws takes the time of what is measured.
+    with Progress(
+        name, BarColumn(), share, console=console, auto_refresh=False, transient=True
+    ) as bar:
+        task, over = bar.add_task("", total=for_s), threading.Event()
+        begin_s = monotonic()
+
+        def draw() -> None:
+            while not over.wait(LOOK_S):
+                bar.update(task, completed=min(for_s, monotonic() - begin_s), refresh=True)
+
+        drawing = threading.Thread(target=draw, daemon=True)
+        drawing.start()
+        try:
+            yield lambda what, _part_s: bar.update(task, description=what, refresh=True)
+        finally:
+            over.set()
+            drawing.join()
 
 
-def _period(text: str) -> float:
-    return _within(text, *PERIOD_S)
+SHORTEST_S, DECADES, PER_DECADE = 1e-6, 5, 3
+BARS = " ▁▂▃▄▅▆▇█"
+RULE = (
+    f"A period T is supported where of at least {FEWEST} wake-ups p99.9 is late by no more than "
+    f"{LATE_SHARE:g} T and none by more than {LATEST_SHARE:g} T, and {HOPS} hops at their p99.9 "
+    f"take no more than {HOPS_SHARE:g} T."
+)
 
 
-def _within(text: str, least_s: float, most_s: float) -> float:
-    try:
-        value_s = float(text)
-    except ValueError:
-        value_s = -1.0
-    if not least_s <= value_s <= most_s:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted {least_s:g} s to {most_s:g} s")
-    return value_s
+def tree(found: Findings, supported_s: float | None) -> dict[str, Any]:
+    """What was measured and what follows from it, as plain data."""
+    return {
+        "shortest_supported_s": supported_s,
+        "rule": RULE,
+        "periods": [_period(one, found.hop) for one in found.wake_ups],
+        "hop": _spread(found.hop),
+        "loaded": found.loaded,
+        "refused": found.refused,
+        "kernel": found.kernel,
+        "processors": found.processors,
+        "stolen_s": found.stolen_s,
+    }
+
+
+def _period(measured: Measured, hop: Distribution) -> dict[str, Any]:
+    why = objections(measured, hop)
+    return {
+        "period_s": measured.period_s,
+        "supported": not why,
+        "objections": list(why),
+        "missed": measured.missed,
+        "lateness": _spread(measured.lateness) | asdict(measured.lateness),
+    }
+
+
+def _spread(lateness: Distribution) -> dict[str, Any]:
+    return spread(lateness).model_dump()
+
+
+def print_report(found: Findings, supported_s: float | None, console: Console) -> None:
+    """Print it."""
+    load = "under load" if found.loaded else "as it is"
+    console.print(f"{found.kernel}, {found.processors} processors, {load}", markup=False)
+    if found.refused:
+        console.print(f"measured without {found.refused}", markup=False, soft_wrap=True)
+    console.print("lateness of wake-ups on a grid, and a hop over the bus, in ms")
+    names = ("grid", "count", "p50", "p99", "p99.9", "max", "missed", "fits")
+    rows = table(*names, scale(), right=names[1:-1])
+    rows.columns[-1].no_wrap = True
+    for one in found.wake_ups:
+        fits = "no" if objections(one, found.hop) else "yes"
+        name = f"{1e3 * one.period_s:g} ms"
+        rows.add_row(name, *_cells(one.lateness), str(one.missed), fits, bars(one.lateness))
+    rows.add_row("hop", *_cells(found.hop), "", "", bars(found.hop))
+    console.print(rows)
+    for one in found.wake_ups:
+        for why in objections(one, found.hop):
+            console.print(escape(f"not {1e3 * one.period_s:g} ms: {why}"), soft_wrap=True)
+    if found.stolen_s:
+        console.print(f"the machine's host took {found.stolen_s:.2f} s of processor time meanwhile")
+    if supported_s is None:
+        console.print("supported: none of these periods")
+    else:
+        console.print(f"supported: {1e3 * supported_s:g} ms and longer ({1 / supported_s:g} Hz)")
+    console.print(RULE, soft_wrap=True)
+
+
+def _cells(lateness: Distribution) -> list[str]:
+    found: Spread = spread(lateness)
+    shown = (found.p50_s, found.p99_s, found.p999_s, found.max_s)
+    return [str(found.count), *map(milliseconds, shown)]
+
+
+def scale() -> str:
+    """Head of the histograms: from 1 µs on, a column for a third of a decade."""
+    return f"{'1 µs':<{PER_DECADE * 3}}{'1 ms':<{PER_DECADE * 2}}"
+
+
+def bars(lateness: Distribution) -> str:
+    """A histogram in a line; each bar stands for the logarithm of a count."""
+    columns = [0] * (DECADES * PER_DECADE)
+    for bucket, count in zip(lateness.buckets, lateness.counts, strict=True):
+        end_s = first_ns(bucket + 1) / NS_PER_S
+        place = int(PER_DECADE * log10(end_s / SHORTEST_S))
+        columns[min(max(0, place), len(columns) - 1)] += count
+    highest = log10(max(*columns, 9) + 1)
+    steps = len(BARS) - 1
+    return "".join(
+        BARS[max(1, round(steps * log10(count + 1) / highest)) if count else 0] for count in columns
+    )
+
+
+COLOURS = (BLUE, ORANGE, GREEN, RED, "#6b5b95")
+HEIGHT_IN = 4.6
+
+
+def plot(found: Findings) -> bytes:
+    """Draw every period, the hops, and the limits of the rule for the shortest; a PNG."""
+
+    def lines(axes: list[Axis]) -> None:
+        (axis,) = axes
+        for measured, colour in zip(found.wake_ups, COLOURS, strict=False):
+            name = f"wake-ups each {1e3 * measured.period_s:g} ms"
+            _draw(axis, measured.lateness, colour, name)
+        _draw(axis, found.hop, FAINT, "hop over the bus")
+        shortest_s = min(measured.period_s for measured in found.wake_ups)
+        for share, style in ((LATE_SHARE, "--"), (LATEST_SHARE, ":")):
+            name = f"{share:g} of {1e3 * shortest_s:g} ms"
+            axis.axvline(1e3 * share * shortest_s, color=INK, linestyle=style, label=name)
+        axis.axhline(1.0 - TAIL, color=FAINT, linewidth=0.8)
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        label(axis, "late by more than, in ms", "share of wake-ups", found.kernel)
+        legend(axis, "lower left")
+
+    return picture(1, 1, HEIGHT_IN, lines)
+
+
+def _draw(axis: Axis, lateness: Distribution, colour: str, name: str) -> None:
+    ends_ms: list[float] = []
+    shares: list[float] = []
+    left = lateness.count
+    for bucket, count in zip(lateness.buckets, lateness.counts, strict=True):
+        ends_ms.append(1e3 * first_ns(bucket + 1) / NS_PER_S)
+        shares.append(left / lateness.count)
+        left -= count
+    axis.plot(ends_ms, shares, color=colour, label=name, drawstyle="steps-pre")

@@ -1,106 +1,152 @@
-"""The words of the command line, and what each calls."""
+"""Every command of ``pincette``; the module of one is imported when it is used."""
 
-import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+from typer.exceptions import TyperException
 
 from pincette import __version__
-from pincette.cli import (
-    alarms,
-    audit,
-    bench,
-    checks,
-    diagnosis,
-    exit_status,
-    job,
-    job_acts,
-    key,
-    latency,
-    listings,
-    model,
-    plan,
-    queue,
-    recipes,
-    record_words,
-    replay,
-    rig_file,
-    rig_orders,
-    run,
-    security,
-    stop,
-    study,
-    teach,
-    up,
-    watch,
-)
-from pincette.cli.exit_status import Exit
-from pincette.cli.options import Words, words
-from pincette.cli.output import emit
-from pincette.cli.rest import CliError, silence
-from pincette.client import ClientError, NoAnswerError, ProblemError
+from pincette.cli import IN_A_CHECKOUT, MEANINGS, RIG_VARIABLE, CliError, Exit
+from pincette.cli.terminal import Command, Group
+from pincette.core import plugins
 
+HELP_WIDTH = 100
 ABOUT = "Control position and contact force of a piezoelectric microgripper."
-EXAMPLES = f"""\
-to begin with:
+STATUSES = "\n".join(f"  {status.value:>3}  {meaning}" for status, meaning in MEANINGS.items())
+EPILOG = f"""\
+\b
+First steps:
   pincette demo                     a simulated rig grips a bead; nothing else is needed
+  pincette init bench.toml          write the rig file of a bench; it asks what it needs
   pincette up                       start a rig; then, in another terminal:
+  pincette bring-up                 calibrate it, one step after the other
   pincette plan grip --force-mN 15  what a grip would do, and whether it may
   pincette job grip --force-mN 15   grip its part, and follow it
   pincette job track --cycles 3     let position and force follow a path
-  pincette calibrate noise          find out what the rig is; `pincette model` shows the result
+  pincette calibrate noise          measure the rig; `pincette model` shows the result
   pincette stop                     stop the job that runs; a held part stays held
   pincette estop                    stop every rig at once; `pincette reset` clears the latch
   pincette doctor                   what is missing, and how to get it
   pincette rigs                     every rig that the supervisor has found
 
-exit status:
-{exit_status.table()}
+\b
+Exit status:
+{STATUSES}
 
-The rig file is that of --rig, else of the environment variable {rig_file.VARIABLE},
-else {rig_file.IN_A_CHECKOUT} in a checkout. `pincette COMMAND --help` says more of each.
+\b
+The rig file is that of --rig, else of the environment variable {RIG_VARIABLE},
+else {IN_A_CHECKOUT} in a checkout. `pincette COMMAND --help` says more of each.
 """
-COMMANDS: Sequence[Callable[[Words], None]] = (
-    up.add,
-    diagnosis.add,
-    latency.add,
-    plan.add,
-    job.add,
-    job_acts.add_stop,
-    watch.add,
-    alarms.add,
-    checks.add,
-    queue.add,
-    record_words.add,
-    replay.add,
-    recipes.add,
-    model.add,
-    stop.add,
-    listings.add,
-    rig_orders.add,
-    teach.add,
-    study.add,
-    key.add,
-    audit.add,
-    security.add,
-    bench.add,
-    run.add,
-)
-"""What adds each word, in the order of the help."""
+PLUGIN = ""
+"""In place of a module: the command is an entry point of the group ``pincette.commands``."""
+COMMANDS: Mapping[str, tuple[str, str]] = {
+    "up": ("up", "start every program of a rig on this machine; Ctrl-C ends them"),
+    "demo": ("up", "start a rig, grip its part, show the result, end"),
+    "init": ("init", "ask what a rig file needs to know of a bench, and write it"),
+    "doctor": ("doctor", "say what is missing for a rig, and how to get it"),
+    "latency": (
+        "latency",
+        "measure how punctual this machine is, and say which control period it supports",
+    ),
+    "plan": (
+        "job",
+        "say what a job would do, with the predicted course and every limit it would break",
+    ),
+    "job": ("job", "start a job and follow it, act on one, list them"),
+    "stop": ("job", "stop the job that runs, and wait until the rig confirms; a held part stays"),
+    "watch": ("watch", "follow a job to its end, or every event of the rigs, until Ctrl-C"),
+    "alarms": ("safety", "list the alarms of the rigs, or acknowledge one; nothing moves"),
+    "checks": ("rigs", "show every check of a rig: programs, ages, latch, disk, lease, model"),
+    "queue": ("rigs", "show the jobs that wait for the one that runs; resume or clear them"),
+    "records": ("records", "list records of jobs, and download their files"),
+    "replay": (
+        "records",
+        "run a recorded job through its services again, and name the first difference",
+    ),
+    "recipe": ("model", "save sets of parameters for parts; `job grip --recipe NAME` uses one"),
+    "bring-up": ("bring_up", "lead through the calibrations of a rig in their order"),
+    "model": ("model", "show the model in use, and decide about what calibrations propose"),
+    "estop": ("safety", "stop every rig at once, or one: over REST, else directly at the actuator"),
+    "reset": ("safety", "clear the latch; its cause has been seen to"),
+    "rigs": ("rigs", "list the rigs of a supervisor: what each does, and why no job can start"),
+    "timing": ("rigs", "show how punctual the programs of a loop have been since they were armed"),
+    "topics": ("records", "list the keys of a rig and what is sent over them"),
+    "drivers": ("drivers", "list the drivers of sensors and outputs, and their options"),
+    "rig": ("rigs", "operate a simulated rig: its part, weights, faults; alone: list them"),
+    "teach": ("model", "identify the free response of a rig's arm, nothing in its way"),
+    "paper": (PLUGIN, "repeat the paper's experiments on a simulated rig; some minutes"),
+    "key": ("access", "make, list and revoke keys of the REST interface, in a data folder"),
+    "audit": ("access", "list who did what over REST, and who was refused; needs scope admin"),
+    "security": ("security", "certificates: who is who on the bus, and so what each may do there"),
+    "bench": ("up", "measure the loop beside a bare ring, in a checkout; writes bench.json"),
+    "run": ("up", "run one program of a rig in the foreground"),
+}
+"""Every command with its module and its meaning, in the order of the help; kinds of job follow."""
 
 
-def parser() -> argparse.ArgumentParser:
+class LazyGroup(Group):
+    """The top of the command line: it knows every command, and imports the one that is used."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        kinds = {name: f"the same as `job {name}`" for name in plugins.names(plugins.JOB_KINDS)}
+        abouts = kinds | {name: about for name, (_, about) in COMMANDS.items()}
+        for name in (*COMMANDS, *sorted(abouts.keys() - COMMANDS.keys())):
+            self.add_command(Command(name, help=abouts[name], rich_markup_mode=None))
+
+    def resolve_command(self, ctx: typer.Context, args: list[str]) -> Any:  # type: ignore[override]
+        """Find the command of a name, and import it."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, None if name is None else load(name), rest
+
+
+def load(name: str) -> Any:
+    """Import a command, which the ``app`` of its module holds; a kind of job is below ``job``."""
+    if name not in COMMANDS:
+        return load("job").commands[name]
+    module, about = COMMANDS[name]
+    if module == PLUGIN:
+        app: typer.Typer = plugins.load(plugins.COMMANDS, name)
+    else:
+        app = import_module(f"pincette.cli.{module}").app
+    found = typer.main.get_group(app).commands[name]
+    found.help = about
+    return found
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"pincette {__version__}")
+        raise typer.Exit
+
+
+def _top(
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="show the version, and end"
+        ),
+    ] = False,
+) -> None:
+    """Options before a command."""
+
+
+def application() -> TyperGroup:
     """The whole command line."""
-    top = argparse.ArgumentParser(
-        prog="pincette",
-        description=ABOUT,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    app = typer.Typer(
+        cls=LazyGroup,
+        help=ABOUT,
+        epilog=EPILOG,
+        rich_markup_mode=None,
+        context_settings={"max_content_width": HELP_WIDTH},
     )
-    top.add_argument("--version", action="version", version=f"pincette {__version__}")
-    word = words(top, "word", "COMMAND")
-    for add in COMMANDS:
-        add(word)
-    return top
+    app.callback()(_top)
+    found: Any = typer.main.get_command(app)
+    return found
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -109,23 +155,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if reconfigure is not None:
         # A terminal that cannot show µ is no reason to fail.
         reconfigure(errors="replace")
-    given = parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        if "rig" in given:
-            given.rig = rig_file.chosen(given.rig)
-        return given.call(given)
+        status = application().main(given, prog_name="pincette", standalone_mode=False)
     except CliError as error:
-        return _failed(str(error), error.status)
-    except NoAnswerError as error:
-        return _failed(silence(getattr(given, "url", None), error), Exit.NO_ANSWER)
-    except ClientError as error:
-        if isinstance(error, ProblemError) and getattr(given, "json", False):
-            emit(error.problem)
-        return _failed(str(error), exit_status.of_error(error))
+        return _failed("pincette", str(error), error.status)
+    except TyperException as error:
+        return _misused(error)
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
+    return int(status or Exit.DONE)
 
 
-def _failed(text: str, status: int) -> int:
-    sys.stderr.write(f"pincette: {text}\n")
+def _misused(error: TyperException) -> int:
+    """Say what is wrong with the words of a command line, and where help is."""
+    context: Any = getattr(error, "ctx", None)
+    place = "pincette" if context is None else str(context.command_path)
+    close: Sequence[str] = getattr(error, "possibilities", None) or ()
+    text = error.message if close else error.format_message()
+    hint = f". Did you mean {' or '.join(close)}?" if close else ""
+    return _failed(place, f"{text}{hint}\n`{place} --help` lists what there is", Exit.USAGE)
+
+
+def _failed(place: str, text: str, status: int) -> int:
+    sys.stderr.write(f"{place}: {text}\n")
     return status

@@ -1,68 +1,280 @@
-"""``pincette model``: the model in use, what calibrations propose, and deciding about it."""
+"""``pincette model``, ``recipe`` and ``teach``: the model in use, and parameters for parts."""
 
-import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel
+from rich.console import Console
+from rich.table import Table
+from typer import Argument, BadParameter, Option
 
-from pincette.cli.exit_status import Exit
-from pincette.cli.options import Words, addressed, does, words
-from pincette.cli.output import emit, screen, tree
-from pincette.cli.rest import CliError, reached, rig_of
-from pincette.cli.show_model import show_model, show_proposal, show_proposals
+from pincette.api.models import ModelView
+from pincette.api.requests import Recipe
+from pincette.cli import CliError, opened
+from pincette.cli.access import Target
+from pincette.cli.options import integer
+from pincette.cli.results import Tree, measured, quantity
+from pincette.cli.terminal import RigOption, clock, command, figures, group, screen, table, tree
+from pincette.config import RecordedFreeResponse
+from pincette.control.response.identification import Identification
+from pincette.control.response.recording import Recording
+from pincette.engine import teaching
 
-ABOUT = "show the model in use, and decide about what calibrations propose"
-WORDS = {
-    "show": "the model in use: every quantity that can be calibrated, and where it comes from",
-    "proposals": "what calibrations propose, the newest first",
-    "accept": "use what a calibration proposes, as a new version of the model",
-    "discard": "do not use what a calibration proposes",
-    "use": "go back to a version of the model; 0 is the rig file alone",
-}
+Calibration = Annotated[
+    str, Argument(metavar="CALIBRATION", help="its id, that of its job, or `last`")
+]
 
-
-def add(word: Words) -> None:
-    """Add ``model`` with every word below it."""
-    below = words(word("model", ABOUT), "what", "WHAT")
-    for name, about in WORDS.items():
-        one = below(name, about)
-        if name in ("accept", "discard"):
-            text = "its id, that of its job, or `last`"
-            one.add_argument("name", metavar="CALIBRATION", help=text)
-        elif name == "use":
-            one.add_argument("version", type=int, metavar="VERSION")
-        does(addressed(one), model)
+app = group()
+model_app = group("model", "show the model in use, and decide about what calibrations propose")
+app.add_typer(model_app)
 
 
-def model(given: argparse.Namespace) -> int:
-    """Do what one of the words says."""
-    console = screen()
-    found: BaseModel | list[BaseModel]
-    match given.what:
-        case "proposals":
-            found = [*reached(given).proposals()]
-            show = show_proposals
-        case "accept" | "discard":
-            found = reached(given).decide(_calibration(given), given.what)
-            show = show_proposal
-        case "use":
-            found = rig_of(given).use_model(given.version)
-            show = show_model
-        case _:
-            found = rig_of(given).model()
-            show = show_model
-    if given.json:
-        emit(found)
-    else:
-        show(tree(found), console)
-    return Exit.DONE
+@command(model_app, "show")
+def show(target: Target) -> None:
+    """Show the model in use: every quantity that can be calibrated, and where it comes from."""
+    _answer(target, target.rig().model())
 
 
-def _calibration(given: argparse.Namespace) -> str:
-    """The calibration that was named; ``last`` is the newest proposal of the rig."""
-    if given.name != "last":
-        return str(given.name)
-    rig = rig_of(given).name
-    found = [one.id for one in reached(given).proposals() if one.rig == rig]
-    if not found:
-        raise CliError("nothing is proposed yet; `pincette job calibrate` measures")
-    return found[0]
+@command(model_app, "proposals")
+def proposals(target: Target) -> None:
+    """List what calibrations propose, the newest first."""
+    found = target.supervisor().proposals()
+    rows = [
+        (
+            one.id,
+            one.calibration,
+            one.state,
+            "" if one.model_version is None else str(one.model_version),
+        )
+        for one in found
+    ]
+    shown = table("calibration", "of", "state", "version", rows=rows)
+    target.answer(found, shown, "no calibration has proposed anything yet")
+
+
+@command(model_app, "accept")
+def accept(target: Target, name: Calibration) -> None:
+    """Use what a calibration proposes, as a new version of the model."""
+    _decide(target, name, "accept")
+
+
+@command(model_app, "discard")
+def discard(target: Target, name: Calibration) -> None:
+    """Do not use what a calibration proposes."""
+    _decide(target, name, "discard")
+
+
+@command(model_app, "use")
+def use(
+    target: Target, version: Annotated[int, Argument(metavar="VERSION", parser=integer)]
+) -> None:
+    """Go back to a version of the model; 0 is the rig file alone."""
+    _answer(target, target.rig().use_model(version))
+
+
+def _answer(target: Target, model: ModelView) -> None:
+    target.answer(model, lambda: show_model(tree(model), screen()))
+
+
+def _decide(target: Target, name: str, decision: Literal["accept", "discard"]) -> None:
+    supervisor = target.supervisor()
+    wanted: str | None = name
+    if name == "last":
+        rig = target.rig().name
+        wanted = next((one.id for one in supervisor.proposals() if one.rig == rig), None)
+    if wanted is None:
+        raise CliError("nothing is proposed yet; `pincette calibrate` measures")
+    found = supervisor.decide(wanted, decision)
+    target.answer(found, lambda: show_proposal(tree(found), screen()))
+
+
+def show_proposal(proposal: Tree, console: Console) -> None:
+    """Print a proposal beside what was in use."""
+    version = proposal["model_version"]
+    of_model = "" if version is None else f", model {version}"
+    console.print(f"{proposal['calibration']} {proposal['id']}: {proposal['state']}{of_model}")
+    lines: list[tuple[str, str]] = []
+    for value in proposal["values"]:
+        text = f"{measured(value)}, before {quantity(value['in_use'], value['unit'])}"
+        if value["difference_percent"] is not None:
+            text += f" ({value['difference_percent']:+.2f} %)"
+        lines.append((value["quantity"], text))
+    figures(lines, console)
+
+
+def show_model(model: Tree, console: Console) -> None:
+    """Print the model in use."""
+    console.print(f"rig {model['rig']}: model {model['version']} {model['digest']}".rstrip())
+    if model["trouble"]:
+        console.print(f"[red]{model['trouble']}[/red]")
+    rows = [
+        (one["quantity"], quantity(one["value"], one["unit"]), one["source"], _due(one))
+        for one in model["quantities"]
+    ]
+    console.print(table("quantity", "value", "from", "due", rows=rows))
+    for version in model["versions"]:
+        text = f"model {version['version']} of {version['made_at']}: "
+        console.print(text + (version["trouble"] or ", ".join(version["quantities"])), markup=False)
+
+
+def _due(item: Tree) -> str:
+    """The day on which a quantity is to be calibrated again."""
+    day = clock(item.get("due_at"))[:10]
+    return f"[red]{day}, overdue[/red]" if item.get("overdue") else day
+
+
+recipe_app = group("recipe", "save sets of parameters for parts; `job grip --recipe NAME` uses one")
+app.add_typer(recipe_app)
+
+
+def value(text: str) -> tuple[list[str], Any]:
+    """One member of a recipe: the path to it, and its value in JSON, else as text."""
+    name, equals, text_of_value = text.partition("=")
+    if not equals or not name:
+        raise BadParameter(f"{text!r} is no value: give FIELD=VALUE, such as force_mN=8")
+    try:
+        return name.split("."), json.loads(text_of_value)
+    except ValueError:
+        return name.split("."), text_of_value
+
+
+def values(given: list[tuple[list[str], Any]]) -> dict[str, Any]:
+    """Members put into each other."""
+    found: dict[str, Any] = {}
+    for path, one in given:
+        place = found
+        for name in path[:-1]:
+            place = place.setdefault(name, {})
+        place[path[-1]] = one
+    return found
+
+
+@command(recipe_app, "list")
+def list_recipes(target: Target) -> None:
+    """List recipes, each with its newest version."""
+    found = target.supervisor().recipes()
+    none = "no recipe yet; `pincette recipe save NAME force_mN=8` makes one"
+    target.answer(found, _table(found), none)
+
+
+@command(recipe_app, "show")
+def show_recipe(
+    target: Target,
+    name: Annotated[str, Argument(metavar="NAME[@N]", help="its name, and a version of it")],
+) -> None:
+    """Show a recipe and its versions."""
+    name, _, wanted = name.partition("@")
+    history = target.supervisor().recipe(name)
+    chosen = [one for one in history.versions if not wanted or str(one.version) == wanted]
+    if not chosen:
+        there = ", ".join(str(one.version) for one in history.versions)
+        raise CliError(f"recipe {name!r} has no version {wanted!r}; there are {there}")
+    one = chosen[0]
+    others = [] if wanted else history.versions
+    target.answer(one if wanted else history, lambda: _show_recipe(one, others, screen()))
+
+
+def _show_recipe(one: Recipe, versions: list[Recipe], console: Console) -> None:
+    console.print(f"recipe {one.name}@{one.version} of {clock(one.created_at)}, {one.digest}")
+    if one.note:
+        console.print(one.note, markup=False)
+    for field, content in one.values.items():
+        console.print(f"  {field} = {json.dumps(content, ensure_ascii=False)}", markup=False)
+    if len(versions) > 1:
+        console.print()
+        console.print(_table(versions))
+
+
+@command(recipe_app, "save")
+def save(
+    target: Target,
+    name: Annotated[str, Argument(metavar="NAME")],
+    fields: Annotated[
+        list[Any],
+        Argument(
+            metavar="FIELD=VALUE",
+            parser=value,
+            help="as in a request: force_mN=8 hold_s=2 part.stiffness_mN_per_um=2.1",
+        ),
+    ],
+    note: Annotated[str, Option("--note", metavar="TEXT", help="kept with this version")] = "",
+) -> None:
+    """Save a recipe, or its next version."""
+    saved = target.supervisor().save_recipe(name, values(fields), note)
+    target.answer(saved, f"recipe {saved.name}@{saved.version} saved")
+
+
+def _table(found: list[Recipe]) -> Table:
+    rows = [(one.name, str(one.version), clock(one.created_at), one.note) for one in found]
+    return table("recipe", "version", "made", "note", rows=rows, right=("version",))
+
+
+@command(app, "teach")
+def teach(
+    rig: RigOption,
+    write: Annotated[
+        Path | None, Option("--write", metavar="OUT", help="write the table there too")
+    ] = None,
+    source: Annotated[
+        Literal["identified", "recorded"],
+        Option("--source", help="a model of hysteresis and creep, or the branches as recorded"),
+    ] = "identified",
+) -> None:
+    """Print the table of a free response, and write it to a file if asked."""
+    path = rig.path
+    file = opened(path)
+    if file.simulation is None:
+        raise CliError(
+            f"{path} has no [simulation]: on hardware, `pincette calibrate free_response` "
+            "measures the free response"
+        )
+    try:
+        found = teaching.teach(file) if source == "identified" else teaching.record(file)
+    except ValueError as error:
+        raise CliError(f"the free response could not be {source}: {error}") from error
+    residual_mN = found.residual_um / file.model.compliance_um_per_mN
+    table = as_toml(found) if isinstance(found, Identification) else recorded_as_toml(found)
+    sys.stdout.write(
+        f"# residual on motion not {'fitted' if source == 'identified' else 'recorded'}: "
+        f"{found.residual_um:.3f} µm r.m.s., as force {residual_mN:.2f} mN\n{table}"
+    )
+    if write is not None:
+        write.write_text(table, encoding="utf-8")
+
+
+def as_toml(found: Identification) -> str:
+    """Return the table ``[model.free_response]``, rounded to what the residual bears."""
+    model = found.model
+    parts = ""
+    if model.fadings_per_V:
+        parts += f"fadings_per_V = {_array(model.fadings_per_V, 4)}\n"
+    if model.curvature_um_per_V2 != 0.0:
+        parts += f"curvature_um_per_V2 = {round(model.curvature_um_per_V2, 4)}\n"
+    return (
+        "[model.free_response]           # by `pincette teach`\n"
+        f"thresholds_V = {_array(model.thresholds_V, 3)}\n"
+        f"weights_um_per_V = {_array(model.weights_um_per_V, 4)}\n"
+        f"creep_times_s = {_array(model.creep_times_s, 3)}\n"
+        f"creep_fractions = {_array(model.creep_fractions, 5)}\n"
+        f"{parts}residual_um = {found.residual_um:.3f}\n"
+    )
+
+
+def recorded_as_toml(found: Recording) -> str:
+    """Return the table ``[model.recorded_response]``, which stands in the other's place."""
+    table = RecordedFreeResponse.from_branches(found.branches, found.residual_um)
+    return (
+        "[model.recorded_response]       # by `pincette teach --source recorded`\n"
+        f"bottom_V = {round(table.bottom_V, 4)}\n"
+        f"bottom_um = {round(table.bottom_um, 3)}\n"
+        f"top_V = {round(table.top_V, 4)}\n"
+        f"top_um = {round(table.top_um, 3)}\n"
+        f"ascending = {_array(table.ascending, 5)}\n"
+        f"descending = {_array(table.descending, 5)}\n"
+        f"residual_um = {table.residual_um:.3f}\n"
+    )
+
+
+def _array(values: tuple[float, ...], digits: int) -> str:
+    return f"[{', '.join(str(round(value, digits)) for value in values)}]"

@@ -1,99 +1,230 @@
-"""Pieces that the words of the command line have in common."""
+"""Readers of values, and the options of a job: one for each field of its request."""
 
-import argparse
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping, Sequence
+from inspect import Parameter
 from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
-from pincette.cli.errors import DEFAULT_URL
-from pincette.cli.key_file import AT, VARIABLE
-from pincette.runtime import logs
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from typer import BadParameter, Option
 
-Words = Callable[[str, str], argparse.ArgumentParser]
-"""Adds a word with its meaning, and returns its parser."""
-Call = Callable[[argparse.Namespace], int]
+from pincette.cli.terminal import named
 
-
-def words(parser: argparse.ArgumentParser, name: str, metavar: str) -> Words:
-    """Let a parser have words below it; the one that was given is kept as ``name``."""
-    below = parser.add_subparsers(dest=name, required=True, metavar=metavar)
-
-    def add(word: str, text: str) -> argparse.ArgumentParser:
-        return below.add_parser(word, help=text, description=text)
-
-    return add
-
-
-def does(word: argparse.ArgumentParser, call: Call) -> argparse.ArgumentParser:
-    """Say what a word calls."""
-    word.set_defaults(call=call)
-    return word
-
-
-def rigged(word: argparse.ArgumentParser, *, data: bool = False) -> argparse.ArgumentParser:
-    """Let a word be told the rig file, and the folder of records and logs."""
-    word.add_argument("--rig", type=Path, metavar="FILE", help="rig file")
-    return kept(word) if data else word
+UNITS = {
+    "_um_per_s": "µm/s",
+    "_um_per_s2": "µm/s²",
+    "_V_per_s": "V/s",
+    "_mN": "mN",
+    "_um": "µm",
+    "_hz": "Hz",
+    "_V": "V",
+    "_s": "s",
+}
+PREFIX = "request_"
+"""Before the name of a field where it stands beside the other parameters of a command."""
+NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue")
+Reader = Callable[[str], Any]
 
 
-def kept(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """Let a word be told the folder of records, logs and the journal."""
-    word.add_argument(
-        "--data",
-        type=Path,
-        default=Path("data"),
-        metavar="FOLDER",
-        help="where records and logs go; %(default)s if not given",
+def number(unit: str) -> Callable[[str], float]:
+    """Reader of a finite number of a unit, or of none."""
+    value_of, number_of = (f" {unit}", f" of {unit}") if unit else ("", "")
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise BadParameter(
+                f"{text!r}{value_of} cannot be used: give a finite number{number_of}, such as 15"
+            )
+        return value
+
+    return read
+
+
+def integer(text: str) -> int:
+    """A whole number."""
+    try:
+        return int(text)
+    except ValueError as error:
+        raise BadParameter(
+            f"{text!r} is no whole number: give one without a unit, such as 5"
+        ) from error
+
+
+def choice(values: Sequence[str]) -> Callable[[str], str]:
+    """Reader of one of several words."""
+
+    def read(text: str) -> str:
+        if text not in values:
+            raise BadParameter(f"{text!r} is no choice: give one of {', '.join(values)}")
+        return text
+
+    return read
+
+
+DATA = Path("data")
+DataFolder = Annotated[
+    Path, Option("--data", metavar="FOLDER", help="folder of records, logs and the journal")
+]
+
+Picture = Annotated[Path | None, Option("--plot", metavar="FILE", help="draw a PNG there")]
+Limit = Annotated[int, Option("--limit", metavar="N", parser=integer, help="at most so many")]
+
+
+def request_parameters(request: type[BaseModel], without: Sequence[str] = ()) -> list[Parameter]:
+    """Parameters of a command, from which Typer makes an option for each field of a request."""
+    return [
+        named(PREFIX + name, _option(name, field))
+        for name, field in request.model_fields.items()
+        if name not in NOT_OPTIONS and name not in without
+    ]
+
+
+def given_fields(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a request that were given on the command line."""
+    return {
+        name.removeprefix(PREFIX): value
+        for name, value in values.items()
+        if name.startswith(PREFIX) and value is not None
+    }
+
+
+def help_text(text: str) -> str:
+    """A sentence of a docstring as a help text."""
+    return (text[:1].lower() + text[1:]).replace("``", "`").rstrip(".")
+
+
+def unit_of(name: str) -> str:
+    """Unit of a field, from the end of its name; empty if it has none."""
+    return next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), "")
+
+
+def _option(name: str, field: FieldInfo) -> Any:
+    kind, unit = _bare(field.annotation), unit_of(name)
+    about = help_text(field.description or name.replace("_", " "))
+    text = f"{about}, in {unit}" if unit else about
+    if kind is bool:
+        return _switch(name, text, default=field.default is True)
+    read, shape = _reader(kind, unit)
+    flag = f"--{name.replace('_', '-')}"
+    completion = _values(kind)
+    return Annotated[
+        Any,
+        Option(
+            flag,
+            parser=read,
+            metavar=shape or name.upper(),
+            help=text,
+            show_default=False,
+            autocompletion=(lambda: completion) if completion else None,
+        ),
+    ]
+
+
+def _switch(name: str, text: str, *, default: bool) -> Any:
+    word = name.replace("_", "-")
+    flag = f"--no-{word}" if default else f"--{word}"
+    option = Option(
+        flag,
+        help=f"do not {text[:1].lower()}{text[1:]}" if default else text,
+        callback=_switched_off if default else None,
+        show_default=False,
     )
-    return word
+    return Annotated[bool | None, option]
 
 
-def addressed(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """Let a word be told where the supervisor is, and which of its rigs is meant."""
-    return machine(at(url(word), "name of the rig, where there are several"))
+def _switched_off(value: bool | None) -> bool | None:
+    return False if value else None
 
 
-def url(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """Let a word be told where the supervisor is, and what opens it."""
-    word.add_argument(
-        "--url", default=DEFAULT_URL, help="of the supervisor; %(default)s if not given"
-    )
-    return keyed(word)
+def _bare(annotation: Any) -> Any:
+    """A type without the metadata of ``Annotated``, and without None."""
+    if get_origin(annotation) is Annotated:
+        return _bare(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        left = [_bare(one) for one in get_args(annotation) if one is not NoneType]
+        return left[0] if len(left) == 1 else tuple(left)
+    return annotation
 
 
-def keyed(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """Let a word be told a key."""
-    word.add_argument(
-        "--key",
-        metavar="KEY",
-        help=f"for a supervisor that wants one, or {AT}FILE with it; ${VARIABLE}, else "
-        "~/.config/pincette/key, if not given",
-    )
-    return word
+def _values(kind: Any) -> list[str]:
+    return [str(value) for value in get_args(kind)] if get_origin(kind) is Literal else []
 
 
-def at(word: argparse.ArgumentParser, text: str) -> argparse.ArgumentParser:
-    """Let a word be told which rig is meant."""
-    word.add_argument("--at", metavar="RIG", help=text)
-    return word
+def _reader(kind: Any, unit: str) -> tuple[Reader, str]:
+    """What reads a value of a type, and its shape for a person."""
+    if kind is float:
+        return number(unit), unit or "NUMBER"
+    if kind is int:
+        return integer, "N"
+    if values := _values(kind):
+        return choice(values), "|".join(values)
+    if get_origin(kind) is list:
+        return _list_reader(_bare(get_args(kind)[0]), unit)
+    if isinstance(kind, tuple):
+        return _named_or_values(cast("tuple[Any, ...]", kind))
+    return str, ""
 
 
-def machine(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """Let a word answer in JSON, and with nothing else, on standard output."""
-    word.add_argument("--json", action="store_true", help="answer in JSON on standard output")
-    return word
+def _list_reader(item: Any, unit: str) -> tuple[Reader, str]:
+    if isinstance(item, type) and issubclass(item, BaseModel):
+        fields = [(name, unit_of(name)) for name in item.model_fields]
+        shape = ":".join(unit for _, unit in fields)
+        return _tuples(fields, shape), f"{shape},..."
+    return _list_of(number(unit)), f"{unit or 'NUMBER'},{unit or 'NUMBER'},..."
 
 
-def job_named(word: argparse.ArgumentParser, *, optional: str = "") -> argparse.ArgumentParser:
-    """Let a word be told a job; ``optional`` says what is meant where it is not."""
-    text = f"its id, or `last`{f'; {optional}' if optional else ''}"
-    word.add_argument("name", metavar="JOB", nargs="?" if optional else None, help=text)
-    return word
+def _list_of(read: Callable[[str], float]) -> Callable[[str], list[float]]:
+    return lambda text: [read(item) for item in text.split(",")]
 
 
-def log_format(word: argparse.ArgumentParser) -> None:
-    """Let a word be told in which form programs log."""
-    word.add_argument(
-        "--log-format",
-        choices=logs.FORMS,
-        help=f"text, or json, an object a line; that of {logs.VARIABLE} if not given, else text",
-    )
+def _tuples(fields: Sequence[tuple[str, str]], shape: str) -> Reader:
+    """Reader of several records, as s:mN,s:mN."""
+
+    def read(text: str) -> list[dict[str, float]]:
+        found: list[dict[str, float]] = []
+        for item in text.split(","):
+            parts = item.split(":")
+            if len(parts) != len(fields):
+                raise BadParameter(f"{item!r} is no point: give {shape}, such as 0:5,1.5:12,3:5")
+            pairs = zip(fields, parts, strict=True)
+            found.append({name: number(unit)(part) for (name, unit), part in pairs})
+        return found
+
+    return read
+
+
+def _named_or_values(kinds: tuple[Any, ...]) -> tuple[Reader, str]:
+    """Reader of a word, or of several members of a model as NAME=VALUE,NAME=VALUE.
+
+    Of a model that takes other members as well, these are numbers.
+    """
+    words = [value for kind in kinds for value in _values(kind)]
+    models = [one for one in kinds if isinstance(one, type) and issubclass(one, BaseModel)]
+    fields = {name: field for one in models for name, field in one.model_fields.items()}
+    free = any(one.model_config.get("extra") == "allow" for one in models)
+    shown = "NAME" if free else next(iter(fields), "NAME")
+    some = "numbers by their names" if free else f"some of {', '.join(fields)}"
+
+    def read(text: str) -> Any:
+        if text in words:
+            return text
+        found: dict[str, Any] = {}
+        for item in text.split(","):
+            name, equals, value = item.partition("=")
+            if not equals or not name or (name not in fields and not free):
+                raise BadParameter(
+                    f"{item!r} cannot be used: give {', '.join(words)}, or {some}, "
+                    f"such as {shown}=0.5"
+                )
+            kind = _bare(fields[name].annotation) if name in fields else float
+            found[name] = _reader(kind, unit_of(name))[0](value)
+        return found
+
+    return read, "|".join([*words, f"{shown}=..."])

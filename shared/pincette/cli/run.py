@@ -1,61 +1,116 @@
-"""``pincette run``: one program of a rig in the foreground."""
+"""``pincette run``: one program of a rig in the foreground, without Typer, which starts slower."""
 
 import argparse
+import difflib
 import os
+import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-from pincette.cli import rig_file
-from pincette.cli.options import Words, does, log_format, rigged
-from pincette.cli.readers import composed_program, number
-from pincette.runtime.process import Options, programs, run_program
-from pincette.service import AND, WHOLE
+from pincette.cli import PKI, CliError, Exit, chosen
+from pincette.core.service import LOOP_PROGRAM, SEPARATOR, canonical_name
+from pincette.engine import logs
+from pincette.engine.process import Options, programs, run_program
 
 ABOUT = "run one program of a rig in the foreground"
 COMPOSED = "or what [rig] composed of the rig file names, as loop or estimator+controller"
 LISTEN = "PINCETTE_LISTEN"
-PKI_HELP = f"certificates, else of ${rig_file.PKI}; see `security`"
-LISTEN_HELP = f"where the router listens, else as in ${LISTEN}, or in [bus] of the rig file"
+DATA = Path("data")
 
 
-def add(word: Words) -> None:
-    """Add ``run``."""
-    one = rigged(word("run", ABOUT), data=True)
-    names = f"{', '.join(programs())}; {COMPOSED}"
-    one.add_argument("name", type=_program, metavar="NAME", help=names)
-    one.add_argument("--pki", type=Path, metavar="FOLDER", help=PKI_HELP)
-    one.add_argument("--listen", metavar="ADDRESS", help=LISTEN_HELP)
-    log_format(one)
-    one.add_argument("--leash", action="store_true", help="end when standard input closes")
-    one.add_argument("--delay-ms", type=number("ms"), default=0.0, help=argparse.SUPPRESS)
-    one.add_argument("--delay-seed", type=int, default=0, help=argparse.SUPPRESS)
-    does(one, run)
+class Option(NamedTuple):
+    """One option of ``run``: argparse reads it, Typer shows and completes it."""
+
+    flag: str
+    metavar: str
+    """Empty for a switch."""
+    help: str
+    choices: Sequence[str] | None = None
+    hidden: bool = False
 
 
-def run(given: argparse.Namespace) -> int:
-    """Run it until it is told to stop."""
-    options = Options(
-        given.data,
-        given.leash,
-        given.delay_ms / 1e3,
-        given.delay_seed,
-        pki=given.pki or _named(rig_file.PKI),
-        listen=given.listen or os.environ.get(LISTEN),
-        log_format=given.log_format,
-    )
-    return run_program(given.name, given.rig, options)
+OPTIONS = (
+    Option("--rig", "FILE", "rig file"),
+    Option("--data", "FOLDER", f"folder of records and logs; {DATA} if not given"),
+    Option("--pki", "FOLDER", f"certificates, else of ${PKI}; see `security`"),
+    Option(
+        "--listen",
+        "ADDRESS",
+        f"where the router listens, else as in ${LISTEN}, or in [bus] of the rig file",
+    ),
+    Option(
+        "--log-format",
+        "|".join(logs.FORMS),
+        f"text, or json, an object a line; that of {logs.VARIABLE} if not given, else text",
+        choices=logs.FORMS,
+    ),
+    Option("--exit-with-parent", "", "end when standard input closes"),
+    Option("--delay-ms", "ms", "", hidden=True),
+    Option("--delay-seed", "N", "", hidden=True),
+)
+"""``--exit-with-parent`` is for a parent program, ``--delay-…`` for tests."""
 
 
-def _named(variable: str) -> Path | None:
-    named = os.environ.get(variable)
-    return Path(named) if named else None
+def name_help() -> str:
+    """Meaning of NAME."""
+    return f"{', '.join(programs())}; {COMPOSED}"
 
 
-def _program(text: str) -> str:
-    """Name of a program, of one that composes several services too."""
+def main(arguments: Sequence[str]) -> int:
+    """Run a program until it is told to stop; returns the exit status."""
+    given = _read(arguments)
+    try:
+        options = Options(
+            Path(given.data or DATA),
+            given.exit_with_parent,
+            given.delay_ms / 1e3,
+            given.delay_seed,
+            pki=_path(given.pki or os.environ.get(PKI)),
+            listen=given.listen or os.environ.get(LISTEN),
+            log_format=given.log_format,
+        )
+        return run_program(given.name, chosen(_path(given.rig)), options)
+    except CliError as error:
+        sys.stderr.write(f"pincette: {error}\n")
+        return error.status
+    except KeyboardInterrupt:
+        return Exit.INTERRUPTED
+
+
+def _read(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="pincette run", description=ABOUT)
+    parser.add_argument("name", metavar="NAME", help=name_help())
+    for one in OPTIONS:
+        text = argparse.SUPPRESS if one.hidden else one.help
+        if not one.metavar:
+            parser.add_argument(one.flag, action="store_true", help=text)
+        else:
+            parser.add_argument(one.flag, choices=one.choices, metavar=one.metavar, help=text)
+    parser.set_defaults(delay_ms=0.0, delay_seed=0)
+    given, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        close = difflib.get_close_matches(unknown[0], [one.flag for one in OPTIONS])
+        hint = f". Did you mean {close[0]}?" if close else "; --help lists the options"
+        parser.error(f"{unknown[0]} is not an option of run{hint}")
+    try:
+        given.name = program_name(given.name)
+    except ValueError as error:
+        parser.error(str(error))
+    given.delay_ms, given.delay_seed = float(given.delay_ms), int(given.delay_seed)
+    return given
+
+
+def _path(text: str | None) -> Path | None:
+    return Path(text) if text else None
+
+
+def program_name(text: str) -> str:
+    """The usual name of a program; raises ValueError if there is no such program."""
     if text in programs():
         return text
-    if AND in text or text == WHOLE:
-        return composed_program(text)
-    raise argparse.ArgumentTypeError(
-        f"{text!r} is no program: wanted {', '.join(programs())}, {COMPOSED}"
-    )
+    if SEPARATOR in text or text == LOOP_PROGRAM:
+        return canonical_name(text)
+    close = difflib.get_close_matches(text, programs())
+    hint = f"did you mean {close[0]}? " if close else ""
+    raise ValueError(f"{text!r} is no program: {hint}wanted {', '.join(programs())}, {COMPOSED}")

@@ -1,166 +1,195 @@
 """``pincette security``: certificates of programs and people."""
 
-import argparse
-from collections.abc import Callable
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import wraps
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from pincette.cli import rig_file
-from pincette.cli.exit_status import Exit
-from pincette.cli.options import Words, does, machine, words
-from pincette.cli.readers import composed_program, number
-from pincette.cli.rest import CliError
-from pincette.cli.security_show import show
+from typer import Argument, BadParameter, Option
+
+from pincette.cli import CliError, Exit, chosen, opened
+from pincette.cli.options import number
+from pincette.cli.terminal import Function, Json, command, emit, group
+from pincette.config import RigFile
+from pincette.core.service import canonical_name
+from pincette.security.certificates import Facts
 from pincette.security.establishing import DAYS, due, enrol, enrol_upstream, establish
-from pincette.security.folder import Folder
-from pincette.security.identity import OPERATOR, PEOPLE, Identity, SecurityError, person
+from pincette.security.folder import SOON, Folder
+from pincette.security.identity import OPERATOR, PEOPLE, Identity, SecurityError, person, program
 
-ABOUT = "certificates: who is who on the bus, and so what each may do there"
-INIT = "make an authority, and certificates of a rig's programs, a viewer and an operator"
-ADD = "make certificates of another rig's programs, or of one that composes several of a rig's"
-UPSTREAM = "make a certificate of a laboratory server's router, which the rig's connects to"
-ISSUE = "make a certificate of another person or tool"
-RENEW = "make certificates anew, before they end"
-REVOKE = "take a person's certificate out, so that the router lets it do nothing more"
-SHOW = "every certificate with its end and its hosts"
+IN_DATA = "pki"
+"""Folder of certificates below ``--data``, for ``up --secure``."""
 
 
-def add(word: Words) -> None:
-    """Add ``security`` and the words below it."""
-    below = words(word("security", ABOUT), "words", "WORD")
-    one = _composing(_lasting(_hosted(_in_folder(below("init", INIT), _init))))
-    one.add_argument(
-        "--rig",
-        dest="rigs",
-        action="append",
-        default=[],
-        metavar="RIG",
-        help="its name, once for each rig; that of the rig file if not given",
-    )
-    one = _composing(_lasting(_hosted(_in_folder(below("add", ADD), _add))))
-    one.add_argument("name", metavar="RIG", help="its name")
-    _lasting(_hosted(_in_folder(below("upstream", UPSTREAM), _upstream)))
-    one = _lasting(_in_folder(below("issue", ISSUE), _issue))
-    one.add_argument("name", metavar="PERSON", help="a name, all lower case")
-    one.add_argument("--role", choices=PEOPLE, required=True, help="what it may do")
-    one = _lasting(_in_folder(below("renew", RENEW), _renew))
-    one.add_argument(
-        "names", nargs="*", metavar="WHO", help="as shown; all that end soon if not given"
-    )
-    one = _in_folder(below("revoke", REVOKE), _revoke)
-    one.add_argument("name", metavar="PERSON", help="as shown")
-    machine(_in_folder(below("show", SHOW), _show))
+def _composed_program(text: str) -> str:
+    """A program that composes services of the loop, by its usual name."""
+    try:
+        return canonical_name(text)
+    except ValueError as error:
+        raise BadParameter(str(error)) from error
 
 
-def _in_folder(
-    word: argparse.ArgumentParser, call: Callable[[argparse.Namespace, Folder], int]
-) -> argparse.ArgumentParser:
-    """Let a word be told the folder; what cannot be done ends the command with its reason."""
-    word.add_argument("folder", type=Path, metavar="FOLDER", help="where certificates are")
+def _positive_days(text: str) -> float:
+    days = number("days")(text)
+    if days <= 0.0:
+        raise CliError(f"--days {days:g}: wanted more than 0 days")
+    return days
 
-    def guarded(given: argparse.Namespace) -> int:
+
+Place = Annotated[Path, Argument(metavar="FOLDER", help="where certificates are")]
+Hosts = Annotated[
+    list[str] | None,
+    Option(
+        "--host",
+        metavar="HOST",
+        help="name or address at which programs are reached, once for each; loopback if not given",
+    ),
+]
+Composed = Annotated[
+    list[Any] | None,
+    Option(
+        "--composed",
+        parser=_composed_program,
+        metavar="PROGRAM",
+        help="one that composes services too, as loop or estimator+controller, once for each",
+    ),
+]
+Days = Annotated[
+    float, Option("--days", parser=_positive_days, metavar="N", help="how long they are valid")
+]
+Person = Annotated[str, Argument(metavar="PERSON", help="a name, all lower case")]
+
+app = group()
+security_app = group(
+    "security", "certificates: who is who on the bus, and so what each may do there"
+)
+app.add_typer(security_app)
+
+
+def _guarded(function: Function) -> Function:
+    """The function with a SecurityError turned into an error of the command."""
+
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> int | None:
         try:
-            return call(given, Folder(given.folder))
+            return function(*args, **given)
         except SecurityError as error:
             raise CliError(str(error)) from error
 
-    return does(word, guarded)
+    return call
 
 
-def _hosted(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    word.add_argument(
-        "--host",
-        dest="hosts",
-        action="append",
-        default=[],
-        metavar="HOST",
-        help="name or address at which programs are reached, once for each; loopback if not given",
-    )
-    return word
-
-
-def _composing(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    word.add_argument(
-        "--composed",
-        type=composed_program,
-        action="append",
-        default=[],
-        metavar="PROGRAM",
-        help="one that composes services too, as loop or estimator+controller, once for each",
-    )
-    return word
-
-
-def _lasting(word: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    word.add_argument(
-        "--days",
-        type=number("days"),
-        default=DAYS,
-        metavar="N",
-        help="how long they hold; %(default)g if not given",
-    )
-    return word
-
-
-def _init(given: argparse.Namespace, folder: Folder) -> int:
-    rigs, composed = given.rigs, given.composed
-    if not rigs:
-        rig = rig_file.opened(rig_file.chosen(None)).rig
-        rigs, composed = [rig.name], [*dict.fromkeys([*rig.composed, *composed])]
-    establish(folder, rigs, given.hosts, _now(), _days(given), composed)
-    show(folder, _now())
+@command(security_app, "init")
+@_guarded
+def init(
+    path: Place,
+    rigs: Annotated[
+        list[str] | None,
+        Option(
+            "--rig",
+            metavar="RIG",
+            help="its name, once for each rig; that of the rig file if not given",
+        ),
+    ] = None,
+    hosts: Hosts = None,
+    composed: Composed = None,
+    days: Days = DAYS,
+) -> None:
+    """Make an authority, and certificates of a rig's programs, a viewer and an operator."""
+    folder, names, together = Folder(path), rigs or [], composed or []
+    if not names:
+        rig = opened(chosen(None)).rig
+        names, together = [rig.name], [*dict.fromkeys([*rig.composed, *together])]
+    establish(folder, names, hosts or [], _now(), days, together)
+    show_certificates(folder, _now())
     print(
         f"\n{folder.path}/README.txt says what each file is for. Take authority.key to a safe "
         f'place.\nIn the rig file: [bus] pki = "{folder.path.resolve()}"'
     )
-    return Exit.DONE
 
 
-def _add(given: argparse.Namespace, folder: Folder) -> int:
-    made = enrol(folder, given.name, given.hosts, _now(), _days(given), given.composed)
-    _say("made", made, "restart the router: it knows them from then on")
-    return Exit.DONE
+@command(security_app, "add")
+@_guarded
+def add(
+    path: Place,
+    name: Annotated[str, Argument(metavar="RIG", help="its name")],
+    hosts: Hosts = None,
+    composed: Composed = None,
+    days: Days = DAYS,
+) -> None:
+    """Make certificates of another rig's programs, or of one that composes several of a rig's."""
+    made = enrol(Folder(path), name, hosts or [], _now(), days, composed or [])
+    _print("made", made, "restart the router: it knows them from then on")
 
 
-def _upstream(given: argparse.Namespace, folder: Folder) -> int:
-    made = enrol_upstream(folder, given.hosts, _now(), _days(given))
-    _say("made", (made,), "it and the router of the rig read each other's when they start")
-    return Exit.DONE
+@command(security_app, "upstream")
+@_guarded
+def upstream(path: Place, hosts: Hosts = None, days: Days = DAYS) -> None:
+    """Make a certificate of a laboratory server's router, which the rig's connects to."""
+    made = enrol_upstream(Folder(path), hosts or [], _now(), days)
+    _print("made", (made,), "it and the router of the rig read each other's when they start")
 
 
-def _issue(given: argparse.Namespace, folder: Folder) -> int:
-    who = person(given.name, given.role)
-    folder.issue(who, (), _now(), _days(given))
-    _say("made", (who,), _restarts(who))
-    return Exit.DONE
+@command(security_app, "issue")
+@_guarded
+def issue(
+    path: Place,
+    name: Person,
+    role: Annotated[
+        Literal["viewer", "operator"], Option("--role", help="what it may do", show_default=False)
+    ],
+    days: Days = DAYS,
+) -> None:
+    """Make a certificate of another person or tool."""
+    who = person(name, role)
+    Folder(path).issue(who, (), _now(), days)
+    _print("made", (who,), _restarts(who))
 
 
-def _renew(given: argparse.Namespace, folder: Folder) -> int:
-    now = _now()
-    wanted = tuple(map(folder.named, given.names)) or tuple(due(folder, now))
+@command(security_app, "renew")
+@_guarded
+def renew(
+    path: Place,
+    names: Annotated[
+        list[str] | None,
+        Argument(metavar="WHO", help="as shown; all that end soon if not given"),
+    ] = None,
+    days: Days = DAYS,
+) -> None:
+    """Renew certificates before they end."""
+    folder, now = Folder(path), _now()
+    wanted = tuple(map(folder.named, names or ())) or tuple(due(folder, now))
     for who in wanted:
-        folder.renew(who, now, _days(given))
+        folder.renew(who, now, days)
     if wanted:
-        _say("renewed", wanted, "restart each of them, while its rig is idle")
+        _print("renewed", wanted, "restart each of them, while its rig is idle")
     else:
         print("none ends within 30 days")
-    return Exit.DONE
 
 
-def _revoke(given: argparse.Namespace, folder: Folder) -> int:
-    who = folder.named(given.name)
+@command(security_app, "revoke")
+@_guarded
+def revoke(path: Place, name: Annotated[str, Argument(metavar="PERSON", help="as shown")]) -> None:
+    """Remove a person's certificate, so that the router lets it do nothing more."""
+    folder = Folder(path)
+    who = folder.named(name)
     if who.role not in PEOPLE:
         raise SecurityError(
             f"{who.name} is a program: as long as there is one of that name, its old key is good. "
             "Where a program's key is lost, begin a new folder with `pincette security init`"
         )
     folder.remove(who)
-    _say("taken out", (who,), _restarts(who))
-    return Exit.DONE
+    _print("removed", (who,), _restarts(who))
 
 
-def _show(given: argparse.Namespace, folder: Folder) -> int:
-    return show(folder, _now(), as_json=given.json)
+@command(security_app, "show")
+@_guarded
+def show(path: Place, form: Json) -> int:
+    """Show every certificate with its end and its hosts."""
+    return show_certificates(Folder(path), _now(), as_json=form.json)
 
 
 def _restarts(who: Identity) -> str:
@@ -169,15 +198,67 @@ def _restarts(who: Identity) -> str:
     return f"restart the router{also}: access lists are read at the start"
 
 
-def _say(done: str, who: tuple[Identity, ...], then: str) -> None:
+def _print(done: str, who: tuple[Identity, ...], then: str) -> None:
     print(f"{done}: {', '.join(one.name for one in who)}\n{then}")
 
 
-def _days(given: argparse.Namespace) -> float:
-    if given.days <= 0.0:
-        raise SecurityError(f"--days {given.days:g}: wanted more than 0 days")
-    return given.days
+def show_certificates(folder: Folder, now: datetime, *, as_json: bool = False) -> int:
+    """Print them; the exit status is 1 where one has ended."""
+    found = [folder.authority(), *folder.all()]
+    if as_json:
+        emit([_tree(facts, now) for facts in found])
+    else:
+        width = max(len(facts.identity.name) for facts in found)
+        for facts in found:
+            row = _tree(facts, now)
+            print(
+                f"{facts.identity.name:<{width}}  {facts.identity.role:<10}  "
+                f"{facts.ends:%Y-%m-%d}  {row['state']:<10}  {', '.join(facts.hosts)}".rstrip()
+            )
+    return Exit.FAILED if any(facts.ends <= now for facts in found) else Exit.DONE
+
+
+def _tree(facts: Facts, now: datetime) -> dict[str, Any]:
+    """One certificate as plain data."""
+    return {
+        "name": facts.identity.name,
+        "role": facts.identity.role,
+        "begins": facts.begins.isoformat(),
+        "ends": facts.ends.isoformat(),
+        "state": _state(facts, now),
+        "hosts": list(facts.hosts),
+    }
+
+
+def _state(facts: Facts, now: datetime) -> str:
+    if facts.ends <= now:
+        return "ended"
+    return "ends soon" if facts.ends - now < SOON else "good"
 
 
 def _now() -> datetime:
     return datetime.now(UTC)
+
+
+@contextmanager
+def temporary_certificates(rig: RigFile) -> Generator[Path]:
+    """A folder of certificates that is gone afterwards."""
+    with tempfile.TemporaryDirectory(prefix="pincette-") as name:
+        yield made_certificates(rig, Path(name))
+
+
+def made_certificates(rig: RigFile, data: Path) -> Path:
+    """The folder of certificates beside the records; it is made, and a rig added, where missing."""
+    folder, hosts, now = Folder(data / IN_DATA), (rig.bus.host,), datetime.now(UTC)
+    name, composed = rig.rig.name, rig.rig.composed
+    try:
+        if not folder.path.exists():
+            establish(folder, [name], hosts, now, composed=composed)
+        else:
+            known = {facts.identity.name for facts in folder.all()}
+            missing = [one for one in composed if program(one, name).name not in known]
+            if missing or name not in folder.rigs():
+                enrol(folder, name, hosts, now, composed=missing)
+    except SecurityError as error:
+        raise CliError(str(error)) from error
+    return folder.path

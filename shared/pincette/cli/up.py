@@ -1,68 +1,59 @@
-"""Every program of a rig on this machine: `pincette up` and `pincette demo`."""
+"""``pincette up``, ``demo``, ``run`` and ``bench``: the programs of a rig on this machine."""
 
-import argparse
-import re
 import signal
+import subprocess
+import sys
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import sleep
 from types import FrameType
+from typing import Annotated, Any
 
+import typer
 from rich.console import Console
 from rich.text import Text
+from typer import Option
 
-from pincette.cli import options, security_made
-from pincette.cli.exit_status import of_job
-from pincette.cli.follow import follow
-from pincette.cli.options import Words, does, machine, rigged
-from pincette.cli.output import emit, screen
-from pincette.cli.rest import CliError, key_of
-from pincette.cli.rig_file import PKI, opened
-from pincette.cli.show import show_result
+from pincette.cli import PKI, CliError, opened, run, security
+from pincette.cli.access import key_of, refusals
+from pincette.cli.options import DATA, DataFolder, choice, integer
+from pincette.cli.results import show_result
+from pincette.cli.terminal import (
+    Command,
+    Json,
+    RigOption,
+    command,
+    emit,
+    group,
+    named,
+    screen,
+    with_parameters,
+)
+from pincette.cli.watch import follow, status_of
 from pincette.client import Supervisor
 from pincette.config import RigFile
-from pincette.runtime.fleet import Fleet, FleetError, Member
-from pincette.runtime.logs import Form
+from pincette.engine import logs
+from pincette.engine.fleet import Child, Fleet, FleetError
+from pincette.engine.logs import Form
+from pincette.engine.measuring.kept import changes_of, how, kept, words
 
-UP = "start every program of a rig on this machine; Ctrl-C ends them"
-SERVER = "the programs of a laboratory server, which [bus] upstream names; none of the loop"
-DEMO = "start a rig, grip its part, show the result, end"
+LogFormat = Annotated[
+    logs.Form | None,
+    Option(
+        "--log-format",
+        metavar="|".join(logs.FORMS),
+        help=f"text, or json, an object a line; that of {logs.VARIABLE} if not given, else text",
+    ),
+]
 WATCH_S = 0.3
-LOG_STAMP = re.compile(r"^\d{4}-\d\d-\d\d [\d:,]+ \w+ ", re.MULTILINE)
-"""What a program's log says of time and place, which one person at one screen knows."""
+MEASURE_S = "3"
+"""Starting the programs that measure takes the rest of five seconds."""
+BENCH = Path("tests/bench/loop/__main__.py")
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def add(word: Words) -> None:
-    """Add ``up`` and ``demo``."""
-    one = rigged(word("up", UP), data=True)
-    one.add_argument(
-        "--secure",
-        action="store_true",
-        help=f"over mutual TLS, with certificates in the folder {security_made.PLACE} of --data",
-    )
-    one.add_argument("--server", action="store_true", help=SERVER)
-    options.log_format(one)
-    does(one, _up)
-    one = machine(rigged(word("demo", DEMO), data=True))
-    one.add_argument(
-        "--secure", action="store_true", help="over mutual TLS, with certificates for this once"
-    )
-    does(
-        one,
-        lambda given: demo(given.rig, given.data, machine=given.json, secure=given.secure),
-    )
-
-
-def _up(given: argparse.Namespace) -> int:
-    return up(
-        given.rig,
-        given.data,
-        secure=given.secure,
-        server=given.server,
-        log_format=given.log_format,
-    )
+app = group()
 
 
 def _end(_number: int, _frame: FrameType | None) -> None:
@@ -85,7 +76,7 @@ def running(
     """A rig that is up, and that is down again afterwards whatever happened."""
 
     def say(name: str, line: str) -> None:
-        _say(console, fleet.members[name], "green", line.replace("socket://", ""))
+        _print_status(console, fleet.members[name], "green", line.replace("socket://", ""))
 
     try:
         fleet = Fleet(rig, rig_path, data, say, server=server, log_format=log_format)
@@ -98,7 +89,7 @@ def running(
         fleet.up()
         yield fleet
     except FleetError as error:
-        raise CliError(LOG_STAMP.sub("  ", str(error))) from error
+        raise CliError(str(error)) from error
     finally:
         for number in ENDINGS:
             signal.signal(number, signal.SIG_IGN)
@@ -107,7 +98,7 @@ def running(
             signal.signal(number, handler)
 
 
-def _say(console: Console, member: Member, colour: str, line: str) -> None:
+def _print_status(console: Console, member: Child, colour: str, line: str) -> None:
     """One line of status; in a terminal never more than one."""
     text = Text.assemble(
         ("● ", colour), f"{member.name:<10} ", (f"{member.process.pid:>7} ", "dim"), line
@@ -117,29 +108,53 @@ def _say(console: Console, member: Member, colour: str, line: str) -> None:
     console.print(text, soft_wrap=True)
 
 
+@command(app, "up")
 def up(
-    rig_path: Path,
-    data: Path,
-    *,
-    secure: bool = False,
-    server: bool = False,
-    log_format: Form | None = None,
-) -> int:
+    rig: RigOption,
+    data: DataFolder = DATA,
+    secure: Annotated[
+        bool,
+        Option(
+            "--secure",
+            help=f"over mutual TLS, with certificates in the folder {security.IN_DATA} of --data",
+        ),
+    ] = False,
+    server: Annotated[
+        bool,
+        Option(
+            "--server",
+            help="only the programs of a laboratory server, which [bus] upstream names",
+        ),
+    ] = False,
+    log_format: LogFormat = None,
+    measure: Annotated[
+        bool,
+        Option("--measure", help="first measure what this machine keeps, in 5 s; see `latency`"),
+    ] = False,
+) -> None:
     """Start all programs, a line each; report what ends; end all on Ctrl-C."""
-    console = Console(highlight=False)
-    rig = opened(rig_path)
-    if server and rig.bus.upstream is None:
-        raise CliError(f"rig {rig.rig.name!r} has no [bus] upstream: HOST:PORT of this server")
+    console = screen()
+    path = rig.path
+    file = opened(path)
+    if server and file.bus.upstream is None:
+        raise CliError(f"rig {file.rig.name!r} has no [bus] upstream: HOST:PORT of this server")
     if secure:
-        pki = security_made.standing(rig, data)
-        rig = rig.secured(pki)
+        pki = security.made_certificates(file, data)
+        file = file.secured(pki)
         console.print(f"certificates in {pki}; for tools: {PKI}={pki.resolve()}", soft_wrap=True)
+    if measure:
+        # A process of its own: what it loads is not for a program that stays.
+        grid = ["--seconds", MEASURE_S, "--period-s", f"{file.rig.period_s:g}"]
+        task = ["latency", *grid, "--rig", str(path), "--data", str(data)]
+        subprocess.run([sys.executable, "-m", "pincette", *task], check=False)
+    if not file.lockstep and not server:
+        for line in machine_words(file, data):
+            console.print(line, markup=False, soft_wrap=True)
     try:
-        with running(rig, rig_path, data, console, server=server, log_format=log_format) as fleet:
-            _watch(rig, fleet, console)
+        with running(file, path, data, console, server=server, log_format=log_format) as fleet:
+            _watch(file, fleet, console)
     except KeyboardInterrupt:
         console.print("every program has ended")
-    return 0
 
 
 def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
@@ -154,25 +169,98 @@ def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
             if member.name not in gone:
                 gone.add(member.name)
                 status = member.process.returncode
-                _say(console, member, "red", f"ended, status {status}; see {member.log}")
+                _print_status(console, member, "red", f"ended, status {status}; see {member.log}")
+
+
+def machine_words(rig: RigFile, data: Path) -> list[str]:
+    """What this machine keeps and what to change, or how that is measured; nothing is measured."""
+    known = kept(data)
+    if known is None:
+        return [f"what this machine keeps is not known: {how(rig)}"]
+    return [words(rig, known), *(f"suits it: {one.words()}" for one in changes_of(rig, known))]
 
 
 def _address(rig: RigFile) -> str:
     return f"http://{rig.supervisor.host}:{rig.supervisor.port}"
 
 
-def demo(rig_path: Path, data: Path, *, machine: bool = False, secure: bool = False) -> int:
+@command(app, "demo")
+def demo(
+    rig: RigOption,
+    form: Json,
+    data: DataFolder = DATA,
+    secure: Annotated[
+        bool, Option("--secure", help="over mutual TLS, with certificates for this once")
+    ] = False,
+) -> int:
     """Grip the part of a rig once, from start to end."""
-    console = screen(machine=machine)
-    rig = opened(rig_path)
+    console = screen(machine=form.json)
+    path = rig.path
+    file = opened(path)
     with ExitStack() as stack:
         if secure:
-            rig = rig.secured(stack.enter_context(security_made.passing(rig)))
-        stack.enter_context(running(rig, rig_path, data, console))
-        supervisor = stack.enter_context(Supervisor(_address(rig), key=key_of(None)))
-        job = follow(supervisor.rig(rig.rig.name).start("grip"), console)
-    if machine:
+            file = file.secured(stack.enter_context(security.temporary_certificates(file)))
+        stack.enter_context(running(file, path, data, console))
+        stack.enter_context(refusals(_address(file), as_json=form.json))
+        supervisor = stack.enter_context(Supervisor(_address(file), key=key_of(None)))
+        job = follow(supervisor.rig(file.rig.name).start("grip"), console)
+    if form.json:
         emit(job)
     else:
-        show_result(job.model_dump(mode="json"), console)
-    return of_job(job)
+        show_result(job, console)
+    return status_of(job)
+
+
+@command(app, "bench")
+def bench(
+    ticks: Annotated[int, Option("--ticks", parser=integer, metavar="N", help="of a block")] = 2000,
+    blocks: Annotated[int, Option("--blocks", parser=integer, metavar="N", help="to measure")] = 6,
+) -> int:
+    """Run the bench of the checkout; raises CliError if there is none."""
+    if not BENCH.is_file():
+        raise CliError(
+            f"{BENCH} is not in {Path.cwd()}: the bench and the rings that it compares "
+            "with come with a checkout of pincette, not with the package"
+        )
+    words = ["--ticks", str(ticks), "--blocks", str(blocks)]
+    return subprocess.run(
+        [sys.executable, "-m", "tests.bench.loop", *words], check=False
+    ).returncode
+
+
+def _call(**given: Any) -> int:
+    words: list[str] = [given.pop("name")]
+    for option in run.OPTIONS:
+        value = given[_field(option)]
+        if value:
+            words += [option.flag, str(value)] if option.metavar else [option.flag]
+    return run.main(words)
+
+
+def _field(option: run.Option) -> str:
+    return option.flag.removeprefix("--").replace("-", "_")
+
+
+def _annotation(option: run.Option) -> Any:
+    if not option.metavar:
+        return Annotated[bool, typer.Option(option.flag, help=option.help, hidden=option.hidden)]
+    read = None if option.choices is None else choice(option.choices)
+    shown = typer.Option(
+        option.flag, metavar=option.metavar, help=option.help, hidden=option.hidden, parser=read
+    )
+    return Annotated[str | None, shown]
+
+
+def _program(text: str) -> str:
+    try:
+        return run.program_name(text)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+_NAME = Annotated[str, typer.Argument(metavar="NAME", parser=_program, help=run.name_help())]
+_PARAMETERS = [
+    named("name", _NAME, ...),
+    *(named(_field(one), _annotation(one), None if one.metavar else False) for one in run.OPTIONS),
+]
+app.command("run", cls=Command)(with_parameters(_call, _PARAMETERS))

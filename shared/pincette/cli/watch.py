@@ -1,65 +1,84 @@
-"""``pincette watch``: follow a job, or everything that happens to a rig."""
+"""``pincette watch``: follow a job to its end, or every event of the rigs."""
 
-import argparse
 import sys
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from math import inf
-from typing import Any
+from typing import Annotated, Any
 
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn
+from rich.progress import Progress as Bar
 from rich.text import Text
+from typer import Argument, Option
 
-from pincette.api.event_models import Event
-from pincette.cli.exit_status import Exit
-from pincette.cli.job import followed
-from pincette.cli.job_acts import job_of
-from pincette.cli.options import Words, addressed, does, job_named
-from pincette.cli.output import screen
-from pincette.cli.rest import FOLLOWED_S, reached
-from pincette.cli.tables import STATE_COLOURS, clock
+from pincette.api.events import Event
+from pincette.api.jobs import Job, Progress
+from pincette.api.states import STATES
+from pincette.cli import CliError, Exit
+from pincette.cli.access import FOLLOWED_S, Target
+from pincette.cli.options import integer
+from pincette.cli.results import show_result
+from pincette.cli.terminal import STATE_COLOURS, clock, command, emit, group, screen
+from pincette.client import JobHandle
 
-ABOUT = "follow a job to its end, or everything that happens to the rigs, until Ctrl-C"
 PASSING = ("progress", "dropped")
 ALARMING = ("alarm",)
 MAIN = {"action": "type", "alarm": "cause", "result": "outcome"}
 """Member that says most, where it is not named as the kind is."""
+POLL_S = 0.2
+BAR_WIDTH = 24
+COLUMNS = (
+    TextColumn("{task.description:<9}"),
+    BarColumn(BAR_WIDTH),
+    TextColumn("{task.fields[share]:>4}"),
+    TextColumn("{task.fields[now]}"),
+    TextColumn("{task.fields[left]}"),
+)
+
+app = group()
 
 
-def add(word: Words) -> None:
-    """Add ``watch``."""
-    one = job_named(word("watch", ABOUT), optional="everything that happens if not given")
-    one.add_argument(
-        "--after", type=int, metavar="N", help="begin with the events after this number"
-    )
-    does(addressed(one), watch)
-
-
-def watch(given: argparse.Namespace) -> int:
+@command(app, "watch")
+def watch(
+    target: Target,
+    name: Annotated[
+        str | None,
+        Argument(metavar="JOB", help="its id, or `last`; every event if not given"),
+    ] = None,
+    after: Annotated[
+        int | None,
+        Option(
+            "--after", parser=integer, metavar="N", help="begin with the events after this number"
+        ),
+    ] = None,
+) -> int | None:
     """Follow a job, a rig, or all."""
-    if given.name and not given.json:
-        return followed(job_of(given), machine=False)
-    if given.name:
-        events = job_of(given).patient(FOLLOWED_S).events(given.after or 0)
+    if name and not target.json:
+        return followed(target.job(name).patient(FOLLOWED_S), machine=False)
+    if name:
+        events = target.job(name).patient(FOLLOWED_S).events(after or 0)
     else:
-        events = _of_rigs(given)
+        events = _of_rigs(target, after)
     console = screen()
     for event in events:
-        if given.json:
+        if target.json:
             sys.stdout.write(event.model_dump_json() + "\n")
             sys.stdout.flush()
         elif event.kind not in PASSING:
             console.print(line(event), soft_wrap=True)
-    return Exit.DONE
+    return None
 
 
-def _of_rigs(given: argparse.Namespace) -> Iterator[Event]:
-    """Events of the rig that is named, or of all; asked first whether there is a supervisor."""
-    supervisor = reached(given)
-    if given.at is None:
+def _of_rigs(target: Target, after: int | None) -> Iterator[Event]:
+    """Events of the rig that is named, or of all; a supervisor must answer first."""
+    supervisor = target.supervisor()
+    if target.rig_name is None:
         supervisor.rigs()
-        return supervisor.patient(inf).events(given.after)
-    rig = supervisor.rig(given.at)
+        return supervisor.patient(inf).events(after)
+    rig = supervisor.rig(target.rig_name)
     rig.state()
-    return rig.patient(inf).events(given.after)
+    return rig.patient(inf).events(after)
 
 
 def line(event: Event) -> Text:
@@ -81,7 +100,7 @@ def words(kind: str, body: dict[str, Any]) -> str:
         return alarm_words(body)
     first = str(body.get(main, ""))
     rest = [
-        _said(name, value)
+        _member(name, value)
         for name, value in body.items()
         if name not in (main, "event") and value not in (None, "", False, [], {})
     ]
@@ -97,7 +116,146 @@ def alarm_words(body: dict[str, Any]) -> str:
     return f"{did}{body['words']}{came} (alarm {about.get('id', '?')})"
 
 
-def _said(name: str, value: object) -> str:
+def _member(name: str, value: object) -> str:
     if value is True:
         return name
     return f"{name} {value:.5g}" if isinstance(value, float) else f"{name} {value}"
+
+
+def followed(job: JobHandle, *, machine: bool) -> int:
+    """Follow a job to its end, and show its result; the exit status says whether it succeeded."""
+    console = screen(machine=machine)
+    try:
+        follow(job, console)
+    except KeyboardInterrupt:
+        raise CliError(
+            f"no longer followed, but job {job.id} goes on: `pincette job stop {job.id}` stops "
+            "it, `pincette estop` stops the rig",
+            Exit.INTERRUPTED,
+        ) from None
+    if machine:
+        emit(job.job)
+    else:
+        show_result(job.job, console)
+    return status_of(job.job)
+
+
+def status_of(job: Job) -> Exit:
+    """The exit status of a job that was followed."""
+    return Exit.DONE if job.state == "succeeded" else Exit.FAILED
+
+
+def follow(job: JobHandle, console: Console) -> Job:
+    """Show a job's progress until it has ended, and return it as it is then.
+
+    Where it waits for a person, a terminal asks for the return key and then goes on.
+    """
+    show = _Bar(console) if console.is_terminal else _Lines(console)
+    asked = ""
+    with show:
+        live = job.job.progress
+        show.show(job.job, live)
+        while not job.ended:
+            job.refresh(POLL_S)
+            live = job.job.progress or live
+            show.show(job.job, live)
+            if live is None or "continue" not in job.job.allowed_actions or live.phase == asked:
+                continue
+            asked = live.phase
+            if show.ask(job.id, live.instruction):
+                job.proceed()
+    return job.job
+
+
+class _Bar(AbstractContextManager[None]):
+    """One line that is drawn anew."""
+
+    def __init__(self, console: Console) -> None:
+        self._progress = Bar(*COLUMNS, console=console)
+        self._bar = self._progress.add_task("queued", total=None, share="", now="", left="")
+
+    def __enter__(self) -> None:
+        self._progress.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def show(self, job: Job, live: Progress | None) -> None:
+        elapsed_s = 0.0 if live is None else live.elapsed_s
+        planned_s = None if live is None else live.planned_s
+        if job.state == "succeeded":
+            # Where contact comes sooner than planned, the course is shorter.
+            planned_s = elapsed_s
+        self._progress.update(
+            self._bar,
+            description=phase_of(job, live),
+            total=planned_s,
+            completed=elapsed_s,
+            share=share(elapsed_s, planned_s),
+            now=newest(live),
+            left="" if STATES[job.state].terminal else left(elapsed_s, planned_s),
+        )
+
+    def ask(self, name: str, instruction: str) -> bool:
+        """Ask for the return key; false where nobody can press it."""
+        if not sys.stdin.isatty():
+            self._progress.console.print(_order(name, instruction), markup=False)
+            return False
+        self._progress.stop()
+        self._progress.console.input(f"{instruction}, then press return ")
+        self._progress.start()
+        return True
+
+
+class _Lines(AbstractContextManager[None]):
+    """A line for each phase, for a file or a pipe."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._shown = ""
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+    def show(self, job: Job, live: Progress | None) -> None:
+        phase = phase_of(job, live)
+        if phase == self._shown:
+            return
+        self._shown = phase
+        elapsed_s = 0.0 if live is None else live.elapsed_s
+        line = f"{elapsed_s:6.2f} s  {phase:<9} {newest(live)}"
+        self._console.print(line.rstrip(), soft_wrap=True, markup=False)
+
+    def ask(self, name: str, instruction: str) -> bool:
+        """Say what is waited for, and how to go on."""
+        self._console.print(_order(name, instruction), soft_wrap=True, markup=False)
+        return False
+
+
+def _order(name: str, instruction: str) -> str:
+    return f"{instruction}, then `pincette job continue {name}`"
+
+
+def phase_of(job: Job, live: Progress | None) -> str:
+    """The phase of a job that runs, else its state."""
+    if job.state != "running" or live is None:
+        return job.state
+    return live.phase or job.state
+
+
+def newest(live: Progress | None) -> str:
+    """Newest position and force, of constant width."""
+    if live is None or live.x_um is None:
+        return ""
+    force = " " * 9 if live.force_mN is None else f"{live.force_mN:6.2f} mN"
+    return f"{live.x_um:6.2f} µm {force}"
+
+
+def share(elapsed_s: float, planned_s: float | None) -> str:
+    """How much of the planned time has passed."""
+    return f"{min(1.0, elapsed_s / planned_s):.0%}" if planned_s else ""
+
+
+def left(elapsed_s: float, planned_s: float | None) -> str:
+    """What is left of the planned time."""
+    return f"{max(0.0, planned_s - elapsed_s):4.1f} s left" if planned_s else ""

@@ -1,16 +1,14 @@
-"""Run jobs from your own program: ``Supervisor``, and with the same names ``AsyncSupervisor``.
+"""Run jobs from your own program: ``Supervisor``, or ``AsyncSupervisor`` with the same methods.
 
     with Supervisor("http://127.0.0.1:8000") as supervisor:
         job = supervisor.rig().start("grip", force_mN=15.0)
         print(job.wait().state, job.result())
 
-Units are in the names: µm, mN, V, s. What is refused raises ``ProblemError``, whose text says what,
-value, unit, limit and what to do; where nobody answers, ``NoAnswerError``.
+Units are in the names: µm, mN, V, s. A refusal raises ``ProblemError``, whose text names the value,
+its unit, the limit and the remedy; ``NoAnswerError`` means that no supervisor answers.
 """
 
-from pincette.client.async_job_handle import AsyncJobHandle
-from pincette.client.async_rig_handle import AsyncRigHandle
-from pincette.client.async_supervisor import AsyncSupervisor
+from pincette.client.blocking import JobHandle, RigHandle, Supervisor
 from pincette.client.errors import (
     ClientError,
     DamagedFileError,
@@ -20,9 +18,9 @@ from pincette.client.errors import (
     WaitTimeoutError,
     WhichRigError,
 )
-from pincette.client.job_handle import JobHandle
-from pincette.client.rig_handle import RigHandle
-from pincette.client.supervisor import Supervisor
+from pincette.client.job import AsyncJobHandle
+from pincette.client.rig import AsyncRigHandle
+from pincette.client.supervisor import AsyncSupervisor
 
 __all__ = [
     "AsyncJobHandle",

@@ -1,14 +1,11 @@
-"""One call over REST as data: what to send, how to read the answer, and whether it may be repeated.
-
-Both transports send the same calls, so that they cannot grow apart.
-"""
+"""One call over REST as data: what to send, how to read the answer, and whether to repeat it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import httpx
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from pincette.client.errors import ForeignAnswerError, NoAnswerError, problem_of
 
@@ -33,9 +30,9 @@ class Call(Generic[T]):
     body: Any = None
     headers: Mapping[str, str] = field(default_factory=dict[str, str])
     repeatable: bool = False
-    """Whether it does no more when it is made twice, as when its answer was lost."""
+    """Whether a second call has no further effect, as when the first answer was lost."""
     kept_s: float = 0.0
-    """How long the supervisor may keep its answer back."""
+    """How long the supervisor may delay its answer, in s."""
 
     def details(self, timeout_s: float) -> dict[str, Any]:
         """Arguments of ``httpx.Client.request``."""
@@ -56,9 +53,9 @@ class Call(Generic[T]):
         Raises
         ------
         ProblemError
-            Where the supervisor refuses.
+            The supervisor refuses.
         ForeignAnswerError
-            Where the answer is none that a supervisor gives.
+            The answer is not one of a supervisor of this version.
         """
         if response.is_error:
             raise problem_of(response)
@@ -67,12 +64,12 @@ class Call(Generic[T]):
         except (ValidationError, ValueError) as error:
             raise ForeignAnswerError(
                 f"{self.method} {response.request.url}: the answer cannot be read; what answers "
-                f"there is no supervisor, or one of another version ({_first_line(error)})"
+                f"there is no supervisor, or one of another version ({_first_lines(error)})"
             ) from error
 
 
 class Attempts:
-    """When a call that got no answer is made again: soon, then less often, for a bounded time."""
+    """When to repeat a call that got no answer: soon, then less often, for a limited time."""
 
     def __init__(
         self, what: str, *, repeatable: bool, patience_s: float, clock: Callable[[], float]
@@ -82,23 +79,23 @@ class Attempts:
         self.succeeded()
 
     def succeeded(self) -> None:
-        """Begin anew: the next failure is the first of its row."""
+        """Start again: the next failure is the first of a row."""
         self._delay_s, self._first_s = FIRST_DELAY_S, None
 
     def delay_s(self, error: httpx.TransportError) -> float:
-        """How long to wait before the next attempt; raises NoAnswerError where there is none."""
+        """How long to wait before the next attempt; raises NoAnswerError if there is none."""
         unsent = isinstance(error, UNSENT)
         if isinstance(error, httpx.UnsupportedProtocol) or not (self._repeatable or unsent):
-            raise NoAnswerError(self._words(error, unsent=unsent)) from error
+            raise NoAnswerError(self._message(error, unsent=unsent)) from error
         now_s = self._clock()
         self._first_s = now_s if self._first_s is None else self._first_s
         left_s = self._first_s + self._patience_s - now_s
         if left_s <= 0.0:
-            raise NoAnswerError(self._words(error, unsent=unsent)) from error
+            raise NoAnswerError(self._message(error, unsent=unsent)) from error
         delay_s, self._delay_s = self._delay_s, min(2.0 * self._delay_s, LONGEST_DELAY_S)
         return min(delay_s, left_s)
 
-    def _words(self, error: httpx.TransportError, *, unsent: bool) -> str:
+    def _message(self, error: httpx.TransportError, *, unsent: bool) -> str:
         why = str(error) or type(error).__name__
         if unsent or self._repeatable or isinstance(error, httpx.UnsupportedProtocol):
             return f"{self._what}: no answer ({why})"
@@ -108,19 +105,19 @@ class Attempts:
         )
 
 
-def who(operator: str | None, key: str | None) -> dict[str, str]:
-    """Headers that say who asks; raises ValueError where it cannot be said in them."""
+def identity_headers(operator: str | None, key: str | None) -> dict[str, str]:
+    """Headers that name the caller; raises ValueError if a header cannot carry a value."""
     headers: dict[str, str] = {}
     if operator is not None:
-        if not _is_legible(operator, OPERATOR_MAX):
+        if not _is_printable(operator, OPERATOR_MAX):
             raise ValueError(
                 f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters of ASCII are "
                 "wanted"
             )
         headers["X-Operator"] = operator
     if key is not None:
-        if not _is_legible(key, KEY_MAX) or " " in key:
-            # Told without the key, which is nobody else's business.
+        if not _is_printable(key, KEY_MAX) or " " in key:
+            # The message leaves the key out: it is a secret.
             raise ValueError(
                 f"the key is none: 1 to {KEY_MAX} characters without blanks are wanted"
             )
@@ -128,19 +125,30 @@ def who(operator: str | None, key: str | None) -> dict[str, str]:
     return headers
 
 
-def _is_legible(text: str, most: int) -> bool:
+def _is_printable(text: str, most: int) -> bool:
     return text.isascii() and text.isprintable() and 0 < len(text) <= most
 
 
 def model(kind: type[M]) -> Callable[[httpx.Response], M]:
-    """Reader of an answer that is a model; fields that it does not know are passed over."""
+    """Reader of an answer that is a model; unknown fields are ignored."""
     return lambda response: kind.model_validate_json(response.content, extra="ignore")
 
 
-def one_of(kind: TypeAdapter[T]) -> Callable[[httpx.Response], T]:
-    """Reader of an answer that is one of several models."""
-    return lambda response: kind.validate_json(response.content, extra="ignore")
+def get(path: str, kind: type[M], **query: str | float | None) -> Call[M]:
+    """A call that reads; members of the query that are None are left out."""
+    given = {name: value for name, value in query.items() if value is not None}
+    return Call("GET", path, model(kind), given, repeatable=True)
 
 
-def _first_line(error: Exception) -> str:
+def post(path: str, kind: type[M], body: Any = None, *, repeatable: bool = False) -> Call[M]:
+    """A call that changes something."""
+    return Call("POST", path, model(kind), body=body, repeatable=repeatable)
+
+
+def content(response: httpx.Response) -> bytes:
+    """Reader of an answer that is a file."""
+    return response.content
+
+
+def _first_lines(error: Exception) -> str:
     return "; ".join(str(error).splitlines()[:3])

@@ -5,7 +5,7 @@ from typing import Any, cast
 
 import httpx
 
-from pincette.api.problem_models import TYPE
+from pincette.api.problems import TYPE
 
 
 class ClientError(Exception):

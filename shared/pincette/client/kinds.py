@@ -1,35 +1,25 @@
-"""Which model a plan and a result are of, by the kind of job."""
+"""Which model a plan and a result are of, by the kind of job.
 
-from collections.abc import Mapping
+A kind that is installed at the supervisor alone is read by what all plans and results have.
+"""
 
-from pincette.api.calibration_models import CalibrationPlan, CalibrationResult
-from pincette.api.job_models import Job, JobKind
-from pincette.api.motion_models import MotionPlan
-from pincette.api.plan_models import Plan
-from pincette.api.result_models import GripResult, MotionResult, TrackResult
-
-AnyPlan = Plan | MotionPlan | CalibrationPlan
-PLANS: Mapping[str, type[AnyPlan]] = {
-    "grip": Plan,
-    "track": Plan,
-    "move": MotionPlan,
-    "hold": MotionPlan,
-    "release": MotionPlan,
-    "calibrate": CalibrationPlan,
-}
-AnyResult = GripResult | TrackResult | MotionResult | CalibrationResult
-RESULTS: Mapping[JobKind, type[AnyResult]] = {
-    "grip": GripResult,
-    "track": TrackResult,
-    "move": MotionResult,
-    "hold": MotionResult,
-    "release": MotionResult,
-    "calibrate": CalibrationResult,
-}
+from pincette.api.job_kinds import job_kinds
+from pincette.api.jobs import Job
+from pincette.api.plans import JobPlan
+from pincette.api.results import JobResult
 
 
-def result_of(job: Job) -> AnyResult | None:
+def plan_model(kind: str) -> type[JobPlan]:
+    """The model of a plan."""
+    known = job_kinds().get(kind)
+    return JobPlan if known is None else known.plan
+
+
+def result_of(job: Job) -> JobResult | None:
     """The result of a job; None where it has not moved."""
     if job.result is None:
         return None
-    return RESULTS[job.kind].model_validate(job.result, extra="ignore")
+    known = job_kinds().get(job.kind)
+    if known is None:
+        return JobResult.model_validate(job.result, extra="allow")
+    return known.result.model_validate(job.result, extra="ignore")

@@ -1,33 +1,51 @@
-"""A supervisor, and through it rigs and jobs."""
+"""A supervisor, and through it rigs and jobs, over asyncio."""
 
-from collections.abc import Iterator
+from collections.abc import AsyncGenerator, Sequence
 from copy import copy
 from types import TracebackType
 from typing import Any, Literal
 
 import httpx
 
-from pincette.api.access_models import AuditEntry, Session
-from pincette.api.event_models import Event
-from pincette.api.proposal_models import Proposal
-from pincette.api.recipe_models import Recipe, RecipeHistory
-from pincette.api.rig_models import Rig, StoppedList
-from pincette.client import access_calls, job_calls, recipe_calls, rig_calls
-from pincette.client.choice import only
-from pincette.client.job_handle import JobHandle
-from pincette.client.line import Line
-from pincette.client.rig_handle import RigHandle
+from pincette.api.access import AuditEntry, AuditList, Session
+from pincette.api.calibrations import Proposal, ProposalList
+from pincette.api.events import Alarm, AlarmList, Event
+from pincette.api.jobs import Job
+from pincette.api.requests import Recipe, RecipeHistory, RecipeList
+from pincette.api.rigs import Rig, RigList, StoppedList
+from pincette.client.call import get, post
+from pincette.client.errors import WhichRigError
+from pincette.client.job import AsyncJobHandle
+from pincette.client.rig import AsyncRigHandle, events, jobs
+from pincette.client.transport import AsyncConnection, Transport, client_settings
 
 TIMEOUT_S, PATIENCE_S = 10.0, 10.0
 
 
-class Supervisor:
-    """Where to begin: ``Supervisor(url).rig()``.
+class AsyncSupervisor:
+    """Where to begin: ``AsyncSupervisor(url).rig()``.
 
-    ``timeout_s`` is how long one answer may take, ``patience_s`` how long a call that may safely
-    be made again is made again while nobody answers. ``operator`` is who asks, as it is kept with
-    every action; left out, the supervisor keeps the address. ``key`` is for a supervisor that wants
-    one; who asks is then the key's name, with ``operator`` beside it.
+    Parameters
+    ----------
+    url
+        Such as ``http://127.0.0.1:8000``.
+    timeout_s
+        How long one answer may take, in s.
+    patience_s
+        How long a call that is safe to repeat is repeated while no supervisor answers, in s.
+    operator
+        The name that is kept with every action; left out, the supervisor keeps the address.
+    key
+        For a supervisor that requires one; the caller is then known by the key's name.
+    transport
+        Replaces the network, as in tests.
+
+    Raises
+    ------
+    ClientError
+        ``url`` is not an address.
+    ValueError
+        ``operator`` or ``key`` cannot be sent in a header.
     """
 
     def __init__(
@@ -38,90 +56,119 @@ class Supervisor:
         patience_s: float = PATIENCE_S,
         operator: str | None = None,
         key: str | None = None,
-        transport: httpx.BaseTransport | None = None,
+        transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
-        self.line = Line(url, timeout_s, patience_s, operator, key, transport)
-        """What it speaks over; its clock and its sleep may be replaced."""
+        settings = client_settings(url, operator, key)
+        connection = AsyncConnection(httpx.AsyncClient(**settings, transport=transport))
+        self.transport = Transport(url, connection, timeout_s, patience_s)
+        """Sends the calls; its clock and its sleep may be replaced."""
 
-    def __enter__(self) -> "Supervisor":
+    async def __aenter__(self) -> "AsyncSupervisor":
         return self
 
-    def __exit__(
+    async def __aexit__(
         self,
         kind: type[BaseException] | None,
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.close()
+        await self.close()
 
-    def close(self) -> None:
-        """Give the connections back."""
-        self.line.close()
+    async def close(self) -> None:
+        """Close every connection."""
+        await self.transport.close()
 
-    def patient(self, patience_s: float) -> "Supervisor":
-        """The same supervisor, with more patience or less while nobody answers."""
+    def patient(self, patience_s: float) -> "AsyncSupervisor":
+        """The same supervisor with another patience, in s, while it does not answer."""
         other = copy(self)
-        other.line = self.line.patient(patience_s)
+        other.transport = self.transport.patient(patience_s)
         return other
 
-    def rigs(self) -> list[Rig]:
+    async def rigs(self) -> list[Rig]:
         """Every rig that it serves."""
-        found = self.line.send(rig_calls.rigs())
-        return found.rigs
+        return (await self.transport.send(get("/rigs", RigList))).rigs
 
-    def rig(self, name: str | None = None) -> RigHandle:
-        """A rig by its name; without one the only rig there is."""
-        return RigHandle(self.line, name or only(self.rigs()))
+    async def rig(self, name: str | None = None) -> AsyncRigHandle:
+        """A rig by its name; raises WhichRigError if there are several and none is named."""
+        return AsyncRigHandle(self.transport, name or _only(await self.rigs()))
 
-    def job(self, name: str) -> JobHandle:
-        """A job by its id, of whichever rig."""
-        return JobHandle(self.line, self.line.send(job_calls.job(name)))
+    async def job(self, name: str) -> AsyncJobHandle:
+        """A job by its id, of any rig."""
+        found = await self.transport.send(get(f"/jobs/{name}", Job))
+        return AsyncJobHandle(self.transport, found)
 
-    def jobs(self, limit: int = 50, **filters: str | int) -> list[JobHandle]:
+    async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
         """Jobs of every rig, the newest first; filters are rig, state, kind, label and before."""
-        found = self.line.send(job_calls.jobs({"limit": limit, **filters}))
-        return [JobHandle(self.line, job) for job in found.jobs]
+        return await jobs(self.transport, limit, **filters)
 
-    def events(self, after: int | None = None) -> Iterator[Event]:
-        """Events of every rig as they come, from those after a number; else from here on."""
-        begin = rig_calls.newest_event(None) if after is None else after
-        return self.line.events(rig_calls.events_of(None), begin)
+    def events(self, after: int | None = None) -> AsyncGenerator[Event]:
+        """Events of every rig as they come, after a number; new ones only if it is left out."""
+        return events(self.transport, "/events", after)
 
-    def estop(self) -> StoppedList:
-        """Stop every rig at once; refused where one has not confirmed, which names it."""
-        return self.line.send(rig_calls.estop_all())
+    async def estop(self) -> StoppedList:
+        """Stop every rig at once; raises ProblemError, which names a rig that did not confirm."""
+        return await self.transport.send(post("/estop", StoppedList, repeatable=True))
 
-    def proposals(self, limit: int = 50) -> list[Proposal]:
+    async def proposals(self, limit: int = 50) -> list[Proposal]:
         """What calibrations propose, the newest first."""
-        found = self.line.send(rig_calls.proposals(limit))
+        found = await self.transport.send(get("/calibrations", ProposalList, limit=limit))
         return found.calibrations
 
-    def proposal(self, calibration: str) -> Proposal:
+    async def proposal(self, calibration: str) -> Proposal:
         """What one calibration proposes, beside what is in use."""
-        return self.line.send(rig_calls.proposal(calibration))
+        return await self.transport.send(get(f"/calibrations/{calibration}", Proposal))
 
-    def decide(self, calibration: str, decision: Literal["accept", "discard"]) -> Proposal:
-        """Use what a calibration proposes, or do not."""
-        return self.line.send(rig_calls.decide(calibration, decision))
+    async def decide(self, calibration: str, decision: Literal["accept", "discard"]) -> Proposal:
+        """Accept what a calibration proposes, or discard it."""
+        call = post(f"/calibrations/{calibration}/actions", Proposal, {"type": decision})
+        return await self.transport.send(call)
 
-    def recipes(self) -> list[Recipe]:
-        """The newest version of every part recipe."""
-        found = self.line.send(recipe_calls.recipes())
-        return found.recipes
+    async def recipes(self) -> list[Recipe]:
+        """The newest version of every recipe."""
+        return (await self.transport.send(get("/recipes", RecipeList))).recipes
 
-    def recipe(self, name: str) -> RecipeHistory:
+    async def recipe(self, name: str) -> RecipeHistory:
         """One recipe with all its versions."""
-        return self.line.send(recipe_calls.recipe(name))
+        return await self.transport.send(get(f"/recipes/{name}", RecipeHistory))
 
-    def save_recipe(self, name: str, values: dict[str, Any], note: str = "") -> Recipe:
-        """Keep a set of parameters under a name, as its next version."""
-        return self.line.send(recipe_calls.save(name, values, note))
+    async def save_recipe(self, name: str, values: dict[str, Any], note: str = "") -> Recipe:
+        """Save a set of parameters under a name, as its next version."""
+        body = {"name": name, "values": values, "note": note}
+        return await self.transport.send(post("/recipes", Recipe, body, repeatable=True))
 
-    def session(self) -> Session:
-        """Who asks, and what they may do, as the supervisor knows it."""
-        return self.line.send(access_calls.session())
+    async def alarms(
+        self,
+        limit: int = 50,
+        *,
+        rig: str | None = None,
+        open: bool | None = None,  # noqa: A002 - the name of the query over REST
+        before: int | None = None,
+    ) -> AlarmList:
+        """Alarms, the newest first; of one rig, open ones, those before a number."""
+        only = None if open is None else str(open).lower()
+        call = get("/alarms", AlarmList, rig=rig, open=only, limit=limit, before=before)
+        return await self.transport.send(call)
 
-    def audit(self, limit: int = 50, before: int | None = None) -> list[AuditEntry]:
-        """What was to change something, the newest first; those before a number."""
-        found = self.line.send(access_calls.audit(limit, before))
+    async def acknowledge(self, alarm: int) -> Alarm:
+        """Say that a person has seen an alarm; a second call changes nothing."""
+        path, body = f"/alarms/{alarm}/actions", {"type": "acknowledge"}
+        return await self.transport.send(post(path, Alarm, body, repeatable=True))
+
+    async def session(self) -> Session:
+        """The caller and its permissions, as the supervisor knows them."""
+        return await self.transport.send(get("/session", Session))
+
+    async def audit(self, limit: int = 50, before: int | None = None) -> list[AuditEntry]:
+        """Requests that change something, the newest first; those before a number."""
+        found = await self.transport.send(get("/audit", AuditList, limit=limit, before=before))
         return found.entries
+
+
+def _only(rigs: Sequence[Rig]) -> str:
+    names = [rig.name for rig in rigs]
+    if len(names) != 1:
+        there = ", ".join(names) or "none"
+        raise WhichRigError(
+            f"which rig is meant? The supervisor serves {len(names)}: {there}. Name one of them"
+        )
+    return names[0]

@@ -3,7 +3,7 @@
 from pincette.config.calibration import Calibration, calibrated, parse_calibration
 from pincette.config.instruments import Output, Sensor
 from pincette.config.model import IdentifiedFreeResponse, Model, RecordedFreeResponse
-from pincette.config.reading import parse_rig, parse_told, read_rig
+from pincette.config.reading import parse_rig, parse_rig_json, read_rig
 from pincette.config.rig_file import RigFile
 from pincette.config.simulation import Simulation
 from pincette.config.tables import ConfigError, Table
@@ -22,6 +22,6 @@ __all__ = [
     "calibrated",
     "parse_calibration",
     "parse_rig",
-    "parse_told",
+    "parse_rig_json",
     "read_rig",
 ]

@@ -77,13 +77,7 @@ def parse_calibration(text: str) -> Calibration:
 
 
 def calibrated(rig: RigFile, calibration: Calibration) -> RigFile:
-    """Lay a calibration over a rig file.
-
-    Raises
-    ------
-    ConfigError
-        Where a value is impossible.
-    """
+    """Lay a calibration over a rig file; raises ConfigError."""
     if not calibration.values:
         return rig
     tree = rig.model_dump(exclude_unset=True)

@@ -32,17 +32,13 @@ def free_response(model: Model) -> FreeResponse:
     if taught is None:
         at_rest = FreeSample(0.0, 0.0)
         return nominal_response(model.piezo_um_per_V, at_rest, model.hysteresis_fraction)
-    return identified_response(taught.hysteresis(), model.piezo_um_per_V, taught.residual_um)
+    return identified_response(
+        taught.hysteresis(), model.piezo_um_per_V, taught.residual_um, taught.growth()
+    )
 
 
 def force_observer(rig: RigFile) -> ForceObserver:
-    """The observer that a rig file names.
-
-    Raises
-    ------
-    ConfigError
-        Where it cannot work at the rig's period.
-    """
+    """The observer that a rig file names; raises ConfigError."""
     try:
         return _observer(rig.model, rig.rig.period_s, rig.sensor.noise_um)
     except ValueError as error:

@@ -1,20 +1,19 @@
 """Gains for a rig file: whether a law may run on it, and which gains suit it best."""
 
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from pincette.config.derived import X_START_UM, force_observer, free_response
+from pincette.config.laws import law_definition
 from pincette.config.rig_file import RigFile
-from pincette.control.laws.law import LawSettings, Scheme
+from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.profiles import quintic
 from pincette.control.stability.assessment import LIMIT_RADIUS, Assessment, assess
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.tuning import (
-    K_F_GRID,
-    K_P_GRID,
+    Grid,
     Tracks,
     Tuning,
     TuningPath,
@@ -46,30 +45,21 @@ def judged(rig: RigFile, settings: LawSettings) -> Assessment:
 
 def tuned(
     rig: RigFile,
-    scheme: Scheme,
+    scheme: str,
     *,
-    K_P: Sequence[float] = K_P_GRID,
-    K_f: Sequence[float] = K_F_GRID,
+    grid: Grid | None = None,
     tracks: Tracks = track_each,
 ) -> Tuning:
-    """Search the gains of a scheme on the rig's identified model; the same rig file gives the same.
-
-    ``tracks``: how the search plays, for which ``batch.tuning`` has a quicker way.
-
-    Raises
-    ------
-    ValueError
-        Where no gains keep the loop stable.
-    """
-    return _tuned(rig.model_dump_json(), scheme, tuple(K_P), tuple(K_f), tracks)
+    """Search the gains of a scheme on the rig's model, reproducibly; raises ValueError."""
+    given = None if grid is None else tuple((name, tuple(each)) for name, each in grid.items())
+    return _tuned(rig.model_dump_json(), law_definition(scheme), given, tracks)
 
 
 @lru_cache(maxsize=8)
 def _tuned(
     rig_json: str,
-    scheme: Scheme,
-    K_P: tuple[float, ...],
-    K_f: tuple[float, ...],
+    definition: LawDefinition,
+    grid: tuple[tuple[str, tuple[float, ...]], ...] | None,
     tracks: Tracks,
 ) -> Tuning:
     rig = RigFile.model_validate_json(rig_json)
@@ -77,14 +67,13 @@ def _tuned(
     return tune(
         _tuning_rig(rig, len(path.force_r_mN)),
         path,
-        scheme,
+        definition,
         # That of an assessment, which would also look for advice on each that is refused.
         lambda settings: worst_case(
             loop(rig, settings), intervals(rig), LIMIT_RADIUS, enough=LIMIT_RADIUS
         )[1],
         radius_limit=LIMIT_RADIUS,
-        K_P=K_P,
-        K_f=K_f,
+        grid=None if grid is None else dict(grid),
         tracks=tracks,
     )
 

@@ -1,58 +1,74 @@
 """The two instruments of a rig: which driver, where, and within which range."""
 
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from pincette.config.tables import NotNegative, Positive, Table, Url
+from pincette.config.tables import NotNegative, Positive, Table
 
+
+def _reachable(url: str) -> str:
+    """A url that a link can open: a device, or a socket with host and port."""
+    if not url.startswith("socket://"):
+        return url
+    try:
+        parts = urlsplit(url)
+        if parts.hostname and parts.port:
+            return url
+    except ValueError:
+        pass
+    raise ValueError("wanted socket://HOST:PORT with a port from 1 to 65535, or a device")
+
+
+Url = Annotated[str, AfterValidator(_reachable)]
 Options = dict[str, str | int | float | bool]
 """What only one driver understands; it checks them itself."""
 SerialNumber = Annotated[str, Field(max_length=60)]
-"""Of an instrument, as its plate has it; empty: not known."""
+"""Of an instrument, as on its name plate; empty: not known."""
 
 
 class Sensor(Table):
     """The position sensor: driver, where it is, its range in µm."""
 
     driver: str
-    """As ``pincette drivers`` lists it."""
+    """Name as listed by ``pincette drivers``."""
     url: Url
-    """A device, ``socket://HOST:PORT``, or what the driver says."""
+    """A device, ``socket://HOST:PORT``, or the form that the driver documents."""
     serial_number: SerialNumber = ""
-    """Of the instrument; noted with what is calibrated."""
+    """Of the instrument; stored with each calibration."""
     minimum_um: float
-    """A reading below is no measurement."""
+    """A reading below this value is invalid."""
     maximum_um: float
-    """A reading above is no measurement."""
+    """A reading above this value is invalid."""
     offset_um: float = 0.0
     """Subtracted from the reading, so that the arm at rest is near zero."""
     direction: Literal[1, -1] = 1
-    """+1 where closing the gripper raises the reading."""
+    """+1 if closing the gripper raises the reading."""
     timeout_s: Positive = 0.1
-    """Of a whole exchange with the instrument."""
+    """For a whole exchange with the instrument."""
     noise_um: NotNegative
     """r.m.s., as identified; enters the force uncertainty."""
     record: str | None = None
     """File that every byte to and from the instrument is written to."""
     options: Options = Field(default_factory=Options)
-    """What this driver alone understands."""
+    """Options of this driver."""
 
 
 class Output(Table):
     """The voltage output that drives the amplifier."""
 
     driver: str
-    """As ``pincette drivers`` lists it."""
+    """Name as listed by ``pincette drivers``."""
     url: Url
-    """A device, ``socket://HOST:PORT``, or what the driver says."""
+    """A device, ``socket://HOST:PORT``, or the form that the driver documents."""
     serial_number: SerialNumber = ""
-    """Of the instrument; noted with what is calibrated."""
+    """Of the instrument; stored with each calibration."""
     timeout_s: Positive = 0.1
-    """Of a whole exchange with the instrument."""
+    """For a whole exchange with the instrument."""
     record: str | None = None
     """File that every byte to and from the instrument is written to."""
     on_silence: Literal["safe", "holds", "unstated"] = "unstated"
-    """What the hardware does by itself where its host falls silent: go to a safe value, or hold."""
+    """What the hardware does by itself if its host stops sending: go to a safe value, or hold."""
     options: Options = Field(default_factory=Options)
-    """What this driver alone understands."""
+    """Options of this driver."""

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from pincette.config.tables import NotNegative, Positive, Table
 from pincette.control.arm.plant import ArmParameters, consistent_arm
+from pincette.control.response.error_growth import ErrorGrowth, checked_growth
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.recorded_response import RecordedBranches, Turn
 
@@ -23,25 +24,47 @@ class IdentifiedFreeResponse(Table):
     creep_fractions: tuple[float, ...] = Field(default=(), strict=False)
     """κ_j, shares of the static displacement, one for each time."""
     fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
-    """λ_i, one for each threshold; empty: nothing fades."""
+    """λ_i, one for each threshold; empty: no fading."""
     curvature_um_per_V2: float = 0.0
-    """q, by which the stroke grows with the square of the voltage."""
+    """q, the growth of the stroke with the square of the voltage."""
     residual_um: NotNegative
-    """r.m.s. left of free motion that was not fitted; enters the force uncertainty."""
+    """r.m.s. residual on free motion that was not fitted; enters the force uncertainty."""
     press_gain: float = Field(default=1.0, gt=0.5, lt=2.0)
-    """Measured stroke over the model's, where parts are pressed; 1 where it was not measured."""
+    """Measured stroke divided by the model's, where parts are pressed; 1 if not measured."""
+    error_ways_V: tuple[float, ...] = Field(default=(), strict=False)
+    """Ways of the voltage since a zero at which the error is known; empty: by the residual."""
+    errors_um: tuple[float, ...] = Field(default=(), strict=False)
+    """Standard error of the free response there; enters the force uncertainty."""
 
     @model_validator(mode="after")
     def _possible(self) -> "IdentifiedFreeResponse":
         self.hysteresis()
+        self.growth()
         return self
 
     @classmethod
     def from_model(
-        cls, model: HysteresisModel, residual_um: float, press_gain: float = 1.0
+        cls,
+        model: HysteresisModel,
+        residual_um: float,
+        press_gain: float = 1.0,
+        growth: ErrorGrowth | None = None,
     ) -> "IdentifiedFreeResponse":
         """Table of a model that was identified."""
-        return cls(**asdict(model), residual_um=residual_um, press_gain=press_gain)
+        ways_V, errors_um = ((), ()) if growth is None else growth
+        return cls(
+            **asdict(model),
+            residual_um=residual_um,
+            press_gain=press_gain,
+            error_ways_V=ways_V,
+            errors_um=errors_um,
+        )
+
+    def growth(self) -> ErrorGrowth | None:
+        """Error by the way since a zero; None if not known; raises ValueError where impossible."""
+        if not self.error_ways_V and not self.errors_um:
+            return None
+        return checked_growth(self.error_ways_V, self.errors_um)
 
     def hysteresis(self) -> HysteresisModel:
         """Model of the table; raises ValueError where it is impossible."""
@@ -71,7 +94,7 @@ class RecordedFreeResponse(Table):
     descending: tuple[float, ...] = Field(strict=False)
     """The same, from top to bottom."""
     residual_um: NotNegative
-    """r.m.s. left of free motion that was not recorded; enters the force uncertainty."""
+    """r.m.s. residual on free motion that was not recorded; enters the force uncertainty."""
 
     @model_validator(mode="after")
     def _possible(self) -> "RecordedFreeResponse":
@@ -119,17 +142,17 @@ class Model(Table):
     creep_mN_per_decade: NotNegative = 0.3
     """Growth of the force uncertainty per decade of zero age."""
     forgotten_mN: NotNegative = 3.0
-    """Force uncertainty, at most, from what a to-and-fro of the voltage makes the arm forget."""
+    """Largest force uncertainty from voltage reversals, which erase the arm's hysteresis memory."""
     forgotten_scale_V: Positive = 0.4
-    """To-and-fro since the zero within which 63 % of it is reached."""
+    """Voltage travel back and forth since the zero at which 63 % of it is reached."""
     force_filter_s: NotNegative = 0.03
     """Time constant of the law's low-pass over the force error."""
     force_observer: Literal["quasi_static", "inverse_dynamics", "kalman"] = "quasi_static"
-    """How the force is found from position and free response; the first for long periods alone."""
+    """Computes the force from position and free response; the first is for long periods only."""
     force_ages: Literal["matched", "printed"] = "matched"
-    """Whether (53) pairs x and x_1 of one age, or as it is printed; see ``control.observers``."""
+    """Whether (53) pairs x and x_1 of the same age, or as printed; see ``control.observers``."""
     force_rate_mN_per_s: Positive = 50.0
-    """Force rate that ``kalman`` reckons with, r.m.s. over a period."""
+    """Force rate that ``kalman`` assumes, r.m.s. over a period."""
     inverse_filter_s: NotNegative = 0.0005
     """τ of 1/(τs + 1)² in ``inverse_dynamics``."""
     free_response: IdentifiedFreeResponse | None = None

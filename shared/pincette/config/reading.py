@@ -1,4 +1,4 @@
-"""Reads rig files: TOML, where it may be laid over another file, and JSON, as programs tell it."""
+"""Reads rig files: TOML, also with a base file, and JSON, as programs send it."""
 
 import reprlib
 import tomllib
@@ -14,7 +14,7 @@ Tree = dict[str, Any]
 MOST_BYTES = 4 * 2**20
 """Of a rig file; one with a measured free response is far shorter."""
 SHOWN, MOST_FAULTS = 300, 20
-"""Characters of a value that a fault repeats, and faults that are told."""
+"""Characters of a value that a fault repeats, and faults that are listed."""
 _SHORT = reprlib.Repr()
 _SHORT.maxstring, _SHORT.maxlevel = SHOWN, 3
 BASE = "base"
@@ -22,13 +22,7 @@ BASE = "base"
 
 
 def read_rig(path: Path) -> RigFile:
-    """Read a rig file.
-
-    Raises
-    ------
-    ConfigError
-        Where the file is missing, is not TOML, or has an unknown key or an impossible value.
-    """
+    """Read a rig file; raises ConfigError."""
     tables = _tables(path)
     base = tables.pop(BASE, None)
     if base is not None:
@@ -82,8 +76,8 @@ def parse_rig(tables: Tree) -> RigFile:
         raise ConfigError(_faults(error)) from error
 
 
-def parse_told(text: str) -> RigFile:
-    """Read a rig file as a program tells it, in JSON; raises ConfigError."""
+def parse_rig_json(text: str) -> RigFile:
+    """Read a rig file that a program sends, in JSON; raises ConfigError."""
     try:
         return RigFile.model_validate_json(text)
     except ValidationError as error:

@@ -2,33 +2,32 @@
 
 import hashlib
 from collections.abc import Mapping
+from math import ceil
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from pincette.config.bus import Bus
 from pincette.config.instruments import Output, Sensor
-from pincette.config.jobs import Grip, Track
-from pincette.config.law import Law
-from pincette.config.limits import Limits, Safety, monitor_limits, voltage_limits
+from pincette.config.laws import Law
+from pincette.config.limits import Limits, Safety
 from pincette.config.model import Model
-from pincette.config.realtime import RealTime
-from pincette.config.recorder import Recorder
+from pincette.config.programs import Bus, RealTime, Recorder, Supervisor
 from pincette.config.simulation import Simulation
 from pincette.config.tables import Positive, Table
+from pincette.control.planning.paths import Shape
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
-from pincette.service import composed_name, services_of
-from pincette.topics import LOOP
+from pincette.core.service import canonical_name, member_services
+from pincette.core.topics import LOOP
 
-ComposedName = Annotated[str, AfterValidator(composed_name)]
+ComposedName = Annotated[str, AfterValidator(canonical_name)]
 
 
 def _apart(programs: tuple[str, ...]) -> tuple[str, ...]:
     """Programs of which no two run the same service."""
     for service in LOOP:
-        having = [name for name in programs if service in services_of(name)]
+        having = [name for name in programs if service in member_services(name)]
         if len(having) > 1:
             raise ValueError(f"{service} is in {having[0]!r} and in {having[1]!r}: wanted in one")
     return programs
@@ -38,24 +37,24 @@ class Rig(Table):
     """Name of the rig, its control period, its kind of time, and which services run together."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9-]{0,30}$")
-    """In every key of the bus, in records, and at the supervisor."""
+    """Appears in every key of the bus, in records, and at the supervisor."""
     period_s: float = Field(default=0.02, gt=0, le=1.0)
     """One sample, one step of the law, one command."""
     time: Literal["real", "lockstep"] = "real"
-    """``real``: the sensor keeps a grid of this machine's clock. ``lockstep``: the simulated rig
-    paces, and the same job gives the same bits."""
+    """``real``: the sensor samples on a grid of this machine's clock. ``lockstep``: the simulated
+    rig sets the pace, and the same job gives bit-identical results."""
     composed: Annotated[tuple[ComposedName, ...], AfterValidator(_apart)] = Field(
         default=(), strict=False
     )
     """Programs that run several services of the loop in one process: ``"loop"`` all of them,
-    ``"estimator+controller"`` those two. A service that is in none is a program by itself."""
+    ``"estimator+controller"`` those two. A service that is in none of them is its own program."""
 
 
 class Part(Table):
     """The object to be gripped, as the plan assumes it."""
 
     name: str
-    """In words, for people."""
+    """Description for the operator."""
     contact_um: float
     """Position of the driven arm at first touch."""
     contact_tolerance_um: Positive
@@ -63,33 +62,62 @@ class Part(Table):
     stiffness_mN_per_um: Positive
     """K_e: the part in series with the passive arm."""
     stiffness_tolerance: float = Field(default=0.3, gt=0, lt=1)
-    """Share by which the stiffness may differ; the judgement of stability takes the worst."""
+    """Relative tolerance of the stiffness; the stability check uses the worst case."""
 
 
 class Calibrating(Table):
-    """How long what a calibration has found holds."""
+    """How long the result of a calibration is valid."""
 
     valid_days: Positive | None = None
-    """From the measurement on; None: without an end."""
+    """From the measurement on; None: without limit."""
 
 
-HostName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]{0,252})$")]
+class Grip(Table):
+    """Defaults of a grip job; a request may replace each."""
+
+    force_mN: Positive = 20.0
+    """Force that is held, compressive."""
+    hold_s: Positive = 4.0
+    """How long it is held."""
+    load_s: Positive = 2.0
+    """Time from the touch to the force; unloading takes as long."""
+    approach_um_per_s: Positive = 20.0
+    """Speed until just before the contact."""
+    seek_um_per_s: Positive = 4.0
+    """Speed from there until the part is touched."""
+    contact_force_mN: Positive = 2.0
+    """Estimated force that counts as touch."""
+    zero_s: Positive = 0.4
+    """Time at rest before the arm moves, in which the force estimate is set to zero."""
 
 
-class Supervisor(Table):
-    """Where the supervisor listens, and how it is reached."""
+class Track(Table):
+    """Defaults of a track job; a request may replace each. Other values are those of a grip."""
 
-    host: str = "127.0.0.1"
-    """Beyond loopback it starts only where there are keys."""
-    port: int = Field(default=8000, ge=1, le=65535)
-    """Of REST and the page."""
-    names: tuple[HostName, ...] = Field(default=(), max_length=20, strict=False)
-    """Names by which it is reached, beside its address; a request for another one is refused."""
-    behind: Literal["nothing", "container"] = "nothing"
-    """``container``: a promise that its port is published on the loopback of the host alone, so
-    that it may listen on every address of its container without keys."""
+    shape: Shape = "sinusoid"
+    """Of the path."""
+    force_mean_mN: Positive = 12.0
+    """Middle of a sinusoid or triangle."""
+    force_pp_mN: Positive = 20.0
+    """Its height, peak to peak."""
+    frequency_hz: Positive = 0.5
+    """Of a sinusoid or triangle."""
+    cycles: int = Field(default=5, ge=1, le=1000)
+    """At full amplitude; one more before and one after blend in and out."""
+    levels_mN: tuple[Positive, ...] = Field(
+        default=(5.0, 10.0, 15.0, 20.0), min_length=1, max_length=100, strict=False
+    )
+    """Of steps, in their order."""
+    dwell_s: Positive = 2.0
+    """At each level."""
+    rate_um_per_s: Positive = 60.0
+    """Highest speed of x_r along a path; steps reach it."""
+    acceleration_um_per_s2: Positive = 2000.0
+    """Highest acceleration of x_r along a path; steps and corners reach it."""
 
 
+ROUNDING = 1e-6
+"""Periods by which a quotient of two decimal numbers may be off."""
 JOINED = "rigs"
 """Folder of the rigs that have joined, below that of the rig they have joined."""
 UNSHARED: Mapping[str, set[str] | bool] = {
@@ -100,7 +128,7 @@ UNSHARED: Mapping[str, set[str] | bool] = {
     "calibration": True,
     "realtime": True,
     "recorder": True,
-    "supervisor": {"names", "behind"},
+    "supervisor": {"names", "behind", "keys"},
 }
 """What may differ between programs: nothing of the loop works with it."""
 
@@ -138,17 +166,35 @@ class RigFile(Table):
     def program_of(self, service: str) -> str:
         """The program that runs a service of the loop."""
         composed = self.rig.composed
-        return next((name for name in composed if service in services_of(name)), service)
+        return next((name for name in composed if service in member_services(name)), service)
 
     @property
     def voltage_limits(self) -> VoltageLimits:
         """What the actuator puts out at most, from one period to the next."""
-        return voltage_limits(self.limits, self.rig.period_s)
+        limits = self.limits
+        return VoltageLimits(
+            min_V=limits.voltage_min_V,
+            max_V=limits.voltage_max_V,
+            slew_V=limits.slew_V_per_s * self.rig.period_s,
+            sweep_V=limits.sweep_V,
+        )
 
     @property
     def monitors(self) -> MonitorLimits:
-        """The hard limits that the actuator holds every sample against, and its mirror."""
-        return monitor_limits(self.limits, self.safety, self.rig.period_s)
+        """The hard limits that the actuator holds every sample against, and the controller too."""
+        limits, safety, period_s = self.limits, self.safety, self.rig.period_s
+        margin_um = safety.position_margin * (limits.position_max_um - limits.position_min_um)
+        return MonitorLimits(
+            period_s=period_s,
+            force_mN=safety.force_factor * limits.force_max_mN,
+            force_samples=safety.force_samples,
+            following_um=safety.following_um,
+            following_s=safety.following_s,
+            following_samples=ceil(safety.following_for_s / period_s - ROUNDING),
+            position_min_um=limits.position_min_um - margin_um,
+            position_max_um=limits.position_max_um + margin_um,
+            position_samples=safety.position_samples,
+        )
 
     @property
     def joins(self) -> bool:

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pydantic import model_validator
 
 from pincette.config.tables import NotNegative, Positive, Table
-from pincette.messages import Order
+from pincette.core.messages import SimCommand
 
 LONGEST_DELAY_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Deed:
+class Operation:
     """One thing that can be done to a target."""
 
     what: str
@@ -34,24 +34,24 @@ class Deed:
         return bool(self.quantity)
 
 
-def _link_faults(quantity: str, limit: float) -> tuple[Deed, ...]:
-    """What befalls an instrument or its line; ``quantity`` is what the instrument deals in."""
+def _link_faults(quantity: str, limit: float) -> tuple[Operation, ...]:
+    """Faults of an instrument or its line; ``quantity`` is the unit of its values."""
     late = ("s", 0.0, LONGEST_DELAY_S)
     return (
-        Deed("off", "is silent, as unplugged", "1: its socket hangs up too", 0.0, 1.0, 0.0),
-        Deed("garbage", "answers random bytes"),
-        Deed("wrong", "is off by an offset", quantity, -limit, limit),
-        Deed("slow", "answers late", *late),
-        Deed("delayed", "shows, or puts out, what was asked so long ago", *late),
-        Deed("intermittent", "loses exchanges", "share of them", 0.0, 1.0),
-        Deed("heal", "ends every fault of this target", lasts=False),
+        Operation("off", "is silent, as unplugged", "1: its socket hangs up too", 0.0, 1.0, 0.0),
+        Operation("garbage", "answers random bytes"),
+        Operation("wrong", "is off by an offset", quantity, -limit, limit),
+        Operation("slow", "answers late", *late),
+        Operation("delayed", "shows, or puts out, what was asked so long ago", *late),
+        Operation("intermittent", "loses exchanges", "share of them", 0.0, 1.0),
+        Operation("heal", "ends every fault of this target", lasts=False),
     )
 
 
-DEEDS: dict[str, tuple[Deed, ...]] = {
+OPERATIONS: dict[str, tuple[Operation, ...]] = {
     "part": (
-        Deed("remove", "is taken away", lasts=False),
-        Deed(
+        Operation("remove", "is taken away", lasts=False),
+        Operation(
             "place",
             "is put between the arms",
             "µm, arm at first touch; not given: where the last one was",
@@ -59,10 +59,10 @@ DEEDS: dict[str, tuple[Deed, ...]] = {
             1e4,
             lasts=False,
         ),
-        Deed("lose", "falls out of the gripper", lasts=False),
+        Operation("lose", "falls out of the gripper", lasts=False),
     ),
     "weight": (
-        Deed(
+        Operation(
             "hang",
             "hangs on the tip, pulls against closing",
             "mN, 0 takes it off",
@@ -72,8 +72,10 @@ DEEDS: dict[str, tuple[Deed, ...]] = {
         ),
     ),
     "arm": (
-        Deed("stiffen", "scales the stiffness of the contact", "factor", 0.01, 100.0, lasts=False),
-        Deed(
+        Operation(
+            "stiffen", "scales the stiffness of the contact", "factor", 0.01, 100.0, lasts=False
+        ),
+        Operation(
             "hysteresis",
             "scales the hysteretic part of the motion",
             "factor",
@@ -84,8 +86,8 @@ DEEDS: dict[str, tuple[Deed, ...]] = {
     ),
     "sensor": (
         *_link_faults("µm", 1e4),
-        Deed("stuck", "shows the same reading"),
-        Deed(
+        Operation("stuck", "shows the same reading"),
+        Operation(
             "over_range",
             "shows that the position is beyond its range",
             "1 above, -1 below",
@@ -94,46 +96,46 @@ DEEDS: dict[str, tuple[Deed, ...]] = {
             1.0,
         ),
     ),
-    "output": (*_link_faults("V", 20.0), Deed("stuck", "accepts, and does not move")),
+    "output": (*_link_faults("V", 20.0), Operation("stuck", "accepts, and does not move")),
 }
 """For each target what can be done to it."""
 OPTIONAL = frozenset({("part", "place")})
-"""Deeds whose value may be left out, with a meaning of its own."""
+"""Operations whose value may be left out, with a meaning of its own."""
 
 
-def deed_of(target: str, what: str) -> Deed | None:
+def operation_of(target: str, what: str) -> Operation | None:
     """Row of the table; None where there is none."""
-    return next((deed for deed in DEEDS.get(target, ()) if deed.what == what), None)
+    return next((one for one in OPERATIONS.get(target, ()) if one.what == what), None)
 
 
-def objection(order: Order) -> str:
+def objection(order: SimCommand) -> str:
     """Why an order cannot be carried out, with what could; empty where it can."""
-    if order.target not in DEEDS:
-        return f"no target {order.target!r}; there are {', '.join(DEEDS)}"
-    deed = deed_of(order.target, order.what)
-    if deed is None:
-        known = ", ".join(deed.what for deed in DEEDS[order.target])
+    if order.target not in OPERATIONS:
+        return f"no target {order.target!r}; there are {', '.join(OPERATIONS)}"
+    operation = operation_of(order.target, order.what)
+    if operation is None:
+        known = ", ".join(operation.what for operation in OPERATIONS[order.target])
         return f"{order.target} knows no {order.what!r}; it knows {known}"
     name = f"{order.target} {order.what}"
     if not 0.0 <= order.after_s < float("inf"):
         return f"{name}: after_s = {order.after_s} s is no time from now on"
-    if order.for_s is not None and not deed.lasts:
+    if order.for_s is not None and not operation.lasts:
         return f"{name} happens once: for_s = {order.for_s} s has no meaning"
     if order.for_s is not None and not 0.0 < order.for_s < float("inf"):
         return f"{name}: for_s = {order.for_s} s is no duration"
-    return _value_objection(name, deed, order)
+    return _value_objection(name, operation, order)
 
 
-def _value_objection(name: str, deed: Deed, order: Order) -> str:
+def _value_objection(name: str, operation: Operation, order: SimCommand) -> str:
     value = order.value
-    if not deed.valued:
+    if not operation.valued:
         return "" if value is None else f"{name} takes no value, {value} was given"
     if value is None:
-        optional = deed.default is not None or (order.target, order.what) in OPTIONAL
-        return "" if optional else f"{name} needs a value: {deed.quantity}"
-    if deed.least <= value <= deed.most:
+        optional = operation.default is not None or (order.target, order.what) in OPTIONAL
+        return "" if optional else f"{name} needs a value: {operation.quantity}"
+    if operation.least <= value <= operation.most:
         return ""
-    return f"{name} {value}: beyond {deed.least:g}..{deed.most:g} ({deed.quantity})"
+    return f"{name} {value}: beyond {operation.least:g}..{operation.most:g} ({operation.quantity})"
 
 
 class ScriptedOrder(Table):
@@ -144,11 +146,11 @@ class ScriptedOrder(Table):
     target: str
     """``part``, ``weight``, ``arm``, ``sensor`` or ``output``."""
     what: str
-    """As ``pincette rig`` knows it."""
+    """The action or fault, as ``pincette rig`` lists it."""
     value: float | None = None
-    """In the unit of the deed; None: its default."""
+    """In the unit of the action; None: its default."""
     for_s: Positive | None = None
-    """Of a fault; None: until it is healed."""
+    """Duration of a fault; None: until it is healed."""
 
     @model_validator(mode="after")
     def _known(self) -> "ScriptedOrder":
@@ -156,6 +158,6 @@ class ScriptedOrder(Table):
             raise ValueError(words)
         return self
 
-    def order(self) -> Order:
+    def order(self) -> SimCommand:
         """As it is asked over the bus."""
-        return Order(self.target, self.what, self.value, self.at_s, self.for_s)
+        return SimCommand(self.target, self.what, self.value, self.at_s, self.for_s)

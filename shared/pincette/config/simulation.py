@@ -1,16 +1,126 @@
-"""What only a simulated rig knows."""
+"""The simulated rig and its parts, each switched off by its defaults.
 
-from pydantic import Field
+"Instruments" are the facts that the project has collected from manuals and literature; what they
+do not state is marked as assumed.
+"""
+
+from typing import Self
+
+from pydantic import Field, model_validator
 
 from pincette.config.script import ScriptedOrder
-from pincette.config.simulated_parts import Amplifier, Bead, Drift, Hysteresis, SecondMode
 from pincette.config.tables import NotNegative, Positive, Table
 
 
-class Simulation(Table):
-    """The simulated rig: what the plant is, which no other program may know.
+class Hysteresis(Table):
+    """Bouc-Wen shape: dh/dt = A du/dt - b|du/dt|h - g du/dt|h|, y = d·u·(1 + κ·u) - h."""
 
-    Each quantity that has a default is switched off by it.
+    A_over_d: NotNegative
+    """1; fitted to a ±150 V actuator, instruments: 0.34."""
+    b_times_U: NotNegative
+    """1; instruments: 1.04."""
+    g_times_U: float
+    """1; instruments: 0.26."""
+    full_drive_V: Positive
+    """V. U, the drive at which the shape is stated."""
+    asymmetry: float = Field(default=0.0, gt=-1.0, lt=1.0)
+    """1. b is b·(1 + asymmetry) while the voltage rises, b·(1 - asymmetry) while it falls;
+    assumed, |b| of both ways must stay above |g|."""
+    curvature_per_V: float = 0.0
+    """1/V. κ, by which the gain d·(1 + 2·κ·u) grows with the voltage; assumed."""
+
+
+class Relays(Table):
+    """Relays after Preisach: y = d·((1 - ρ)·u + ρ·P(u)) + d·κ·u², P with memory of past extremes.
+
+    Another class of hysteresis than that of ``[simulation.hysteresis]``, in its place. Small loops
+    close on themselves, and a past extreme is forgotten only as a larger swing passes it.
+    """
+
+    loop_share: float = Field(ge=0.0, lt=1.0)
+    """1. Width of the loop between -U and U over its stroke, without creep; sets ρ."""
+    full_drive_V: Positive
+    """V. U, the drive at which the loop is stated."""
+    coercive_share: Positive = 1.0
+    """1, of U. Relays rise at about this voltage, and fall at about minus this; fitted to a
+    measured stack: 1.1-1.7."""
+    spread_share: Positive = 1.5
+    """1, of U. Spread of both, at least a fifth of coercive_share; of the same stack, 1.4 and more:
+    an actuator in its range is far from saturation."""
+    centre_V: float = 0.0
+    """V. Voltage about which the thresholds lie: makes the loop asymmetric; of the same stack, the
+    middle of its range."""
+    curvature_per_V: float = 0.0
+    """1/V. κ, by which the gain grows with the voltage."""
+
+
+class SecondMode(Table):
+    """The second bending mode of the driven arm."""
+
+    share: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """1. Share of the static deflection, by voltage or force; a cantilever loaded at its tip has
+    (1.875/4.694)⁴ = 0.0255; 0: there is none."""
+    frequency_ratio: float = Field(default=6.27, gt=1.0)
+    """1, over the first mode's; instruments: near 6.27."""
+    damping_ratio: Positive = 0.026
+    """1, as the first mode's, assumed."""
+
+
+class Amplifier(Table):
+    """The amplifier between output and arm, all voltages counted at its input."""
+
+    gain_ratio: Positive = 1.0
+    """1. Gain over the nominal one (20); assumed."""
+    saturation_V: Positive | None = None
+    """V. EPA-104, instruments: ±200 V with a gain of 20, hence 10."""
+    slew_V_per_s: Positive | None = None
+    """V/s, assumed."""
+    bandwidth_hz: Positive | None = None
+    """Hz, -3 dB of a first-order lag; into the arm's capacitance, assumed."""
+
+
+class Drift(Table):
+    """Drift of the reading, slope·t + A·sin(2πt/T): of the room's heat between laser and gripper.
+
+    It is a function of time, not a random walk, so that the reading at a time is the same however
+    the time before was cut. All values are assumed.
+    """
+
+    slope_um_per_s: float = 0.0
+    """µm/s, steady."""
+    amplitude_um: NotNegative = 0.0
+    """µm. A."""
+    cycle_s: Positive = 600.0
+    """s. T, the time of a room's air conditioning."""
+
+
+class Bead(Table):
+    """A ball of glass between the arms."""
+
+    radius_um: Positive = 700.0
+    """µm; paper: a bead of 1400 µm."""
+    modulus_GPa: Positive | None = None
+    """GPa. E* of each face; 37.95 makes 25 nm at 1 mN with R = 25 µm (instruments), and glass on
+    glass has 37; None: rigid."""
+    adhesion_J_per_m2: NotNegative = 0.0
+    """J/m². w; instruments: 0.05-0.1."""
+    roughness: float = Field(default=1.0, ge=0.0, le=1.0)
+    """1. Pull-off force over its bound for smooth faces, 3/2·π·w·R; assumed."""
+    density_kg_per_m3: Positive = 2500.0
+    """kg/m³, of glass; 1400 µm then weigh 0.035 mN (instruments)."""
+    friction: Positive | None = None
+    """1. µ of the bead on each arm, assumed; None: it cannot fall."""
+    lift_after_s: NotNegative | None = None
+    """s. The part counts as lifted off the ground once the force has held its weight for so long,
+    and falls when it does not any more; None: it stays on the ground."""
+    break_force_mN: Positive | None = None
+    """mN. The part breaks above; assumed."""
+
+
+class Simulation(Table):
+    """The simulated rig: the true plant, which no other program may read.
+
+    Each default switches its effect off.
     """
 
     seed: int = Field(default=1, ge=0)
@@ -27,8 +137,10 @@ class Simulation(Table):
     """µm/mN. s_p, of the driven arm's tip, all modes together; paper (55): 0.46."""
     piezo_um_per_V: Positive
     """µm/V at the amplifier's input. d of y = d·u·(1 + κ·u) - h."""
-    hysteresis: Hysteresis
-    """Of the arm's free motion."""
+    hysteresis: Hysteresis | None = None
+    """Of the arm's free motion; this table or that of the relays is required, and not both."""
+    relays: Relays | None = None
+    """Of the arm's free motion, in place of ``hysteresis``."""
     creep_per_decade: NotNegative
     """1, per decade of time after a step; 0.01-0.02 by the literature."""
     sensor_noise_um: NotNegative
@@ -40,15 +152,17 @@ class Simulation(Table):
     drift: Drift = Drift()
     """Of the reading."""
     output_step_V: Positive | None = None
-    """V, of the voltage output; None: as the driver's instrument has it."""
+    """V, of the voltage output; None: that of the driver's instrument."""
     output_lag_s: NotNegative | None = None
-    """s, first-order, of the voltage output; None: as the driver's instrument has it."""
+    """s, first-order, of the voltage output; None: that of the driver's instrument."""
     amplifier: Amplifier = Amplifier()
     """Without it the arm has the output's voltage."""
     actuation_delay_s: NotNegative
     """Lockstep: from the sample to the arrival of the voltage."""
+    pace: NotNegative = 0.0
+    """1. Lockstep: highest speed as a multiple of real time; 0: as fast as the programs can."""
     bead: bool = True
-    """Whether a part lies there at the beginning."""
+    """Whether a part is present at the start."""
     bead_contact_um: float
     """µm. Position of the driven arm's tip at the first touch, the passive arm at rest."""
     environment_stiffness_mN_per_um: Positive
@@ -58,12 +172,32 @@ class Simulation(Table):
     passive_damping_ratio: Positive = 0.026
     """1, of the passive arm alone; as the driven arm's, assumed."""
     part: Bead = Bead()
-    """What lies there."""
+    """The part."""
     baud: int = Field(default=115200, ge=1200)
     """Of the simulated serial lines, where the driver's options name none."""
     truth: bool = True
     """Whether the true position and force are published, for records and comparison."""
     scripts: bool = False
-    """Whether it takes orders: `pincette rig`."""
+    """Whether it accepts commands: `pincette rig`."""
     script: tuple[ScriptedOrder, ...] = Field(default=(), strict=False)
-    """Orders that are carried out at their times."""
+    """Commands that run at their times."""
+
+    @model_validator(mode="after")
+    def _one_class(self) -> Self:
+        if (self.hysteresis is None) == (self.relays is None):
+            many = "neither" if self.relays is None else "both"
+            raise ValueError(
+                f"{many} of [simulation.hysteresis] and [simulation.relays] given: the simulated "
+                "arm has one class of hysteresis; give one of the tables"
+            )
+        return self
+
+    @property
+    def bouc_wen(self) -> Hysteresis:
+        """Shape of a rig with this class of hysteresis; ValueError with another."""
+        if self.hysteresis is None:
+            raise ValueError(
+                "the simulated arm has relays: give [simulation.hysteresis] in the place of "
+                "[simulation.relays]"
+            )
+        return self.hysteresis

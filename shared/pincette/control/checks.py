@@ -1,5 +1,6 @@
 """Refusal of impossible numbers: the text names quantity, value, unit and limit."""
 
+from collections.abc import Sized
 from math import isfinite
 
 
@@ -15,6 +16,12 @@ def require_not_negative(quantity: str, value: float, unit: str) -> float:
     if not (isfinite(value) and value >= 0.0):
         raise ValueError(_refusal(quantity, value, unit, "at least 0"))
     return value
+
+
+def require_as_many(quantity: str, values: Sized, other: str, others: Sized) -> None:
+    """Raise ValueError unless there are as many values as others."""
+    if len(values) != len(others):
+        raise ValueError(f"{len(values)} {quantity} for {len(others)} {other}, must be as many")
 
 
 def _refusal(quantity: str, value: float, unit: str, limit: str) -> str:

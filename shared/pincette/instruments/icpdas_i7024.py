@@ -22,13 +22,15 @@ from pydantic import Field
 
 from pincette.config import Output, Table
 from pincette.instruments.icpdas.dcon import DconModule
-from pincette.instruments.icpdas.host_watchdog import HostWatchdog
+from pincette.instruments.icpdas.host_watchdog import TICK_S, HostWatchdog
 from pincette.instruments.link import exchange_s, open_link
 from pincette.instruments.options import read_options
 from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
 """Whether this driver has met its instrument."""
+URL = "/dev/ttyUSB1"
+"""Where it usually is."""
 LIMIT_V = 10.0
 RESPONSE_S = 0.010
 LONGEST_WATCHDOG_S = 25.5
@@ -87,7 +89,7 @@ class I7024:
         try:
             self._module.put_out(voltage_V)
         except InstrumentError as error:
-            self._watchdog.learn(error.cause)
+            self._watchdog.learn(error.code)
             raise
         self._watchdog.learn(None)
 
@@ -134,9 +136,12 @@ def timing(settings: Output) -> Timing:
     """
     options = read_options(I7024Options, "icpdas_i7024", settings.options)
     count = DconModule.write_bytes(checksum=options.checksum)
+    lets_go_s = None
     if options.watchdog_s > 0.0:
         count += HostWatchdog.heartbeat_bytes(checksum=options.checksum)
-    return Timing(exchange_s(count, options.baud), RESPONSE_S)
+        # The module counts whole ticks, of which the first may have been all but over.
+        lets_go_s = options.watchdog_s - TICK_S
+    return Timing(exchange_s(count, options.baud), RESPONSE_S, lets_go_s=lets_go_s)
 
 
 def open_output(settings: Output, link: Link | None = None) -> I7024:

@@ -25,6 +25,8 @@ from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
 """Whether this driver has met its instrument."""
+URL = "/dev/ttyUSB0"
+"""Where it usually is."""
 MODE_CHANGE_S = 1.0
 VALUE = re.compile(rb"[+-](?=.{7}$)\d+\.\d+")
 UM_PER_UNIT = {"um": 1.0, "mm": 1000.0}

@@ -5,9 +5,11 @@ The only file that imports serial. Where the port has a descriptor it never bloc
 as it has pieces.
 """
 
+import errno
 import io
 import logging
 import select
+import socket
 import termios
 import time
 from collections.abc import Callable, Generator
@@ -15,13 +17,13 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Protocol
+from urllib.parse import urlsplit
 
 import serial
 
 from pincette.instruments.line.recording import Recorder, RecordingLink
 from pincette.instruments.line.replay import REPLAY, ReplayLink
 from pincette.instruments.line.serial_link import LONGEST_FRAME, RETRY_S, Line, Port
-from pincette.instruments.line.socket_port import READ_SIZE, SocketPort
 from pincette.instruments.protocols import InstrumentError, Link
 
 __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
@@ -29,6 +31,15 @@ __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
 BITS_PER_BYTE = 10
 QUIET_BYTES = 3
 LEAST_QUIET_S = 0.001
+READ_SIZE = 4096
+REMEDIES = {
+    errno.ECONNREFUSED: (
+        "connection refused; is the instrument switched on, or `pincette run rig` started?"
+    ),
+    errno.ENOENT: "no such device; is the adapter plugged in, or `pincette run rig` started?",
+    errno.EACCES: "permission denied; may this user open serial ports (group dialout)?",
+}
+"""Why a port does not open, and what to do, by the system's number of the error."""
 
 _log = logging.getLogger(__name__)
 
@@ -105,7 +116,7 @@ def _open_port(url: str, baud: int, timeout_s: float, within_s: float) -> Port:
     """Open a port, a socket within ``within_s``; raises InstrumentError."""
     try:
         if url.startswith("socket://"):
-            return SocketPort(url, min(timeout_s, within_s), timeout_s)
+            return _SocketPort(url, min(timeout_s, within_s), timeout_s)
         port = serial.serial_for_url(url, baudrate=baud, timeout=0, write_timeout=timeout_s)
         if isinstance(port, serial.Serial):
             _lower_latency(url, port)
@@ -123,15 +134,11 @@ def _lower_latency(url: str, port: serial.Serial) -> None:
 
 
 def _why_closed(error: Exception) -> str:
-    """Say what kept a port from opening, and what to do about it."""
-    text = str(error)
-    if "refused" in text:
-        return "connection refused; is the instrument switched on, or `pincette run rig` started?"
-    if "No such file" in text:
-        return "no such device; is the adapter plugged in, or `pincette run rig` started?"
-    if "Permission denied" in text:
-        return "permission denied; may this user open serial ports (group dialout)?"
-    return f"cannot be opened ({text}); check the url in the rig file"
+    unknown = f"cannot be opened ({error}); check the url in the rig file"
+    # The number is told by pyserial's own error, or for ``socket://`` by the one behind it.
+    behind = (error, error.__context__)
+    numbers = (one.errno for one in behind if isinstance(one, OSError) and one.errno is not None)
+    return REMEDIES.get(next(numbers, 0), unknown)
 
 
 class _AnyPort(Protocol):
@@ -190,3 +197,45 @@ def _of_one_kind() -> Generator[None]:
         raise TimeoutError(str(error)) from error
     except (termios.error, TypeError) as error:
         raise OSError(str(error)) from error
+
+
+class _SocketPort:
+    """A TCP connection that sends each write at once.
+
+    Of its own, since pyserial's waits 5 s for a host that does not answer and 0.3 s at each close.
+    The time is bounded from where the host's name is resolved.
+
+    Raises
+    ------
+    ValueError
+        Where the url names no host and port.
+    OSError
+        Where nobody listens there, or not within ``timeout_s``.
+    """
+
+    def __init__(self, url: str, timeout_s: float, write_timeout_s: float) -> None:
+        parts = urlsplit(url)
+        if not parts.hostname or not parts.port:
+            raise ValueError("wanted socket://HOST:PORT with a port from 1 to 65535")
+        address = (parts.hostname, parts.port)
+        self._socket = socket.create_connection(address, timeout=max(timeout_s, 1e-3))
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.settimeout(write_timeout_s)
+
+    def write(self, data: bytes) -> None:
+        """Send all of it; raises TimeoutError where the other end does not read."""
+        self._socket.sendall(data)
+
+    def receive(self, wait_s: float) -> bytes:
+        """Return what has arrived, waiting for its first byte; empty where none came."""
+        ready, _, _ = select.select([self._socket], [], [], wait_s)
+        if not ready:
+            return b""
+        data = self._socket.recv(READ_SIZE)
+        if not data:
+            raise ConnectionError("the other end has closed the connection")
+        return data
+
+    def close(self) -> None:
+        """End the connection."""
+        self._socket.close()

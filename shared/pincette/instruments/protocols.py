@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import pi
 from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
-Cause = Literal[
+ErrorCode = Literal[
     "cannot_open",
     "hung_up",
     "silent",
@@ -24,9 +24,9 @@ reading; the instrument's own watchdog has acted; the driver was used wrongly.""
 class InstrumentError(Exception):
     """An instrument or its link failed; the text says which, and why."""
 
-    def __init__(self, text: str, cause: Cause = "garbled") -> None:
+    def __init__(self, text: str, code: ErrorCode = "garbled") -> None:
         super().__init__(text)
-        self.cause: Cause = cause
+        self.code: ErrorCode = code
 
 
 class Link(Protocol):
@@ -141,6 +141,9 @@ class Timing:
     """Highest rate of a buffered acquisition or output; None where there is none."""
     note: str = ""
     """What of it is assumed, in words."""
+    lets_go_s: float | None = None
+    """An output: earliest time after its host's last word at which it goes to its safe value by
+    itself; None where no watchdog of its own is known."""
 
     @property
     def bandwidth_hz(self) -> float:

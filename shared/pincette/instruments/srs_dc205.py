@@ -28,6 +28,8 @@ from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
 """Whether this driver has met its instrument."""
+URL = "/dev/ttyUSB1"
+"""Where it usually is."""
 VALUE = re.compile(rb"[+-]?\d{1,3}(\.\d{1,9})?(E[+-]?\d{1,2})?")
 CODE = re.compile(rb"\d{1,3}")
 SETTING = b"VOLT %.6f"

@@ -10,9 +10,10 @@ so a quantile is never told too short, and at most 1/32 of it, or 1 ns, too long
 division of HdrHistogram (G. Tene) with five significant bits.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
 from math import ceil
+
+from pincette.control.quantities import Items, Second, Whole
+from pincette.control.record import FrozenRecord
 
 BITS = 5
 STEPS = 1 << BITS
@@ -22,7 +23,6 @@ LINEAR = 2 * STEPS
 LONGEST_BITS = 63
 """Of a duration in ns: 292 years."""
 BUCKETS = (LONGEST_BITS - BITS - 1) * STEPS + LINEAR
-RELATIVE_ERROR = 1.0 / STEPS
 NS_PER_S = 1e9
 
 
@@ -42,15 +42,14 @@ def first_ns(bucket: int) -> int:
     return (STEPS + bucket % STEPS) << shift
 
 
-@dataclass(frozen=True, slots=True)
-class Distribution:
+class Distribution(FrozenRecord, frozen=True):
     """Counted durations, as they are told: the buckets that hold any, in order."""
 
-    buckets: tuple[int, ...] = ()
+    buckets: Items[Whole] = ()
     """Bucket b begins at b ns below 64, else at (32 + b mod 32) · 2^(b div 32 - 1) ns."""
-    counts: tuple[int, ...] = ()
+    counts: Items[Whole] = ()
     """Durations in each of them."""
-    max_s: float = 0.0
+    max_s: Second = 0.0
     """The longest, exactly."""
 
     def __post_init__(self) -> None:
@@ -78,11 +77,6 @@ class Distribution:
 
         The end n(b+1) of the least bucket up to which ⌈share · count⌉ were counted, and no more
         than the longest: at most 1/32 or 1 ns above the true order statistic, never below it.
-
-        Raises
-        ------
-        ValueError
-            Where the share is not within 0 to 1.
         """
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"share = {share}: not within 0 to 1")
@@ -92,18 +86,6 @@ class Distribution:
             if reached >= rank:
                 return min(self.max_s, first_ns(bucket + 1) / NS_PER_S)
         return None
-
-
-def merged(parts: Iterable[Distribution]) -> Distribution:
-    """All that several have counted, exactly as if one had counted it."""
-    together: dict[int, int] = {}
-    max_s = 0.0
-    for part in parts:
-        max_s = max(max_s, part.max_s)
-        for bucket, count in zip(part.buckets, part.counts, strict=True):
-            together[bucket] = together.get(bucket, 0) + count
-    buckets = tuple(sorted(together))
-    return Distribution(buckets, tuple(together[bucket] for bucket in buckets), max_s)
 
 
 class Histogram:
@@ -131,7 +113,7 @@ class Histogram:
         self._counts = [0] * BUCKETS
         self._max_s = 0.0
 
-    def told(self) -> Distribution:
+    def distribution(self) -> Distribution:
         """What was counted so far."""
         counts = self._counts
         longest = bucket_of(int(self._max_s * NS_PER_S))
@@ -139,11 +121,3 @@ class Histogram:
         return Distribution(
             tuple(buckets), tuple([counts[bucket] for bucket in buckets]), self._max_s
         )
-
-
-def counted(durations_s: Iterable[float]) -> Distribution:
-    """Durations in s, counted."""
-    histogram = Histogram()
-    for duration_s in durations_s:
-        histogram.add(duration_s)
-    return histogram.told()

@@ -1,117 +1,108 @@
 """Samples joined by their number into columns: what a record holds, declared once."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
-from pincette.messages import (
+from msgspec import inspect
+from msgspec.structs import replace
+
+from pincette.core.messages import (
     Applied,
     Command,
     Estimate,
+    GroundTruth,
     Message,
     Position,
     Sample,
     Telemetry,
-    Truth,
 )
-from pincette.records.parquet import Kind
-from pincette.records.truths import number_truths
+from pincette.core.units import unit_of
+from pincette.records.parquet import Field, Kind
+from pincette.records.schemas import scalar_of
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
-    """One column: where it comes from, its type, its unit and its meaning."""
+class Column(Field):
+    """One column, and the message and field that it comes from."""
 
-    name: str
     message: type[Message]
     field: str
-    kind: Kind
-    unit: str
-    meaning: str
 
 
+def _column(message: type[Message], name: str, meaning: str, field: str = "") -> Column:
+    """A column of a message's field, which has the column's name unless one is given."""
+    field = field or name
+    kind = KINDS.get(scalar_of(message, field), "text")
+    return Column(name, unit_of(field), meaning, kind, message, field)
+
+
+KINDS: Mapping[type[inspect.Type], Kind] = {
+    inspect.FloatType: "float",
+    inspect.IntType: "int",
+    inspect.BoolType: "bool",
+}
 COLUMNS = (
-    Column("sensor_t_s", Position, "t_s", "float", "s", "the sensor's own time of the sample"),
-    Column("x_um", Position, "x_um", "float", "µm", "measured position of the tip, x"),
-    Column("position_valid", Position, "valid", "bool", "", "the reading is a measurement"),
-    Column("force_mN", Estimate, "force_mN", "float", "mN", "estimated contact force"),
-    Column(
-        "force_uncertainty_mN", Estimate, "force_uncertainty_mN", "float", "mN", "its uncertainty"
+    _column(Position, "sensor_t_s", "the sensor's own time of the sample", "t_s"),
+    _column(Position, "x_um", "measured position of the tip, x"),
+    _column(Position, "position_valid", "the reading is a measurement", "valid"),
+    _column(Estimate, "force_mN", "estimated contact force"),
+    _column(Estimate, "force_uncertainty_mN", "its uncertainty"),
+    _column(Estimate, "perturbation_mN", "estimated perturbation"),
+    _column(Estimate, "zero_age_s", "time since the force was zeroed"),
+    _column(Estimate, "estimate_valid", "the estimate may be used", "valid"),
+    _column(Estimate, "degraded", "made without the applied voltage"),
+    _column(Command, "command_V", "voltage asked for", "voltage_V"),
+    _column(Applied, "voltage_V", "voltage applied, u"),
+    _column(Applied, "actuator_state", "armed, frozen, ramping, latched, idle", "state"),
+    _column(Applied, "actuator_cause", "code of why the actuator tripped", "cause"),
+    _column(Applied, "limits_active", "bits: max, min, slew up, down"),
+    _column(Applied, "answered", "a command for this tick was taken"),
+    _column(Applied, "command_age_s", "age of the command's sample"),
+    _column(Telemetry, "phase", "phase of the program"),
+    _column(Telemetry, "segment", "number of the program's segment"),
+    _column(Telemetry, "segment_tick", "ticks into the segment"),
+    _column(Telemetry, "x_r_um", "reference position, x_r"),
+    _column(Telemetry, "x_d_um", "target of the impedance, x_d"),
+    _column(Telemetry, "force_r_mN", "reference force, F_r"),
+    _column(Telemetry, "sliding_um", "sliding function, s"),
+    _column(Telemetry, "band_um", "half width of the band of s"),
+    _column(
+        Telemetry, "law_perturbation_mN", "perturbation by the law's own force", "perturbation_mN"
     ),
-    Column("perturbation_mN", Estimate, "perturbation_mN", "float", "mN", "estimated perturbation"),
-    Column("zero_age_s", Estimate, "zero_age_s", "float", "s", "time since the force was zeroed"),
-    Column("estimate_valid", Estimate, "valid", "bool", "", "the estimate may be used"),
-    Column("degraded", Estimate, "degraded", "bool", "", "made without the applied voltage"),
-    Column("command_V", Command, "voltage_V", "float", "V", "voltage asked for"),
-    Column("voltage_V", Applied, "voltage_V", "float", "V", "voltage applied, u"),
-    Column("actuator_state", Applied, "state", "text", "", "armed, frozen, ramping, latched, idle"),
-    Column("actuator_cause", Applied, "cause", "text", "", "why the actuator tripped"),
-    Column("limits_active", Applied, "limits_active", "int", "", "bits: max, min, slew up, down"),
-    Column("answered", Applied, "answered", "bool", "", "a command for this tick was taken"),
-    Column("command_age_s", Applied, "command_age_s", "float", "s", "age of the command's sample"),
-    Column("phase", Telemetry, "phase", "text", "", "phase of the program"),
-    Column("segment", Telemetry, "segment", "int", "", "number of the program's segment"),
-    Column("segment_tick", Telemetry, "segment_tick", "int", "", "ticks into the segment"),
-    Column("x_r_um", Telemetry, "x_r_um", "float", "µm", "reference position, x_r"),
-    Column("x_d_um", Telemetry, "x_d_um", "float", "µm", "target of the impedance, x_d"),
-    Column("force_r_mN", Telemetry, "force_r_mN", "float", "mN", "reference force, F_r"),
-    Column("sliding_um", Telemetry, "sliding_um", "float", "µm", "sliding function, s"),
-    Column("band_um", Telemetry, "band_um", "float", "µm", "half width of the band of s"),
-    Column(
-        "law_perturbation_mN",
-        Telemetry,
-        "perturbation_mN",
-        "float",
-        "mN",
-        "perturbation by the law's own force",
-    ),
-    Column(
-        "perturbation_error_mN",
+    _column(
         Telemetry,
         "perturbation_error_mN",
-        "float",
-        "mN",
         "change of the perturbation from one sample to the next",
     ),
-    Column("residual_um", Telemetry, "residual_um", "float", "µm", "x minus its prediction"),
-    Column("outcome", Telemetry, "outcome", "text", "", "how the program ended"),
-    Column("contact_x_um", Telemetry, "contact_x_um", "float", "µm", "position of first touch"),
-    Column(
-        "contact_stiffness_mN_per_um",
-        Telemetry,
-        "contact_stiffness_mN_per_um",
-        "float",
-        "mN/µm",
-        "stiffness of what is held",
-    ),
-    Column("held", Telemetry, "held", "bool", "", "a part is held"),
-    Column("paused", Telemetry, "paused", "bool", "", "the references rest, on request"),
-    Column("acted", Telemetry, "acted", "text", "", "actions that took effect at this sample"),
-    Column("true_x_um", Truth, "x_um", "float", "µm", "simulated rig: true position"),
-    Column("true_force_mN", Truth, "force_mN", "float", "mN", "simulated rig: true contact force"),
-    Column("true_voltage_V", Truth, "voltage_V", "float", "V", "simulated rig: true voltage"),
+    _column(Telemetry, "residual_um", "x minus its prediction"),
+    _column(Telemetry, "outcome", "how the program ended"),
+    _column(Telemetry, "contact_x_um", "position of first touch"),
+    _column(Telemetry, "contact_stiffness_mN_per_um", "stiffness of what is held"),
+    _column(Telemetry, "held", "a part is held"),
+    _column(Telemetry, "paused", "the references rest, on request"),
+    _column(Telemetry, "acted", "actions that took effect at this sample"),
+    _column(GroundTruth, "true_x_um", "simulated rig: true position", "x_um"),
+    _column(GroundTruth, "true_force_mN", "simulated rig: true contact force", "force_mN"),
+    _column(GroundTruth, "true_voltage_V", "simulated rig: true voltage", "voltage_V"),
 )
 Columns = Mapping[str, list[Any]]
 
 
 def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]]:
-    """Columns of one epoch; a row for each seq, None where a sample never came.
-
-    The last message of a kind and number counts; what carries a negative seq is no sample, and
-    what comes after the actuator has said that the arming is over belongs to nobody. Time is the
-    sample's number times the control period.
-    """
+    """Columns of one epoch up to the end of the arming, a row for each seq; None: never came."""
+    # The last message of a kind and number counts; one with a negative seq is no sample.
     found: dict[type[Message], dict[int, Message]] = {}
-    truths: list[Truth] = []
+    truths: list[GroundTruth] = []
     applied: dict[int, Applied] = {}
     for message in messages:
-        if isinstance(message, Truth):
+        if isinstance(message, GroundTruth):
             truths.append(message)
         elif isinstance(message, Sample):
             found.setdefault(type(message), {})[message.seq] = message
             if isinstance(message, Applied):
                 applied[message.seq] = message
-    found[Truth] = dict(number_truths(truths, applied))
+    found[GroundTruth] = dict(number_truths(truths, applied))
     over = last_seq(applied.values())
     numbers = sorted(
         {
@@ -125,9 +116,17 @@ def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]
     for column in COLUMNS:
         samples = found.get(column.message, {})
         table[column.name] = [
-            getattr(samples[seq], column.field) if seq in samples else None for seq in numbers
+            _cell(getattr(samples[seq], column.field)) if seq in samples else None
+            for seq in numbers
         ]
     return table
+
+
+def _cell(value: Any) -> Any:
+    """A value as a column holds it: codes as texts, several with a space between."""
+    if isinstance(value, tuple):
+        return " ".join(cast("tuple[str, ...]", value))
+    return str(value) if isinstance(value, str) else value
 
 
 def last_seq(applied: Iterable[Applied]) -> int | None:
@@ -139,3 +138,28 @@ def missed(table: Columns) -> int:
     """Numbers between the first and the last sample that never came."""
     numbers = table["seq"]
     return numbers[-1] - numbers[0] + 1 - len(numbers) if numbers else 0
+
+
+def number_truths(
+    truths: Sequence[GroundTruth], applied: Mapping[int, Applied]
+) -> dict[int, GroundTruth]:
+    """Truths by the number of their sample, the first truth belonging to the first tick."""
+    # A simulated rig knows no sample numbers: it counts the voltages that were written to it. In
+    # lockstep every tick writes; in real time one without a command does not. Once the actuator has
+    # tripped it writes as often as it likes, and truths are left out.
+    ticks: list[int] = []
+    for seq in range(max(applied, default=-1) + 1):
+        if seq in applied and applied[seq].state not in ("armed", "idle"):
+            break
+        ticks.append(seq)
+    if not truths or not ticks:
+        return {}
+    first = min(truth.seq for truth in truths)
+    if max(truth.seq for truth in truths) - first + 1 < len(ticks):
+        ticks = [seq for seq in ticks if seq not in applied or applied[seq].answered]
+    numbers = {first + place: seq for place, seq in enumerate(ticks)}
+    return {
+        numbers[truth.seq]: replace(truth, seq=numbers[truth.seq])
+        for truth in truths
+        if truth.seq in numbers
+    }

@@ -14,30 +14,21 @@ ROWS = 2048
 
 
 def csv_rows(path: Path) -> Iterator[str]:
-    """Lines of a CSV from a Parquet file of samples.
+    """Lines of a CSV from a Parquet file of samples; raises OSError before the first line."""
+    return _lines(parquet.opened(path))
 
-    First comments: whose samples they are, then unit and meaning of each column. Then the names,
-    then a line for each sample; what never came is empty, and numbers read back bit for bit.
 
-    Raises
-    ------
-    OSError
-        Where the file cannot be read; before the first line.
-    """
-    source = parquet.opened(path)
+def _lines(source: Any) -> Iterator[str]:
+    """Comments on the samples, unit and meaning of each column, the names, then the samples."""
+    # A value that never came is empty, and numbers read back bit for bit.
     schema = source.schema_arrow
-    return _lines(source, schema)
-
-
-def _lines(source: Any, schema: Any) -> Iterator[str]:
     try:
         for name, value in _texts(schema.metadata).items():
             yield _comment(f"{name}: {value}")
         for field in schema:
-            told = _texts(field.metadata)
-            unit = told.get("unit", "")
-            meaning = told.get("meaning", "")
-            yield _comment(f"{field.name}{f' [{unit}]' if unit else ''}: {meaning}")
+            metadata = _texts(field.metadata)
+            unit = f" [{metadata['unit']}]" if metadata.get("unit") else ""
+            yield _comment(f"{field.name}{unit}: {metadata.get('meaning', '')}")
         yield _line([field.name for field in schema])
         for batch in source.iter_batches(batch_size=ROWS):
             columns: list[list[Any]] = [column.to_pylist() for column in batch.columns]

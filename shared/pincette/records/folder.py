@@ -2,12 +2,12 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pincette.api.job_models import JobKind
 from pincette.records import mcap_file, parquet
 from pincette.records.columns import COLUMNS, Columns
 from pincette.records.parquet import Field
@@ -16,22 +16,14 @@ LIVE = mcap_file.NAME
 SAMPLES = "samples.parquet"
 BURST = "burst.parquet"
 TIMING = "timing.json"
-PLOTS: Mapping[JobKind, str] = {
-    "grip": "grip.png",
-    "track": "track.png",
-    "calibrate": "calibration.png",
-    "move": "move.png",
-    "hold": "hold.png",
-    "release": "release.png",
-}
 REQUEST, RESULT, MANIFEST = "request.json", "result.json", "manifest.json"
 REPORT = "report.html"
+PICTURE, PNG = ".png", "image/png"
 MEDIA_TYPES = {
     LIVE: "application/octet-stream",
     SAMPLES: "application/vnd.apache.parquet",
     BURST: "application/vnd.apache.parquet",
     TIMING: "application/json",
-    **dict.fromkeys(PLOTS.values(), "image/png"),
     REQUEST: "application/json",
     RESULT: "application/json",
     REPORT: "text/html; charset=utf-8",
@@ -40,18 +32,18 @@ MEDIA_TYPES = {
 
 OF_SAMPLES = (
     Field("seq", "", "number of the sample", "int"),
-    Field("t_s", "s", "number of the sample times the control period"),
-    *(Field(item.name, item.unit, item.meaning, item.kind) for item in COLUMNS),
+    Field("t_s", "s", "number of the sample times the control period", "float"),
+    *COLUMNS,
 )
 OF_A_BURST = (
-    Field("x_um", "µm", "position of the tip, x"),
-    Field("drive_V", "V", "drive at the amplifier's input, as measured"),
+    Field("x_um", "µm", "position of the tip, x", "float"),
+    Field("drive_V", "V", "drive at the amplifier's input, as measured", "float"),
 )
 
 
 def write_samples(path: Path, table: Columns, about: Mapping[str, str]) -> None:
     """Write columns as Parquet."""
-    with _Replacing(path) as draft:
+    with _replacing(path) as draft:
         parquet.write(draft, OF_SAMPLES, table, about)
 
 
@@ -59,44 +51,45 @@ def write_burst(
     path: Path, x_um: Sequence[float], drive_V: Sequence[float], about: Mapping[str, str]
 ) -> None:
     """Write a buffered acquisition as Parquet; its rate is in ``about``."""
-    with _Replacing(path) as draft:
+    with _replacing(path) as draft:
         parquet.write(draft, OF_A_BURST, {"x_um": x_um, "drive_V": drive_V}, about)
 
 
 def write_json(path: Path, tree: Mapping[str, Any]) -> None:
     """Write a document that people read."""
-    with _Replacing(path) as draft:
+    with _replacing(path) as draft:
         text = json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False)
         draft.write_text(text + "\n", encoding="utf-8")
 
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file as it is."""
-    with _Replacing(path) as draft:
+    with _replacing(path) as draft:
         draft.write_bytes(content)
 
 
-class _Replacing:
+@contextmanager
+def _replacing(path: Path) -> Generator[Path]:
     """A draft that takes the place of a file at once, so that no reader sees half of it."""
+    draft = path.with_name(path.name + ".part")
+    try:
+        yield draft
+    except BaseException:
+        draft.unlink(missing_ok=True)
+        raise
+    draft.replace(path)
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._draft = path.with_name(path.name + ".part")
 
-    def __enter__(self) -> Path:
-        return self._draft
-
-    def __exit__(self, kind: type[BaseException] | None, *_rest: object) -> None:
-        if kind is None:
-            self._draft.replace(self._path)
-        else:
-            self._draft.unlink(missing_ok=True)
+def media_type(name: str) -> str | None:
+    """Media type of a file of a record; None where a record has no such file."""
+    return MEDIA_TYPES.get(name) or (PNG if name.endswith(PICTURE) else None)
 
 
 def artifacts(folder: Path) -> list[dict[str, Any]]:
     """Files of a record, each with its size and SHA-256."""
     found: list[dict[str, Any]] = []
-    for name, media_type in MEDIA_TYPES.items():
+    pictures = sorted(path.name for path in folder.glob(f"*{PICTURE}"))
+    for name in (*MEDIA_TYPES, *pictures):
         path = folder / name
         try:
             state = path.stat()
@@ -104,14 +97,14 @@ def artifacts(folder: Path) -> list[dict[str, Any]]:
         except FileNotFoundError:
             continue
         found.append(
-            {"name": name, "media_type": media_type, "bytes": state.st_size, "sha256": digest}
+            {"name": name, "media_type": media_type(name), "bytes": state.st_size, "sha256": digest}
         )
     return found
 
 
 @lru_cache(maxsize=4096)
 def _sha256(path: Path, _size: int, _changed_ns: int) -> str:
-    """Of a file as it is; read again only where its size or its time is another."""
+    """Of a file; read again only where its size or its time is another."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

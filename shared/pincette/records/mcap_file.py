@@ -1,24 +1,22 @@
-"""The live record of a job: an MCAP file that stays readable whenever its writer ends.
+"""The live record of a job: an MCAP file that stays readable whenever its writer ends."""
 
-Nothing is buffered beyond the chunk that is being filled, and a chunk is closed when it is full
-or old; so what a kill takes with it is bounded in bytes and in time. Times are arguments.
-"""
+# Nothing is buffered beyond the chunk that is being filled, and a chunk is closed when it is full
+# or old; so the loss by a kill is bounded in bytes and in time.
 
 import json
 import os
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import IO, Any, cast
 
 from mcap.writer import Writer
 
 from pincette import __version__
-from pincette.messages import JobNotice, Message, Truth
+from pincette.core.messages import GroundTruth, JobNotice, Message
+from pincette.core.topics import TOPIC_OF, TOPICS, Topic, key
+from pincette.core.units import unit_of
 from pincette.records.schemas import SCHEMAS
-from pincette.records.units import unit_of
-from pincette.topics import TOPIC_OF, TOPICS, Topic, key
 
 NAME = "job.mcap"
 PROFILE = "pincette"
@@ -60,12 +58,11 @@ class Unbuffered:
 
 
 class McapFile:
-    """Writes one record.
+    """Writes one record."""
 
-    A sample's log time is the record's start plus its number times the control period, so that
-    samples are evenly spaced in whichever time the rig runs; its publish time is its arrival. What
-    has no number of its own is logged at the newest sample's time.
-    """
+    # A sample's log time is the record's start plus its number times the control period, so that
+    # samples are evenly spaced in whichever time the rig runs; its publish time is its arrival. A
+    # message without a number of its own is logged at the newest sample's time.
 
     def __init__(
         self, path: Path, rig: str, *, about: Mapping[str, str], start_ns: int, period_s: float
@@ -87,7 +84,7 @@ class McapFile:
     def _register(self, rig: str, topic: Topic) -> int:
         schema = SCHEMAS[topic.name]
         number = self._writer.register_schema(schema.name, "protobuf", schema.descriptor)
-        units = {field.name: unit_of(field.name) for field in fields(topic.message)}
+        units = {name: unit_of(name) for name in topic.message.__struct_fields__}
         metadata = {
             "key": key(rig, topic),
             "producer": topic.producer,
@@ -101,15 +98,7 @@ class McapFile:
         self._writer.add_attachment(at_ns, at_ns, name, media_type, content)
 
     def add(self, message: Message, arrival_ns: int) -> None:
-        """Write a message.
-
-        Raises
-        ------
-        OSError
-            Where the disk does not take it.
-        ValueError
-            Where a number in it is beyond 64 bit; nothing of it is written then.
-        """
+        """Write a message; raises OSError, or ValueError for a number beyond 64 bit."""
         name = TOPIC_OF[type(message)].name
         number = getattr(message, "seq", 0)
         payload = SCHEMAS[name].pack(message)
@@ -131,13 +120,13 @@ class McapFile:
         if isinstance(message, JobNotice):
             return self._newest_ns
         number = cast(Any, message).seq
-        if isinstance(message, Truth):
+        if isinstance(message, GroundTruth):
             # A simulated rig counts its ticks from its own start.
             if self._first_truth is None:
                 self._first_truth = number
             number -= self._first_truth
         time_ns = min(max(0, self._start_ns + number * self._period_ns), LAST_NS)
-        if not isinstance(message, Truth):
+        if not isinstance(message, GroundTruth):
             self._newest_ns = max(self._newest_ns, time_ns)
         return time_ns
 

@@ -1,4 +1,4 @@
-"""A record read back, also one whose writer was killed: what is readable of it is given."""
+"""Reads a record, also the readable part of one whose writer was killed."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -11,7 +11,7 @@ from mcap.exceptions import McapError
 from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from zstandard import ZstdError
 
-from pincette.messages import Message
+from pincette.core.messages import Message
 from pincette.records.mcap_file import ABOUT, CLOSING
 from pincette.records.schemas import SCHEMAS, unpacker
 
@@ -28,14 +28,14 @@ class Recording:
     about: dict[str, str]
     """Whose it is; see ``results.archive.about``."""
     closing: dict[str, str] | None
-    """How it ended; None where nobody has closed it."""
+    """How it ended; None where it is not closed."""
     messages: list[Message] = field(repr=False)
     """In order of arrival."""
     attachments: dict[str, bytes] = field(default_factory=dict[str, bytes], repr=False)
 
     @property
     def period_s(self) -> float:
-        """Control period; raises KeyError where nobody has said it."""
+        """Control period; raises KeyError where the record does not have it."""
         return float(self.about["period_s"])
 
 
@@ -50,13 +50,7 @@ def is_closed(path: Path) -> bool:
 
 
 def entries(path: Path) -> Iterator[mcap.McapRecord]:
-    """Everything in the file, in order, up to its end or to where it breaks off.
-
-    Raises
-    ------
-    OSError
-        Where the file cannot be read.
-    """
+    """All entries in order, up to the end or to where the file breaks off; raises OSError."""
     with path.open("rb") as file:
         reader = StreamReader(file, validate_crcs=True, record_size_limit=LONGEST_BYTES)
         try:
@@ -66,17 +60,8 @@ def entries(path: Path) -> Iterator[mcap.McapRecord]:
 
 
 def read(path: Path) -> Recording:
-    """Read a record.
-
-    Raises
-    ------
-    OSError
-        Where the file cannot be read.
-    ValueError
-        Where its messages are of another version than this program can read.
-    """
-    about: dict[str, str] = {}
-    closing: dict[str, str] | None = None
+    """Read a record; raises OSError, or ValueError for messages of another version."""
+    metadata: dict[str, dict[str, str]] = {}
     messages: list[Message] = []
     attachments: dict[str, bytes] = {}
     schemas: dict[int, bytes] = {}
@@ -89,25 +74,17 @@ def read(path: Path) -> Recording:
                 readers[entry.id] = unpacker(entry.topic, schemas[entry.schema_id])
             case mcap.Message() if entry.channel_id in readers:
                 messages.append(readers[entry.channel_id](entry.data))
-            case mcap.Metadata() if entry.name == ABOUT:
-                about = entry.metadata
-            case mcap.Metadata() if entry.name == CLOSING:
-                closing = entry.metadata
+            case mcap.Metadata():
+                metadata[entry.name] = entry.metadata
             case mcap.Attachment():
                 attachments[entry.name] = entry.data
             case _:
                 pass
-    return Recording(about, closing, messages, attachments)
+    return Recording(metadata.get(ABOUT, {}), metadata.get(CLOSING), messages, attachments)
 
 
 def read_closing(path: Path) -> tuple[dict[str, str], dict[str, str] | None]:
     """Whose a record is and how it ended, without its samples; raises OSError."""
-    about: dict[str, str] = {}
-    closing: dict[str, str] | None = None
-    for entry in entries(path):
-        if isinstance(entry, mcap.Metadata):
-            if entry.name == ABOUT:
-                about = entry.metadata
-            elif entry.name == CLOSING:
-                closing = entry.metadata
-    return about, closing
+    found = [entry for entry in entries(path) if isinstance(entry, mcap.Metadata)]
+    metadata = {entry.name: entry.metadata for entry in found}
+    return metadata.get(ABOUT, {}), metadata.get(CLOSING)

@@ -1,7 +1,4 @@
-"""Columns as Parquet, each with its unit and its meaning; the only file that imports pyarrow.
-
-It is loaded with the first table: a tenth of the start of whoever may never see one.
-"""
+"""Columns as Parquet, each with its unit and its meaning; the only file that imports pyarrow."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +15,7 @@ class Field:
     name: str
     unit: str
     meaning: str
-    kind: Kind = "float"
+    kind: Kind
 
 
 def write(
@@ -55,6 +52,7 @@ def opened(path: Path) -> Any:
 
 def _pyarrow() -> tuple[Any, Any]:
     """The package, which carries no types, and its part for files."""
+    # Loaded with the first table: a tenth of the start of a program that may never see one.
     import pyarrow.parquet
 
     return pyarrow, pyarrow.parquet

@@ -1,29 +1,31 @@
-"""Messages as Protocol Buffers, so that other tools can decode a record with what is in it.
+"""Messages as Protocol Buffers, by descriptors that are made of the messages' classes."""
 
-The descriptors are made of the message dataclasses when the program starts; no schema is written
-twice. Names, units included, are those of the dataclasses. ``float | None`` becomes an optional
-field, data with fields of its own a nested message, a tuple a repeated field.
-"""
+# Other tools can decode a record with what is in it. Names, units included, are those of the
+# classes. ``float | None`` becomes an optional field, a class with fields a nested message, a tuple
+# a repeated field.
 
 from collections.abc import Callable
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
-from types import UnionType
-from typing import Any, Generic, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar, cast
 
+import msgspec
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from msgspec import inspect
 
-from pincette.messages import Message
-from pincette.topics import TOPICS
+from pincette.core.messages import Message
+from pincette.core.topics import TOPICS
 
 PACKAGE = "pincette"
 M = TypeVar("M", bound=Message)
 
 _Proto = descriptor_pb2.FieldDescriptorProto
-_SCALARS: dict[Any, Any] = {
-    float: _Proto.TYPE_DOUBLE,
-    int: _Proto.TYPE_INT64,
-    bool: _Proto.TYPE_BOOL,
-    str: _Proto.TYPE_STRING,
+_SCALARS: dict[type[inspect.Type], Any] = {
+    inspect.FloatType: _Proto.TYPE_DOUBLE,
+    inspect.IntType: _Proto.TYPE_INT64,
+    inspect.BoolType: _Proto.TYPE_BOOL,
+    inspect.StrType: _Proto.TYPE_STRING,
+    inspect.LiteralType: _Proto.TYPE_STRING,
+    inspect.EnumType: _Proto.TYPE_STRING,
 }
 
 
@@ -52,10 +54,10 @@ def _schema(kind: type[M]) -> Schema[M]:
     pool.Add(file)
     full_name = f"{PACKAGE}.{kind.__name__}"
     proto: Any = message_factory.GetMessageClass(pool.FindMessageTypeByName(full_name))
-    to_proto, from_proto = _writer(kind), _reader(kind)
+    from_proto = _reader(kind)
 
     def pack(message: M) -> bytes:
-        return cast(bytes, proto(**to_proto(message)).SerializeToString())
+        return cast(bytes, proto(**msgspec.to_builtins(message)).SerializeToString())
 
     def unpack(payload: bytes) -> M:
         return cast(M, from_proto(proto.FromString(payload)))
@@ -65,15 +67,7 @@ def _schema(kind: type[M]) -> Schema[M]:
 
 
 def unpacker(topic: str, descriptor: bytes) -> Callable[[bytes], Any]:
-    """How a message is read by the schema of its own file, which may be older than this program.
-
-    Fields that the file does not know get their defaults.
-
-    Raises
-    ------
-    ValueError
-        Where the file does not know a field that has none.
-    """
+    """How a message is read by the schema of its own, older file; ValueError: a field lacks."""
     known = SCHEMAS[topic]
     if descriptor == known.descriptor:
         return known.unpack
@@ -92,26 +86,32 @@ def unpacker(topic: str, descriptor: bytes) -> Callable[[bytes], Any]:
     return lambda payload: from_proto(proto.FromString(payload))
 
 
-def _needed(field: "Field[Any]") -> bool:
-    return field.default is MISSING and field.default_factory is MISSING
+def _fields(kind: type) -> tuple[inspect.Field, ...]:
+    return cast(inspect.StructType, inspect.type_info(kind)).fields
+
+
+def scalar_of(kind: type[Message], field: str) -> type[inspect.Type]:
+    """The type of a message's field, or of its values where it is optional; repeated ones apart."""
+    (node,) = (item.type for item in _fields(kind) if item.name == field)
+    plain, _, repeated = _plain(node)
+    return inspect.VarTupleType if repeated else type(plain)
 
 
 def _describe(kind: type, into: descriptor_pb2.DescriptorProto, within: str) -> None:
     into.name = kind.__name__
     full_name = f"{within}.{kind.__name__}"
-    hints = get_type_hints(kind)
-    for number, field in enumerate(fields(kind), start=1):
-        hint, optional, repeated = _plain(hints[field.name])
+    for number, field in enumerate(_fields(kind), start=1):
+        node, optional, repeated = _plain(field.type)
         entry = into.field.add(name=field.name, number=number)
         entry.label = _Proto.LABEL_REPEATED if repeated else _Proto.LABEL_OPTIONAL
-        if is_dataclass(hint):
-            nested = cast(type, hint)
+        if isinstance(node, inspect.StructType):
+            nested = node.cls
             entry.type = _Proto.TYPE_MESSAGE
             entry.type_name = f".{full_name}.{nested.__name__}"
             if nested.__name__ not in [there.name for there in into.nested_type]:
                 _describe(nested, into.nested_type.add(), full_name)
             continue
-        entry.type = _SCALARS[hint]
+        entry.type = _SCALARS[type(node)]
         if optional:
             # An optional scalar is the only member of a oneof that no tool shows.
             entry.proto3_optional = True
@@ -120,10 +120,7 @@ def _describe(kind: type, into: descriptor_pb2.DescriptorProto, within: str) -> 
 
 
 def _alike(described: descriptor_pb2.DescriptorProto) -> bool:
-    """Whether two names differ by underscores and capitals alone, as ``cycles`` and ``cycle_s``.
-
-    Their names in JSON would be the same to some tools, which then refuse proto3.
-    """
+    """Whether two names have one form in JSON, as ``cycles`` and ``cycle_s``: no proto3 then."""
     names = [field.name.replace("_", "").lower() for field in described.field]
     return len(set(names)) < len(names) or any(_alike(inner) for inner in described.nested_type)
 
@@ -138,79 +135,53 @@ def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
         _without_proto3(inner)
 
 
-def _plain(hint: Any) -> tuple[Any, bool, bool]:
+def _plain(node: inspect.Type) -> tuple[inspect.Type, bool, bool]:
     """Type without its frame, whether it may be None, whether there are several."""
-    origin, arguments = get_origin(hint), get_args(hint)
-    if origin in (Union, UnionType):
-        (inner,) = (item for item in arguments if item is not type(None))
-        return _plain(inner)[0], True, False
-    if origin is tuple:
-        return arguments[0], False, True
-    if origin is Literal:
-        return str, False, False
-    return getattr(hint, "__supertype__", hint), False, False
-
-
-def _writer(kind: type) -> Callable[[Any], dict[str, Any]]:
-    """From a message to what its Protobuf class is made of."""
-    hints = get_type_hints(kind)
-    plain: list[str] = []
-    nested: list[tuple[str, Callable[[Any], Any]]] = []
-    for field in fields(kind):
-        hint, _, repeated = _plain(hints[field.name])
-        if is_dataclass(hint):
-            inner = _writer(cast(type, hint))
-            nested.append((field.name, _each(inner) if repeated else inner))
-        else:
-            plain.append(field.name)
-
-    def write(message: Any) -> dict[str, Any]:
-        tree = {name: getattr(message, name) for name in plain}
-        for name, inner in nested:
-            value = getattr(message, name)
-            tree[name] = None if value is None else inner(value)
-        return tree
-
-    return write
-
-
-def _each(inner: Callable[[Any], dict[str, Any]]) -> Callable[[Any], list[dict[str, Any]]]:
-    return lambda items: [inner(item) for item in items]
+    match node:
+        case inspect.UnionType():
+            (inner,) = (item for item in node.types if not isinstance(item, inspect.NoneType))
+            return _plain(inner)[0], True, False
+        case inspect.VarTupleType():
+            return _plain(node.item_type)[0], False, True
+        case inspect.Metadata():
+            return _plain(node.type)
+        case _:
+            return node, False, False
 
 
 def _reader(kind: type, described: Any = None) -> Callable[[Any], Any]:
-    """From a Protobuf message back to ours; what was None was never written.
-
-    ``described`` is what a file says of the message, where that may be older than this program:
-    fields that it does not know get their defaults. Raises KeyError where one has none.
-    """
-    hints = get_type_hints(kind)
+    """From a Protobuf message of a file's descriptor, or the present one, back to ours."""
+    # Fields that an older file does not know get their defaults; KeyError where one has none.
     there = None if described is None else described.fields_by_name
     takes: dict[str, Callable[[Any], Any]] = {}
-    for field in fields(kind):
+    missing: list[str] = []
+    for field in _fields(kind):
         if there is None or field.name in there:
             inner = None if there is None else there[field.name].message_type
-            takes[field.name] = _taker(field.name, hints[field.name], inner)
-    odd = [field.name for field in fields(kind) if field.name not in takes and _needed(field)]
-    if odd:
-        raise KeyError(", ".join(odd))
+            takes[field.name] = _taker(field.name, field.type, inner)
+        elif field.required:
+            missing.append(field.name)
+    if missing:
+        raise KeyError(", ".join(missing))
     return lambda proto: kind(**{name: take(proto) for name, take in takes.items()})
 
 
-def _taker(name: str, hint: Any, described: Any = None) -> Callable[[Any], Any]:
-    inner, optional, repeated = _plain(hint)
-    if is_dataclass(inner):
-        read = _reader(cast(type, inner), described)
-        if repeated:
-            return lambda proto: tuple([read(item) for item in getattr(proto, name)])
-        if optional:
-            return lambda proto: read(getattr(proto, name)) if proto.HasField(name) else None
-        return lambda proto: read(getattr(proto, name))
+def _taker(name: str, node: inspect.Type, described: Any = None) -> Callable[[Any], Any]:
+    inner, optional, repeated = _plain(node)
+    read: Callable[[Any], Any] = _same
+    if isinstance(inner, inspect.StructType):
+        read = _reader(inner.cls, described)
+    elif isinstance(inner, inspect.EnumType):
+        read = inner.cls
     if repeated:
-        return lambda proto: tuple(getattr(proto, name))
+        return lambda proto: tuple([read(item) for item in getattr(proto, name)])
     if optional:
-        return lambda proto: getattr(proto, name) if proto.HasField(name) else None
-    return lambda proto: getattr(proto, name)
+        return lambda proto: read(getattr(proto, name)) if proto.HasField(name) else None
+    return lambda proto: read(getattr(proto, name))
+
+
+def _same(value: Any) -> Any:
+    return value
 
 
 SCHEMAS: dict[str, Schema[Any]] = {topic.name: _schema(topic.message) for topic in TOPICS}

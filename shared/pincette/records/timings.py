@@ -1,42 +1,42 @@
-"""How punctual each program was, out of the histograms that it told."""
+"""How punctual each program was, out of the histograms that it timing."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from pincette.api.timing_models import LoopTiming, ProgramTiming, Spread
+from pincette.api.live import LoopTiming, ProgramTiming, Spread
+from pincette.core.messages import Message, Timing
+from pincette.core.topics import LOOP
 from pincette.latency.histogram import Distribution
-from pincette.messages import Message, Timing
-from pincette.topics import LOOP
 
 QUANTITIES = ("lateness", "age", "execution")
 
 
-def spread(told: Distribution) -> Spread:
+def spread(counted: Distribution) -> Spread:
     """Quantiles of a histogram."""
     return Spread(
-        count=told.count,
-        p50_s=told.quantile_s(0.5),
-        p99_s=told.quantile_s(0.99),
-        p999_s=told.quantile_s(0.999),
-        max_s=told.max_s if told.count else None,
+        count=counted.count,
+        p50_s=counted.quantile_s(0.5),
+        p99_s=counted.quantile_s(0.99),
+        p999_s=counted.quantile_s(0.999),
+        max_s=counted.max_s if counted.count else None,
     )
 
 
-def program_timing(told: Timing) -> ProgramTiming:
-    """What a program has told of itself, as quantiles."""
+def program_timing(timing: Timing) -> ProgramTiming:
+    """Timing of a program, as quantiles."""
     return ProgramTiming(
-        program=told.service,
-        epoch=told.epoch,
-        seq=told.seq,
-        missed=told.missed,
-        lateness=spread(told.lateness),
-        age=spread(told.age),
-        execution=spread(told.execution),
+        program=timing.service,
+        epoch=timing.epoch,
+        seq=timing.seq,
+        missed=timing.missed,
+        lateness=spread(timing.lateness),
+        age=spread(timing.age),
+        execution=spread(timing.execution),
     )
 
 
 def loop_timing(messages: Iterable[Message]) -> LoopTiming | None:
-    """What each program has told last, in the order of a tick; None where none has told."""
+    """What each program has told last, in the order of a tick; None where none has timing."""
     newest = {message.service: message for message in messages if isinstance(message, Timing)}
     programs = [program_timing(newest[name]) for name in LOOP if name in newest]
     return LoopTiming(programs=programs) if programs else None

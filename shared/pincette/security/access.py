@@ -1,15 +1,15 @@
-"""Access lists, as the nodes hold them that enforce them.
+"""Access lists of the router and of each service, enforced on their links by certificate names."""
 
-A list is enforced by the node that has it, on its own links, by the name in the certificate at
-their other end. The router's list protects what passes the router; a service that others reach
-directly has a list of its own. What no rule allows is denied, also to a certificate that the list
-does not name: under the opposite, a put on a wildcard would pass each rule that denies.
-"""
+# The router's list protects what passes the router; a service that others reach directly has a list
+# of its own. What no rule allows is denied, also to a certificate that the list does not name:
+# under the opposite, a put on a wildcard would pass each rule that denies.
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from pincette.core.service import Participant, member_services
+from pincette.core.topics import NAMESPACE, key, request_key
 from pincette.security.identity import (
     OPERATOR,
     PEOPLE,
@@ -20,8 +20,6 @@ from pincette.security.identity import (
     program,
 )
 from pincette.security.rights import EVERY_TOKEN, EVERY_TOPIC, Rights, may_ask, rights, united
-from pincette.service import Participant, services_of
-from pincette.topics import NAMESPACE, key, question_key
 
 Flow = Literal["ingress", "egress"]
 LOOKS = ("liveliness_query", "declare_liveliness_subscriber")
@@ -47,24 +45,18 @@ def router_access(identities: Iterable[Identity]) -> Access:
 
 
 def neighbour_access(router: Identity, beyond: Iterable[Identity]) -> Access:
-    """What a router lets pass from and to another router: what any of those beyond it may do.
-
-    Who is who is known to the router that each is connected to, and held to its own list there.
-    """
+    """What a router lets pass from and to another router: what any identity beyond it may do."""
     return {router.name: _of_router(united(map(rights, beyond)))}
 
 
 def beyond_upstream(known: Iterable[Identity], rig: str, *, apart: bool) -> tuple[Identity, ...]:
-    """Who may be beside a laboratory server's router, as that of a rig sees it.
-
-    People always, and where the rig is served from there, its supervisor and its recorder.
-    """
+    """Identities beyond a laboratory server's router: people, and if ``apart`` its own programs."""
     served = {SUPERVISOR, program("recorder", rig).name} if apart else set[str]()
     return tuple(one for one in known if one.role in PEOPLE or one.name in served)
 
 
 def beyond_rig(known: Iterable[Identity], rig: str, *, apart: bool) -> tuple[Identity, ...]:
-    """Who may be beside a rig's router, as that of a laboratory server sees it."""
+    """Identities beyond a rig's router, as seen from that of a laboratory server."""
     known = tuple(known)
     other = {one.name for one in beyond_upstream(known, rig, apart=apart) if one.role not in PEOPLE}
     own = (one for one in known if one.rig in ("", rig) and one.role not in ROUTERS)
@@ -91,16 +83,13 @@ def _of_router(own: Rights) -> tuple[Rule, ...]:
 def service_access(
     service: Participant, rig: str, partners: Mapping[str, Participant], operators: Collection[str]
 ) -> Access:
-    """What a program of the loop lets pass from and to the router, its partners, and operators.
-
-    ``partners`` are the programs that it has a direct link to. From a partner it takes what its
-    steps take, and nothing from the router. ``operators`` may trip it without the router.
-    """
+    """What a program of the loop lets pass: from a linked partner what its steps take."""
+    # ``operators`` may trip it without the router.
     own = program(service.name, rig)
     lists: dict[str, tuple[Rule, ...]] = {ROUTER: _from_router(rights(own))}
     for name, partner in partners.items():
         lists[program(name, rig).name] = _from_partner(service, partner, rig)
-    asked = tuple(question_key(rig, one) for one in service.questions if may_ask(OPERATOR, one))
+    asked = tuple(request_key(rig, one) for one in service.requests if may_ask(OPERATOR, one))
     for name in operators:
         lists[name] = (_in(("query",), asked), _out(ANSWERS, asked))
     return lists
@@ -136,13 +125,13 @@ def _from_partner(service: Participant, partner: Participant, rig: str) -> tuple
 
 def _between(giver: Participant, taker: Participant, rig: str) -> tuple[str, ...]:
     """Keys of what one program takes of another."""
-    given = services_of(giver.name)
+    given = member_services(giver.name)
     wanted = {item.topic for item in taker.inputs if item.topic.producer in given}
     return tuple(sorted(key(rig, topic) for topic in wanted))
 
 
 def client_access(server: Identity) -> Access:
-    """What a client lets pass: everything of the one it means to be connected to, else nothing."""
+    """What a client lets pass: everything of its server, and nothing of others."""
     every = (f"{NAMESPACE}/**",)
     messages = ("put", "declare_subscriber", "query", *ANSWERS, "liveliness_token", *LOOKS)
     return {server.name: (_in(messages, every), _out(messages, every))}

@@ -1,9 +1,7 @@
-"""Certificates: an authority of one's own, and what it says of each identity.
+"""Certificates of an own authority: P-256, SHA-256, X.509 version 3 after RFC 5280."""
 
-Elliptic curve P-256, signed with SHA-256, X.509 version 3 after RFC 5280. Who serves may be
-connected to at the hosts that its certificate names; a person's certificate names none, so nobody
-takes it for a program's.
-"""
+# A program that serves may be connected to at the hosts that its certificate names; a person's
+# certificate names none, so that it is not taken for a program's.
 
 import ipaddress
 from collections.abc import Sequence
@@ -47,10 +45,7 @@ class Facts:
 
 
 def new_authority(now: datetime, days: float) -> Pair:
-    """Make an authority that signs certificates of programs and people, and no other authority's.
-
-    Its name has a part drawn at random, so that two of them are told apart.
-    """
+    """Make an authority, with a random part in its name, that signs no other authority."""
     key = ec.generate_private_key(ec.SECP256R1())
     serial = x509.random_serial_number()
     name = _named(Identity(f"pincette {serial % 2**32:08x}", AUTHORITY))
@@ -65,15 +60,7 @@ def new_authority(now: datetime, days: float) -> Pair:
 def issue(
     authority: Pair, identity: Identity, hosts: Sequence[str], now: datetime, days: float
 ) -> Pair:
-    """Sign a new certificate, with a new key, for one that is reached at some hosts.
-
-    It ends with the authority's own at the latest.
-
-    Raises
-    ------
-    ValueError
-        Where the authority's key or certificate cannot be read.
-    """
+    """Sign a certificate with a new key, ending with the authority's at latest; ValueError."""
     signer = load_pem_private_key(authority.private_key, None)
     if not isinstance(signer, ec.EllipticCurvePrivateKey):
         raise ValueError("the authority's key is of another kind: wanted an elliptic curve")  # noqa: TRY004  a bad file
@@ -102,10 +89,10 @@ def read(certificate: bytes) -> Facts:
     """What a certificate says; raises ValueError where it is none, or not of this kind."""
     found = x509.load_pem_x509_certificate(certificate)
     names = (NameOID.COMMON_NAME, NameOID.ORGANIZATIONAL_UNIT_NAME)
-    said = [found.subject.get_attributes_for_oid(name) for name in names]
-    if not all(said):
+    attributes = [found.subject.get_attributes_for_oid(name) for name in names]
+    if not all(attributes):
         raise ValueError("a certificate that `pincette security` has not made")
-    name, role = (str(one[0].value) for one in said)
+    name, role = (str(one[0].value) for one in attributes)
     try:
         extension = found.extensions.get_extension_for_class(x509.SubjectAlternativeName)
     except x509.ExtensionNotFound:

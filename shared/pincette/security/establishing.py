@@ -1,10 +1,9 @@
-"""Whom a folder of certificates begins with, and who comes later."""
+"""Identities that a folder of certificates begins with, and those that are added later."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 
-from pincette.security.credentials import SOON
-from pincette.security.folder import Folder
+from pincette.security.folder import SOON, Folder
 from pincette.security.identity import (
     OPERATOR,
     ROUTER,
@@ -47,15 +46,7 @@ def establish(
     days: float = DAYS,
     composed: Sequence[str] = (),
 ) -> None:
-    """Begin a folder: an authority, the programs of some rigs, a viewer and an operator.
-
-    ``composed`` are programs of each rig that compose services of its loop.
-
-    Raises
-    ------
-    SecurityError
-        Where the folder is not empty, or a name cannot be a rig's; nothing is made then.
-    """
+    """Begin a folder with the programs of rigs, a viewer and an operator; raises SecurityError."""
     wanted = [
         program(ROUTER, ""),
         program(SUPERVISOR, ""),
@@ -76,13 +67,7 @@ def enrol(
     days: float = DAYS,
     composed: Sequence[str] = (),
 ) -> tuple[Identity, ...]:
-    """Add the programs of a rig; to one that is there, those that compose services of its loop.
-
-    Raises
-    ------
-    SecurityError
-        Where one of them has a certificate already.
-    """
+    """Add the programs of a rig, or to a known one its composed programs; raises SecurityError."""
     wanted = programs_of(rig, composed)
     if composed and rig in folder.rigs():
         wanted = tuple(one for one in wanted if one.role in composed)
@@ -93,13 +78,7 @@ def enrol(
 def enrol_upstream(
     folder: Folder, hosts: Sequence[str], now: datetime, days: float = DAYS
 ) -> Identity:
-    """Add the router of a laboratory server, reached at some hosts.
-
-    Raises
-    ------
-    SecurityError
-        Where it has a certificate already.
-    """
+    """Add the router of a laboratory server, reached at some hosts; raises SecurityError."""
     identity = program(UPSTREAM, "")
     _issue(folder, [identity], hosts, now, days)
     return identity

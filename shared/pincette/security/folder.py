@@ -1,16 +1,17 @@
-"""The folder of certificates: the authority, one certificate a program, one a person."""
+"""The folder of certificates: an authority, one for each program and person; and their check."""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from pincette.security import certificates
 from pincette.security.certificates import Facts, Pair
-from pincette.security.credentials import content
 from pincette.security.identity import AUTHORITY, Credentials, Identity, SecurityError
 
+SOON = timedelta(days=30)
+"""Within this before its end a certificate should be renewed."""
 CERTIFICATE, KEY = ".crt", ".key"
 SECRET, PUBLIC, OWNED = 0o600, 0o644, 0o700
 
@@ -22,13 +23,7 @@ class Folder:
     path: Path
 
     def begin(self, now: datetime, days: float) -> None:
-        """Make the folder, which only its owner may enter, with a new authority in it.
-
-        Raises
-        ------
-        SecurityError
-            Where there is something already, which is never written over.
-        """
+        """Make an empty folder, for its owner alone, with a new authority; raises SecurityError."""
         try:
             self.path.mkdir(mode=OWNED, parents=True, exist_ok=True)
             taken = any(self.path.iterdir())
@@ -73,7 +68,7 @@ class Folder:
         """What the certificate of an identity says; raises SecurityError."""
         place = self._place(identity.name, CERTIFICATE)
         try:
-            return certificates.read(content(place))
+            return certificates.read(_content(place))
         except ValueError as error:
             raise SecurityError(f"{place}: {error}") from error
 
@@ -82,19 +77,13 @@ class Folder:
         return self.facts(Identity(AUTHORITY, AUTHORITY))
 
     def all(self) -> Iterator[Facts]:
-        """Every certificate of this authority that lies where its name says, by name.
-
-        Raises
-        ------
-        SecurityError
-            Where the authority's certificate is missing, or a file is no certificate.
-        """
-        above = content(self._place(AUTHORITY, CERTIFICATE))
+        """Every certificate of this authority that is at its name's place; raises SecurityError."""
+        above = _content(self._place(AUTHORITY, CERTIFICATE))
         for place in sorted([*self.path.glob("*.crt"), *self.path.glob("*/*.crt")]):
             name = place.relative_to(self.path).with_suffix("").as_posix()
             if name == AUTHORITY:
                 continue
-            found = content(place)
+            found = _content(place)
             try:
                 facts, believed = certificates.read(found), certificates.signed_by(found, above)
             except ValueError as error:
@@ -103,7 +92,7 @@ class Folder:
                 yield facts
 
     def named(self, name: str) -> Identity:
-        """The identity that a name stands for; raises SecurityError where it has no certificate."""
+        """The identity of a name; raises SecurityError where it has no certificate."""
         known = {facts.identity.name: facts.identity for facts in self.all()}
         if name not in known:
             raise SecurityError(
@@ -114,11 +103,11 @@ class Folder:
 
     def rigs(self) -> tuple[str, ...]:
         """Rigs whose programs have certificates."""
-        return _once(facts.identity.rig for facts in self.all() if facts.identity.rig)
+        return tuple(dict.fromkeys(one.identity.rig for one in self.all() if one.identity.rig))
 
     def _signed(self, identity: Identity, hosts: Sequence[str], now: datetime, days: float) -> Pair:
         above = Pair(
-            content(self._place(AUTHORITY, CERTIFICATE)), content(self._place(AUTHORITY, KEY))
+            _content(self._place(AUTHORITY, CERTIFICATE)), _content(self._place(AUTHORITY, KEY))
         )
         try:
             return certificates.issue(above, identity, hosts, now, days)
@@ -148,5 +137,49 @@ class Folder:
             raise SecurityError(f"{name} in {self.path}: {error.strerror}") from error
 
 
-def _once(names: Iterable[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(names))
+def checked(credentials: Credentials, now: datetime) -> Facts:
+    """What a certificate says; SecurityError unless it is valid and fits key and authority."""
+    authority = _content(credentials.authority)
+    certificate = _content(credentials.certificate)
+    private_key = _content(credentials.private_key)
+    name, place = credentials.identity.name, credentials.certificate
+    try:
+        facts = certificates.read(certificate)
+        believed = certificates.signed_by(certificate, authority)
+        whole = certificates.belongs(Pair(certificate, private_key))
+    except ValueError as error:
+        raise SecurityError(f"certificate of {name}, {place}: {error}") from error
+    if facts.identity != credentials.identity:
+        other = facts.identity
+        raise SecurityError(
+            f"{place} is the certificate of {other.name} ({other.role}), not of {name} "
+            f"({credentials.identity.role})"
+        )
+    if not believed:
+        raise SecurityError(
+            f"{place} is signed by another authority than {credentials.authority}: all programs "
+            "need certificates of the same one"
+        )
+    if not whole:
+        raise SecurityError(f"{credentials.private_key} is not the key of {place}")
+    if now < facts.begins:
+        raise SecurityError(
+            f"certificate of {name}, {place}: begins on {facts.begins:%Y-%m-%d %H:%M} UTC, and "
+            f"here it is {now:%Y-%m-%d %H:%M} UTC: set this machine's clock"
+        )
+    if now >= facts.ends:
+        raise SecurityError(
+            f"certificate of {name}, {place}: ended on {facts.ends:%Y-%m-%d}: "
+            f"`pincette security renew {credentials.authority.parent} {name}`"
+        )
+    return facts
+
+
+def _content(path: Path) -> bytes:
+    """Bytes of a file; raises SecurityError where it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise SecurityError(
+            f"{path}: {error.strerror}: `pincette security` makes certificates"
+        ) from error

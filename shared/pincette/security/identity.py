@@ -1,16 +1,12 @@
-"""Who there is on the bus, each by the name that its certificate has.
-
-The name of a certificate is also the place of its file: ``demo/controller`` is in ``demo/`` as
-``controller.crt``. Its role is what access follows from.
-"""
+"""Identities on the bus, by the names of their certificates; access follows from their roles."""
 
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pincette.service import services_of
-from pincette.topics import LOOP
+from pincette.core.service import member_services
+from pincette.core.topics import LOOP
 
 ROUTER, UPSTREAM, SUPERVISOR = "router", "upstream", "supervisor"
 ROUTERS = (ROUTER, UPSTREAM)
@@ -36,7 +32,7 @@ class Identity:
     """A program or a person."""
 
     name: str
-    """The common name of its certificate: of the person or program, after its rig's and a slash."""
+    """The common name of its certificate, and its file's path: ``viewer``, ``demo/controller``."""
     role: str
 
     @property
@@ -47,7 +43,7 @@ class Identity:
     @property
     def serves(self) -> bool:
         """Whether others connect to it."""
-        return self.role in ROUTERS or bool(services_of(self.role))
+        return self.role in ROUTERS or bool(member_services(self.role))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,25 +62,13 @@ def program(name: str, rig: str) -> Identity:
 
 
 def programs_of(rig: str, composed: Iterable[str] = ()) -> tuple[Identity, ...]:
-    """Every program that a rig has of its own, and those that compose services of its loop.
-
-    Raises
-    ------
-    SecurityError
-        Where that is no name of a rig.
-    """
+    """All programs of a rig, also those that compose services of its loop; raises SecurityError."""
     _checked(rig, "rig")
     return tuple(program(name, rig) for name in (*OF_A_RIG, *composed))
 
 
 def person(name: str, role: str) -> Identity:
-    """A person, or a tool that people use.
-
-    Raises
-    ------
-    SecurityError
-        Where that is no name of a person, or no such role.
-    """
+    """A person, or a tool that people use; raises SecurityError for a bad name or role."""
     if role not in PEOPLE:
         raise SecurityError(f"role {role!r}: wanted {' or '.join(PEOPLE)}")
     _checked(name, "person")

@@ -1,9 +1,22 @@
-"""What each identity may say, hear, ask and answer; it follows from the topics and questions."""
+"""What each identity may publish, receive, ask and answer, derived from topics and requests."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from itertools import chain
 
+from pincette.core.service import member_services
+from pincette.core.topics import (
+    LOOP,
+    NAMESPACE,
+    REQUESTS,
+    ROOT,
+    TOPICS,
+    Request,
+    Topic,
+    key,
+    live_key_of_any_wire,
+    request_key,
+)
 from pincette.security.identity import (
     OF_A_RIG,
     OPERATOR,
@@ -13,23 +26,10 @@ from pincette.security.identity import (
     VIEWER,
     Identity,
 )
-from pincette.service import services_of
-from pincette.topics import (
-    LOOP,
-    NAMESPACE,
-    QUESTIONS,
-    ROOT,
-    TOPICS,
-    Question,
-    Topic,
-    key,
-    live_key_of_any_wire,
-    question_key,
-)
 
 ASKS: dict[str, tuple[str, ...]] = {
     VIEWER: ("status", "rig_file"),
-    OPERATOR: ("status", "rig_file", "trip", "order"),
+    OPERATOR: ("status", "rig_file", "trip", "sim_command"),
 }
 """Which questions people may ask, by name. The supervisor may ask every one, no other any."""
 ANY = "*"
@@ -55,19 +55,16 @@ class Rights:
 
 
 def rights(identity: Identity) -> Rights:
-    """What an identity may do; a router says nothing of its own.
-
-    The services of the loop hear nothing by way of the router: what they take comes directly. A
-    program that composes some of them may do what they may, and no more.
-    """
+    """What an identity may do; a program that composes services may do what they may."""
+    # A router publishes nothing of its own, and services of the loop take their inputs directly.
     role, rig = identity.role, identity.rig or ANY
     if role in ROUTERS:
         return Rights()
-    published, roles = (f"{ROOT}/{rig}/*",), services_of(role) or (role,)
+    published, roles = (f"{ROOT}/{rig}/*",), member_services(role) or (role,)
     return Rights(
-        tells=tuple(key(rig, one) for one in TOPICS if any(tells(role, one) for role in roles)),
-        answers=tuple(question_key(rig, one) for one in QUESTIONS if one.service in roles),
-        asks=tuple(question_key(rig, one) for one in QUESTIONS if may_ask(role, one)),
+        tells=tuple(key(rig, one) for one in TOPICS if any(publishes(role, one) for role in roles)),
+        answers=tuple(request_key(rig, one) for one in REQUESTS if one.service in roles),
+        asks=tuple(request_key(rig, one) for one in REQUESTS if may_ask(role, one)),
         hears=published if role in (*PEOPLE, SUPERVISOR, "recorder") else (),
         lives=tuple(_token(rig, role) for role in roles if role in (*OF_A_RIG, SUPERVISOR)),
         sees=(live_key_of_any_wire(rig),),
@@ -85,13 +82,13 @@ def united(several: Iterable[Rights]) -> Rights:
     )
 
 
-def tells(role: str, topic: Topic) -> bool:
-    """Whether a role publishes a topic; one may be told by every program of the loop."""
+def publishes(role: str, topic: Topic) -> bool:
+    """Whether a role publishes a topic; some are published by every program of the loop."""
     roles = (*OF_A_RIG, SUPERVISOR)
     return role == topic.producer or (role in LOOP and topic.producer not in roles)
 
 
-def may_ask(role: str, question: Question) -> bool:
+def may_ask(role: str, question: Request) -> bool:
     """Whether a role may ask a question."""
     return role == SUPERVISOR or question.name in ASKS.get(role, ())
 

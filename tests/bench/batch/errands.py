@@ -4,20 +4,20 @@ import os
 import subprocess
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from msgspec.structs import replace
 
-from pincette.batch.cases import Case, Run
-from pincette.batch.runs import play_all
-from pincette.batch.tuning import tracks_on
 from pincette.config.gains import tuned
-from pincette.control.laws.law import default_settings
-from pincette.paper import printed
-from pincette.paper.closed_loop import tracking_plan
-from pincette.paper.rigs import frozen_rig
+from pincette_batch.cases import Case, Run
+from pincette_batch.runs import play_all
+from pincette_batch.tuning import tracks_on
+from pincette_study import printed
+from pincette_study.closed_loop import tracking_plan
+from pincette_study.rigs import frozen_rig
+from tests.support.laws import default_settings
 from tests.support.rigs import demo_rig
 
 SEEDS = 5
@@ -36,7 +36,7 @@ def sweep(workers: int = WORKERS) -> None:
     rig, law = frozen_rig(demo_rig()), default_settings("dsmifc", "consistent")
     program = tracking_plan(rig).program
     cases = [
-        Case(rig, replace(program, laws=(replace(law, K_P=2.0, K_f=K_f),)), seed)
+        Case(rig, replace(program, laws=(law.with_gains(K_P=2.0, K_f=K_f).spec(),)), seed)
         for K_f in printed.K_F_SWEEP
         for seed in range(SEEDS)
     ]
@@ -53,7 +53,10 @@ def tuning() -> None:
     """A search for gains over ten thousand laws."""
     K_P, K_f = np.geomspace(0.1, 10.0, GAINS), np.linspace(0.0, 15000.0, GAINS)
     found = tuned(
-        demo_rig(), "dsmifc", K_P=K_P.tolist(), K_f=K_f.tolist(), tracks=tracks_on(WORKERS)
+        demo_rig(),
+        "dsmifc",
+        grid={"K_P": K_P.tolist(), "K_f": K_f.tolist()},
+        tracks=tracks_on(WORKERS),
     )
     assert len(found.candidates) > 0.5 * GAINS**2
 

@@ -3,10 +3,10 @@
 import math
 from time import perf_counter, process_time
 
-from pincette.batch.cases import Case
-from pincette.batch.lanes import play_lane
-from pincette.batch.prepared import PreparedRig, prepare_rig
-from pincette.batch.runs import play_all
+from pincette_batch.cases import Case
+from pincette_batch.lanes import play_lane
+from pincette_batch.prepared import PreparedRig, prepare_rig
+from pincette_batch.runs import play_all
 from tests.bench.batch.rigs import COUNTED, RIGS, case_of, rig_of, substeps
 
 ROUNDS = 15

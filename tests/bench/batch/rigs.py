@@ -1,12 +1,12 @@
 """The rigs that are measured, from one mode to both arms with all that a part does."""
 
-from dataclasses import replace
+from msgspec.structs import replace
 
-from pincette.batch.cases import Case, Run
 from pincette.config import RigFile
-from pincette.control.laws.law import default_settings
-from pincette.paper.closed_loop import tracking_plan
-from pincette.paper.rigs import frozen_rig
+from pincette_batch.cases import Case, Run
+from pincette_study.closed_loop import tracking_plan
+from pincette_study.rigs import frozen_rig
+from tests.support.laws import default_settings
 from tests.support.rigs import Tree, demo_rig
 
 SUBSTEP_S = 1e-4
@@ -35,7 +35,7 @@ def rig_of(changes: Tree, substep_s: float = SUBSTEP_S) -> RigFile:
 
 def case_of(rig: RigFile, seed: int = 1) -> Case:
     """The paper's sinusoid."""
-    laws = (default_settings("pbsmic", "consistent"),)
+    laws = (default_settings("pbsmic", "consistent").spec(),)
     return Case(rig, replace(tracking_plan(rig).program, laws=laws), seed)
 
 

@@ -14,7 +14,7 @@ from dataclasses import asdict
 
 from rich.console import Console
 
-from pincette.cli.tables import table
+from pincette.cli.terminal import table
 from tests.bench.check.expected import Judged, expected, judged
 from tests.bench.hop.alone import recorded_grip
 from tests.bench.hop.counts import counts_of

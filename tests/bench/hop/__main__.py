@@ -10,7 +10,7 @@ import pstats
 from dataclasses import asdict
 from statistics import fmean
 
-from pincette.topics import LOOP
+from pincette.core.topics import LOOP
 from tests.bench.hop.alone import recorded_grip
 from tests.bench.hop.counts import counts_of
 from tests.bench.hop.times import LOOPS, fixed_us, hop_of

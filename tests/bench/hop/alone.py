@@ -7,16 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from pincette import plugins
-from pincette.api.request_models import GripJobRequest
-from pincette.bus.protocol import Answerer, Sink
-from pincette.codec import decode, encode
+from pincette.bus.protocol import RequestHandler, Sink
 from pincette.config import RigFile
 from pincette.control.planning.program import Program
-from pincette.messages import Message, Position
-from pincette.runtime.loop import ServiceLoop
-from pincette.service import AnyService
-from pincette.topics import LOOP, Question, Topic
+from pincette.core import plugins
+from pincette.core.codec import decode, encode
+from pincette.core.messages import Message, Position
+from pincette.core.service import AnyService
+from pincette.core.topics import LOOP, Request, Topic
+from pincette.engine.loop import Loop
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.alone import recording, service_alone
 from tests.support.rigs import demo_rig
@@ -35,10 +35,10 @@ class NullBus:
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         self._sinks[topic] = sink
 
-    def serve(self, question: Question, answerer: Answerer) -> None:
+    def serve(self, question: Request, answerer: RequestHandler) -> None:
         """Nobody asks."""
 
-    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+    def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         raise NotImplementedError
 
     def close(self) -> None:
@@ -69,10 +69,11 @@ class Alone:
         """
         node, _ = service_alone(service or self.service, *self._run)
         bus = NullBus()
-        loop = ServiceLoop(node, bus)
+        loop = Loop([node], bus)
 
         def play() -> None:
-            loop.step_all()
+            while loop.step():
+                pass
             for topic, payload in self.inputs:
                 if each is not None:
                     each()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 from types import FrameType
 
-from pincette.codec import encode
+from pincette.core.codec import encode
 from tests.bench.hop.alone import Alone
 
 

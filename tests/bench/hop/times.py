@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import process_time
 
-from pincette.codec import decode, encode
+from pincette.core.codec import decode, encode
 from tests.bench.hop.alone import Alone
 
 ROUNDS = 15

@@ -7,6 +7,7 @@ instruments are in this process and take the time of every tick. Writes ``bench.
 
 import argparse
 import tempfile
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -18,20 +19,31 @@ from tests.bench.loop.plot import draw
 from tests.bench.loop.real import bench_rig, real_loop
 from tests.bench.loop.report import keep
 from tests.bench.loop.rings import socket_ring, zenoh_ring
+from tests.bench.loop.watch import WARM_UP
 from tests.bench.shape import SIZES
 from tests.support.certificates import folder_for
 
 TICKS = 2000
+LEAST_TICKS = WARM_UP + 2
+"""Two measurements begin and end one tick that is counted."""
 BLOCKS = 6
 PLOT = Path("bench.png")
 
 
-def main() -> None:
+def main(words: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(prog="pincette bench", description=__doc__)
     parser.add_argument("--ticks", type=int, default=TICKS, help="of a block; %(default)s")
     parser.add_argument("--blocks", type=int, default=BLOCKS, help="%(default)s")
-    given = parser.parse_args()
+    given = parser.parse_args(words)
+    if given.ticks < LEAST_TICKS:
+        parser.error(
+            f"--ticks = {given.ticks}: the limit is {LEAST_TICKS}, since the first {WARM_UP} ticks "
+            f"of a block are its warm-up and are not counted; give --ticks {TICKS}, or at least "
+            f"{LEAST_TICKS}"
+        )
+    if given.blocks < 1:
+        parser.error(f"--blocks = {given.blocks}: the limit is 1; give --blocks {BLOCKS}")
     stolen = stolen_s()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))

@@ -2,10 +2,10 @@
 
 from time import process_time
 
-from pincette.api.request_models import GripJobRequest
 from pincette.config import RigFile
-from pincette.messages import Position
-from pincette.runtime.composed import ComposedLoop
+from pincette.core.messages import Position
+from pincette.engine.composed import ComposedLoop
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 
 ROUNDS = 5

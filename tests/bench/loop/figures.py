@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from statistics import fmean, median
 
-from pincette.topics import LOOP
+from pincette.core.topics import LOOP
 from tests.bench.loop.contestant import Block, Contestant
 
 SHARES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}

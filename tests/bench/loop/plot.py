@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from pincette.paper.drawing import BLUE, GREEN, ORANGE, RED, Axis, label, legend, picture
+from pincette.plotting import BLUE, GREEN, ORANGE, RED, Axis, label, legend, picture
 from tests.bench.loop.contestant import Contestant
 
 COLOURS = (BLUE, ORANGE, GREEN, RED, "#6b5b95", "#7a8b3f", "#b58900", "#444444")

@@ -6,16 +6,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
-from pincette.bus.places import program_place
+from pincette.bus.endpoints import program_endpoint
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.control.planning.program import Guards, Program, Segment
-from pincette.messages import Reset
-from pincette.runtime.arming import arm, status
-from pincette.runtime.fleet import Fleet
+from pincette.core.faults import Mode
+from pincette.core.messages import Reset
+from pincette.core.topics import LOOP, RESET
+from pincette.engine.arming import arm, status
+from pincette.engine.fleet import Fleet
 from pincette.sim.bench import open_bench
 from pincette.sim.wires.wire import serve
-from pincette.topics import LOOP, RESET
 from tests.bench.loop.contestant import Contestant
 from tests.bench.loop.watch import Stopwatch, at_rest, obeyed, wait
 from tests.support.rigs import demo_rig, rig_toml
@@ -64,7 +65,7 @@ def real_loop(
             wish = resting(ticks, rig.rig.period_s)
             arm(bus, wish, epoch=epoch, digest=rig.digest())
             wait(lambda: len(watch.asked_s) >= ticks, name)
-            wait(lambda: status(bus, "actuator").detail.startswith("idle"), name)
+            wait(lambda: status(bus, "actuator").mode == Mode.IDLE, name)
 
         processes = {role: fleet.members[role].process.pid for role in LOOP}
         yield Contestant(name, run, watch, processes | {"instruments": os.getpid()})
@@ -76,9 +77,9 @@ def _up(fleet: Fleet, rig: RigFile) -> Generator[ZenohBus]:
     try:
         fleet.start(["router"])
         fleet.start(LOOP)
-        bus = ZenohBus(program_place(rig, "supervisor", lockstep=True), rig.rig.name, "bench")
+        bus = ZenohBus(program_endpoint(rig, "supervisor", lockstep=True), rig.rig.name, "bench")
         try:
-            bus.ask(RESET, Reset(acknowledge=True))
+            bus.call(RESET, Reset(acknowledge=True))
             yield bus
         finally:
             bus.close()

@@ -12,10 +12,10 @@ from contextlib import ExitStack, contextmanager
 from time import sleep
 from typing import Literal
 
-from pincette.bus.links import Ends, endpoint, router_ends
+from pincette.bus.topology import SessionConfig, endpoint, router_session
 from pincette.bus.zenoh_bus import open_session
+from pincette.core.topics import LOOP
 from pincette.sim.wires.wire import serve
-from pincette.topics import LOOP
 from tests.bench.loop.contestant import Contestant
 from tests.bench.loop.watch import Stopwatch, blank, wait
 from tests.bench.shape import start_key
@@ -37,14 +37,16 @@ def zenoh_ring(name: str, kind: Kind = "") -> Generator[Contestant]:
     port = free_ports(8)
     with ExitStack() as stack:
         if kind == "routed":
-            stack.enter_context(open_session(router_ends("127.0.0.1", port), "bench/router"))
+            stack.enter_context(open_session(router_session("127.0.0.1", port), "bench/router"))
         wires, watch = stack.enter_context(_blank_instruments(port))
         words = [kind] if kind else []
         processes = stack.enter_context(
             _processes("tests.bench.ring", {role: [str(port), *words] for role in LOOP}, wires)
         )
         first = endpoint("127.0.0.1", port, "router" if kind == "routed" else LOOP[0])
-        session = stack.enter_context(open_session(Ends("client", connect=(first,)), "bench"))
+        session = stack.enter_context(
+            open_session(SessionConfig("client", connect=(first,)), "bench")
+        )
         sleep(MATCHED_S)
 
         def start(ticks: int) -> None:

@@ -11,13 +11,14 @@ from time import monotonic, sleep
 import numpy as np
 import zenoh
 
-from pincette.bus.links import client_ends
+from pincette.bus.topology import client_session
 from pincette.bus.zenoh_bus import open_session
-from pincette.latency.histogram import Distribution, first_ns, merged
-from pincette.topics import ROOT
+from pincette.core.topics import ROOT
+from pincette.latency.histogram import Distribution, first_ns
 from tests.bench.loop.machine import cpu_s, stolen_s
 from tests.bench.realtime.rigs import Rig, numbers, rigs_up
 from tests.bench.realtime.seconds import Seconds
+from tests.support.histograms import merged
 from tests.support.rigs import Tree
 from tests.support.stalls import STALL_S, StallRecorder
 
@@ -126,7 +127,7 @@ def _deviation(latenesses: Iterable[tuple[int, int]], period_s: float) -> float 
 @contextmanager
 def listening(count: int, rig: Rig) -> Generator[None]:
     """Clients of the router, each of which takes all that the rig says."""
-    place = client_ends(rig.file.bus.host, rig.file.bus.port)
+    place = client_session(rig.file.bus.host, rig.file.bus.port)
     with ExitStack() as stack:
         for number in range(count):
             session = stack.enter_context(open_session(place, f"listener {number}"))

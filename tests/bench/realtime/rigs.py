@@ -7,13 +7,13 @@ from pathlib import Path
 from secrets import randbits
 from typing import cast
 
-from pincette.bus.places import program_place
+from pincette.bus.endpoints import program_endpoint
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
-from pincette.messages import Reset, Timing, TimingRequest
-from pincette.runtime.arming import arm
-from pincette.runtime.fleet import Fleet
-from pincette.topics import RESET, TIMING_OF
+from pincette.core.messages import Reset, Timing, TimingRequest
+from pincette.core.topics import RESET, TIMING_OF
+from pincette.engine.arming import arm
+from pincette.engine.fleet import Fleet
 from tests.bench.loop.real import resting
 from tests.bench.realtime.drivers import OUTPUT, SENSOR, registered
 from tests.bench.realtime.instruments import instruments
@@ -38,14 +38,14 @@ class Rig:
     def begin(self, duration_s: float) -> None:
         """Let the law keep the arm where it is for so long."""
         period_s = self.file.rig.period_s
-        self.bus.ask(RESET, Reset(acknowledge=True))
+        self.bus.call(RESET, Reset(acknowledge=True))
         program = resting(round(duration_s / period_s), period_s)
         arm(self.bus, program, epoch=randbits(EPOCH_BITS), digest=self.file.digest())
 
     def timing(self) -> dict[str, Timing]:
         """How punctual the services have been since then."""
         asked = TimingRequest()
-        return {name: cast(Timing, self.bus.ask(TIMING_OF[name], asked)) for name in TOLD}
+        return {name: cast(Timing, self.bus.call(TIMING_OF[name], asked)) for name in TOLD}
 
 
 @contextmanager
@@ -89,7 +89,7 @@ def _rig_up(rig: RigFile, folder: Path) -> Generator[Rig]:
     try:
         fleet.start([] if rig.joins else ["router"])
         fleet.start(rig.programs)
-        bus = ZenohBus(program_place(rig, "supervisor", lockstep=False), rig.rig.name, "bench")
+        bus = ZenohBus(program_endpoint(rig, "supervisor", lockstep=False), rig.rig.name, "bench")
         try:
             processes = {name: one.process.pid for name, one in fleet.members.items()}
             yield Rig(rig, bus, processes)

@@ -9,9 +9,9 @@ from functools import partial
 from time import monotonic
 from typing import cast
 
-from pincette.messages import Message, Timing
-from pincette.runtime.node import JOIN_WAIT_PERIODS
-from pincette.topics import TIMING, Topic
+from pincette.core.messages import Message, Timing
+from pincette.core.topics import TIMING, Topic
+from pincette.engine.node import JOIN_WAIT_PERIODS
 from tests.bench.realtime.rigs import TOLD, Rig
 from tests.support.stalls import STALL_S, StallRecorder
 

@@ -6,7 +6,7 @@ from time import perf_counter
 
 import pytest
 
-from pincette.messages import Status, StatusRequest
+from pincette.core.messages import Status, StatusRequest
 from tests.support.scripted import PROGRAM
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_places import T, begun
@@ -67,7 +67,7 @@ def check(loop: VirtualLoop) -> None:
     view = loop.node("controller").state.player
     assert view.outcome == "gripped", f"{view.outcome} at {loop.now_s:.0f} s"
     for name, program in loop.programs.items():
-        status = loop.ask(name, StatusRequest())
+        status = loop.call(name, StatusRequest())
         assert isinstance(status, Status)
         assert (program.refused, status.missed) == (0, 0), status
         # Samples of the idle loop that are on their way while it is being armed are of the epoch

@@ -5,22 +5,22 @@ hangs or dies takes with it all that it composes, the actuator too where that is
 """
 
 import random
-from dataclasses import replace
 from itertools import pairwise
 from math import isfinite, nan
 from typing import Any
 
 import pytest
 
-from pincette.messages import Estimate, Trip
-from pincette.service import AnyService
+from pincette.control.record import replace
+from pincette.core.faults import Cause
+from pincette.core.messages import Estimate, Trip
+from pincette.core.service import AnyService
 from pincette_estimator import SERVICE as ESTIMATOR
 from tests.support.reactions import REACTION_S, TRIPPED
-from tests.support.virtual_composed import ComposedVirtualLoop, composed_place
-from tests.support.virtual_composed_faults import befalling
-from tests.support.virtual_loop_catalogue import FATAL, HARMLESS, HUNG_S
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_catalogue import FATAL, HARMLESS, HUNG_S, befalling
 from tests.support.virtual_loop_injection import Fault, inject
-from tests.support.virtual_loop_places import T
+from tests.support.virtual_loop_places import T, composed_place
 
 SEED = 20130501
 MOVING = ("approach", "hold")
@@ -37,10 +37,8 @@ BENCH = [fault for fault in FATAL if fault.deed == "bench"]
 PHASES = (0.02, 0.27, 0.52, 0.77, 0.97)
 
 
-def loop_in(state: str, *programs: str, seed: int = 1) -> ComposedVirtualLoop:
-    loop = composed_place(state, *programs).loop.fork(seed)
-    assert isinstance(loop, ComposedVirtualLoop)
-    return loop
+def loop_in(state: str, *programs: str, seed: int = 1) -> VirtualLoop:
+    return composed_place(state, *programs).loop.fork(seed)
 
 
 @pytest.mark.parametrize("programs", TOGETHER, ids=" and ".join)
@@ -72,7 +70,7 @@ def test_an_emergency_stop_acts_within_a_period(state: str) -> None:
         loop = loop_in(state, "loop")
         loop.run(loop.now_s + phase * T)
         asked_s = loop.now_s
-        loop.must("actuator", Trip("estop"))
+        loop.must("actuator", Trip(Cause.ESTOP))
         loop.run(asked_s + REACTION_S)
         tripped = [(at_s, echo) for at_s, echo in loop.applied if echo.state in TRIPPED]
         assert tripped[0][0] - asked_s <= T
@@ -109,7 +107,7 @@ def test_where_the_program_dies_the_output_s_module_is_safe_by_itself(state: str
 
 def test_what_is_no_number_inside_a_program_never_becomes_a_voltage() -> None:
     loop = loop_in("approach", "loop")
-    loop.turns("estimator").node.service = _without_numbers(ESTIMATOR)
+    loop.task("estimator").node.service = _without_numbers(ESTIMATOR)
     begun_s = loop.now_s
     loop.run(begun_s + 2.0 * REACTION_S)
     assert any(

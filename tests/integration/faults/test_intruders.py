@@ -1,21 +1,15 @@
 """Rows 9, 14 and 15: two controllers, old commands again, foreign publishers; none is obeyed."""
 
 import random
-from dataclasses import replace
 from functools import partial
 
 import pytest
+from msgspec.structs import replace
 
-from pincette.codec import encode
-from pincette.messages import (
-    Applied,
-    Command,
-    Estimate,
-    Position,
-    Status,
-    StatusRequest,
-)
-from pincette.topics import APPLIED, COMMAND, ESTIMATE, POSITION
+from pincette.core.codec import encode
+from pincette.core.messages import Applied, Command, Estimate, Position, Status, StatusRequest
+from pincette.core.topics import APPLIED, COMMAND, ESTIMATE, POSITION
+from pincette.core.wording import status_text
 from tests.support.scripted import PROGRAM
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_places import EPOCH, T, place
@@ -50,7 +44,7 @@ def check_obeys(loop: VirtualLoop, owner: int, least_share: float = 0.9) -> None
 
 
 def status(loop: VirtualLoop) -> Status:
-    reply = loop.ask("actuator", StatusRequest())
+    reply = loop.call("actuator", StatusRequest())
     assert isinstance(reply, Status)
     return reply
 
@@ -67,7 +61,7 @@ def test_of_two_controllers_the_first_keeps_the_rig_and_the_second_is_refused() 
         check_obeys(loop, owner)
         told = status(loop)
         assert told.refused >= 40
-        assert str(rival) in told.detail, "the alarm names the stranger"
+        assert str(rival) in status_text(told), "the alarm names the stranger"
 
 
 def test_a_second_controller_is_refused_the_arming() -> None:

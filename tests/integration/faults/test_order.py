@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pincette.messages import (
+from pincette.core.messages import (
     Applied,
     Arm,
     Command,
@@ -21,8 +21,8 @@ from pincette.messages import (
     Sample,
     Telemetry,
 )
-from pincette.runtime.node import Node
-from pincette.runtime.turns import Turns
+from pincette.engine.node import Node
+from pincette.engine.scheduler import Task
 from pincette_actuator import SERVICE as ACTUATOR
 from pincette_controller import SERVICE as CONTROLLER
 from pincette_estimator import SERVICE as ESTIMATOR
@@ -80,28 +80,28 @@ def in_order(seqs: Sequence[int]) -> list[int]:
     return kept
 
 
-def turns_of(service: str, output: Tape | None = None) -> Turns:
+def turns_of(service: str, output: Tape | None = None) -> Task:
     known = {"estimator": ESTIMATOR, "controller": CONTROLLER, "actuator": ACTUATOR}[service]
-    turns = Turns(Node(known, RIG, output, 1))
-    turns.begin(0.0)
+    task = Task(Node(known, RIG, output, 1))
+    task.begin(0.0)
     questions: dict[str, list[Message]] = {
         "controller": [Load(PROGRAM)],
         "actuator": [Reset(acknowledge=True)],
     }
     owner = cast(Command, recorded()[Command][0]).owner
-    turns.node.instance = owner
+    task.node.instance = owner
     for question in (*questions.get(service, []), Arm(EPOCH, owner, RIG.digest())):
-        reply, _ = turns.ask(question, 0.0)
+        reply, _ = task.call(question, 0.0)
         assert not isinstance(reply, str), reply
-    return turns
+    return task
 
 
-def stepped(turns: Turns, samples: Sequence[Sample], now: float) -> list[Message]:
+def stepped(task: Task, samples: Sequence[Sample], now: float) -> list[Message]:
     for sample in samples:
-        turns.accept(sample, now)
+        task.accept(sample, now)
     said: list[Message] = []
-    while turns.node.due(now + T):
-        said += turns.node.fire(now)
+    while task.node.due(now + T):
+        said += task.node.fire(now)
     return said
 
 
@@ -110,29 +110,29 @@ def by_seq(kind: type[Message], seq: int) -> list[Sample]:
 
 
 def estimates(seqs: Sequence[int]) -> list[Message]:
-    turns = turns_of("estimator")
+    task = turns_of("estimator")
     said: list[Message] = []
     for seq in seqs:
-        said += stepped(turns, [*by_seq(Applied, seq - 1), *by_seq(Position, seq)], 1.0)
+        said += stepped(task, [*by_seq(Applied, seq - 1), *by_seq(Position, seq)], 1.0)
     return said
 
 
 def commands(seqs: Sequence[int]) -> list[Message]:
-    turns = turns_of("controller")
+    task = turns_of("controller")
     said: list[Message] = []
     for seq in seqs:
-        said += stepped(turns, by_seq(Estimate, seq), 1.0)
+        said += stepped(task, by_seq(Estimate, seq), 1.0)
     return [message for message in said if isinstance(message, Command | Telemetry)]
 
 
 def voltages(seqs: Sequence[int]) -> list[float]:
     tape = Tape()
-    turns = turns_of("actuator", tape)
+    task = turns_of("actuator", tape)
     newest, now = -1, 0.0
     for seq in seqs:
         now += T * (seq > newest)
         newest = max(seq, newest)
-        stepped(turns, [*by_seq(Position, seq), *by_seq(Command, seq)], now)
+        stepped(task, [*by_seq(Position, seq), *by_seq(Command, seq)], now)
     return tape.put_V
 
 

@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from pincette.messages import Estimate, Position, Telemetry
+from pincette.core.messages import Estimate, Position, Telemetry
+from pincette.core.wording import applied_text, fault_text
 from tests.support.reactions import TRIPPED
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_bench import scripted
@@ -85,19 +86,19 @@ def test_a_clock_on_the_wall_that_steps_changes_not_a_bit(monkeypatch: pytest.Mo
 def test_a_sensor_that_is_starved_skips_and_never_bursts(periods: float) -> None:
     """Each of its steps takes longer than the period: the grid is kept, with holes."""
     loop = place("approach").loop.fork(1)
-    sensor = loop.programs["sensor"]
-    due_at, missed = sensor.turns.due_at, sensor.node.missed
+    sensor = loop.task("sensor")
+    due_at, missed = sensor.due_at, sensor.node.missed
     assert due_at is not None
     until_s = loop.now_s + 0.6
     while loop.now_s < until_s:
-        sensor.slow_s = periods * T
+        loop.program("sensor").slow_s = periods * T
         loop.run(loop.now_s + 0.2 * T)
     made = [at_s for at_s, message in loop.told or [] if isinstance(message, Position)]
     gaps_s = [after - before for before, after in pairwise(made)]
     assert min(gaps_s) >= T * 0.9, "a missed tick is not caught up"
     assert sensor.node.missed > missed
-    assert sensor.turns.due_at is not None
-    off_grid = (sensor.turns.due_at - due_at) / T
+    assert sensor.due_at is not None
+    off_grid = (sensor.due_at - due_at) / T
     assert abs(off_grid - round(off_grid)) < 1e-6, "the grid is where it was"
     assert tripped(loop) == (periods > 1.5)
 
@@ -127,8 +128,8 @@ def test_a_stuck_sensor_is_found_within_ten_samples_of_real_time() -> None:
     invalid = [
         message for _, message in loop.told or [] if isinstance(message, Estimate) and message.fault
     ]
-    assert "stuck" in invalid[0].fault
-    assert "stuck" in loop.newest.cause
+    assert "stuck" in fault_text(invalid[0].fault)
+    assert "stuck" in applied_text(loop.newest)
 
 
 def test_a_sensor_that_is_stuck_while_nothing_moves_trips_nothing() -> None:

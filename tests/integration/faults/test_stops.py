@@ -5,7 +5,8 @@ from itertools import pairwise
 import pytest
 
 from pincette.control.planning.program import Program, Segment
-from pincette.messages import Arm, Load, Reset, Trip
+from pincette.core.faults import Cause
+from pincette.core.messages import Arm, Load, Reset, Trip
 from tests.support.scripted import PROGRAM
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_injection import RAMP_S
@@ -36,7 +37,7 @@ def test_an_emergency_stop_acts_within_a_period_in_every_state(state: str, let_g
         loop.run(loop.now_s + phase * T)
         held = loop.node("actuator").state.part_held
         asked_s, put_out = loop.now_s, len(loop.put_out)
-        loop.must("actuator", Trip("estop", let_go=let_go))
+        loop.must("actuator", Trip(Cause.ESTOP, release_now=let_go))
         loop.run(asked_s + T + BUS_S)
         frozen = held and not let_go
         assert loop.newest.state == ("frozen" if frozen else "ramping")
@@ -51,11 +52,11 @@ def test_an_emergency_stop_acts_within_a_period_in_every_state(state: str, let_g
 
 def test_an_emergency_stop_of_an_idle_rig_latches_it_without_a_jump() -> None:
     loop = place("idle").loop.fork(1)
-    loop.must("actuator", Trip("estop"))
+    loop.must("actuator", Trip(Cause.ESTOP))
     loop.run(loop.now_s + 4.0 * T)
     assert loop.newest.state == "latched"
     assert {put_V for _, put_V in loop.put_out} <= {0.0}
-    reply = loop.ask("actuator", Arm(EPOCH, 1, loop.rig.digest()))
+    reply = loop.call("actuator", Arm(EPOCH, 1, loop.rig.digest()))
     assert isinstance(reply, str)
     assert "reset it first" in reply
 
@@ -73,7 +74,7 @@ def test_after_a_trip_nothing_moves_until_a_person_has_reset_it(state: str) -> N
     owner = loop.node("controller").instance
     loop.must("controller", Arm(EPOCH, owner, loop.rig.digest()))
     for question in (Arm(EPOCH + 1, owner, loop.rig.digest()), Reset(acknowledge=False)):
-        assert isinstance(loop.ask("actuator", question), str)
+        assert isinstance(loop.call("actuator", question), str)
     loop.run(latched_s + 1.0)
     assert states_since(loop, latched_s) == {"latched"}
     assert {put_V for at_s, put_V in loop.put_out if at_s > latched_s} <= {0.0}
@@ -117,7 +118,7 @@ def test_the_output_s_module_is_safe_by_itself_where_the_actuator_dies(state: st
     loop.run(loop.now_s + 0.5)
     booted = loop.node("actuator").state
     assert (booted.mode, booted.cause) == ("latched", "boot")
-    reply = loop.ask("actuator", Arm(EPOCH + 1, 1, loop.rig.digest()))
+    reply = loop.call("actuator", Arm(EPOCH + 1, 1, loop.rig.digest()))
     assert isinstance(reply, str)
 
 
@@ -149,7 +150,7 @@ def test_a_restarted_actuator_waits_for_a_person_and_takes_over_the_voltage() ->
 def test_programs_with_other_rig_files_are_not_armed_and_say_so() -> None:
     loop = place("idle").loop.fork(6)
     for name in ("actuator", "estimator", "sensor"):
-        reply = loop.ask(name, Arm(EPOCH, 1, "0000"))
+        reply = loop.call(name, Arm(EPOCH, 1, "0000"))
         assert isinstance(reply, str)
         assert loop.rig.digest() in reply
         assert "0000" in reply

@@ -4,9 +4,11 @@ from pincette.control.safety.freshness import AgeLimits
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.voltage import VoltageLimits
-from pincette.messages import Arm, Command, Done, Message, Position, Reset
-from pincette.service import ForInstrument
-from pincette_actuator.answering import answer
+from pincette.core.faults import FaultCode, fault
+from pincette.core.messages import Ack, Applied, Arm, Command, Message, Position, Reset
+from pincette.core.service import DeviceCommand
+from pincette.core.wording import cause_text
+from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import Inputs, start, step
 
@@ -32,12 +34,13 @@ CONFIG = SafetyLimits(
     safe_V=0.0,
 )
 EPOCH, OWNER = 11, 5
+OFF = fault(FaultCode.INSTRUMENT_SILENT, "laser off")
 
 
 def armed(config: SafetyLimits = CONFIG) -> State:
-    state, _, _ = answer(config, start(config), Reset(acknowledge=True), 0.0)
-    state, reply, _ = answer(config, state, Arm(EPOCH, OWNER, ""), 0.0)
-    assert reply == Done(-1)
+    state, _, _ = handle(config, start(config), Reset(acknowledge=True), 0.0)
+    state, reply, _ = handle(config, state, Arm(EPOCH, OWNER, ""), 0.0)
+    assert reply == Ack(-1)
     return state
 
 
@@ -56,9 +59,9 @@ WAKE = Inputs(None, None, None)
 
 def play(
     state: State, *events: tuple[Inputs, float]
-) -> tuple[State, list[Message | ForInstrument]]:
+) -> tuple[State, list[Message | DeviceCommand]]:
     """Feed events and keep every output."""
-    outputs: list[Message | ForInstrument] = []
+    outputs: list[Message | DeviceCommand] = []
     for inputs, now in events:
         state, made = step(CONFIG, state, inputs, now)
         outputs += made
@@ -74,3 +77,8 @@ def holding(voltage_V: float = 1.0, *, held: bool) -> State:
 def wakes(start_s: float, end_s: float) -> list[tuple[Inputs, float]]:
     count = round((end_s - start_s) / (T / 4))
     return [(WAKE, start_s + index * T / 4) for index in range(count + 1)]
+
+
+def cause_words(state: State | Applied) -> str:
+    """Why it has tripped, for people."""
+    return cause_text(state.cause, state.faults)

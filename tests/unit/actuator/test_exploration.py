@@ -7,18 +7,20 @@ ends where no move leads to one that it has not met.
 
 from collections import Counter, deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from math import nan
 
+from pincette.control.record import replace
 from pincette.control.safety.voltage import VoltageLimits
-from pincette.messages import Arm, Command, Message, Position, Reset, Trip
-from pincette.service import Drive, ForInstrument, RefusedError
-from pincette_actuator.answering import answer
+from pincette.core.faults import Cause
+from pincette.core.messages import Arm, Command, Message, Position, Reset, Trip
+from pincette.core.service import DeviceCommand, RefusedError, SetVoltage
+from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import Inputs, start, step
 
-from .bench import CONFIG, EPOCH, OWNER, WAKE, T
+from .bench import CONFIG, EPOCH, OFF, OWNER, WAKE, T
 
 LIMITS = replace(
     CONFIG,
@@ -49,17 +51,17 @@ COMMANDS: dict[str, dict[str, object]] = {
     "invalid": {"valid": False},
     "pressing": {"force_mN": 99.0},
 }
-QUESTIONS: dict[str, Message | str] = {
+REQUESTS: dict[str, Message | str] = {
     "device": "device",
-    "estop": Trip("estop"),
-    "let_go": Trip("abort", let_go=True),
+    "estop": Trip(Cause.ESTOP),
+    "let_go": Trip(Cause.ABORT, release_now=True),
     "reset": Reset(acknowledge=True),
     "unacknowledged": Reset(),
     "arm": Arm(EPOCH, OWNER, ""),
 }
 MOVES = (
     *((sample, command, "") for sample, command in product(SAMPLES, COMMANDS)),
-    *((sample, "up", question) for sample, question in product(("good", "none"), QUESTIONS)),
+    *((sample, "up", question) for sample, question in product(("good", "none"), REQUESTS)),
 )
 """Sample, command, question."""
 LEADS_TO = {
@@ -121,7 +123,7 @@ class Seen:
     event: str
     before: State
     after: State
-    outputs: tuple[Message | ForInstrument, ...]
+    outputs: tuple[Message | DeviceCommand, ...]
 
 
 def moved(place: Place, sample: str, command: str, question: str) -> Iterator[tuple[Place, Seen]]:
@@ -149,14 +151,14 @@ def moved(place: Place, sample: str, command: str, question: str) -> Iterator[tu
     for _ in range(2):
         quarter += 1
         yield after("wake", WAKE)
-    request = QUESTIONS.get(question)
+    request = REQUESTS.get(question)
     if request == "device":
-        yield after("device", Inputs("silent", None, None))
+        yield after("device", Inputs(OFF, None, None))
     elif request is not None:
         assert not isinstance(request, str)
         before = state
         try:
-            state, _, outputs = answer(LIMITS, before, request, quarter * QUARTER_S)
+            state, _, outputs = handle(LIMITS, before, request, quarter * QUARTER_S)
         except RefusedError:
             outputs = ()
         if question == "arm" and state is not before:
@@ -190,7 +192,7 @@ def check(seen: Seen) -> None:
     else:
         assert change_V == 0.0, seen
     for output in seen.outputs:
-        if isinstance(output, Drive):
+        if isinstance(output, SetVoltage):
             assert output.voltage_V == after.voltage_V
 
 

@@ -1,14 +1,14 @@
 """A part that is held through a trip, a reset and the next arming; and one that is let go."""
 
-from dataclasses import replace
-
 import pytest
 
-from pincette.messages import Applied, Arm, Reset, Trip
-from pincette.service import Drive, RefusedError
-from pincette_actuator.answering import answer
+from pincette.control.record import replace
+from pincette.core.faults import Cause, Fault, FaultCode, fault
+from pincette.core.messages import Applied, Arm, Reset, Trip
+from pincette.core.service import RefusedError, SetVoltage
+from pincette_actuator.requests import handle
 from pincette_actuator.state import State
-from pincette_actuator.step import step
+from pincette_actuator.step import Inputs, initialize_from_output, step
 
 from .bench import CONFIG, OWNER, WAKE, command, holding, play, position
 
@@ -16,7 +16,7 @@ LOCKSTEP = replace(CONFIG, lockstep=True)
 
 
 def frozen(voltage_V: float = 1.0) -> State:
-    state, _, _ = answer(CONFIG, holding(voltage_V, held=True), Trip("estop"), 0.01)
+    state, _, _ = handle(CONFIG, holding(voltage_V, held=True), Trip(Cause.ESTOP), 0.01)
     assert state.mode == "frozen"
     return state
 
@@ -29,7 +29,7 @@ def waking(state: State, since_s: float, until_s: float) -> State:
 
 
 def rearmed(state: State, now: float = 0.2) -> State:
-    state, _, outputs = answer(CONFIG, state, Arm(12, OWNER, ""), now)
+    state, _, outputs = handle(CONFIG, state, Arm(12, OWNER, ""), now)
     (applied,) = outputs
     assert isinstance(applied, Applied)
     assert (applied.part_held, applied.voltage_V) == (True, 1.0)
@@ -39,15 +39,35 @@ def rearmed(state: State, now: float = 0.2) -> State:
 @pytest.mark.parametrize("lockstep", [False, True])
 def test_a_reset_while_frozen_keeps_part_and_voltage(lockstep: bool) -> None:
     config = LOCKSTEP if lockstep else CONFIG
-    state, _, outputs = answer(config, frozen(), Reset(acknowledge=True), 0.1)
+    state, _, outputs = handle(config, frozen(), Reset(acknowledge=True), 0.1)
     assert (state.mode, state.voltage_V, state.part_held) == ("idle", 1.0, True)
     (applied,) = outputs
     assert isinstance(applied, Applied)
     assert (applied.state, applied.part_held, applied.final) == ("idle", True, True)
 
 
+def test_an_output_that_fails_in_a_freeze_is_told_once_beside_the_cause() -> None:
+    off = fault(FaultCode.INSTRUMENT_SILENT, "no answer")
+    state, outputs = play(frozen(), (Inputs(off, None, None), 0.02))
+    told = (fault(FaultCode.OUTPUT_UNCONFIRMED, "no answer"),)
+    assert (state.mode, state.cause, state.faults) == ("frozen", "estop", told)
+    (applied,) = [one for one in outputs if isinstance(one, Applied)]
+    assert (applied.state, applied.faults) == ("frozen", told)
+    state, _ = play(state, (Inputs(off, None, None), 0.04))
+    assert state.faults == told
+
+
+@pytest.mark.parametrize(("found_V", "held"), [(1.0, True), (0.97, True), (0.0, False)])
+def test_a_part_that_the_output_has_let_go_is_not_held_after_the_reset(
+    found_V: float, held: bool
+) -> None:
+    state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
+    state = initialize_from_output(CONFIG, state, found_V)
+    assert (state.voltage_V, state.part_held) == (found_V, held)
+
+
 def test_what_was_reset_is_kept_beyond_the_time_of_a_freeze() -> None:
-    state, _, _ = answer(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
+    state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
     state = waking(state, 0.1, 5.0)
     assert (state.mode, state.voltage_V, state.part_held) == ("idle", 1.0, True)
 
@@ -58,41 +78,43 @@ def test_without_a_reset_a_freeze_ends_in_its_ramp() -> None:
 
 
 def test_a_reset_while_ramping_is_refused() -> None:
-    state, _, _ = answer(CONFIG, holding(held=False), Trip("estop"), 0.01)
+    state, _, _ = handle(CONFIG, holding(held=False), Trip(Cause.ESTOP), 0.01)
     with pytest.raises(RefusedError, match="ramping"):
-        answer(CONFIG, state, Reset(acknowledge=True), 0.02)
+        handle(CONFIG, state, Reset(acknowledge=True), 0.02)
 
 
-@pytest.mark.parametrize("cause", ["before the first command", "while idle"])
-def test_a_fault_after_the_reset_still_freezes(cause: str) -> None:
-    state, _, _ = answer(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
-    if cause == "before the first command":
+@pytest.mark.parametrize("when", ["before the first command", "while idle"])
+def test_a_fault_after_the_reset_still_freezes(when: str) -> None:
+    state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
+    if when == "before the first command":
         state = rearmed(state)
-    state, _, _ = answer(CONFIG, state, Trip(cause), 0.3)
-    assert (state.mode, state.cause, state.voltage_V) == ("frozen", cause, 1.0)
+    state, _, _ = handle(CONFIG, state, Trip(Cause.SUPERVISOR), 0.3)
+    assert (state.mode, state.cause, state.voltage_V) == ("frozen", "supervisor", 1.0)
 
 
 def test_no_command_in_time_after_the_arming_freezes_too() -> None:
-    state, _, _ = answer(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
+    state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
     state = waking(rearmed(state), 0.2, 1.6)
     assert state.mode == "frozen"
     assert "command_age" in state.cause
 
 
 def test_the_first_command_says_whether_the_part_is_still_held() -> None:
-    state, _, _ = answer(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
+    state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
     state, _ = play(
         rearmed(state), (position(0, epoch=12), 0.2), (command(0, held=False, epoch=12), 0.204)
     )
     assert not state.part_held
-    state, _, _ = answer(CONFIG, state, Trip("estop"), 0.21)
+    state, _, _ = handle(CONFIG, state, Trip(Cause.ESTOP), 0.21)
     assert state.mode == "ramping"
 
 
 def test_let_go_ramps_with_a_part_and_out_of_a_freeze() -> None:
-    state, _, _ = answer(CONFIG, holding(held=True), Trip("abort", let_go=True), 0.01)
+    state, _, _ = handle(CONFIG, holding(held=True), Trip(Cause.ABORT, release_now=True), 0.01)
     assert state.mode == "ramping"
-    state, _, _ = answer(CONFIG, waking(frozen(), 0.01, 0.2), Trip("abort", let_go=True), 0.2)
+    state, _, _ = handle(
+        CONFIG, waking(frozen(), 0.01, 0.2), Trip(Cause.ABORT, release_now=True), 0.2
+    )
     assert (state.mode, state.cause) == ("ramping", "estop")
     state = waking(state, 0.2, 0.3)
     assert (state.mode, state.voltage_V, state.part_held) == ("latched", 0.0, False)
@@ -100,28 +122,36 @@ def test_let_go_ramps_with_a_part_and_out_of_a_freeze() -> None:
 
 def test_let_go_while_frozen_does_nothing_more_once_it_is_latched() -> None:
     state = waking(frozen(), 0.01, 0.6)
-    after, _, _ = answer(CONFIG, state, Trip("abort", let_go=True), 0.7)
+    after, _, _ = handle(CONFIG, state, Trip(Cause.ABORT, release_now=True), 0.7)
     assert after == state
 
 
+@pytest.mark.parametrize(
+    ("words", "faults"), [("smoke", (fault(FaultCode.REQUESTED, "smoke"),)), ("", ())]
+)
+def test_a_trip_states_the_words_of_who_asked(words: str, faults: tuple[Fault, ...]) -> None:
+    state, _, _ = handle(CONFIG, holding(held=True), Trip(Cause.ESTOP, words=words), 0.01)
+    assert state.faults == faults
+
+
 def test_in_lockstep_an_idle_part_is_kept_or_let_go_at_once() -> None:
-    state, _, _ = answer(LOCKSTEP, frozen(), Reset(acknowledge=True), 0.1)
-    kept, _, outputs = answer(LOCKSTEP, state, Trip("estop"), 0.1)
+    state, _, _ = handle(LOCKSTEP, frozen(), Reset(acknowledge=True), 0.1)
+    kept, _, outputs = handle(LOCKSTEP, state, Trip(Cause.ESTOP), 0.1)
     assert (kept.mode, kept.voltage_V, kept.part_held) == ("latched", 1.0, True)
-    assert not any(isinstance(output, Drive) for output in outputs)
-    again, _, _ = answer(LOCKSTEP, kept, Reset(acknowledge=True), 0.1)
+    assert not any(isinstance(output, SetVoltage) for output in outputs)
+    again, _, _ = handle(LOCKSTEP, kept, Reset(acknowledge=True), 0.1)
     assert (again.mode, again.voltage_V, again.part_held) == ("idle", 1.0, True)
-    free, _, outputs = answer(LOCKSTEP, state, Trip("abort", let_go=True), 0.1)
+    free, _, outputs = handle(LOCKSTEP, state, Trip(Cause.ABORT, release_now=True), 0.1)
     assert (free.mode, free.voltage_V, free.part_held) == ("latched", 0.0, False)
-    assert outputs[0] == Drive(0.0)
+    assert outputs[0] == SetVoltage(0.0)
 
 
 def test_in_lockstep_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> None:
-    state, _, _ = answer(LOCKSTEP, holding(held=False), Trip("estop"), 0.004)
+    state, _, _ = handle(LOCKSTEP, holding(held=False), Trip(Cause.ESTOP), 0.004)
     assert state.mode == "ramping"
-    state, _, outputs = answer(LOCKSTEP, state, Reset(acknowledge=True), 0.004)
+    state, _, outputs = handle(LOCKSTEP, state, Reset(acknowledge=True), 0.004)
     assert (state.mode, state.voltage_V) == ("idle", 0.0)
-    assert outputs[0] == Drive(0.0)
+    assert outputs[0] == SetVoltage(0.0)
 
 
 def test_a_part_handed_over_by_the_last_command_is_kept() -> None:

@@ -5,9 +5,10 @@ from itertools import permutations, product
 
 import pytest
 
-from pincette.messages import Applied, Message, Trip
-from pincette.service import Drive, ForInstrument
-from pincette_actuator.answering import answer
+from pincette.core.faults import Cause
+from pincette.core.messages import Applied, Message, Trip
+from pincette.core.service import DeviceCommand, SetVoltage
+from pincette_actuator.requests import handle
 from pincette_actuator.step import Inputs, step
 
 from .bench import CONFIG, T, command, holding, position
@@ -28,16 +29,16 @@ def test_each_tick_ends_once(
 ) -> None:
     state, left = holding(held=held), list(others)
     for seq in TICKS:
-        told: list[Message | ForInstrument] = []
+        told: list[Message | DeviceCommand] = []
         for what in order if seq == tripped else left.pop().split():
             if what == "trip":
-                state, _, outputs = answer(LOCKSTEP, state, Trip("abort"), seq * T)
+                state, _, outputs = handle(LOCKSTEP, state, Trip(Cause.ABORT), seq * T)
             else:
                 state, outputs = step(LOCKSTEP, state, coming(what, seq, held=held), seq * T)
             told += outputs
         echoes = [one for one in told if isinstance(one, Applied)]
         assert [echo.seq for echo in echoes] == [seq]
-        assert sum(isinstance(one, Drive) for one in told) == 1
+        assert sum(isinstance(one, SetVoltage) for one in told) == 1
         if echoes[0].final:
             break
     assert state.mode in (("frozen",) if held else ("ramping", "latched"))

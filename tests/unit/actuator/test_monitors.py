@@ -1,11 +1,12 @@
 """The hard limits at the service: what is answered, what the instrument is told, what is fed."""
 
-from dataclasses import replace
 from math import nan
 
 import pytest
 
-from pincette.messages import (
+from pincette.control.record import replace
+from pincette.core.faults import Cause
+from pincette.core.messages import (
     Applied,
     Arm,
     Command,
@@ -15,12 +16,25 @@ from pincette.messages import (
     StatusRequest,
     Trip,
 )
-from pincette.service import Drive, ForInstrument, RefusedError
-from pincette_actuator.answering import answer
+from pincette.core.service import DeviceCommand, RefusedError, SetVoltage
+from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import SERVICE, Inputs, step
 
-from .bench import CONFIG, EPOCH, OWNER, WAKE, T, armed, command, holding, play, position
+from .bench import (
+    CONFIG,
+    EPOCH,
+    OFF,
+    OWNER,
+    WAKE,
+    T,
+    armed,
+    cause_words,
+    command,
+    holding,
+    play,
+    position,
+)
 
 LOCKSTEP = replace(CONFIG, lockstep=True)
 
@@ -33,7 +47,7 @@ def told(seq: int, **changes: object) -> Inputs:
 
 def ticks(
     state: State, seqs: range, **changes: object
-) -> tuple[State, list[Message | ForInstrument]]:
+) -> tuple[State, list[Message | DeviceCommand]]:
     events: list[tuple[Inputs, float]] = []
     for seq in seqs:
         events += [(position(seq), seq * T), (told(seq, **changes), seq * T + 0.004)]
@@ -43,13 +57,13 @@ def ticks(
 @pytest.mark.parametrize("held", [False, True])
 def test_a_force_beyond_the_hard_limit_lets_go_in_the_same_cycle(held: bool) -> None:
     state, outputs = ticks(holding(held=held), range(1, 4), force_mN=55.0, part_held=held)
-    assert (state.mode, state.cause.partition(":")[0]) == ("ramping", "force")
+    assert (state.mode, state.cause) == ("ramping", "force")
     drive, echo = outputs[-2:]
-    assert isinstance(drive, Drive)
+    assert isinstance(drive, SetVoltage)
     assert 0.0 < drive.voltage_V < 1.0
     assert isinstance(echo, Applied)
     assert (echo.seq, echo.state, echo.answered) == (3, "ramping", False)
-    assert "55.0 mN, limit 50.0 mN" in echo.cause
+    assert "55.0 mN, limit 50.0 mN" in cause_words(echo)
 
 
 def test_in_lockstep_the_trip_ends_its_tick() -> None:
@@ -57,7 +71,7 @@ def test_in_lockstep_the_trip_ends_its_tick() -> None:
     for seq in range(3):
         state, _ = step(LOCKSTEP, state, position(seq), seq * T)
         state, outputs = step(LOCKSTEP, state, told(seq, force_mN=55.0), seq * T)
-        assert isinstance(outputs[0], Drive)
+        assert isinstance(outputs[0], SetVoltage)
         echo = outputs[1]
         assert isinstance(echo, Applied)
         assert (echo.seq, echo.answered) == (seq, seq < 2)
@@ -67,7 +81,7 @@ def test_in_lockstep_the_trip_ends_its_tick() -> None:
 def test_in_lockstep_a_command_that_is_nonsense_ends_its_tick_too() -> None:
     state, _ = step(LOCKSTEP, armed(), position(0), 0.0)
     state, outputs = step(LOCKSTEP, state, told(0, voltage_V=nan), 0.0)
-    assert outputs[0] == Drive(0.0)
+    assert outputs[0] == SetVoltage(0.0)
     assert (state.refused, state.mode) == (1, "armed")
 
 
@@ -86,7 +100,7 @@ def test_a_position_beyond_the_limits_trips_before_any_command_of_it(held: bool,
         if seq < 3:
             events.append((command(seq, held=held), seq * T + 0.004))
     state, outputs = play(holding(held=held), *events)
-    assert (state.mode, state.cause.partition(":")[0]) == (mode, "position")
+    assert (state.mode, state.cause) == (mode, "position")
     echo = outputs[-1]
     assert isinstance(echo, Applied)
     assert (echo.seq, echo.state) == (3, mode)
@@ -103,13 +117,13 @@ def test_a_stranger_does_not_displace_a_command_that_waits() -> None:
     state, _ = play(armed(), (told(0), 0.001), (told(0, owner=9, voltage_V=3.0), 0.0015))
     assert state.pending is not None
     state, outputs = play(state, (position(0), 0.002))
-    assert outputs[0] == Drive(1.0)
+    assert outputs[0] == SetVoltage(1.0)
     assert (state.refused, state.taken_seq) == (1, 0)
 
 
 def test_what_waited_when_it_tripped_is_refused_when_its_sample_comes() -> None:
     state, _ = play(holding(held=False), (told(1), 0.019))
-    state, _, _ = answer(CONFIG, state, Trip("estop"), 0.0195)
+    state, _, _ = handle(CONFIG, state, Trip(Cause.ESTOP), 0.0195)
     assert state.pending is not None
     state, outputs = play(state, (position(1), 0.020))
     assert (state.pending, state.refused, state.mode) == (None, 1, "ramping")
@@ -120,56 +134,56 @@ def test_what_waited_when_it_tripped_is_refused_when_its_sample_comes() -> None:
 def test_in_lockstep_a_command_before_its_sample_ends_the_tick_after_a_trip(trips: str) -> None:
     state = holding(held=True)
     if trips == "before":
-        state, _, _ = answer(LOCKSTEP, state, Trip("abort"), 0.02)
+        state, _, _ = handle(LOCKSTEP, state, Trip(Cause.ABORT), 0.02)
     state, outputs = step(LOCKSTEP, state, told(1), 0.02)
     assert outputs == ()
     if trips == "between":
-        state, _, _ = answer(LOCKSTEP, state, Trip("abort"), 0.02)
+        state, _, _ = handle(LOCKSTEP, state, Trip(Cause.ABORT), 0.02)
     state, outputs = step(LOCKSTEP, state, position(1), 0.02)
     order, echo = outputs
-    assert order == Drive(state.voltage_V)
+    assert order == SetVoltage(state.voltage_V)
     assert isinstance(echo, Applied)
     assert (echo.seq, echo.state, echo.answered) == (1, "frozen", False)
 
 
 def test_nobody_speaks_for_the_actuator_in_a_trip() -> None:
-    state, _, _ = answer(CONFIG, holding(held=False), Trip("boot"), 0.01)
-    assert state.cause == "asked: boot"
+    state, _, _ = handle(CONFIG, holding(held=False), Trip(Cause.BOOT), 0.01)
+    assert state.cause == "asked"
     with pytest.raises(RefusedError, match="ramping"):
-        answer(CONFIG, state, Arm(EPOCH + 1, OWNER, ""), 0.02)
+        handle(CONFIG, state, Arm(EPOCH + 1, OWNER, ""), 0.02)
 
 
 def test_what_it_does_not_answer_is_refused() -> None:
     with pytest.raises(RefusedError, match="does not answer StatusRequest"):
-        answer(CONFIG, armed(), StatusRequest(), 0.0)
+        handle(CONFIG, armed(), StatusRequest(), 0.0)
 
 
-def may_feed(state: State, now: float) -> bool:
-    assert SERVICE.may_feed is not None
-    return SERVICE.may_feed(CONFIG, state, now)
+def may_kick_watchdog(state: State, now: float) -> bool:
+    assert SERVICE.may_kick_watchdog is not None
+    return SERVICE.may_kick_watchdog(CONFIG, state, now)
 
 
 def test_an_output_that_does_not_confirm_the_ramp_is_left_to_its_watchdog() -> None:
-    fault = Inputs("garbled", None, None)
+    fault = Inputs(OFF, None, None)
     state, _ = play(holding(held=False), (fault, 0.01))
     assert (state.mode, state.unconfirmed) == ("ramping", True)
-    assert not may_feed(state, 0.015)
+    assert not may_kick_watchdog(state, 0.015)
     state, outputs = play(state, (WAKE, 0.015))
-    assert isinstance(outputs[0], Drive)
-    assert may_feed(state, 0.02)
+    assert isinstance(outputs[0], SetVoltage)
+    assert may_kick_watchdog(state, 0.02)
     state, _ = play(state, (fault, 0.015))
-    assert not may_feed(state, 0.02)
+    assert not may_kick_watchdog(state, 0.02)
 
 
 def test_a_frozen_part_is_kept_by_heartbeats_though_a_write_was_not_confirmed() -> None:
-    state, outputs = play(holding(held=True), (Inputs("garbled", None, None), 0.01))
+    state, outputs = play(holding(held=True), (Inputs(OFF, None, None), 0.01))
     assert (state.mode, state.unconfirmed) == ("frozen", True)
-    assert not any(isinstance(output, Drive) for output in outputs)
-    assert may_feed(state, 0.5)
+    assert not any(isinstance(output, SetVoltage) for output in outputs)
+    assert may_kick_watchdog(state, 0.5)
 
 
 def test_a_reset_gives_the_output_another_chance() -> None:
-    state, _ = play(holding(held=True), (Inputs("garbled", None, None), 0.01))
-    state, _, _ = answer(CONFIG, state, Reset(acknowledge=True), 0.1)
+    state, _ = play(holding(held=True), (Inputs(OFF, None, None), 0.01))
+    state, _, _ = handle(CONFIG, state, Reset(acknowledge=True), 0.1)
     assert not state.unconfirmed
-    assert may_feed(state, 9.0)
+    assert may_kick_watchdog(state, 9.0)

@@ -1,35 +1,50 @@
 """The actuator's rules in virtual time."""
 
-from dataclasses import replace
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from pincette.control.safety.voltage import SLEW_UP, VOLTAGE_MAX
-from pincette.messages import Applied, Arm, Command, Done, Reset, Trip
-from pincette.service import Drive, RefusedError
-from pincette_actuator.answering import answer
-from pincette_actuator.step import SERVICE, Inputs, adopt, start
+from pincette.core.faults import Cause
+from pincette.core.messages import Ack, Applied, Arm, Command, Reset, Trip
+from pincette.core.service import RefusedError, SetVoltage
+from pincette.core.wording import fault_text
+from pincette_actuator.requests import handle
+from pincette_actuator.step import SERVICE, Inputs, initialize_from_output, start
 
-from .bench import CONFIG, EPOCH, OWNER, WAKE, T, armed, command, holding, play, position, wakes
+from .bench import (
+    CONFIG,
+    EPOCH,
+    OFF,
+    OWNER,
+    WAKE,
+    T,
+    armed,
+    cause_words,
+    command,
+    holding,
+    play,
+    position,
+    wakes,
+)
 
 
 def test_boots_latched_and_refuses_to_arm() -> None:
     state = start(CONFIG)
     assert (state.mode, state.cause) == ("latched", "boot")
     with pytest.raises(RefusedError, match="boot"):
-        answer(CONFIG, state, Arm(EPOCH, OWNER, ""), 0.0)
+        handle(CONFIG, state, Arm(EPOCH, OWNER, ""), 0.0)
 
 
 def test_reset_needs_an_acknowledgement() -> None:
     with pytest.raises(RefusedError, match="acknowledge"):
-        answer(CONFIG, start(CONFIG), Reset(), 0.0)
+        handle(CONFIG, start(CONFIG), Reset(), 0.0)
 
 
 def test_a_good_command_is_put_out_before_it_is_published() -> None:
     _, outputs = play(armed(), (position(0), 0.0), (command(0), 0.004))
-    assert outputs[0] == Drive(1.0)
+    assert outputs[0] == SetVoltage(1.0)
     applied = outputs[1]
     assert isinstance(applied, Applied)
     assert (applied.seq, applied.voltage_V, applied.answered) == (0, 1.0, True)
@@ -40,7 +55,7 @@ def test_a_command_that_overtakes_its_sample_waits_for_it() -> None:
     state, outputs = play(armed(), (command(0), 0.001))
     assert outputs == []
     _, outputs = play(state, (position(0), 0.002))
-    assert outputs[0] == Drive(1.0)
+    assert outputs[0] == SetVoltage(1.0)
 
 
 @pytest.mark.parametrize("seq", [0, 1])
@@ -49,9 +64,9 @@ def test_a_command_that_waits_for_its_sample_is_not_displaced_by_one_that_is_rep
 ) -> None:
     before = ((position(0), 0.0), (command(0), 0.004), (command(1, 1.01), 0.020))
     state, outputs = play(armed(), *before, (command(seq, 1.02), 0.021))
-    assert (state.refused, state.refusal) == (1, f"command {seq} after 1")
+    assert (state.refused, fault_text(state.refusal)) == (1, f"command {seq} after 1")
     _, outputs = play(state, (position(1), 0.022))
-    assert outputs[0] == Drive(1.01)
+    assert outputs[0] == SetVoltage(1.01)
 
 
 @pytest.mark.parametrize(("epoch", "owner"), [(EPOCH, 6), (12, OWNER)])
@@ -68,7 +83,7 @@ def test_a_controller_that_is_not_armed_yet_is_not_refused_for_commanding_nothin
     assert unarmed is not None
     nothing = Inputs(None, replace(unarmed, valid=False), None)
     state, outputs = play(armed(), (position(0), 0.0), (nothing, 0.004))
-    assert (outputs, state.refused, state.refusal) == ([], 0, "")
+    assert (outputs, state.refused, state.refusal) == ([], 0, None)
 
 
 def test_older_and_equal_commands_are_refused() -> None:
@@ -81,7 +96,7 @@ def test_older_and_equal_commands_are_refused() -> None:
 def test_a_late_command_is_refused_by_the_age_of_its_sample() -> None:
     state, _ = play(armed(), (position(0), 0.0), (position(1), 0.02), (command(0), 0.051))
     assert state.refused == 1
-    assert "51 ms old, limit 50 ms" in state.refusal
+    assert "51 ms old, limit 50 ms" in fault_text(state.refusal)
 
 
 def test_range_and_slew_act_and_are_reported() -> None:
@@ -106,7 +121,7 @@ def test_free_arm_ramps_within_sixty_and_is_safe_within_a_hundred_ms() -> None:
     assert safe is not None
     assert safe <= 0.100
     assert state.mode == "latched"
-    assert "no command for" in state.cause
+    assert "no command for" in cause_words(state)
 
 
 def test_the_ramp_has_no_step_larger_than_its_share() -> None:
@@ -163,29 +178,29 @@ def test_after_a_trip_no_command_is_taken_until_a_reset() -> None:
     assert outputs == []
     assert (state.voltage_V, state.refused) == (0.0, 1)
     with pytest.raises(RefusedError, match="reset it first"):
-        answer(CONFIG, state, Arm(12, OWNER, ""), 0.2)
-    state, _, _ = answer(CONFIG, state, Reset(acknowledge=True), 0.3)
+        handle(CONFIG, state, Arm(12, OWNER, ""), 0.2)
+    state, _, _ = handle(CONFIG, state, Reset(acknowledge=True), 0.3)
     assert state.mode == "idle"
 
 
 @pytest.mark.parametrize("held", [False, True])
 def test_estop_acts_with_the_next_wake(held: bool) -> None:
     state, _ = play(holding(2.0, held=held), (position(1), 0.005))
-    state, reply, published = answer(CONFIG, state, Trip("estop"), 0.006)
-    assert reply == Done(1)
+    state, reply, published = handle(CONFIG, state, Trip(Cause.ESTOP), 0.006)
+    assert reply == Ack(1)
     assert isinstance(published[0], Applied)
     assert (published[0].state, published[0].seq) == ("frozen" if held else "ramping", 1)
     state, outputs = play(state, (WAKE, 0.010))
     assert (state.voltage_V < 2.0) is not held
-    assert any(isinstance(output, Drive) for output in outputs) is not held
+    assert any(isinstance(output, SetVoltage) for output in outputs) is not held
 
 
 @pytest.mark.parametrize("held", [False, True])
 def test_told_to_end_it_ramps_to_the_safe_voltage_first(held: bool) -> None:
     state, now = holding(2.0, held=held), 0.01
     for _ in range(20):
-        assert SERVICE.wind_down is not None
-        state, at_rest = SERVICE.wind_down(CONFIG, state, now)
+        assert SERVICE.shutdown is not None
+        state, at_rest = SERVICE.shutdown(CONFIG, state, now)
         if at_rest:
             break
         state, _ = play(state, (WAKE, now))
@@ -195,24 +210,24 @@ def test_told_to_end_it_ramps_to_the_safe_voltage_first(held: bool) -> None:
 
 
 def test_a_restarted_actuator_ramps_from_the_voltage_it_finds() -> None:
-    state = adopt(CONFIG, start(CONFIG), 2.0)
+    state = initialize_from_output(CONFIG, start(CONFIG), 2.0)
     assert (state.mode, state.voltage_V) == ("latched", 2.0)
-    state, _, _ = answer(CONFIG, state, Trip("supervisor"), 0.0)
+    state, _, _ = handle(CONFIG, state, Trip(Cause.SUPERVISOR), 0.0)
     state, outputs = play(state, (WAKE, 0.0))
     drive = outputs[0]
-    assert isinstance(drive, Drive)
+    assert isinstance(drive, SetVoltage)
     assert 2.0 - drive.voltage_V <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
 
 
 def test_the_first_cause_is_kept() -> None:
-    state, _, _ = answer(CONFIG, holding(held=False), Trip("estop"), 0.006)
-    state, _, _ = answer(CONFIG, state, Trip("abort"), 0.007)
+    state, _, _ = handle(CONFIG, holding(held=False), Trip(Cause.ESTOP), 0.006)
+    state, _, _ = handle(CONFIG, state, Trip(Cause.ABORT), 0.007)
     assert state.cause == "estop"
 
 
 def test_an_instrument_that_fails_trips() -> None:
-    state, _ = play(holding(held=True), (Inputs("refused: ?", None, None), 0.01))
-    assert (state.mode, state.cause) == ("frozen", "device: refused: ?")
+    state, _ = play(holding(held=True), (Inputs(OFF, None, None), 0.01))
+    assert (state.mode, cause_words(state)) == ("frozen", "device: laser off")
 
 
 def test_a_tick_without_a_command_is_answered_with_the_kept_voltage() -> None:
@@ -229,7 +244,7 @@ def test_rearming_starts_from_the_applied_voltage() -> None:
     final = Command(EPOCH, 1, OWNER, 1.5, False, False, True, True)
     state, _ = play(state, (Inputs(None, final, None), 0.022))
     assert state.mode == "idle"
-    state, _, published = answer(CONFIG, state, Arm(12, OWNER, ""), 1.0)
+    state, _, published = handle(CONFIG, state, Arm(12, OWNER, ""), 1.0)
     assert published[0] == replace(
         published[0], epoch=12, seq=-1, voltage_V=1.5, state="armed", final=False
     )

@@ -1,14 +1,15 @@
 """A sweep at the actuator: begun once, looked after, ended by a voltage or a trip."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.planning.sweep import Sweep
 from pincette.control.planning.swept_voltages import SweptVoltages
-from pincette.messages import Applied, Trip
-from pincette.service import Drive, Look, Wave
-from pincette_actuator.answering import answer
+from pincette.core.faults import Cause
+from pincette.core.messages import Applied, Trip
+from pincette.core.service import CheckWave, SetVoltage, Wave
+from pincette.core.wording import fault_text
+from pincette_actuator.requests import handle
 from pincette_actuator.step import Inputs
 
 from .bench import CONFIG, WAKE, armed, command, holding, play, position
@@ -33,7 +34,7 @@ def test_a_sweep_begins_once_and_is_looked_after() -> None:
         (command(3), 0.064),
     )
     orders = [output for output in outputs if not isinstance(output, Applied)]
-    assert orders == [Wave(SweptVoltages(SWEEP, 1.0), 4_000.0), Look(), Drive(1.0)]
+    assert orders == [Wave(SweptVoltages(SWEEP, 1.0), 4_000.0), CheckWave(), SetVoltage(1.0)]
     assert state.sweep is None
 
 
@@ -48,20 +49,20 @@ def test_a_sweep_begins_once_and_is_looked_after() -> None:
 def test_a_sweep_beyond_the_limits_is_refused(voltage_V: float, sweep: Sweep, words: str) -> None:
     state, outputs = play(armed(), (position(0), 0.0), (swept(0, voltage_V, sweep), 0.004))
     assert outputs == []
-    assert words in state.refusal
+    assert words in fault_text(state.refusal)
 
 
 def test_a_tick_without_a_command_lets_the_sweep_go_on() -> None:
     state, _ = play(holding(held=False), (position(1), 0.02), (swept(1), 0.024))
     state, outputs = play(state, (position(2), 0.04), (WAKE, 0.056))
-    assert isinstance(outputs[0], Look)
+    assert isinstance(outputs[0], CheckWave)
     assert state.sweep == SWEEP
 
 
 def test_a_trip_ends_the_sweep_by_the_ramp() -> None:
     state, _ = play(holding(held=False), (position(1), 0.02), (swept(1), 0.024))
-    state, _, _ = answer(CONFIG, state, Trip("estop"), 0.03)
+    state, _, _ = handle(CONFIG, state, Trip(Cause.ESTOP), 0.03)
     assert (state.mode, state.sweep) == ("ramping", None)
     _, outputs = play(state, (WAKE, 0.035))
-    assert isinstance(outputs[0], Drive)
+    assert isinstance(outputs[0], SetVoltage)
     assert 0.0 < outputs[0].voltage_V < 1.0

@@ -1,16 +1,29 @@
 """A tick that nobody commands: answered once, and with an order only where one is due."""
 
-from dataclasses import replace
-
 import pytest
 
-from pincette.messages import Applied, Arm, Command, Done
-from pincette.service import Drive, Look
-from pincette_actuator.answering import answer
+from pincette.control.record import replace
+from pincette.core.faults import Cause, Mode
+from pincette.core.messages import Ack, Applied, Arm, Command
+from pincette.core.service import CheckWave, SetVoltage
+from pincette.core.wording import fault_text
+from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import Inputs, step
 
-from .bench import CONFIG, EPOCH, OWNER, WAKE, T, command, holding, play, position
+from .bench import (
+    CONFIG,
+    EPOCH,
+    OFF,
+    OWNER,
+    WAKE,
+    T,
+    cause_words,
+    command,
+    holding,
+    play,
+    position,
+)
 from .test_sweep import swept
 
 UNASKED_S = 0.036
@@ -30,7 +43,7 @@ def test_a_tick_is_answered_once_and_ordered_where_a_voltage_is_to_be_held(
     mode: str, ordered: bool
 ) -> None:
     state, outputs = play(stood(mode), (position(1), 0.02), (WAKE, UNASKED_S))
-    assert [isinstance(output, Drive) for output in outputs] == [True, False][not ordered :]
+    assert [isinstance(output, SetVoltage) for output in outputs] == [True, False][not ordered :]
     echo = outputs[-1]
     assert isinstance(echo, Applied)
     assert (echo.seq, echo.state, echo.answered, echo.command_age_s) == (1, mode, False, 0.0)
@@ -60,16 +73,16 @@ def test_in_lockstep_no_time_passes_between_sample_and_command() -> None:
 
 
 def test_without_a_sample_there_is_no_tick() -> None:
-    _, outputs = play(replace(holding(held=False), mode="idle", arrivals=()), (WAKE, 9.0))
+    _, outputs = play(replace(holding(held=False), mode=Mode.IDLE, arrivals=()), (WAKE, 9.0))
     assert outputs == []
 
 
 def test_an_invalid_command_answers_its_tick_at_once_and_only_once() -> None:
-    blind = Command(EPOCH, 1, OWNER, 0.0, False, False, False, False, "sensor: off")
+    blind = Command(EPOCH, 1, OWNER, 0.0, False, False, False, False, OFF)
     state, outputs = play(
         holding(held=False), (position(1), 0.02), (Inputs(None, blind, None), 0.024)
     )
-    assert [type(output) for output in outputs] == [Drive, Applied]
+    assert [type(output) for output in outputs] == [SetVoltage, Applied]
     _, outputs = play(state, (Inputs(None, blind, None), 0.025))
     assert outputs == []
 
@@ -79,13 +92,13 @@ def test_what_is_taken_is_told_with_its_age_and_flags() -> None:
     doubted = replace(holding(held=False), unconfirmed=True)
     state, outputs = play(doubted, (position(1), 0.02), (Inputs(None, asked, None), 0.024))
     assert outputs == [
-        Drive(1.5),
+        SetVoltage(1.5),
         Applied(
             epoch=EPOCH,
             seq=1,
             voltage_V=1.5,
-            state="idle",
-            cause="",
+            state=Mode.IDLE,
+            cause=Cause.NONE,
             limits_active=0,
             part_held=True,
             zero=True,
@@ -103,10 +116,10 @@ def test_a_sweep_that_has_broken_off_leaves_the_output_unconfirmed() -> None:
     state, outputs = play(holding(held=False), (position(1), 0.02), (swept(1), 0.024))
     assert state.unconfirmed is False
     state, outputs = play(state, (position(2), 0.04), (swept(2), 0.044))
-    assert isinstance(outputs[0], Look)
-    state, outputs = play(state, (Inputs("it has broken off", None, None), 0.045))
+    assert isinstance(outputs[0], CheckWave)
+    state, outputs = play(state, (Inputs(OFF, None, None), 0.045))
     assert (state.mode, state.sweep, state.unconfirmed) == ("ramping", None, True)
-    assert state.cause == "device: it has broken off"
+    assert cause_words(state) == "device: laser off"
 
 
 def test_a_final_sweep_is_none() -> None:
@@ -115,24 +128,26 @@ def test_a_final_sweep_is_none() -> None:
     final = Inputs(None, replace(last, final=True), None)
     state, outputs = play(holding(held=False), (position(1), 0.02), (final, 0.024))
     assert (state.mode, state.sweep) == ("idle", None)
-    assert outputs[0] == Drive(1.0)
+    assert outputs[0] == SetVoltage(1.0)
 
 
 def test_an_arming_leaves_nothing_of_the_one_before() -> None:
     left = swept(1).command
     assert left is not None
-    idle = replace(holding(held=True), mode="idle", pending=left, sweep=left.sweep, answered_seq=7)
-    state, reply, (echo,) = answer(CONFIG, idle, Arm(EPOCH + 1, OWNER + 1, ""), 1.0)
+    idle = replace(
+        holding(held=True), mode=Mode.IDLE, pending=left, sweep=left.sweep, answered_seq=7
+    )
+    state, reply, (echo,) = handle(CONFIG, idle, Arm(EPOCH + 1, OWNER + 1, ""), 1.0)
     assert (state.pending, state.sweep, state.answered_seq) == (None, None, -1)
     assert (state.epoch, state.owner, state.fresh_s) == (EPOCH + 1, OWNER + 1, 2.0)
-    assert reply == Done(-1)
+    assert reply == Ack(-1)
     assert isinstance(echo, Applied)
     assert (echo.seq, echo.epoch, echo.state) == (-1, EPOCH + 1, "armed")
 
 
 def test_a_stranger_is_refused_by_its_name() -> None:
     state, _ = play(holding(held=False), (command(0, owner=9), 0.01))
-    assert state.refusal == "command of owner 9, armed for 5"
+    assert fault_text(state.refusal) == "command of owner 9, armed for 5"
 
 
 def test_the_age_limits_are_those_of_the_configuration() -> None:

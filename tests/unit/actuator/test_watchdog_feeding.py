@@ -1,12 +1,14 @@
 """A watched output hears that its host lives only while the actuator's rules say that it does."""
 
-from dataclasses import replace
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from pincette.config import read_rig
+from pincette.core.faults import Cause
+from pincette.core.messages import Trip
+from pincette.engine.node import Node
 from pincette.instruments.protocols import InstrumentError
-from pincette.messages import Trip
-from pincette.runtime.node import Node
 from pincette_actuator import SERVICE
 
 RIG = read_rig(Path("deploy/rigs/demo.toml"))
@@ -54,7 +56,7 @@ def test_a_ramp_that_the_output_does_not_confirm_is_left_to_its_watchdog() -> No
     node = Node(SERVICE, RIG, output)
     waking(node, 4, 4)
     output.garbled = True
-    node.ask(Trip("estop"), 8 * T / 4)
+    node.call(Trip(Cause.ESTOP), 8 * T / 4)
     waking(node, 8, 1)
     fed = output.fed
     waking(node, 9, 40)
@@ -66,7 +68,7 @@ def test_a_ramp_that_the_output_does_not_confirm_is_left_to_its_watchdog() -> No
 def test_a_freeze_is_kept_alive_by_heartbeats_alone() -> None:
     output = Watched()
     node = Node(SERVICE, RIG, output)
-    node.state = replace(node.state, mode="frozen", cause="device: x", unconfirmed=True)
+    node.state = replace(node.state, mode="frozen", cause=Cause.DEVICE, unconfirmed=True)
     waking(node, 4, 40)
     assert output.fed >= 9
     assert output.written_V == []

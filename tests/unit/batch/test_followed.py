@@ -1,13 +1,12 @@
 """What the kernel does not follow, it names; the composed loop plays it."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
-from pincette.batch.followed import program_objection, rig_objection
-from pincette.control.laws.law import LawSettings
 from pincette.control.planning.program import Program, Segment
-from pincette.paper.closed_loop import tracking_plan
+from pincette_batch.followed import program_objection, rig_objection
+from pincette_study.closed_loop import tracking_plan
+from tests.support.laws import law_settings
 from tests.support.rigs import Tree, demo_rig
 
 
@@ -50,5 +49,5 @@ def test_segments_that_are_not_followed_are_named() -> None:
 
 
 def test_two_laws_are_not_followed() -> None:
-    laws = (LawSettings(), LawSettings(K_P=0.5))
+    laws = (law_settings().spec(), law_settings(K_P=0.5).spec())
     assert "2 laws" in program_objection(replace(program(), laws=laws))

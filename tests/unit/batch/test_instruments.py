@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pincette.batch.kernel.instruments import arm_um, put_out_V, reading_um, rounded
-from pincette.batch.prepared import prepare_rig
 from pincette.config import Simulation
 from pincette.sim.instruments.keyence_commands import value
 from pincette.sim.plant.drive import quantised_V
 from pincette.sim.rig.sensor_view import reading_um as viewed_um
+from pincette_batch.kernel.instruments import arm_um, put_out_V, reading_um, rounded
+from pincette_batch.prepared import prepare_rig
 from tests.support.rigs import demo_rig
 
 

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from pincette.batch.tuning import compiled_tracks, tracks_on
 from pincette.config import gains
-from pincette.control.laws.law import LawSettings, Scheme, default_settings
+from pincette.control.laws.definition import LawSettings
 from pincette.control.response.free_response import FreeSample, nominal_response
 from pincette.control.stability.tuning import TuningPath, TuningRig, track_each
+from pincette_batch.tuning import compiled_tracks, tracks_on
+from tests.support.laws import default_settings
 from tests.support.rigs import demo_rig
 
 SIDES = [(2.2, 0.1), (2.1, -0.1)]
@@ -20,15 +21,15 @@ def posed() -> tuple[TuningRig, TuningPath]:
     return gains._tuning_rig(rig, len(path.force_r_mN)), path  # pyright: ignore[reportPrivateUsage]
 
 
-def laws(scheme: Scheme) -> list[LawSettings]:
+def laws(scheme: str) -> list[LawSettings]:
     start = default_settings(scheme, "consistent")
-    swept = [replace(start, K_P=K_P, K_f=K_f) for K_P in (0.2, 2.0) for K_f in (0.0, 5000.0)]
-    return [*swept, replace(start, K_S=0.1), default_settings(scheme, "printed")]
+    swept = [start.with_gains(K_P=K_P, K_f=K_f) for K_P in (0.2, 2.0) for K_f in (0.0, 5000.0)]
+    return [*swept, start.with_gains(K_S=0.1), default_settings(scheme, "printed")]
 
 
 @pytest.mark.parametrize("scheme", ["pbsmic", "dsmifc"])
 @pytest.mark.parametrize("delay", [0.0, 0.3])
-def test_compiled_tracks_have_the_same_bits(scheme: Scheme, delay: float) -> None:
+def test_compiled_tracks_have_the_same_bits(scheme: str, delay: float) -> None:
     rig, path = posed()
     rig = replace(rig, delay_s=delay * rig.period_s)
     found = [list(each) for each in compiled_tracks(rig, path, laws(scheme), SIDES)]
@@ -46,7 +47,7 @@ def test_a_straight_line_is_played_as_it_is() -> None:
 def test_processes_tell_of_their_progress_and_keep_the_order(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("pincette.batch.tuning.CHUNK", 2)
+    monkeypatch.setattr("pincette_batch.tuning.CHUNK", 2)
     rig, path = posed()
     told: list[tuple[int, int]] = []
     play = tracks_on(2, lambda done, there: told.append((done, there)))

@@ -4,11 +4,11 @@ from itertools import combinations
 
 import pytest
 
-from pincette.bus.links import awaited, consumers, peer_ends, producers
+from pincette.bus.topology import awaited, consumers, peer_session, producers
 from pincette.config import read_rig
-from pincette.runtime.process import loop_programs, loop_services
-from pincette.service import services_of
-from pincette.topics import COMMAND, ESTIMATE, LOOP, POSITION
+from pincette.core.service import member_services
+from pincette.core.topics import COMMAND, ESTIMATE, LOOP, POSITION
+from pincette.engine.process import loop_programs, loop_services
 from tests.support.partitions import Programs, composing, partitions
 from tests.support.rigs import DEMO
 
@@ -21,9 +21,11 @@ AT = {f"tcp/{HOST}:{PORT + 1 + place}": name for place, name in enumerate(LOOP)}
 def takes(taker: str, giver: str, *, lockstep: bool) -> bool:
     """Whether a service of one program takes what one of another gives."""
     wanted = {
-        name for one in services_of(taker) for name in producers(SERVICES[one], lockstep=lockstep)
+        name
+        for one in member_services(taker)
+        for name in producers(SERVICES[one], lockstep=lockstep)
     }
-    return not wanted.isdisjoint(services_of(giver))
+    return not wanted.isdisjoint(member_services(giver))
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
@@ -36,7 +38,7 @@ def test_every_pair_that_shares_a_topic_has_exactly_one_link(
     links: list[frozenset[str]] = []
     listening: list[str] = []
     for name in programs:
-        ends = peer_ends(HOST, PORT, name, programs, lockstep=lockstep)
+        ends = peer_session(HOST, PORT, name, programs, lockstep=lockstep)
         assert ends.connect[0] == f"tcp/{HOST}:{PORT}"
         links += [frozenset({name, rig.program_of(AT[place])}) for place in ends.connect[1:]]
         listening += [AT[place] for place in ends.listen]
@@ -56,7 +58,7 @@ def test_every_pair_that_shares_a_topic_has_exactly_one_link(
 
 def test_one_program_links_to_the_router_alone_and_nobody_waits_for_what_it_says() -> None:
     programs = loop_programs(composing(RIG, "loop"))
-    ends = peer_ends(HOST, PORT, "loop", programs, lockstep=True)
+    ends = peer_session(HOST, PORT, "loop", programs, lockstep=True)
     assert ends.connect == (f"tcp/{HOST}:{PORT}",)
     assert awaited("loop", programs, lockstep=True) == set()
 

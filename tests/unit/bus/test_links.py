@@ -4,9 +4,9 @@ from itertools import combinations
 
 import pytest
 
-from pincette.bus.links import address_of, consumers, endpoint, peer_ends, producers
-from pincette.runtime.process import loop_services
-from pincette.topics import LOOP
+from pincette.bus.topology import address_of, consumers, endpoint, peer_session, producers
+from pincette.core.topics import LOOP
+from pincette.engine.process import loop_services
 
 SERVICES = loop_services()
 
@@ -15,7 +15,7 @@ SERVICES = loop_services()
 def test_every_pair_that_shares_a_topic_has_exactly_one_link(lockstep: bool) -> None:
     links: list[frozenset[str]] = []
     for name in LOOP:
-        ends = peer_ends("127.0.0.1", 7000, name, SERVICES, lockstep=lockstep)
+        ends = peer_session("127.0.0.1", 7000, name, SERVICES, lockstep=lockstep)
         for other in LOOP:
             if endpoint("127.0.0.1", 7000, other) in ends.connect:
                 links.append(frozenset({name, other}))
@@ -31,7 +31,7 @@ def test_every_pair_that_shares_a_topic_has_exactly_one_link(lockstep: bool) -> 
 
 def test_everybody_has_a_link_to_the_router() -> None:
     for name in LOOP:
-        ends = peer_ends("127.0.0.1", 7000, name, SERVICES, lockstep=False)
+        ends = peer_session("127.0.0.1", 7000, name, SERVICES, lockstep=False)
         assert ends.connect[0] == "tcp/127.0.0.1:7000"
         assert ends.mode == "peer"
 
@@ -42,7 +42,7 @@ def test_the_pace_is_a_link_in_lockstep_only() -> None:
 
 
 def test_a_rig_that_joins_a_router_has_its_own_links_and_that_one() -> None:
-    ends = peer_ends(
+    ends = peer_session(
         "127.0.0.1", 7100, "controller", SERVICES, lockstep=False, router_at=("bench", 7000)
     )
     assert ends.connect == ("tcp/bench:7000", "tcp/127.0.0.1:7102")

@@ -4,25 +4,37 @@ from pathlib import Path
 
 import pytest
 
-from pincette.bus.links import Ends, Member, address_of, client_ends, router_ends, secured
-from pincette.bus.places import program_place, router_place, service_place, tool_place
+from pincette.bus.endpoints import (
+    program_endpoint,
+    router_endpoint,
+    service_endpoint,
+    tool_endpoint,
+)
 from pincette.bus.settings import settings
+from pincette.bus.topology import (
+    SessionConfig,
+    TlsIdentity,
+    address_of,
+    client_session,
+    router_session,
+    secured,
+)
 from pincette.config import RigFile
-from pincette.runtime.process import loop_services
+from pincette.core.topics import LOOP
+from pincette.engine.process import loop_services
 from pincette.security.access import client_access
 from pincette.security.identity import Credentials, SecurityError, program
-from pincette.topics import LOOP
 from tests.support.certificates import folder_for
 from tests.support.rigs import demo_rig
 
 ROUTER = program("router", "")
 FILES = Credentials(ROUTER, Path("a.crt"), Path("r.crt"), Path("r.key"))
-MEMBER = Member(FILES, client_access(ROUTER))
-PLACES = (router_ends("127.0.0.1", 7000), client_ends("127.0.0.1", 7000))
+MEMBER = TlsIdentity(FILES, client_access(ROUTER))
+PLACES = (router_session("127.0.0.1", 7000), client_session("127.0.0.1", 7000))
 
 
 @pytest.mark.parametrize("ends", [*PLACES, *(secured(ends, MEMBER) for ends in PLACES)])
-def test_nothing_is_found_by_multicast_or_gossip(ends: Ends) -> None:
+def test_nothing_is_found_by_multicast_or_gossip(ends: SessionConfig) -> None:
     scouting = settings(ends, "one")["scouting"]
     assert scouting["multicast"] == scouting["gossip"] == {"enabled": False}
 
@@ -55,27 +67,29 @@ def test_the_router_alone_ends_a_link_whose_certificate_ends() -> None:
     assert ends["client"]["close_link_on_expiration"] is False
 
 
-def all_places(rig: RigFile) -> dict[str, Ends]:
+def all_places(rig: RigFile) -> dict[str, SessionConfig]:
     services = loop_services()
     return {
-        "router": router_place(rig),
-        **{name: service_place(rig, name, services) for name in LOOP},
-        **{name: program_place(rig, name, lockstep=False) for name in ("supervisor", "recorder")},
-        "operator": tool_place(rig),
+        "router": router_endpoint(rig),
+        **{name: service_endpoint(rig, name, services) for name in LOOP},
+        **{
+            name: program_endpoint(rig, name, lockstep=False) for name in ("supervisor", "recorder")
+        },
+        "operator": tool_endpoint(rig),
     }
 
 
 def test_every_place_of_a_rig_is_closed_where_its_file_names_certificates(tmp_path: Path) -> None:
     rig = demo_rig()
-    assert all(ends.member is None for ends in all_places(rig).values())
+    assert all(ends.tls is None for ends in all_places(rig).values())
     closed = all_places(rig.secured(folder_for(tmp_path / "pki", "demo").path))
     for name, ends in closed.items():
-        assert ends.member is not None
-        assert ends.member.credentials.identity.role == name
+        assert ends.tls is not None
+        assert ends.tls.credentials.identity.role == name
         assert all(place.startswith("tls/") for place in (*ends.listen, *ends.connect))
 
 
 def test_a_rig_without_certificates_of_its_own_is_refused_with_the_file(tmp_path: Path) -> None:
     rig = demo_rig().secured(folder_for(tmp_path / "pki", "left").path)
     with pytest.raises(SecurityError, match=r"demo/sensor\.crt: No such file"):
-        service_place(rig, "sensor", loop_services())
+        service_endpoint(rig, "sensor", loop_services())

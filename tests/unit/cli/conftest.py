@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from pincette.cli import rest
+from pincette.cli import access
 from pincette.client import Supervisor
 from tests.unit.client.desk import Desk
 
@@ -22,7 +22,7 @@ def at(monkeypatch: pytest.MonkeyPatch) -> At:
         def reached(_url: str, **_settings: Any) -> Supervisor:
             return supervisor.supervisor(0.0)
 
-        monkeypatch.setattr(rest, "Supervisor", reached)
+        monkeypatch.setattr(access, "Supervisor", reached)
         return supervisor
 
     return place

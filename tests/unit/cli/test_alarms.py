@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-from pincette.api.alarm_models import Alarm
-from pincette.api.check_models import Check
-from pincette.cli.alarms import state
-from pincette.cli.checks import figure, mark
+from pincette.api.checks import Check
+from pincette.api.events import Alarm
+from pincette.cli.rigs import figure, mark
+from pincette.cli.safety import state
 from pincette.cli.watch import words
 
 WORDS = "command_age: estimator silent for 62 ms, limit 50 ms"

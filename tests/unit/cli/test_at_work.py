@@ -7,13 +7,13 @@ from typing import Any
 import httpx
 import pytest
 
-from pincette.api.event_models import Event
-from pincette.api.job_models import Action, Artifact, Job
-from pincette.api.plan_models import Plan
-from pincette.api.proposal_models import Proposal
-from pincette.api.recipe_models import Recipe, RecipeHistory
-from pincette.api.rig_models import Rig
-from pincette.cli.exit_status import MEANINGS, Exit
+from pincette.api.calibrations import Proposal
+from pincette.api.events import Event
+from pincette.api.jobs import Action, Artifact, Job
+from pincette.api.plans import Plan
+from pincette.api.requests import Recipe, RecipeHistory
+from pincette.api.rigs import Rig
+from pincette.cli import MEANINGS, Exit
 from pincette.cli.main import main
 from tests.unit.client import desk
 from tests.unit.client.desk import Desk
@@ -21,7 +21,7 @@ from tests.unit.client.desk import Desk
 from .conftest import At
 
 NAME = desk.example(Job)["id"]
-AT = ("--at", "demo")
+AT = ("--rig-name", "demo")
 PROPOSED = (("first", "other"), ("second", "demo"), ("third", "demo"))
 RESULT: dict[str, Any] = {
     "outcome": "moved",
@@ -157,7 +157,7 @@ def test_stop_waits_until_the_rig_has_confirmed(at: At, capsys: pytest.CaptureFi
     assert supervisor.paths()[-1] == f"GET /api/v1/jobs/{NAME}"
     said = capsys.readouterr().out
     assert f"job {NAME} is stopped" in said
-    assert f"`pincette job release {NAME}` lets it go" in said
+    assert f"`pincette job release {NAME}` releases it" in said
     at(desk.rig(active_job=None))
     assert main(["stop", *AT]) == Exit.DONE
     assert capsys.readouterr().out == "no job runs\n"
@@ -226,7 +226,7 @@ def test_a_recipe_is_kept(at: At, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["recipe", "save", "bead-1mm", *words, "--note", "glass"]) == Exit.DONE
     values = {"force_mN": 8, "part": {"stiffness_mN_per_um": 2.1}, "scheme": "dsmifc"}
     assert sent(supervisor) == {"name": "bead-1mm", "values": values, "note": "glass"}
-    assert "bead-1mm@3 kept" in capsys.readouterr().out
+    assert "bead-1mm@3 saved" in capsys.readouterr().out
     history = desk.example(RecipeHistory, versions=[desk.example(Recipe)])
     at(*[httpx.Response(200, json=history)] * 2)
     assert main(["recipe", "show", "bead-1mm"]) == Exit.DONE

@@ -4,23 +4,19 @@ import io
 from typing import Any
 
 import pytest
-from pydantic import TypeAdapter
 from rich.console import Console
 
-from pincette.api.calibration_models import CalibrationPhase, CalibrationPlan
-from pincette.api.job_models import Job, Progress
-from pincette.api.request_base import StartRequest
-from pincette.api.request_models import AnyJobRequest, Body
-from pincette.cli import job_words
-from pincette.cli.calibrate_words import CALIBRATIONS
-from pincette.cli.follow import follow
-from pincette.cli.main import parser
-from pincette.cli.show import show_result
-from pincette.cli.show_model import show_model, show_proposal
-from pincette.cli.show_plan import show_plan
+from pincette.api.calibrations import CalibrationPlan
+from pincette.api.jobs import Job, Progress
+from pincette.api.plans import PlannedPhase
+from pincette.cli import Exit
+from pincette.cli.main import main
+from pincette.cli.model import show_model, show_proposal
+from pincette.cli.results import show_plan, show_result
+from pincette.cli.watch import follow
+from tests.support.command_line import command_of, parsed, request_of
 from tests.unit.client import desk
 
-REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
 VALUE: dict[str, Any] = {
     "quantity": "model.compliance_um_per_mN",
     "value": 0.4583,
@@ -29,8 +25,8 @@ VALUE: dict[str, Any] = {
 }
 
 
-def wishes(*words: str) -> dict[str, Any]:
-    return job_words.wishes(parser().parse_args(["job", "calibrate", *words]))
+def fields(*words: str) -> dict[str, Any]:
+    return request_of("job", "calibrate", *words)
 
 
 def screen() -> tuple[Console, io.StringIO]:
@@ -39,32 +35,20 @@ def screen() -> tuple[Console, io.StringIO]:
 
 
 def test_only_what_was_given_is_asked_for() -> None:
-    assert wishes("noise") == {"calibration": "noise"}
-    assert wishes("compliance", "--weights-mN", "0,5,10") == {
-        "calibration": "compliance",
-        "weights_mN": [0.0, 5.0, 10.0],
-    }
-    assert wishes("free_response", "--low-V", "-0.5", "--high-V", "3") == {
-        "calibration": "free_response",
+    assert fields("noise") == {}
+    assert fields("compliance", "--weights-mN", "0,5,10") == {"weights_mN": [0.0, 5.0, 10.0]}
+    assert fields("free_response", "--low-V", "-0.5", "--high-V", "3") == {
         "low_V": -0.5,
         "high_V": 3.0,
     }
 
 
-@pytest.mark.parametrize("name", CALIBRATIONS)
-def test_words_are_members_of_the_request(name: str) -> None:
-    request = REQUEST.validate_python({"kind": "calibrate", "calibration": name})
-    own = set(type(request).model_fields) - set(StartRequest.model_fields)
-    assert set(CALIBRATIONS[name][1]) <= own - {"kind", "calibration"}
-
-
 def test_what_cannot_be_read_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        wishes("compliance", "--weights-mN", "0,heavy")
+    words = ["job", "calibrate", "compliance", "--weights-mN", "0,heavy"]
+    assert main(words) == Exit.USAGE
     assert "'heavy' mN cannot be used" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        wishes("colour")
-    assert "invalid choice: 'colour'" in capsys.readouterr().err
+    assert main(["job", "calibrate", "complience"]) == Exit.USAGE
+    assert "Did you mean 'compliance'?" in capsys.readouterr().err
 
 
 def test_a_calibration_is_shown_with_what_to_do_next() -> None:
@@ -78,10 +62,11 @@ def test_a_calibration_is_shown_with_what_to_do_next() -> None:
         "statement": "sure",
         "warnings": ["rests on something"],
     }
-    show_result({"id": "j", "state": "succeeded", "result": result, "record": None}, console)
+    job = desk.example(Job, id="j", state="succeeded", result=result, record=None)
+    show_result(Job.model_validate(job), console)
     text = out.getvalue()
     for words in (
-        "model.compliance_um_per_mN         0.4583 µm/mN ± 0.0011",
+        "model.compliance_um_per_mN 0.4583 µm/mN ± 0.0011",
         "warning: rests on something",
         "`pincette model accept j` uses it",
     ):
@@ -110,7 +95,9 @@ def test_a_proposal_and_the_model_are_shown() -> None:
 
 def test_a_plan_says_how_often_it_waits() -> None:
     console, out = screen()
-    plan = desk.example(CalibrationPlan, phases=[desk.example(CalibrationPhase)], waits=1)
+    plan = desk.example(
+        CalibrationPlan, phases=[desk.example(PlannedPhase, duration_s=None)], waits=1
+    )
     show_plan(CalibrationPlan.model_validate(plan), console)
     assert "waits for you" in out.getvalue()
     assert "feasible: 8.00 s, 1 waits" in out.getvalue()
@@ -118,7 +105,7 @@ def test_a_plan_says_how_often_it_waits() -> None:
 
 def test_who_follows_is_told_once_what_is_waited_for() -> None:
     console, out = screen()
-    instruction = "hang 5 mN on the tip, then POST the action continue"
+    instruction = "hang 5 mN on the tip"
     live = desk.example(Progress, phase="hang 2", instruction=instruction)
     waiting = desk.job(state="running", progress=live, allowed_actions=["stop", "continue"])
     supervisor = desk.Desk(waiting, waiting, waiting, desk.job(id="j", state="succeeded"))
@@ -128,13 +115,14 @@ def test_who_follows_is_told_once_what_is_waited_for() -> None:
 
 
 def test_the_words_of_the_model() -> None:
-    given = parser().parse_args(["model", "use", "3"])
-    assert (given.what, given.version, given.json) == ("use", 3, False)
-    assert parser().parse_args(["model", "accept", "20260301"]).name == "20260301"
+    assert parsed("model", "use", "3").params["version"] == 3
+    assert parsed("model", "accept", "20260301").params["name"] == "20260301"
 
 
 def test_calibrate_is_short_for_a_job() -> None:
-    short = parser().parse_args(["calibrate", "noise", "--duration-s", "3"])
-    long = parser().parse_args(["job", "calibrate", "noise", "--duration-s", "3"])
-    assert (short.kind, short.call) == (long.kind, long.call)
-    assert job_words.wishes(short) == job_words.wishes(long)
+    short = request_of("calibrate", "noise", "--duration-s", "3")
+    assert short == request_of("job", "calibrate", "noise", "--duration-s", "3")
+    for name in ("noise", "compliance"):
+        assert {one.name for one in command_of(["calibrate", name])[0].params} == {
+            one.name for one in command_of(["job", "calibrate", name])[0].params
+        }

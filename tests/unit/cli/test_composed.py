@@ -4,16 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli import security_made
-from pincette.cli.doctor_finding import Finding
-from pincette.cli.doctor_rig import composed
-from pincette.cli.main import main, parser
-from pincette.cli.security_findings import certificates
+from pincette.cli import Exit, run, security
+from pincette.cli.doctor_rig import Finding, certificates, composed
+from pincette.cli.main import main
 from pincette.config import RigFile, read_rig
-from pincette.runtime.fleet import Fleet
+from pincette.engine.fleet import Fleet
 from pincette.security.folder import Folder
 from pincette.security.identity import OF_A_RIG
 from tests.support.certificates import folder_for
+from tests.support.command_line import parsed
 from tests.support.partitions import composing
 from tests.support.rigs import DEMO, demo_rig
 
@@ -36,30 +35,33 @@ def test_up_starts_the_programs_that_the_rig_file_names(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["controller+estimator", PAIR])
 def test_run_takes_a_program_by_its_services_in_any_order(name: str) -> None:
-    assert parser().parse_args(["run", name]).name == PAIR
+    assert parsed("run", name).params["name"] == PAIR
+    assert run.program_name(name) == PAIR
 
 
 def test_run_says_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        parser().parse_args(["run", "sensor+recorder"])
+    assert main(["run", "sensor+recorder"]) == Exit.USAGE
     said = capsys.readouterr().err
     assert "'recorder' is no service of the loop: wanted 'loop', or at least two of" in said
-    with pytest.raises(SystemExit):
-        parser().parse_args(["run", "sensr"])
-    assert "router, supervisor" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        run.main(["sensr"])
+    assert ended.value.code == Exit.USAGE
+    said = capsys.readouterr().err
+    assert "did you mean sensor?" in said
+    assert "router, supervisor" in said
 
 
 def test_certificates_on_the_fly_are_made_for_what_is_composed_then_and_later(
     tmp_path: Path,
 ) -> None:
-    security_made.standing(RIG, tmp_path)
-    folder = Folder(tmp_path / security_made.PLACE)
+    security.made_certificates(RIG, tmp_path)
+    folder = Folder(tmp_path / security.IN_DATA)
     assert of_rig(folder) == {*OF_A_RIG}
     for programs in (("loop",), ("loop",), (PAIR, "sensor+actuator")):
-        security_made.standing(composing(RIG, *programs), tmp_path)
+        security.made_certificates(composing(RIG, *programs), tmp_path)
         assert of_rig(folder) >= {*OF_A_RIG, *programs}
-    security_made.standing(composing(RIG, "loop"), tmp_path / "another")
-    assert of_rig(Folder(tmp_path / "another" / security_made.PLACE)) == {*OF_A_RIG, "loop"}
+    security.made_certificates(composing(RIG, "loop"), tmp_path / "another")
+    assert of_rig(Folder(tmp_path / "another" / security.IN_DATA)) == {*OF_A_RIG, "loop"}
 
 
 def test_security_makes_them_on_demand(

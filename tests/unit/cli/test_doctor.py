@@ -6,18 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from pincette import plugins
-from pincette.cli import doctor_instruments
-from pincette.cli.doctor import findings
-from pincette.cli.doctor_finding import Finding
-from pincette.cli.doctor_instruments import direction, instruments, latency, moved, readings
-from pincette.cli.doctor_machine import shared_places
-from pincette.cli.doctor_rig import limits, model, rig_findings, timing, watchdog
+from pincette.cli.doctor import findings, moved, shared_ports
+from pincette.cli.doctor_rig import Finding, limits, model, rig_findings, timing, watchdog
+from pincette.cli.drivers import direction, instruments, latency, readings
 from pincette.config import Output, RigFile, Sensor, read_rig
+from pincette.core import plugins
+from pincette.core.service import AnyService
+from pincette.engine.instrument import Device
 from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
-from pincette.runtime.instrument import Device
-from pincette.service import AnyService
 from pincette.sim.instruments.dcon import SimulatedI7024
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.rig.rig import SimulatedRig
@@ -87,19 +84,19 @@ class Constant:
 
 def test_nothing_is_missing_of_the_demo(tmp_path: Path) -> None:
     assert missing(rig_findings(RIG)) == []
-    assert missing(shared_places(RIG)) == []
+    assert missing(shared_ports(RIG)) == []
     said = [finding.what for finding in findings(DEMO, tmp_path)]
     assert any("of real ones doctor asks" in what for what in said)
 
 
 def test_a_port_that_two_want_is_named_with_both() -> None:
     url = f"socket://127.0.0.1:{RIG.bus.port + 1}"
-    (what,) = missing(shared_places(changed(sensor={"url": url})))
+    (what,) = missing(shared_ports(changed(sensor={"url": url})))
     assert what == f"ports: {RIG.bus.port + 1} is given to sensor and the sensor"
     same = changed(sensor={"url": "/dev/ttyUSB0"}, output={"url": "/dev/ttyUSB0"})
-    (what,) = missing(shared_places(same))
+    (what,) = missing(shared_ports(same))
     assert what == "ports: /dev/ttyUSB0 is given to the sensor and the output"
-    (what,) = missing(shared_places(changed(supervisor={"port": RIG.bus.port})))
+    (what,) = missing(shared_ports(changed(supervisor={"port": RIG.bus.port})))
     assert "the router and the supervisor" in what
 
 
@@ -167,7 +164,7 @@ def test_an_unknown_driver_and_a_wrong_option_are_missing() -> None:
 
 
 def test_good_instruments_have_nothing_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor_instruments, "open_device", Bench().open_device)
+    monkeypatch.setattr("pincette.cli.drivers.open_device", Bench().open_device)
     found = list(instruments(RIG))
     assert missing(iter(found)) == []
     said = "\n".join(finding.what for finding in found)
@@ -179,10 +176,10 @@ def test_an_instrument_that_cannot_be_opened_is_named(monkeypatch: pytest.Monkey
     def fail(service: AnyService, _rig: RigFile) -> Device:
         raise InstrumentError(f"{service.name} is not there", "cannot_open")
 
-    monkeypatch.setattr(doctor_instruments, "open_device", fail)
+    monkeypatch.setattr("pincette.cli.drivers.open_device", fail)
     assert missing(instruments(RIG)) == [
         "sensor: sensor is not there",
-        "actuator: actuator is not there",
+        "output: actuator is not there",
     ]
 
 
@@ -262,8 +259,8 @@ def test_no_room_below_the_limit_moves_nothing() -> None:
 
 def test_nothing_moves_without_consent(monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench()
-    monkeypatch.setattr(doctor_instruments, "open_device", bench.open_device)
-    assert moved(RIG, lambda question: "0.2 V" not in question).mark == "note"
+    monkeypatch.setattr("pincette.cli.drivers.open_device", bench.open_device)
+    assert moved(RIG, lambda question: "0.2 V" not in question).mark == "missing"
     assert bench.written_V == []
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli.doctor_machine import machine, priority, wishes
+from pincette.cli.doctor import machine, os_requests, priority
 from pincette.config import RigFile, read_rig
-from pincette.config.realtime import RealTime
+from pincette.config.programs import RealTime
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is asked for")
 
@@ -57,17 +57,17 @@ def asking(realtime: RealTime, time: str = "real") -> RigFile:
 
 def test_what_a_rig_file_asks_for_in_vain_is_noted_or_missing() -> None:
     before = os.sched_getaffinity(0)
-    (noted,) = wishes(asking(RealTime(cores={"sensor": (1023,)})))
+    (noted,) = os_requests(asking(RealTime(cores={"sensor": (1023,)})))
     assert noted.mark == "note"
     assert noted.what.startswith("[realtime] sensor runs without processors 1023 of its own")
     assert "--cpuset-cpus" in noted.remedy
-    every = list(wishes(asking(RealTime(cores=(1023,), required=("cores",)))))
+    every = list(os_requests(asking(RealTime(cores=(1023,), required=("cores",)))))
     assert [one.mark for one in every] == ["missing"] * 4
     assert os.sched_getaffinity(0) == before
 
 
 def test_in_lockstep_nothing_is_asked_for() -> None:
-    assert list(wishes(asking(RealTime(cores=(1023,)), "lockstep"))) == []
+    assert list(os_requests(asking(RealTime(cores=(1023,)), "lockstep"))) == []
 
 
 def test_the_page_it_names_is_there() -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette import plugins
 from pincette.cli.drivers import Driver, installed
 from pincette.cli.main import main
+from pincette.core import plugins
 
 Install = Callable[[str, str, str], None]
 OPENER = "def open_sensor(settings, link=None): ...\n"

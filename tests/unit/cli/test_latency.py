@@ -5,14 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli import latency
-from pincette.cli.exit_status import Exit
+from pincette.cli import Exit, latency
+from pincette.cli.latency import bars
 from pincette.cli.main import main
-from pincette.cli.show_latency import bars
-from pincette.config.realtime import Wishes
-from pincette.latency.histogram import counted
+from pincette.config.programs import Scheduling
+from pincette.engine.measuring.machine import Findings, MeasuringError, Progress
 from pincette.latency.rule import Measured
-from pincette.runtime.measuring.machine import Findings, MeasuringError, Progress
+from tests.support.histograms import counted
 
 HOP = counted([0.0002] * 1000)
 
@@ -22,27 +21,32 @@ class Machine:
 
     def __init__(self, late_s: float, refused: str = "") -> None:
         self.late_s, self.refused = late_s, refused
-        self.asked: list[tuple[tuple[float, ...], float, Wishes, bool]] = []
+        self.kept: list[Findings] = []
+        self.asked: list[tuple[tuple[float, ...], float, Scheduling, bool]] = []
 
     def measure(
         self,
         periods_s: tuple[float, ...],
         for_s: float,
-        wishes: Wishes,
+        scheduling: Scheduling,
         progress: Progress,
         *,
         loaded: bool,
     ) -> Findings:
-        self.asked.append((periods_s, for_s, wishes, loaded))
+        self.asked.append((periods_s, for_s, scheduling, loaded))
         progress("wake-ups", for_s)
         found = [Measured(one, counted([self.late_s] * 1000), 0) for one in periods_s]
         return Findings(tuple(found), HOP, self.refused, "Linux 6", 2, 0.25, loaded)
+
+    def keep(self, _data: Path, found: Findings, _measured_at: str) -> None:
+        self.kept.append(found)
 
 
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     made = Machine(0.0003)
     monkeypatch.setattr(latency, "measure", made.measure)
+    monkeypatch.setattr(latency, "keep", made.keep)
     return made
 
 
@@ -92,6 +96,20 @@ def test_the_rig_file_says_what_is_asked_for(machine: Machine, tmp_path: Path) -
     assert machine.asked[0][2].priority == 33
 
 
+def test_what_is_measured_is_kept_and_what_suits_the_rig_file_is_said(
+    machine: Machine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    machine.late_s = 0.031
+    words = ["latency", "--rig", "deploy/rigs/demo.toml"]
+    assert main(words) == Exit.FAILED
+    assert len(machine.kept) == 1
+    said = capsys.readouterr().out
+    assert "suits this machine: [safety] command_age_periods = 4.5 (" in said
+    assert main([*words, "--json"]) == Exit.FAILED
+    (change,) = json.loads(capsys.readouterr().out)["changes"]
+    assert (change["key"], change["value"]) == ("[safety] command_age_periods", "4.5")
+
+
 def test_a_machine_that_cannot_be_measured_is_told(
     machine: Machine, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -110,9 +128,7 @@ def test_a_machine_that_cannot_be_measured_is_told(
 def test_what_cannot_be_measured_is_refused(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["latency", *words])
-    assert ended.value.code == Exit.USAGE
+    assert main(["latency", *words]) == Exit.USAGE
     assert "wanted" in capsys.readouterr().err
 
 

@@ -2,18 +2,18 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
-from pincette.api.request_models import GripJobRequest
-from pincette.cli import replay
+from pincette.cli import records
 from pincette.cli.main import main
-from pincette.messages import Asked, Estimate, Message
+from pincette.core.messages import Estimate, Message, RequestLog
+from pincette.engine.composed import ComposedLoop
 from pincette.records.mcap_reading import Recording
-from pincette.runtime.composed import ComposedLoop
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.rigs import demo_rig
 
@@ -40,7 +40,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> Recorded:
         def read(path: Path) -> Recording:
             return found[path.stem]
 
-        monkeypatch.setattr(replay, "read", read)
+        monkeypatch.setattr(records, "read", read)
 
     return place
 
@@ -114,7 +114,7 @@ def test_what_cannot_be_replayed_is_said(
     recorded(job=Recording(ABOUT, None, []))
     assert main(["replay", "job"]) == 1
     assert "holds no rig.json" in capsys.readouterr().err
-    older: list[Message] = [message for message in played() if not isinstance(message, Asked)]
+    older: list[Message] = [message for message in played() if not isinstance(message, RequestLog)]
     recorded(job=recording(older))
     assert main(["replay", "job"]) == 1
     told = capsys.readouterr().out

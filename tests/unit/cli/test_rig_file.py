@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli import rig_file
+from pincette import cli
+from pincette.cli import CliError, chosen, opened
 from pincette.cli.main import main
-from pincette.cli.rest import CliError
-from pincette.cli.rig_file import chosen, opened
 
 ROOT = Path(__file__).parents[3]
 DEMO = ROOT / "deploy/rigs/demo.toml"
@@ -53,7 +52,7 @@ def test_what_the_package_brings_along_comes_last(
 ) -> None:
     ours = tmp_path / "demo.toml"
     ours.write_text("", encoding="utf-8")
-    monkeypatch.setattr(rig_file, "brought", lambda: ours)
+    monkeypatch.setattr(cli, "brought", lambda: ours)
     monkeypatch.delenv("PINCETTE_RIG", raising=False)
     monkeypatch.chdir(tmp_path)
     assert chosen(None) == ours

@@ -7,15 +7,15 @@ import pytest
 
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import RefusalError
+from pincette.cli import CliError
 from pincette.cli.main import main
-from pincette.cli.rest import CliError
-from pincette.cli.rig_orders import listing, read, rows
+from pincette.cli.rigs import listing, operation_rows, read
 from pincette.config import parse_rig, read_rig
-from pincette.messages import Done, Message, Order
-from pincette.runtime.rig_orders import serve_orders
+from pincette.core.messages import Ack, Message, SimCommand
+from pincette.core.topics import SIM_COMMAND
+from pincette.engine.simulated import serve_sim_commands
 from pincette.sim.bench import open_bench
 from pincette.sim.script.script import Script, script_of
-from pincette.topics import ORDER
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs/how-to/scripted-faults.md"
@@ -24,21 +24,21 @@ PAGE = ROOT / "docs/how-to/scripted-faults.md"
 @pytest.mark.parametrize(
     ("words", "order"),
     [
-        ("part remove", Order("part", "remove")),
-        ("part place 31", Order("part", "place", 31.0)),
-        ("weight 5", Order("weight", "hang", 5.0)),
-        ("weight hang 0", Order("weight", "hang", 0.0)),
-        ("sensor wrong -3", Order("sensor", "wrong", -3.0)),
-        ("output heal", Order("output", "heal")),
-        ("arm hysteresis 2", Order("arm", "hysteresis", 2.0)),
+        ("part remove", SimCommand("part", "remove")),
+        ("part place 31", SimCommand("part", "place", 31.0)),
+        ("weight 5", SimCommand("weight", "hang", 5.0)),
+        ("weight hang 0", SimCommand("weight", "hang", 0.0)),
+        ("sensor wrong -3", SimCommand("sensor", "wrong", -3.0)),
+        ("output heal", SimCommand("output", "heal")),
+        ("arm hysteresis 2", SimCommand("arm", "hysteresis", 2.0)),
     ],
 )
-def test_words_are_read_as_an_order(words: str, order: Order) -> None:
+def test_words_are_read_as_an_order(words: str, order: SimCommand) -> None:
     assert read(words.split(), 0.0, None) == order
 
 
 def test_times_are_taken_over() -> None:
-    assert read(["sensor", "stuck"], 2.0, 1.0) == Order("sensor", "stuck", None, 2.0, 1.0)
+    assert read(["sensor", "stuck"], 2.0, 1.0) == SimCommand("sensor", "stuck", None, 2.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_other_words_are_refused_with_what_could_be(words: str, said: str) -> No
 def test_alone_it_lists_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["rig", "--rig", str(ROOT / "deploy/rigs/demo.toml")]) == 0
     assert capsys.readouterr().out.rstrip("\n") == listing()
-    for target, what, _, meaning in rows():
+    for target, what, _, meaning in operation_rows():
         assert any(
             line.split()[:2] == [target, what] and meaning in line
             for line in listing().splitlines()
@@ -82,7 +82,7 @@ def test_the_page_holds_the_whole_table() -> None:
     table = [line for line in page if line.startswith("| `")]
     assert table == [
         f"| `{target}` | `{what}` | {meaning} | {value or '–'} |"
-        for target, what, value, meaning in rows()
+        for target, what, value, meaning in operation_rows()
     ]
 
 
@@ -101,8 +101,8 @@ def test_the_entries_on_the_page_are_possible() -> None:
 def test_the_rig_answers_on_the_bus() -> None:
     def asked(script: Script) -> Message:
         bus = MemoryBus()
-        serve_orders(bus, script)
-        return bus.ask(ORDER, Order("sensor", "stuck"))
+        serve_sim_commands(bus, script)
+        return bus.call(SIM_COMMAND, SimCommand("sensor", "stuck"))
 
     with pytest.raises(RefusalError, match="scripts = true"):
         asked(Script(allowed=False))
@@ -111,4 +111,4 @@ def test_the_rig_answers_on_the_bus() -> None:
     rig = read_rig(ROOT / "deploy/rigs/bring-up.toml")
     script = script_of(rig)
     open_bench(rig, lambda: 0.0, script=script)
-    assert asked(script) == Done(0)
+    assert asked(script) == Ack(0)

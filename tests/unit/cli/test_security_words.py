@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli import security_made
-from pincette.cli.main import main, parser
-from pincette.cli.rig_file import PKI, opened
-from pincette.cli.security_findings import certificates
+from pincette.cli import PKI, opened, security
+from pincette.cli.doctor_rig import certificates
+from pincette.cli.main import main
 from pincette.config import RigFile
 from pincette.security.folder import Folder
 from pincette.security.identity import program
 from tests.support.certificates import NOW, folder_for
+from tests.support.command_line import parsed
 from tests.support.rigs import DEMO, demo_rig
 
 Said = Callable[..., str]
@@ -113,25 +113,25 @@ def test_the_environment_names_a_folder_in_place_of_the_rig_files(
 class TestOnTheFly:
     def test_the_demos_are_gone_afterwards(self) -> None:
         rig = demo_rig()
-        with security_made.passing(rig) as place:
+        with security.temporary_certificates(rig) as place:
             assert Folder(place).rigs() == ("demo",)
             assert Folder(place).facts(program("router", "")).hosts == (rig.bus.host,)
         assert not place.exists()
 
     def test_those_beside_the_records_stay_and_take_in_another_rig(self, tmp_path: Path) -> None:
-        place = security_made.standing(demo_rig(), tmp_path)
+        place = security.made_certificates(demo_rig(), tmp_path)
         before = Folder(place).credentials(program("sensor", "demo")).certificate.read_bytes()
         other = demo_rig({"rig": {"name": "right"}})
-        assert security_made.standing(demo_rig(), tmp_path) == place
-        assert security_made.standing(other, tmp_path) == place
+        assert security.made_certificates(demo_rig(), tmp_path) == place
+        assert security.made_certificates(other, tmp_path) == place
         assert Folder(place).rigs() == ("demo", "right")
         after = Folder(place).credentials(program("sensor", "demo")).certificate.read_bytes()
         assert after == before
 
     @pytest.mark.parametrize("word", ["up", "demo"])
     def test_one_flag_makes_them(self, word: str) -> None:
-        assert parser().parse_args([word, "--secure"]).secure
-        assert not parser().parse_args([word]).secure
+        assert parsed(word, "--secure").params["secure"]
+        assert not parsed(word).params["secure"]
 
 
 class TestDoctor:

@@ -8,12 +8,11 @@ from typing import Any
 import httpx
 import pytest
 
-from pincette.api.event_models import Event
-from pincette.api.rig_models import Rig
-from pincette.cli import rest, stop
-from pincette.cli.exit_status import Exit
+from pincette.api.events import Event
+from pincette.api.rigs import Rig
+from pincette.cli import Exit, access, safety
 from pincette.cli.main import main
-from pincette.cli.tripping import Tripped
+from pincette.cli.safety import Tripped
 from pincette.client import Supervisor
 from pincette.config import RigFile
 from tests.unit.client import desk
@@ -34,8 +33,8 @@ def at(monkeypatch: pytest.MonkeyPatch) -> At:
         def reached(_url: str, **_settings: Any) -> Supervisor:
             return supervisor.supervisor(0.0)
 
-        monkeypatch.setattr(rest, "Supervisor", reached)
-        monkeypatch.setattr(stop, "Supervisor", reached)
+        monkeypatch.setattr(access, "Supervisor", reached)
+        monkeypatch.setattr(safety, "Supervisor", reached)
         return supervisor
 
     return place
@@ -50,7 +49,7 @@ def past(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str | None]]:
         asked.append((file.rig.name, only))
         return Tripped({"left": "at the actuator"}, [] if only else ["right"], ["no answer"])
 
-    monkeypatch.setattr(stop, "trip_past_supervisor", trip)
+    monkeypatch.setattr(safety, "trip_past_supervisor", trip)
     return asked
 
 
@@ -85,7 +84,7 @@ def test_what_could_mean_two_is_refused_before_anything_is_asked_for(
 ) -> None:
     supervisor = at(rigs(*NAMES))
     assert main(words) == Exit.USAGE
-    assert "serves 2: left, right. Name one of them with --at" in capsys.readouterr().err
+    assert "serves 2: left, right. Name one of them with --rig-name" in capsys.readouterr().err
     assert supervisor.paths() == ["GET /api/v1/rigs"]
 
 
@@ -106,7 +105,7 @@ def test_an_emergency_stop_of_one_is_of_that_one(
 ) -> None:
     one = {"rig": "right", "cause": "estop", "acknowledged": True, "detail": ""}
     supervisor = at(httpx.Response(200, json=one))
-    assert main(["estop", "--rig", FILE, "--at", "right", "--json"]) == Exit.DONE
+    assert main(["estop", "--rig", FILE, "--rig-name", "right", "--json"]) == Exit.DONE
     assert supervisor.paths() == ["POST /api/v1/rigs/right/estop"]
     assert json.loads(capsys.readouterr().out)["stopped"] == {"right": "through the supervisor"}
     assert past == []

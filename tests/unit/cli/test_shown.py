@@ -1,21 +1,22 @@
 """What the command line makes of a job, a plan and a problem."""
 
+import dataclasses
 import io
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rich.console import Console
 
-from pincette.api.job_models import Job, Progress
-from pincette.api.motion_models import MotionPlan
-from pincette.api.plan_models import Plan
-from pincette.api.prediction_models import Margin, Prediction
-from pincette.api.result_models import MotionResult
-from pincette.api.violation_models import Violation
-from pincette.cli.follow import follow, left, newest, phase_of, share
-from pincette.cli.show import show_result
-from pincette.cli.show_plan import show_plan
+from pincette.api.job_kinds import job_kinds, number
+from pincette.api.jobs import Job, Progress
+from pincette.api.plans import MotionPlan, Plan
+from pincette.api.predictions import Margin, Prediction, Violation
+from pincette.api.results import MotionResult
+from pincette.cli import results
+from pincette.cli.results import show_plan, show_result
+from pincette.cli.watch import follow, left, newest, phase_of, share
 from tests.unit.client import desk
 
 LIVE = desk.example(
@@ -30,6 +31,7 @@ RESULT: dict[str, Any] = {
     "force_held_mN": 19.34,
     "force_error_mN": -0.66,
     "force_uncertainty_mN": 1.59,
+    "force_assumed": ["model.forgotten_mN"],
     "peak_force_mN": 20.09,
     "rmse_position_um": 0.196,
     "rmse_force_mN": 0.715,
@@ -63,22 +65,31 @@ def screen(*, terminal: bool) -> tuple[Console, io.StringIO]:
     return Console(file=out, width=80, force_terminal=terminal, color_system=None), out
 
 
+def spaced(text: str) -> str:
+    """The text with one blank where there are several."""
+    return re.sub(" +", " ", text)
+
+
 def test_a_result_has_every_figure_with_its_unit() -> None:
     console, out = screen(terminal=False)
-    show_result({"id": "j", "state": "succeeded", "result": RESULT, "record": "data/j"}, console)
+    show_result(job_of(id="j", state="succeeded", result=RESULT, record="data/j"), console)
     text = out.getvalue()
     for line in (
         "job j succeeded",
-        "hold    6.80 s   4.00 s",
-        "outcome             gripped",
-        "contact position    30.77 µm",
-        "contact stiffness   2.035 mN/µm",
-        "force held          19.34 mN ± 1.59 mN of 20 mN, error -0.66 mN",
-        "peak force          20.09 mN",
-        "RMSE over the hold  position 0.196 µm, force 0.715 mN",
-        "record              data/j",
+        "hold 6.80 s 4.00 s",
+        "outcome gripped",
+        "contact position 30.77 µm",
+        "contact stiffness 2.035 mN/µm",
+        "force held 19.34 mN ± 1.59 mN",
+        "its ± assumes model.forgotten_mN",
+        "force asked for 20.00 mN",
+        "force error -0.66 mN",
+        "peak force 20.09 mN",
+        "RMSE of the position, over the hold 0.196 µm",
+        "RMSE of the force, over the hold 0.715 mN",
+        "record data/j",
     ):
-        assert line in text
+        assert line in spaced(text)
     assert "true force" not in text
     assert max(map(len, text.splitlines())) <= 80
 
@@ -86,54 +97,88 @@ def test_a_result_has_every_figure_with_its_unit() -> None:
 def test_a_motion_says_where_it_rests() -> None:
     console, out = screen(terminal=False)
     result = desk.example(MotionResult, drift_um=0.02, held_at_end=True)
-    show_result({"id": "j", "state": "succeeded", "result": result, "record": None}, console)
+    job = job_of(id="j", kind="move", state="succeeded", result=result, record=None)
+    show_result(job, console)
     for line in (
-        "outcome             moved",
-        "rests at            12.51 µm, 0.640 V, taught as beside-the-bead",
-        "target              12.50 µm, error +0.010 µm",
-        "drift               0.020 µm while the part was held",
-        "part                still held: `pincette job release` lets it go",
+        "outcome moved",
+        "rests at 12.51 µm",
+        "voltage kept 0.640 V",
+        "taught as beside-the-bead",
+        "target 12.50 µm",
+        "target error 0.010 µm",
+        "drift while held 0.020 µm",
+        "part still held yes",
+        "to let it go `pincette job release`",
     ):
-        assert line in out.getvalue()
+        assert line in spaced(out.getvalue())
 
 
 def test_what_is_not_known_is_said() -> None:
     console, out = screen(terminal=False)
     nothing: dict[str, Any] = dict.fromkeys(RESULT)
     nothing |= {"outcome": "no_contact", "phases": [], "force_target_mN": 20.0}
-    job = {"id": "j", "state": "failed", "cause": "no_contact: [x]", "record": None}
-    show_result(job | {"result": nothing}, console)
+    job = job_of(id="j", state="failed", cause="no_contact: [x]", record=None, result=nothing)
+    show_result(job, console)
     assert "no_contact: [x]" in out.getvalue()
-    assert "contact position    not known" in out.getvalue()
-    assert "force held          not known, of 20 mN" in out.getvalue()
+    assert "contact position not known" in spaced(out.getvalue())
+    assert "force held not known" in spaced(out.getvalue())
+    assert "force asked for 20.00 mN" in spaced(out.getvalue())
 
 
 def test_a_tracked_path_has_its_errors_in_per_cent_of_its_height() -> None:
     console, out = screen(terminal=False)
-    show_result({"id": "j", "state": "succeeded", "result": TRACK, "record": None}, console)
+    job = job_of(id="j", kind="track", state="succeeded", result=TRACK, record=None)
+    show_result(job, console)
     for line in (
-        "sinusoid            9.83 µm and 20.00 mN peak to peak",
-        "position error      RMSE 0.088 µm (0.89 %), at most 0.312 µm",
-        "force error         RMSE 0.190 mN (0.95 %), at most 0.610 mN",
-        "force uncertainty   1.59 mN",
-        "true force error    RMSE 0.300 mN, at most 0.800 mN, by the simulation",
+        "shape sinusoid",
+        "position, peak to peak 9.83 µm",
+        "force, peak to peak 20.00 mN",
+        "RMSE of the position 0.088 µm",
+        "the same, of its height 0.89 %",
+        "largest error of the position 0.312 µm",
+        "RMSE of the force 0.190 mN",
+        "the same, of its height 0.95 %",
+        "largest error of the force 0.610 mN",
+        "uncertainty of the force 1.59 mN",
+        "RMSE of the true force, by the simulation 0.300 mN",
+        "largest error of the true force, by the simulation 0.800 mN",
     ):
-        assert line in out.getvalue()
+        assert line in spaced(out.getvalue())
     console, out = screen(terminal=False)
     nothing: dict[str, Any] = dict.fromkeys(TRACK)
     nothing |= {"outcome": "no_contact", "shape": "sinusoid", "phases": []}
-    show_result({"id": "j", "state": "failed", "result": nothing, "record": None}, console)
-    assert "sinusoid            not tracked" in out.getvalue()
-    assert "position error      not known" in out.getvalue()
+    job = job_of(id="j", kind="track", state="failed", result=nothing, record=None)
+    show_result(job, console)
+    assert "position, peak to peak not known" in spaced(out.getvalue())
+    assert "RMSE of the position not known" in spaced(out.getvalue())
+
+
+def test_a_result_of_another_kind_has_the_figures_that_the_kind_names(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    figures = (
+        number("best.force_mN", "best force", uncertainty="best.u_mN"),
+        number("drift_um", "drift", digits=3),
+        number("lost_um", "lost", optional=True),
+    )
+    other = dataclasses.replace(job_kinds()["grip"], name="other", figures=figures)
+    monkeypatch.setattr(results, "job_kinds", lambda: {"other": other})
+    result = {"outcome": "done", "best": {"force_mN": 2.0, "u_mN": 0.1}, "drift_um": None}
+    assert results.result_lines(result, "other") == [
+        ("outcome", "done"),
+        ("best force", "2.00 mN ± 0.10 mN"),
+        ("drift", "not known"),
+    ]
+    assert results.result_lines(result, "unknown") == [("outcome", "done")]
 
 
 @pytest.mark.parametrize("name", ["grip.png", "track.png"])
 def test_the_plot_is_named_where_it_is(tmp_path: Path, name: str) -> None:
     (tmp_path / name).touch()
     console, out = screen(terminal=False)
-    job = {"id": "j", "state": "succeeded", "result": RESULT, "record": str(tmp_path)}
+    job = job_of(id="j", state="succeeded", result=RESULT, record=str(tmp_path))
     show_result(job, console)
-    assert f"plot                {tmp_path}/{name}" in out.getvalue()
+    assert f"plot {tmp_path}/{name}" in spaced(out.getvalue())
 
 
 def test_a_plan_that_cannot_be_says_why() -> None:
@@ -144,20 +189,20 @@ def test_a_plan_that_cannot_be_says_why() -> None:
     assert out.getvalue().count("force 500 mN too much") == 1
 
 
-def test_a_plan_says_what_is_foretold_and_how_near_the_limits_are() -> None:
+def test_a_plan_says_what_is_predicted_and_how_near_the_limits_are() -> None:
     console, out = screen(terminal=False)
     margin = desk.example(Margin)
     nearer = margin | {"distance": 1.5, "limit": 21.5}
-    foretold = desk.example(
+    predicted = desk.example(
         Prediction,
         margins=[margin, nearer],
         complete=False,
         cut="only the first 120 s",
         violations=[desk.example(Violation, message="slew too high")],
     )
-    show_plan(planned(prediction=foretold, feasible=False), console)
+    show_plan(planned(prediction=predicted, feasible=False), console)
     for line in (
-        "foretold            gripped after 16.42 s",
+        "predicted           gripped after 16.42 s",
         "  force             20.16 mN at most",
         "  force left        1.5 mN to the limit 21.5 mN, at 8.86 s (load)",
         "  not all of it     only the first 120 s",
@@ -171,8 +216,9 @@ def test_a_plan_names_its_law_and_how_stable_it_is() -> None:
     console, out = screen(terminal=False)
     show_plan(planned(), console)
     for line in (
-        "law                 DSMIFC, consistent set, "
-        "K_P = 0.2, K_I = 1, K_S = 0, K_f = 3500 (tuned)",
+        "law                 DSMIFC, consistent set, K_P = 0.2, K_I = 1, K_S = 0",
+        "K_f = 3500",
+        "(tuned)",
         "spectral radius     0.956 at the worst, limit 0.97",
         "feasible: 16.40 s, within every limit of the rig",
     ):

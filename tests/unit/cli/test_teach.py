@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from pincette.cli.main import main
-from pincette.cli.taught import as_toml
+from pincette.cli.model import as_toml
 from pincette.config import ConfigError, parse_rig, read_rig
 from pincette.config.derived import free_response
 from pincette.control.response.hysteresis_motion import simulate
 from pincette.control.response.identification import Identification
 from pincette.control.response.recorded_response import RecordedResponse
-from pincette.runtime.teaching import record, teach
+from pincette.engine.teaching import record, teach
 from pincette.sim.rig.rig import SimulatedRig
 
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
@@ -77,7 +77,7 @@ def test_a_rig_that_is_not_simulated_is_told_so(
     text = DEMO.read_text(encoding="utf-8")
     path.write_text(text[: text.index("[simulation]")], encoding="utf-8")
     assert main(["teach", "--rig", str(path)]) == 1
-    assert "comes with calibration" in capsys.readouterr().err
+    assert "pincette calibrate free_response" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

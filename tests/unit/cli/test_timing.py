@@ -7,16 +7,16 @@ from typing import Any
 import httpx
 import pytest
 
-from pincette.api.job_models import Artifact, Job
-from pincette.api.timing_models import LoopTiming
-from pincette.cli.exit_status import Exit
+from pincette.api.jobs import Artifact, Job
+from pincette.api.live import LoopTiming
+from pincette.cli import Exit
 from pincette.cli.main import main
 from tests.unit.client import desk
 
 from .conftest import At
 
 NAME = desk.example(Job)["id"]
-AT = ("--at", "demo")
+AT = ("--rig-name", "demo")
 
 
 def test_how_punctual_a_loop_is_is_shown(

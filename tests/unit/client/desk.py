@@ -6,8 +6,8 @@ from typing import Any
 
 import httpx
 
-from pincette.api.job_models import Job
-from pincette.api.rig_models import Rig
+from pincette.api.jobs import Job
+from pincette.api.rigs import Rig
 from pincette.client import AsyncSupervisor, Supervisor
 
 URL = "http://supervisor"
@@ -87,18 +87,17 @@ class Desk(httpx.MockTransport):
         self.slept_s.append(duration_s)
         self.now_s += duration_s
 
+    async def _sleep(self, duration_s: float) -> None:
+        self.sleep(duration_s)
+
     def supervisor(self, patience_s: float = 10.0) -> Supervisor:
         made = Supervisor(URL, patience_s=patience_s, transport=self)
-        made.line.sleep, made.line.clock = self.sleep, lambda: self.now_s
+        made.transport.sleep, made.transport.clock = self._sleep, lambda: self.now_s
         return made
 
     def async_supervisor(self, patience_s: float = 10.0) -> AsyncSupervisor:
         made = AsyncSupervisor(URL, patience_s=patience_s, transport=self)
-
-        async def sleep(duration_s: float) -> None:
-            self.sleep(duration_s)
-
-        made.line.sleep, made.line.clock = sleep, lambda: self.now_s
+        made.transport.sleep, made.transport.clock = self._sleep, lambda: self.now_s
         return made
 
     def paths(self) -> Sequence[str]:

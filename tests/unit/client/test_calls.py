@@ -6,9 +6,9 @@ import json
 import httpx
 import pytest
 
-from pincette.api.plan_models import Plan
-from pincette.api.request_models import GripJobRequest
+from pincette.api.plans import Plan
 from pincette.client import ForeignAnswerError, NoAnswerError, ProblemError, WaitTimeoutError
+from pincette_supervisor.kinds.grip import GripJobRequest
 
 from . import desk
 from .desk import Desk

@@ -11,8 +11,8 @@ import httpx
 import pytest
 
 from pincette import client
-from pincette.api.event_models import Event
-from pincette.api.job_models import Job
+from pincette.api.events import Event
+from pincette.api.jobs import Job
 
 from . import desk
 from .desk import Desk

@@ -2,14 +2,15 @@
 
 import asyncio
 import hashlib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
-from pincette.api.event_models import Event
-from pincette.api.job_models import Artifact
+from pincette.api.events import Event
+from pincette.api.jobs import Artifact
 from pincette.client import DamagedFileError, ForeignAnswerError, NoAnswerError, ProblemError
 
 from . import desk
@@ -111,3 +112,32 @@ def test_a_name_with_a_folder_in_it_is_refused(tmp_path: Path, name: str) -> Non
     supervisor = Desk(desk.job(), listed("0" * 64))
     with pytest.raises(ValueError, match="is no name of a file"):
         supervisor.supervisor().job("j").download(name, tmp_path)
+
+
+def test_the_blocking_client_works_where_an_event_loop_runs_already() -> None:
+    events = [desk.example(Event, number=1), desk.example(Event, number=2)]
+    supervisor = Desk(desk.job(), desk.stream(*events), desk.job(state="succeeded"))
+
+    async def notebook() -> list[int | None]:
+        job = supervisor.supervisor().job("j")
+        return [event.number for event in job.events()]
+
+    assert asyncio.run(notebook()) == [1, 2]
+
+
+def test_the_blocking_client_works_in_threads() -> None:
+    supervisor = Desk(*[desk.rig()] * 20)
+    rig = supervisor.supervisor().rig("demo")
+    with ThreadPoolExecutor(4) as threads:
+        found = [threads.submit(rig.state) for _ in range(20)]
+    assert [one.result().name for one in found] == ["demo"] * 20
+
+
+def test_a_stream_that_is_left_gives_its_connection_back() -> None:
+    events = [desk.example(Event, number=1), desk.example(Event, number=2)]
+    response = desk.stream(*events)
+    supervisor = Desk(desk.job(), response)
+    for event in supervisor.supervisor().job("j").events():
+        assert event.number == 1
+        break
+    assert response.is_closed

@@ -9,10 +9,10 @@ from typing import Any
 import httpx
 import pytest
 
-from pincette.api.result_models import GripResult
 from pincette.client import AsyncSupervisor, ProblemError, Supervisor
 from pincette.config import parse_rig
-from tests.unit.supervisor.rig import Desk
+from pincette_supervisor.kinds.grip import GripResult
+from tests.unit.supervisor.harness import Harness
 
 DEMO = Path(__file__).parents[3] / "deploy" / "rigs" / "demo.toml"
 URL = "http://localhost"
@@ -34,15 +34,17 @@ class InProcess(httpx.BaseTransport):
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Desk]:
+def bench(tmp_path: Path) -> Iterator[Harness]:
     tables: dict[str, Any] = tomllib.loads(DEMO.read_text(encoding="utf-8"))
     tables["rig"]["time"] = "lockstep"
-    made = Desk(parse_rig(tables), tmp_path / "data")
+    made = Harness(parse_rig(tables), tmp_path / "data")
     yield made
     made.close()
 
 
-def test_a_grip_from_the_question_whether_it_may_to_its_record(bench: Desk, tmp_path: Path) -> None:
+def test_a_grip_from_the_question_whether_it_may_to_its_record(
+    bench: Harness, tmp_path: Path
+) -> None:
     with Supervisor(URL, transport=InProcess(bench.app), operator="cell 7") as supervisor:
         rig = supervisor.rig()
         assert rig.can_start() == []
@@ -63,7 +65,7 @@ def test_a_grip_from_the_question_whether_it_may_to_its_record(bench: Desk, tmp_
         assert [one.id for one in rig.jobs(label="part=1")] == [job.id]
 
 
-def test_a_key_that_is_used_for_another_request_is_refused(bench: Desk) -> None:
+def test_a_key_that_is_used_for_another_request_is_refused(bench: Harness) -> None:
     with Supervisor(URL, transport=InProcess(bench.app)) as supervisor:
         rig = supervisor.rig()
         rig.start("grip", idempotency_key="part-1").wait(30.0)
@@ -76,7 +78,7 @@ def test_a_key_that_is_used_for_another_request_is_refused(bench: Desk) -> None:
         assert refused.value.violations[0]["limit"] == 40.0
 
 
-def test_a_held_part_is_let_go_by_the_other_client(bench: Desk) -> None:
+def test_a_held_part_is_let_go_by_the_other_client(bench: Harness) -> None:
     bench.bus.pause_at = 445
 
     async def run() -> list[str]:

@@ -1,33 +1,44 @@
 """Every number has a bound, every refusal says which, and nothing that travels comes near one."""
 
 import math
-from dataclasses import fields, replace
-from typing import Any, get_type_hints
+from enum import EnumType
+from typing import Any, get_origin, get_type_hints
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import fields, replace
 
-from pincette.codec import MAX_BYTES, MAX_DOCUMENT, MAX_ITEMS, MAX_TEXT, CodecError, decode, encode
-from pincette.codec.bounds import LARGEST, LARGEST_INT, LAST_SEQ, largest, whole_range
-from pincette.codec.unpacking import msgpack
-from pincette.messages import (
+from pincette.control.quantities import (
+    LARGEST,
+    LARGEST_INT,
+    LAST_SEQ,
+    MAX_DOCUMENT,
+    MAX_ITEMS,
+    MAX_TEXT,
+    Document,
+)
+from pincette.core.codec import MAX_BYTES, decode, encode
+from pincette.core.codec.refusals import CodecError, msgpack
+from pincette.core.faults import Cause
+from pincette.core.messages import (
     Applied,
     Arm,
     Burst,
     Command,
-    Document,
     Estimate,
+    GroundTruth,
     Message,
     Position,
     Telemetry,
+    Timing,
     Trip,
-    Truth,
 )
-from pincette.records.units import UNITS, unit_of
+from pincette.core.units import UNITS, unit_of
+from tests.support.bounds import largest, whole_range
 
 POSITION = Position(7, 3, 0.06, 12.5, True)
-SAMPLES = (Position, Estimate, Command, Applied, Telemetry, Truth)
+SAMPLES = (Position, Estimate, Command, Applied, Telemetry, GroundTruth)
 FLOATS = [
     (kind, field.name)
     for kind in SAMPLES
@@ -40,7 +51,15 @@ def tree_of(kind: type[Message]) -> dict[str, Any]:
     """The fields of a sound message."""
     values = {float: 1.5, int: 1, bool: True, str: "a"}
     hints = get_type_hints(kind)
-    return {field.name: values.get(hints[field.name]) for field in fields(kind)}
+    kinds = {field.name: hints[field.name] for field in fields(kind)}
+    return {name: values.get(hint, _odd(hint)) for name, hint in kinds.items()}
+
+
+def _odd(hint: Any) -> Any:
+    """A sound value of a field that is neither a number nor a text."""
+    if isinstance(hint, EnumType):
+        return str(next(iter(hint.__members__.values())))
+    return [] if get_origin(hint) is tuple else None
 
 
 def refusal(kind: type[Message], **fields: object) -> str:
@@ -75,7 +94,9 @@ def test_a_refusal_names_message_field_value_unit_and_limit() -> None:
     assert refusal(Position, seq=-2) == f"Position.seq = -2: not within -1 to {LAST_SEQ}"
     assert refusal(Position, valid=1) == "Position.valid = '1': neither true nor false"
     assert refusal(Position, x_um=True) == "Position.x_um = 'True': not a number"
-    assert refusal(Position, fault=b"") == "Position.fault = (bytes): not a text"
+    assert refusal(Position, fault=b"") == "Position.fault: not a map"
+    assert refusal(Timing, service=b"") == "Timing.service = (bytes): not a text"
+    assert refusal(Applied, state="gone").startswith("Applied.state = 'gone': not one of latched")
 
 
 @pytest.mark.parametrize("name", ["epoch", "seq", "owner"])
@@ -102,10 +123,10 @@ def test_the_time_of_the_last_sample_there_can_be_is_within_bounds() -> None:
 
 
 def test_texts_are_bounded_and_ones_own_are_cut_before_they_are_refused() -> None:
-    said = refusal(Position, fault="x" * (MAX_TEXT + 1))
+    said = refusal(Timing, service="x" * (MAX_TEXT + 1))
     assert said.endswith(f"a text of at most {MAX_TEXT} characters, it has {MAX_TEXT + 1}")
-    long = decode(Trip, encode(Trip("µ" * 5000)))
-    assert long.cause == "µ" * MAX_TEXT
+    long = decode(Trip, encode(Trip(Cause.ESTOP, words="µ" * 5000)))
+    assert long.words == "µ" * MAX_TEXT
 
 
 def test_a_document_is_refused_rather_than_cut() -> None:

@@ -5,16 +5,16 @@ from time import process_time
 
 import pytest
 
-from pincette.codec import CodecError, decode
-from pincette.codec.unpacking import msgpack
-from pincette.messages import Command, Load, Position, StatusRequest
+from pincette.core.codec import decode
+from pincette.core.codec.refusals import CodecError, msgpack
+from pincette.core.messages import Command, Load, Position, StatusRequest
 from tests.support.frames import BOMBS, BY_NAME
 
 MEMORY_BYTES = 48 * 2**20
 """The unpacker's depth times the longest list; of a message without lists it is a hundredth."""
 TIME_S = 0.5
 LONGEST_TEXT = 600
-POSITION = {"epoch": 7, "seq": 3, "t_s": 0.06, "x_um": 12.5, "valid": True, "fault": ""}
+POSITION = {"epoch": 7, "seq": 3, "t_s": 0.06, "x_um": 12.5, "valid": True, "fault": None}
 packb = msgpack.packb
 
 
@@ -102,7 +102,7 @@ def test_many_unknown_fields_are_counted() -> None:
 
 def test_broken_text_is_refused() -> None:
     for text in (b"\xa2\xff\xfe", b"\xa3\xed\xa0\x80", b"\xa2\xc3\x28"):
-        payload = packb(POSITION).replace(packb("fault") + b"\xa0", packb("fault") + text)
+        payload = packb(POSITION).replace(packb("fault") + b"\xc0", packb("fault") + text)
         with pytest.raises(CodecError, match="Position: not MessagePack"):
             decode(Position, payload)
 

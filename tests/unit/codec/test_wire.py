@@ -2,14 +2,14 @@
 
 import pytest
 
-from pincette.codec import ENCODING, CodecError, decode, explained
-from pincette.codec.unpacking import msgpack
-from pincette.codec.wire import of_other_wires, update_which
-from pincette.messages import Position
-from pincette.topics import ROOT, WIRE, live_key, live_key_of_any_wire
+from pincette.core.codec import decode
+from pincette.core.codec.refusals import CodecError, msgpack
+from pincette.core.codec.wire import ENCODING, explained, of_other_wires, update_which
+from pincette.core.messages import Position
+from pincette.core.topics import ROOT, WIRE, live_key, live_key_of_any_wire
 
 OTHER_FIELDS = {"epoch": 7, "seq": 3, "t_s": 0.1, "x_um": 1.0, "valid": True, "colour": 1}
-SOUND = {"epoch": 7, "seq": 3, "t_s": 0.1, "x_um": 1.0, "valid": True, "fault": ""}
+SOUND = {"epoch": 7, "seq": 3, "t_s": 0.1, "x_um": 1.0, "valid": True, "fault": None}
 
 
 def refused(tree: object, encoding: str) -> str:

@@ -3,10 +3,18 @@
 import re
 from pathlib import Path
 
-from pincette.codec import ENCODING, MAX_BYTES, MAX_DOCUMENT, MAX_ITEMS, MAX_TEXT
-from pincette.codec.bounds import LARGEST, LARGEST_INT, LAST_SEQ, MAX_FIELDS
-from pincette.codec.wire import update_which
-from pincette.topics import ROOT
+from pincette.control.quantities import (
+    LARGEST,
+    LARGEST_INT,
+    LAST_SEQ,
+    MAX_DOCUMENT,
+    MAX_ITEMS,
+    MAX_TEXT,
+)
+from pincette.core.codec import MAX_BYTES
+from pincette.core.codec.refusals import MAX_FIELDS
+from pincette.core.codec.wire import ENCODING, update_which
+from pincette.core.topics import ROOT
 
 PAGE = (Path(__file__).parents[3] / "docs/explanations/wire.md").read_text(encoding="utf-8")
 

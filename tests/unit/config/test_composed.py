@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from pincette.config import ConfigError, parse_told, read_rig
-from pincette.runtime.process import loop_services
-from pincette.service import Composed, composed_name, services_of
-from pincette.topics import LOOP
+from pincette.config import ConfigError, parse_rig_json, read_rig
+from pincette.core.service import CompositeService, canonical_name, member_services
+from pincette.core.topics import LOOP
+from pincette.engine.process import loop_services
 from tests.support.partitions import composing, partitions
 
 DEMO = Path(__file__).parents[3] / "deploy" / "rigs" / "demo.toml"
@@ -40,8 +40,8 @@ def test_programs_are_known_by_their_services_in_the_order_of_a_tick(
     rig = read_rig(written(tmp_path, composed))
     assert rig.programs == programs
     for name in programs:
-        assert {rig.program_of(service) for service in services_of(name)} == {name}
-    assert sorted(one for name in programs for one in services_of(name)) == sorted(LOOP)
+        assert {rig.program_of(service) for service in member_services(name)} == {name}
+    assert sorted(one for name in programs for one in member_services(name)) == sorted(LOOP)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_what_cannot_be_composed_is_named(tmp_path: Path, composed: str, words: 
 def test_who_runs_where_is_no_part_of_what_programs_must_agree_on() -> None:
     rig = read_rig(DEMO)
     assert composing(rig, "loop").digest() == rig.digest()
-    told = parse_told(composing(rig, "loop").model_dump_json())
+    told = parse_rig_json(composing(rig, "loop").model_dump_json())
     assert told.programs == ("loop",)
 
 
@@ -81,15 +81,17 @@ def test_there_are_fifteen_ways_to_share_out_a_loop() -> None:
 
 
 def test_other_programs_compose_nothing() -> None:
-    assert [services_of(name) for name in ("router", "rig", "recorder", "supervisor")] == [()] * 4
-    assert composed_name("controller+sensor") == "sensor+controller"
+    assert [member_services(name) for name in ("router", "rig", "recorder", "supervisor")] == [
+        ()
+    ] * 4
+    assert canonical_name("controller+sensor") == "sensor+controller"
 
 
 def test_what_is_said_inside_a_program_is_no_input_of_it() -> None:
     services = loop_services()
-    pair = Composed("estimator+controller", (services["estimator"], services["controller"]))
+    pair = CompositeService("estimator+controller", (services["estimator"], services["controller"]))
     assert [item.topic.name for item in pair.inputs] == ["position", "applied"]
-    whole = Composed("loop", tuple(services[name] for name in LOOP))
+    whole = CompositeService("loop", tuple(services[name] for name in LOOP))
     assert whole.inputs == ()
-    asked = {question.name for question in pair.questions}
-    assert asked == {"arm", "status", "load", "act", "lease", "timing"}
+    asked = {question.name for question in pair.requests}
+    assert asked == {"arm", "status", "load", "action", "lease", "timing"}

@@ -4,22 +4,22 @@ from pathlib import Path
 
 import pytest
 
-from pincette.bus.links import Ends
-from pincette.bus.places import router_place, service_place
-from pincette.cli.security_findings import certificates
-from pincette.config import parse_told, read_rig
-from pincette.runtime.process import loop_programs
+from pincette.bus.endpoints import router_endpoint, service_endpoint
+from pincette.bus.topology import SessionConfig
+from pincette.cli.doctor_rig import certificates
+from pincette.config import parse_rig_json, read_rig
+from pincette.engine.process import loop_programs
 from tests.support.rigs import DEMO
 
 
 def test_the_router_listens_there_and_its_programs_stay_where_they_are() -> None:
     plain = read_rig(DEMO)
     heard = plain.listening("0.0.0.0")
-    assert router_place(plain) == Ends("router", listen=("tcp/127.0.0.1:7447",))
-    assert router_place(heard).listen == ("tcp/0.0.0.0:7447",)
+    assert router_endpoint(plain) == SessionConfig("router", listen=("tcp/127.0.0.1:7447",))
+    assert router_endpoint(heard).listen == ("tcp/0.0.0.0:7447",)
     programs = loop_programs(plain)
     for name in programs:
-        assert service_place(heard, name, programs) == service_place(plain, name, programs)
+        assert service_endpoint(heard, name, programs) == service_endpoint(plain, name, programs)
 
 
 def test_the_rig_file_may_say_so(tmp_path: Path) -> None:
@@ -32,7 +32,7 @@ def test_it_changes_no_digest_and_is_not_told() -> None:
     plain = read_rig(DEMO)
     heard = plain.listening("192.0.2.7")
     assert heard.digest() == plain.digest()
-    assert parse_told(heard.model_dump_json()) == plain
+    assert parse_rig_json(heard.model_dump_json()) == plain
 
 
 @pytest.mark.parametrize(("address", "said"), [("127.0.0.2", 0), ("0.0.0.0", 1)])

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pincette.config import parse_told, read_rig
+from pincette.config import parse_rig_json, read_rig
 from tests.support.rigs import DEMO, demo_rig, rig_toml
 
 
@@ -20,5 +20,5 @@ def test_it_changes_no_digest_and_is_not_told(tmp_path: Path) -> None:
     assert secured.digest() == plain.digest()
     told = secured.model_dump_json()
     assert str(tmp_path) not in told
-    assert parse_told(told) == plain
+    assert parse_rig_json(told) == plain
     assert "pki" not in rig_toml(secured)

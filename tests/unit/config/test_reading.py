@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pincette.config import ConfigError, parse_told, read_rig
+from pincette.config import ConfigError, parse_rig_json, read_rig
 
 RIGS = Path(__file__).parents[3] / "deploy" / "rigs"
 BASE = (RIGS / "demo.toml").read_text(encoding="utf-8")
@@ -50,13 +50,13 @@ def test_what_cannot_be_used_is_named(folder: Path, text: str, words: str) -> No
 @pytest.mark.parametrize("name", ["demo", "fast", "bring-up", "left", "right"])
 def test_a_file_that_was_told_is_the_one_that_was_read(name: str) -> None:
     rig = read_rig(RIGS / f"{name}.toml")
-    told = parse_told(rig.model_dump_json())
+    told = parse_rig_json(rig.model_dump_json())
     assert (told, told.digest()) == (rig, rig.digest())
 
 
 def test_a_told_file_that_is_not_understood_names_the_place() -> None:
     with pytest.raises(ConfigError, match=r"bus\.frills"):
-        parse_told('{"bus": {"frills": 1}}')
+        parse_rig_json('{"bus": {"frills": 1}}')
 
 
 def test_a_rig_has_its_own_router_or_joins_one() -> None:

@@ -1,28 +1,32 @@
 """The controller's step closed over an arm that is (4), and a part at ``X_E_UM``."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from pincette.control.arm.plant import consistent_arm, discretize
-from pincette.control.laws.law import LawSettings
+from pincette.control.laws.definition import LawSettings
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
-from pincette.messages import Arm, Command, Estimate, Load, Telemetry
+from pincette.core.messages import Arm, Command, Estimate, Load, Telemetry
 from pincette_controller.config import ControllerConfig
-from pincette_controller.step import Inputs, State, answer, start, step
+from pincette_controller.step import Inputs, State, handle, start, step
+from tests.support.laws import LAWS, law_settings
 
 T, K_E, X_E_UM = 0.02, 2.0, 12.0
 ARM = consistent_arm(2437.8, 0.026, 19.0, 0.46)
 CONFIG = ControllerConfig(
     period_s=T,
     arm=ARM,
-    law=LawSettings(K_P=2.0),
+    law=law_settings(K_P=2.0),
+    installed=LAWS,
     force_filter_s=0.03,
     monitors=MonitorLimits(T, 50.0, 3, 10.0, 0.1, 5, -29.0, 79.0, 3),
     voltage=VoltageLimits(-1.0, 4.0, 0.2, 0.1),
 )
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
-PBSMIC, DSMIFC = LawSettings("pbsmic", K_P=2.0), LawSettings("dsmifc", K_P=2.0)
+PBSMIC, DSMIFC = law_settings("pbsmic", K_P=2.0), law_settings("dsmifc", K_P=2.0)
 QUIET = Estimate(
     epoch=1,
     seq=0,
@@ -31,7 +35,7 @@ QUIET = Estimate(
     force_uncertainty_mN=0.1,
     perturbation_mN=0.0,
     zero_age_s=None,
-    zero_refusal="",
+    zero_refusal=None,
     applied_V=0.0,
     applied_seq=-1,
     limits_active=0,
@@ -53,7 +57,7 @@ def program(laws: tuple[LawSettings, ...] = (), **of: int) -> Program:
         Segment("retreat", "free", 0.6, x_to_um=0.0),
     )
     chosen = tuple(replace(segment, law=of.get(segment.phase, 0)) for segment in segments)
-    return Program(chosen, GUARDS, K_E, laws)
+    return Program(chosen, GUARDS, K_E, tuple(law.spec() for law in laws))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +73,8 @@ class Bench:
     def __init__(self, plays: Program, config: ControllerConfig = CONFIG) -> None:
         self.config = config
         self.plant = discretize(config.arm, T)
-        state, _, _ = answer(config, start(config), Load(plays), 0.0)
-        self.state: State = answer(config, state, Arm(1, 5, ""), 0.0)[0]
+        state, _, _ = handle(config, start(config), Load(plays), 0.0)
+        self.state: State = handle(config, state, Arm(1, 5, ""), 0.0)[0]
         self.x_um: float = 0.0
         self.x_1_um: float = 0.0
         self.force_mN: float = 0.0

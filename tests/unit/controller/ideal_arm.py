@@ -1,14 +1,14 @@
 """An arm that is where its references are, and a part; a grip and a track to play with it."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Guards, Program, Segment
-from pincette.messages import Estimate
+from pincette.core.faults import Fault
+from pincette.core.messages import Estimate
 from pincette_controller.player import advance, begin
-from pincette_controller.playing import Player
+from pincette_controller.player_state import Player
 
 T = 0.02
 K_E = 2.0
@@ -37,7 +37,7 @@ TRACK = replace(
         *PROGRAM.segments[5:],
     ),
 )
-BLANK = Estimate(1, 0, 0.0, 0.0, 0.1, 0.0, None, "", 0.0, 0, 0, False, False, True)
+BLANK = Estimate(1, 0, 0.0, 0.0, 0.1, 0.0, None, None, 0.0, 0, 0, False, False, True)
 
 
 class Arm:
@@ -49,7 +49,7 @@ class Arm:
         self.program = program
         self.contact_um = contact_um
         self.stiffness = stiffness
-        self.refusal = ""
+        self.refusal: Fault | None = None
         self.lost = False
         self.zeroed: float | None = None
         self.player: Player = begin(program, 0.0)

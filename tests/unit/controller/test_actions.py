@@ -1,12 +1,11 @@
 """Stops that let go, parts that are held from the start, and guards of a free motion."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.planning.program import Program, Segment
-from pincette_controller.actions import keep, let_go, may_keep, release, retract, stop, waits
-from pincette_controller.pausing import pause
+from pincette.core.faults import Fault, FaultCode
+from pincette_controller.actions import keep, let_go, may_keep, pause, release, retract, stop, waits
 from pincette_controller.player import advance
 
 from .ideal_arm import BLANK, GUARDS, PROGRAM, Arm, T
@@ -126,7 +125,7 @@ def test_a_move_that_meets_something_rests_there() -> None:
 
 def test_a_move_without_a_zero_is_played_to_its_end() -> None:
     arm = Arm(program=MOVES)
-    arm.refusal = "the arm may touch the part"
+    arm.refusal = Fault(FaultCode.ZERO_BEYOND_FIRST_TOUCH)
     arm.until()
     assert (arm.phases[-1], arm.player.outcome) == ("rest", "moved")
     assert arm.player.x_r_um == pytest.approx(14.0)

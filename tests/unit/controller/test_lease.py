@@ -1,13 +1,14 @@
 """A program that hears nothing of the supervisor is stopped as its job says, and by nobody else."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
-from pincette.messages import Act, Asked, Command, Done, Lease, Telemetry
-from pincette.service import RefusedError
-from pincette_controller.lease import Running, end, objection
-from pincette_controller.step import Inputs, answer, step
+from pincette.core.faults import Acted, ActionCode, LeaseEnd, Outcome
+from pincette.core.messages import Ack, Action, Command, Lease, RequestLog, Telemetry
+from pincette.core.service import RefusedError
+from pincette.core.wording import fault_text
+from pincette_controller.actions import RunningLease, lease_end, lease_objection
+from pincette_controller.step import Inputs, handle, step
 
 from .bench import Bench, T, program
 
@@ -20,14 +21,14 @@ class Leased(Bench):
     def __init__(self, then: str = "stop", length_s: float | None = LENGTH_S) -> None:
         super().__init__(program())
         self.now_s = 100.0
-        self.asked: list[Asked] = []
+        self.asked: list[RequestLog] = []
         if length_s is not None:
             self.renew(then, length_s)
 
     def renew(self, then: str = "stop", length_s: float = LENGTH_S) -> None:
-        lease = Lease(1, length_s, then)
-        self.state, reply, _ = answer(self.config, self.state, lease, self.now_s)
-        assert isinstance(reply, Done)
+        lease = Lease(1, length_s, LeaseEnd(then))
+        self.state, reply, _ = handle(self.config, self.state, lease, self.now_s)
+        assert isinstance(reply, Ack)
 
     def tock(self) -> tuple[Command, Telemetry]:
         self.now_s += T
@@ -35,7 +36,7 @@ class Leased(Bench):
         command, telemetry = outputs[:2]
         assert isinstance(command, Command)
         assert isinstance(telemetry, Telemetry)
-        self.asked += [output for output in outputs if isinstance(output, Asked)]
+        self.asked += [output for output in outputs if isinstance(output, RequestLog)]
         self._drive(command.voltage_V)
         self.seq += 1
         if command.zero:
@@ -63,11 +64,14 @@ def test_a_free_arm_comes_to_rest_and_the_program_ends() -> None:
         assert len(told) < 100
     assert before == 0
     (noted,) = bench.asked
-    assert noted.act is not None
-    assert noted.act.action == "stop"
-    assert noted.act.reason == "lease: nothing heard from the supervisor for 0.2 s, limit 0.2 s"
-    assert bench.state.detail == noted.act.reason
-    assert [sample.acted for sample in told if sample.acted] == ["lease stop"]
+    assert noted.action is not None
+    assert noted.action.action == "stop"
+    assert (
+        fault_text(noted.action.reason)
+        == "lease: nothing heard from the supervisor for 0.2 s, limit 0.2 s"
+    )
+    assert bench.state.found == noted.action.reason
+    assert [sample.acted for sample in told if sample.acted] == [(Acted.LEASE, Acted.STOP)]
     (acted,) = [sample.seq for sample in told if sample.acted]
     assert acted == noted.seq + 1
     assert (told[-1].phase, told[-1].outcome, told[-1].held) == ("stopping", "stopped", False)
@@ -102,7 +106,7 @@ def test_the_job_says_what_becomes_of_a_held_part(then: str, last: str) -> None:
 def test_out_of_a_pause_nothing_moves() -> None:
     bench = Leased()
     bench.reach("hold")
-    bench.state = answer(bench.config, bench.state, Act("pause"), bench.now_s)[0]
+    bench.state = handle(bench.config, bench.state, Action(ActionCode.PAUSE), bench.now_s)[0]
     while not bench.tock()[1].paused:
         bench.renew()
     where_um = bench.x_um
@@ -141,7 +145,7 @@ def test_without_a_lease_a_program_plays_to_its_end() -> None:
 def test_a_program_that_was_stopped_has_nothing_left_to_stop() -> None:
     bench = Leased()
     bench.reach("hold")
-    bench.state = answer(bench.config, bench.state, Act("stop"), bench.now_s)[0]
+    bench.state = handle(bench.config, bench.state, Action(ActionCode.STOP), bench.now_s)[0]
     for _ in range(200):
         bench.tock()
     assert bench.asked == []
@@ -165,20 +169,21 @@ def test_the_next_arming_begins_without_the_lease_of_the_one_before() -> None:
 
 def test_what_makes_no_lease_is_refused_with_its_value() -> None:
     good = Lease(7, 10.0)
-    assert objection(good, 7, playing=True, ended=False) == ""
-    assert objection(good, 8, playing=True, ended=False) == (
+    assert lease_objection(good, 7, playing=True, ended=False) == ""
+    assert lease_objection(good, 8, playing=True, ended=False) == (
         "lease of epoch 7, the controller is in 8"
     )
-    assert "nothing plays" in objection(good, 7, playing=False, ended=False)
-    assert "-1 s" in objection(replace(good, length_s=-1.0), 7, playing=True, ended=False)
-    assert "'hop'" in objection(replace(good, then="hop"), 7, playing=True, ended=False)
+    assert "nothing plays" in lease_objection(good, 7, playing=False, ended=False)
+    assert "-1 s" in lease_objection(replace(good, length_s=-1.0), 7, playing=True, ended=False)
 
 
 def test_the_limit_itself_is_within_the_lease() -> None:
-    running = Running(Lease(1, 10.0), 5.0)
-    assert end(running, "", 15.0) is None
-    assert end(running, "stopped", 99.0) is None
-    assert end(None, "", 99.0) is None
-    asked = end(running, "", 15.06)
+    running = RunningLease(Lease(1, 10.0), 5.0)
+    assert lease_end(running, Outcome.NONE, 15.0) is None
+    assert lease_end(running, Outcome.STOPPED, 99.0) is None
+    asked = lease_end(running, Outcome.NONE, 15.06)
     assert asked is not None
-    assert asked.reason == "lease: nothing heard from the supervisor for 10.1 s, limit 10 s"
+    assert (
+        fault_text(asked.reason)
+        == "lease: nothing heard from the supervisor for 10.1 s, limit 10 s"
+    )

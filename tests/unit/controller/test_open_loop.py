@@ -1,15 +1,15 @@
 """Segments without a law: voltage paths, waiting for a person, swept sines, and the way back."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.planning.paths import Knot, Path
 from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.sweep import Sweep
-from pincette.messages import Act
-from pincette.service import RefusedError
-from pincette_controller.step import answer
+from pincette.core.faults import Acted, ActionCode
+from pincette.core.messages import Action
+from pincette.core.service import RefusedError
+from pincette_controller.step import handle
 
 from .bench import CONFIG, GUARDS, Bench, T
 
@@ -51,12 +51,12 @@ def test_a_wait_keeps_the_voltage_until_somebody_says_continue() -> None:
         Segment("rise", "voltage", 0.4, path=ramp(0.3)), Segment("hang 5 mN", "voltage", None)
     )
     with pytest.raises(RefusedError, match="waits for nobody"):
-        answer(CONFIG, bench.state, Act("continue"), 0.0)
+        handle(CONFIG, bench.state, Action(ActionCode.CONTINUE), 0.0)
     bench.until("hang 5 mN")
     for _ in range(100):
         assert not bench.tick().command.final
-    bench.state, _, _ = answer(CONFIG, bench.state, Act("continue"), 0.0)
-    assert bench.tick().telemetry.acted == "continue"
+    bench.state, _, _ = handle(CONFIG, bench.state, Action(ActionCode.CONTINUE), 0.0)
+    assert bench.tick().telemetry.acted == (Acted.CONTINUE,)
     assert bench.ticks[-1].command.final
     assert bench.applied_V == pytest.approx(0.3)
 
@@ -98,7 +98,7 @@ def test_a_stop_ends_what_plays(phase: str) -> None:
         Segment("hang", "voltage", None),
     )
     bench.until(phase)
-    bench.state, _, _ = answer(CONFIG, bench.state, Act("stop"), 0.0)
+    bench.state, _, _ = handle(CONFIG, bench.state, Action(ActionCode.STOP), 0.0)
     stopping = bench.tick()
     assert stopping.telemetry.phase == "stopping"
     assert stopping.command.sweep is None

@@ -1,15 +1,13 @@
 """A pause begins where the references rest, moves nothing, and changes nothing of what follows."""
 
-from dataclasses import replace
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from pincette.control.planning.path_shapes import sinusoid, steps
 from pincette.control.planning.program import Program, Segment
-from pincette_controller.actions import stop
-from pincette_controller.pausing import pause, resume
+from pincette_controller.actions import pause, resume, stop
 
 from .ideal_arm import PROGRAM, SWING, TRACK, Arm, T
 

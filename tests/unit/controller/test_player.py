@@ -1,11 +1,11 @@
 """Playing a program: references, guards, actions, in ticks."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Segment
+from pincette.core.faults import Fault, FaultCode
 from pincette_controller.actions import release, stop
 from pincette_controller.player import advance, begin
 
@@ -97,7 +97,7 @@ def test_too_much_force_ends_the_grip_at_once() -> None:
 
 def test_a_refused_zero_ends_the_program() -> None:
     arm = Arm()
-    arm.refusal = "the arm has not settled"
+    arm.refusal = Fault(FaultCode.ZERO_NOT_SETTLED)
     arm.until()
     assert arm.player.outcome == "zero_refused"
     assert arm.phases == ["zero", "retreat"]

@@ -1,18 +1,22 @@
 """The controller's step: loading laws, changing them on the way, and what telemetry says."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from pincette.config import read_rig
 from pincette.control.laws import law as control_law
-from pincette.control.laws.law import Law, LawSettings, LawState, build
+from pincette.control.laws.definition import LawSettings
+from pincette.control.laws.law import Law, LawState, build
 from pincette.control.laws.law import start as start_law
-from pincette.messages import SLEW_DOWN, VOLTAGE_MAX, Arm, Command, Load
-from pincette.service import RefusedError
+from pincette.control.laws.pbsmic import PbsmicState
+from pincette.control.safety.voltage import SLEW_DOWN, VOLTAGE_MAX
+from pincette.core.messages import Arm, Command, Load
+from pincette.core.service import RefusedError
 from pincette_controller.config import configure
-from pincette_controller.step import Inputs, answer, start, step
+from pincette_controller.step import Inputs, handle, start, step
+from tests.support.laws import law_settings
 
 from .bench import ARM, CONFIG, DSMIFC, PBSMIC, QUIET, Bench, T, Tick, program
 
@@ -34,41 +38,41 @@ def test_the_rig_file_says_arm_law_and_low_pass() -> None:
     config = configure(DEMO)
     assert config.period_s == 0.02
     assert config.force_filter_s == DEMO.model.force_filter_s
-    assert config.law == LawSettings()
+    assert config.law == law_settings()
     assert config.arm.d / config.arm.k == pytest.approx(19.0)
 
 
 @pytest.mark.parametrize("law", [2, -1])
 def test_a_segment_must_name_a_law_that_is_there(law: int) -> None:
     with pytest.raises(RefusedError, match=f"hold names law {law}, there are 2"):
-        answer(CONFIG, start(CONFIG), Load(program(BOTH_LAWS, hold=law)), 0.0)
+        handle(CONFIG, start(CONFIG), Load(program(BOTH_LAWS, hold=law)), 0.0)
     with pytest.raises(RefusedError, match="hold names law 1, there are 1"):
-        answer(CONFIG, start(CONFIG), Load(program(hold=1)), 0.0)
+        handle(CONFIG, start(CONFIG), Load(program(hold=1)), 0.0)
 
 
 def test_an_impossible_law_is_refused_before_anything_plays() -> None:
-    state, _, _ = answer(CONFIG, start(CONFIG), Load(program()), 0.0)
-    impossible = program((PBSMIC, replace(DSMIFC, M=1e308)), load=1)
+    state, _, _ = handle(CONFIG, start(CONFIG), Load(program()), 0.0)
+    impossible = program((PBSMIC, DSMIFC.with_gains(M=1e308)), load=1)
     with pytest.raises(RefusedError, match=r"a law of the program: impedance K̄ = inf mN/µm"):
-        answer(CONFIG, state, Load(impossible), 0.0)
-    armed, _, _ = answer(CONFIG, state, Arm(1, 5, ""), 0.0)
+        handle(CONFIG, state, Load(impossible), 0.0)
+    armed, _, _ = handle(CONFIG, state, Arm(1, 5, ""), 0.0)
     assert armed.program == program()
 
 
 def test_a_program_without_segments_and_an_arming_without_program_are_refused() -> None:
     with pytest.raises(RefusedError, match="no segments"):
-        answer(CONFIG, start(CONFIG), Load(replace(program(), segments=())), 0.0)
+        handle(CONFIG, start(CONFIG), Load(replace(program(), segments=())), 0.0)
     with pytest.raises(RefusedError, match="load one first"):
-        answer(CONFIG, start(CONFIG), Arm(1, 5, ""), 0.0)
+        handle(CONFIG, start(CONFIG), Arm(1, 5, ""), 0.0)
 
 
 def test_loading_does_not_touch_what_plays() -> None:
     bench = Bench(program())
     bench.until("approach")
-    bench.state, _, _ = answer(CONFIG, bench.state, Load(program(BOTH_LAWS, load=1)), 0.0)
+    bench.state, _, _ = handle(CONFIG, bench.state, Load(program(BOTH_LAWS, load=1)), 0.0)
     assert len(bench.state.laws) == 1
     bench.until()
-    armed, _, _ = answer(CONFIG, bench.state, Arm(2, 5, ""), 0.0)
+    armed, _, _ = handle(CONFIG, bench.state, Arm(2, 5, ""), 0.0)
     assert len(armed.laws) == 2
 
 
@@ -147,7 +151,7 @@ def test_a_law_that_began_anew_in_contact_would_be_a_bump(monkeypatch: pytest.Mo
     assert abs(voltage_step(bench.ticks, -1)) > 0.3
 
 
-@pytest.mark.parametrize("other", [DSMIFC, replace(PBSMIC, K_P=0.5)], ids=["dsmifc", "gains"])
+@pytest.mark.parametrize("other", [DSMIFC, PBSMIC.with_gains(K_P=0.5)], ids=["dsmifc", "gains"])
 def test_a_change_of_law_in_motion_is_not_seen(other: LawSettings) -> None:
     """The seek has its full speed from its first sample, at which its law begins."""
     steps: list[list[float]] = []
@@ -184,7 +188,7 @@ def test_references_of_the_telemetry_are_those_set_for_its_sample() -> None:
 @pytest.mark.parametrize("settings", BOTH_LAWS, ids=["pbsmic", "dsmifc"])
 def test_band_and_p_of_the_telemetry(settings: LawSettings) -> None:
     """p steps by 1.5 mN at rest: p̃ = -1.5 mN, and the band is a(K_S + 1.5)/2 once."""
-    law = replace(settings, K_S=0.4, delta=1e6)
+    law = settings.with_gains(K_S=0.4, delta=1e6)
     bench = Bench(program((law,)))
     bench.tick()
     bench.tick()
@@ -213,8 +217,8 @@ def test_limits_freeze_the_integral_outward_only(limits: int, frozen: bool) -> N
     after = step(CONFIG, bench.state, Inputs(estimate), 0.0)[0].memory
     assert before is not None
     assert after is not None
-    assert not isinstance(before.law, control_law.DsmifcState)
-    assert not isinstance(after.law, control_law.DsmifcState)
+    assert isinstance(before.law, PbsmicState)
+    assert isinstance(after.law, PbsmicState)
     assert (after.law.integral_um == before.law.integral_um) is frozen
 
 

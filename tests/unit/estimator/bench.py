@@ -1,13 +1,15 @@
 """An estimator fed sample by sample, and rigs for it."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
+
 from pincette.config import IdentifiedFreeResponse, RigFile, read_rig
-from pincette.messages import Applied, Arm, Estimate, Position
+from pincette.core.faults import Cause, Mode
+from pincette.core.messages import Applied, Arm, Estimate, Position
 from pincette_estimator.config import EstimatorConfig
-from pincette_estimator.step import Inputs, State, answer, start, step
+from pincette_estimator.step import Inputs, State, handle, start, step
 
 DEMO = read_rig(Path(__file__).parents[3] / "deploy/rigs/demo.toml")
 TAUGHT = IdentifiedFreeResponse(
@@ -18,7 +20,7 @@ TAUGHT = IdentifiedFreeResponse(
     residual_um=0.1,
 )
 POSITION = Position(1, 0, 0.0, 0.0, valid=True)
-APPLIED = Applied(1, -1, 0.0, "closed", "", 0, False, False, False, True, 0, 0.02)
+APPLIED = Applied(1, -1, 0.0, Mode.ARMED, Cause.NONE, 0, False, False, False, True, 0, 0.02)
 
 
 def a_rig(taught: IdentifiedFreeResponse | None, period_s: float = 0.02, **model: Any) -> RigFile:
@@ -37,7 +39,7 @@ class Bench:
         self.arm(1)
 
     def arm(self, epoch: int) -> None:
-        self.state, _, _ = answer(self.config, self.state, Arm(epoch, 1, ""), 0.0)
+        self.state, _, _ = handle(self.config, self.state, Arm(epoch, 1, ""), 0.0)
         self.epoch, self.seq = epoch, 0
 
     def feed(

@@ -4,6 +4,7 @@ from math import inf, nan
 
 import pytest
 
+from pincette.core.wording import fault_text
 from pincette_estimator.config import EstimatorConfig, configure
 from tests.unit.estimator.bench import DEMO, TAUGHT, Bench, a_rig
 
@@ -23,7 +24,7 @@ def test_a_position_beyond_the_sensor_s_range_is_none(config: EstimatorConfig, x
         bench.rest(0.0, 0.0)
     estimate = spoilt.feed(x_um, 0.0)
     assert (estimate.valid, estimate.degraded, estimate.x_um) == (False, False, 0.0)
-    assert "outside -9999..9999 µm" in estimate.fault
+    assert "outside -9999..9999 µm" in fault_text(estimate.fault)
     sound.seq += 1
     # What comes next is as after a sample that was no measurement.
     assert spoilt.feed(0.5, 0.1).force_mN == pytest.approx(sound.feed(0.5, 0.1).force_mN, abs=0.01)

@@ -1,15 +1,17 @@
 """The estimator's step: matched ages, missing partners, zeros, and a memory that lives on."""
 
-from dataclasses import replace
 from math import inf, isfinite, nan
 
 import pytest
 
 from pincette.control.planning.program import Guards, Program
-from pincette.messages import Estimate, Load
-from pincette.service import RefusedError
+from pincette.control.record import replace
+from pincette.core.faults import Fault, FaultCode
+from pincette.core.messages import Estimate, Load
+from pincette.core.service import RefusedError
+from pincette.core.wording import fault_text, named_text
 from pincette_estimator.config import EstimatorConfig, configure
-from pincette_estimator.step import Inputs, answer, start, step
+from pincette_estimator.step import Inputs, handle, start, step
 from tests.unit.estimator.bench import APPLIED, POSITION, TAUGHT, Bench, a_rig
 
 LINEAR = configure(a_rig(None))
@@ -48,7 +50,7 @@ def test_a_zero_is_refused_while_a_part_is_held(config: EstimatorConfig) -> None
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     estimate = bench.feed(0.0, 0.0, zero=True, held=True)
-    assert "a part is held" in estimate.zero_refusal
+    assert "a part is held" in fault_text(estimate.zero_refusal)
     assert estimate.zero_age_s is None
 
 
@@ -58,7 +60,7 @@ def test_a_zero_takes_the_offset_away_and_starts_its_age(config: EstimatorConfig
     bench.rest(0.0, 0.0)
     bench.rest(0.4, 0.0)
     estimate = bench.feed(0.4, 0.0, zero=True)
-    assert estimate.zero_refusal == ""
+    assert estimate.zero_refusal is None
     assert estimate.zero_age_s == 0.0
     assert estimate.force_mN == pytest.approx(0.0, abs=1e-9)
     assert bench.feed(0.4, 0.0).zero_age_s == pytest.approx(0.02)
@@ -75,7 +77,7 @@ def test_the_memory_lives_across_arming_and_the_zero_does_not() -> None:
     assert bench.state.response == before
     estimate = bench.feed(12.0, 1.0)
     assert estimate.zero_age_s is None
-    assert estimate.zero_refusal == ""
+    assert estimate.zero_refusal is None
     assert estimate.force_mN == pytest.approx(0.0)
     # Falling from 2 V the play of 0.5 V rests until 1 V, then moves: 15 µm/V from there.
     fallen = bench.state.response.follow(0.9, 0.0).position_um()
@@ -107,11 +109,13 @@ def test_another_compliance_alone_changes_the_force() -> None:
 
 def test_an_invalid_estimate_says_why() -> None:
     bench = Bench(LINEAR)
-    assert bench.feed(0.0, None).fault == "no voltage of the sample before"
-    broken = replace(POSITION, seq=1, valid=False, fault="laser off")
+    assert fault_text(bench.feed(0.0, None).fault) == "no voltage of the sample before"
+    broken = replace(
+        POSITION, seq=1, valid=False, fault=Fault(FaultCode.INSTRUMENT_SILENT, (), "laser off")
+    )
     _, (estimate,) = step(LINEAR, bench.state, Inputs(broken, None), 0.0)
     assert isinstance(estimate, Estimate)
-    assert estimate.fault == "sensor: laser off"
+    assert named_text(estimate.fault) == "sensor: laser off"
 
 
 def test_the_memory_advances_over_samples_without_a_position() -> None:
@@ -151,7 +155,7 @@ def test_a_sample_of_another_epoch_is_counted_and_dropped(config: EstimatorConfi
 def test_it_answers_arming_alone() -> None:
     guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
     with pytest.raises(RefusedError, match="does not answer Load"):
-        answer(LINEAR, start(LINEAR), Load(Program((), guards, 2.0)), 0.0)
+        handle(LINEAR, start(LINEAR), Load(Program((), guards, 2.0)), 0.0)
 
 
 def test_the_published_force_has_no_low_pass() -> None:

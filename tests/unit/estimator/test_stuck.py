@@ -5,8 +5,9 @@ from math import inf, sin
 
 import pytest
 
+from pincette.core.wording import fault_text, faults_text
 from pincette_estimator.config import configure
-from pincette_estimator.stuck import NOISES, SAMPLES, StuckWatch, moved_V
+from pincette_estimator.state import NOISES, SAMPLES, StuckWatch, moved_V
 from tests.unit.estimator.bench import Bench, a_rig
 
 MOVED_V = moved_V(0.03, 19.0)
@@ -65,17 +66,17 @@ def test_the_alarm_lasts_until_the_reading_differs() -> None:
         watch = watch.follow(5.0, 0.1 * sample, MOVED_V)
     for _ in range(50):
         watch = watch.follow(5.0, 0.8, MOVED_V)
-    assert "sensor stuck: 5.000 µm" in watch.words
+    assert "sensor stuck: 5.000 µm" in fault_text(watch.fault)
     watch = watch.follow(5.025, 0.8, MOVED_V)
-    assert watch.words == ""
+    assert watch.fault is None
 
 
 def test_a_stuck_sensor_makes_the_estimate_invalid_and_is_named() -> None:
     bench = Bench(configure(a_rig(None)))
     valid = [bench.feed(5.0, 0.05 * sample).valid for sample in range(10)]
     assert valid == [True] * (SAMPLES - 1) + [False] * 3
-    assert bench.state.detail.startswith("sensor stuck")
+    assert faults_text(bench.state.findings).startswith("sensor stuck")
     assert bench.feed(5.3, 0.5).valid
-    assert bench.state.detail == ""
+    assert bench.state.findings == ()
     bench.arm(2)
     assert bench.feed(5.3, 0.5).valid

@@ -3,7 +3,8 @@
 import pytest
 
 from pincette.config import IdentifiedFreeResponse
-from pincette.messages import Estimate
+from pincette.core.messages import Estimate
+from pincette.core.wording import fault_text
 from pincette_estimator.config import configure
 from tests.unit.estimator.bench import TAUGHT, Bench, a_rig
 
@@ -47,9 +48,9 @@ def test_a_free_arm_may_be_zeroed_before_the_first_touch_and_not_beyond(
 ) -> None:
     approach = Approach(taught)
     approach.close_to(20.0)
-    assert approach.zero().zero_refusal == ""
+    assert approach.zero().zero_refusal is None
     approach.close_to(28.0)
-    assert "it may touch the part, limit 27.000 µm" in approach.zero().zero_refusal
+    assert "it may touch the part, limit 27.000 µm" in fault_text(approach.zero().zero_refusal)
 
 
 @RESPONSES
@@ -57,28 +58,28 @@ def test_an_arm_that_touched_something_on_the_way_is_not_zeroed(
     taught: IdentifiedFreeResponse | None,
 ) -> None:
     approach = Approach(taught)
-    assert approach.zero().zero_refusal == ""
+    assert approach.zero().zero_refusal is None
     approach.close_to(16.0, contact_um=12.0)
     before = approach.zero(12.0)
     assert before.force_mN > 2.0
-    assert "touched something at 1" in before.zero_refusal
+    assert "touched something at 1" in fault_text(before.zero_refusal)
     # Where it came from, it is free again.
     approach.voltage_V = 0.0
-    assert approach.zero(12.0).zero_refusal == ""
+    assert approach.zero(12.0).zero_refusal is None
 
 
 def test_before_the_first_zero_the_refusal_says_what_to_do() -> None:
     approach = Approach(None)
     approach.bench.rest(-7.0, 0.0)
     estimate = approach.bench.feed(-7.0, 0.0, zero=True)
-    assert "the offset would change by -7.000 µm" in estimate.zero_refusal
-    assert "open the gripper, and arm again" in estimate.zero_refusal
+    assert "the offset would change by -7.000 µm" in fault_text(estimate.zero_refusal)
+    assert "open the gripper, and arm again" in fault_text(estimate.zero_refusal)
     assert estimate.zero_age_s is None
 
 
 def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -> None:
     approach = Approach(TAUGHT)
-    assert approach.zero().zero_refusal == ""
+    assert approach.zero().zero_refusal is None
 
     def short_of_the_model(by_um: float) -> str:
         """Rest by so much short of x_1 and ask for a zero there."""
@@ -87,7 +88,7 @@ def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -
             response = approach.bench.state.response
             x_um = response.follow(approach.voltage_V, 0.02).position_um() - by_um
             estimate = approach.bench.feed(x_um, approach.voltage_V, zero=count == 12)
-            refusal = estimate.zero_refusal
+            refusal = fault_text(estimate.zero_refusal)
         return refusal
 
     approach.close_to(15.0)

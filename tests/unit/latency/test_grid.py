@@ -2,7 +2,7 @@
 
 import pytest
 
-from pincette.latency.grid import SeenGrid
+from pincette.engine.timing_stats import SeenGrid
 
 T = 0.02
 

@@ -11,15 +11,14 @@ from pincette.latency.histogram import (
     BUCKETS,
     LINEAR,
     NS_PER_S,
-    RELATIVE_ERROR,
     Distribution,
     Histogram,
     bucket_of,
-    counted,
     first_ns,
-    merged,
 )
+from tests.support.histograms import counted, merged
 
+RELATIVE_ERROR = 1.0 / 32.0
 DURATIONS = some.floats(0.0, 1e6)
 MANY = some.lists(DURATIONS, max_size=60)
 
@@ -76,7 +75,7 @@ def test_merging_is_as_if_one_had_counted_everything(parts: list[list[float]]) -
 
 
 def test_of_nothing_no_quantile_is_told() -> None:
-    assert Histogram().told() == Distribution()
+    assert Histogram().distribution() == Distribution()
     assert Distribution().quantile_s(0.5) is None
 
 
@@ -90,7 +89,7 @@ def test_clearing_begins_anew() -> None:
     histogram = Histogram()
     histogram.add(1.0)
     histogram.clear()
-    assert histogram.told() == Distribution()
+    assert histogram.distribution() == Distribution()
 
 
 @pytest.mark.parametrize(

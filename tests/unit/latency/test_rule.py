@@ -4,8 +4,8 @@ from itertools import chain, repeat
 
 import pytest
 
-from pincette.latency.histogram import counted
 from pincette.latency.rule import Measured, objections, shortest_supported_s
+from tests.support.histograms import counted
 
 T = 0.02
 

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from pincette.messages import Document, Done, Finish, Message, Record, Recorded
-from pincette.topics import TOPIC_OF
+from pincette.control.quantities import Document
+from pincette.core.messages import Ack, Finish, Message, Record, Recorded
+from pincette.core.topics import TOPIC_OF
 from pincette_recorder.config import RecorderConfig
 from pincette_recorder.intake import Intake
-from pincette_recorder.keeper import Keeper
+from pincette_recorder.record_keeper import Keeper
+from pincette_recorder.wall_clock import WallClock
 from tests.support.recorded import ABOUT, EPOCH, PERIOD_S, START_NS
 
 CONFIG = RecorderConfig(
@@ -36,13 +38,14 @@ class Bench:
         self.jobs = folder / "jobs"
         self.config = replace(CONFIG, records=self.jobs, models=folder / "models")
         self.intake = Intake(self.clock_ns, room)
-        self.keeper = Keeper(self.config, self.intake, lambda: self.now_s, self.clock_ns)
+        self.wall = WallClock(self.clock_ns, self.clock_ns)
+        self.keeper = Keeper(self.config, self.intake, self.wall, lambda: self.now_s)
         self.replies: list[Message | str] = []
 
     def clock_ns(self) -> int:
         return START_NS + round((self.now_s - 100.0) * 1e9)
 
-    def begin(self, job: str = "j-1", epoch: int = EPOCH, **about: str) -> Done | str:
+    def begin(self, job: str = "j-1", epoch: int = EPOCH, **about: str) -> Ack | str:
         whose = {**ABOUT, "job": job, "epoch": str(epoch), **about}
         return self.keeper.begin(Record(job, epoch, Document(json.dumps(whose))))
 

@@ -1,24 +1,17 @@
 """What the recorder answers, what it refuses, and what a record has when it is closed."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
 import pyarrow.parquet as untyped_parquet
 import pytest
+from msgspec.structs import replace
 
-from pincette.messages import (
-    Applied,
-    Done,
-    Message,
-    Position,
-    Recorded,
-    Telemetry,
-)
+from pincette.core.messages import Ack, Applied, Message, Position, Recorded, Telemetry
 from pincette.records import mcap_reading
 from pincette.records.columns import columns
-from pincette_recorder.keeper import Keeper
+from pincette_recorder.record_keeper import Keeper
 from tests.support.recorded import EPOCH, PERIOD_S, loop, notice
 
 from .conftest import Bench
@@ -37,7 +30,7 @@ def _manifest(bench: Bench, job: str = "j-1") -> dict[str, Any]:
 def _whole(bench: Bench, count: int = 30) -> list[Message]:
     """Record an arming from its begin to its end; its messages."""
     messages = [*loop(count), notice("succeeded")]
-    assert bench.begin() == Done(0)
+    assert bench.begin() == Ack(0)
     bench.feed(messages)
     return messages
 
@@ -223,7 +216,7 @@ def test_finishing_after_a_restart_of_the_recorder(bench: Bench) -> None:
     assert bench.keeper.record is not None
     bench.keeper.record.file.flush()
     bench.keeper.record.file.abandon()
-    bench.keeper = Keeper(bench.config, bench.intake, lambda: bench.now_s, bench.clock_ns)
+    bench.keeper = Keeper(bench.config, bench.intake, bench.wall, lambda: bench.now_s)
     recorded = bench.finish(29)
     assert isinstance(recorded, Recorded)
     assert (recorded.complete, recorded.messages) == (False, len(messages))
@@ -235,7 +228,7 @@ def test_beginning_again_makes_the_tables_of_what_there_is(bench: Bench) -> None
     cut = 120
     bench.begin()
     bench.feed(messages[:cut])
-    assert bench.begin() == Done(0)
+    assert bench.begin() == Ack(0)
     table = parquet.read_table(_folder(bench) / "samples.parquet")
     assert repr(table.to_pydict()) == repr(columns(messages[:cut], PERIOD_S))
     bench.feed(messages[cut:])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pincette.messages import Applied, Command, Estimate, Position, Recorded, Telemetry
+from pincette.core.messages import Applied, Command, Estimate, Position, Recorded, Telemetry
 from tests.support.recorded import loop
 
 from .conftest import Bench

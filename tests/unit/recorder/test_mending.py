@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pincette.records import mcap_reading
-from pincette_recorder import mending
+from pincette_recorder import record_repair
 from tests.support.recorded import loop, write
 
 
@@ -25,25 +25,25 @@ def test_only_what_is_not_closed_is_found(tmp_path: Path) -> None:
     (tmp_path / "j-2").mkdir()
     write(tmp_path / "j-2" / "job.mcap", loop(3))
     (tmp_path / "j-3").mkdir()
-    assert list(mending.unclosed(tmp_path)) == [orphan]
+    assert list(record_repair.unclosed(tmp_path)) == [orphan]
 
 
 def test_an_orphan_is_closed(tmp_path: Path) -> None:
     folder = _orphan(tmp_path)
-    closing = mending.mend(folder, mending.KILLED)
+    closing = record_repair.mend(folder, record_repair.KILLED)
     assert closing["messages"] == "70"
     assert mcap_reading.is_closed(folder / "job.mcap")
     assert mcap_reading.read(folder / "job.mcap").messages == loop(20)[:70]
     manifest = _manifest(folder)
     assert manifest["complete"] is False
-    assert manifest["detail"].startswith(mending.KILLED)
+    assert manifest["detail"].startswith(record_repair.KILLED)
     assert manifest["job"] == "j-1"
     assert [entry["name"] for entry in manifest["files"]] == [
         "job.mcap",
         "samples.parquet",
         "burst.parquet",
     ]
-    assert list(mending.unclosed(tmp_path)) == []
+    assert list(record_repair.unclosed(tmp_path)) == []
 
 
 def test_what_the_manifest_says_already_stays(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_what_the_manifest_says_already_stays(tmp_path: Path) -> None:
         "files": [],
     }
     (folder / "manifest.json").write_text(json.dumps(told), encoding="utf-8")
-    mending.mend(folder, mending.KILLED)
+    record_repair.mend(folder, record_repair.KILLED)
     manifest = _manifest(folder)
     assert manifest["model_version"] == "3"
     assert manifest["detail"].startswith("the disk was full")
@@ -66,7 +66,7 @@ def test_an_empty_file_is_closed_too(tmp_path: Path) -> None:
     folder = tmp_path / "j-1"
     folder.mkdir()
     (folder / "job.mcap").write_bytes(b"")
-    closing = mending.mend(folder, mending.KILLED)
+    closing = record_repair.mend(folder, record_repair.KILLED)
     assert closing["messages"] == "0"
     assert "control period" in closing["detail"]
     assert mcap_reading.is_closed(folder / "job.mcap")

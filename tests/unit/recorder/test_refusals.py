@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette.messages import Document, Done, Record
-from pincette_recorder.keeper import Keeper
+from pincette.control.quantities import Document
+from pincette.core.messages import Ack, Record
+from pincette_recorder.record_keeper import Keeper
 from tests.support.recorded import EPOCH, loop
 
 from .conftest import Bench
@@ -25,7 +26,7 @@ def test_another_job_takes_over_from_one_that_nobody_finished(bench: Bench) -> N
     bench.begin()
     bench.feed(loop(20))
     bench.keeper.take()
-    assert bench.begin("j-2", EPOCH + 2) == Done(0)
+    assert bench.begin("j-2", EPOCH + 2) == Ack(0)
     manifest = json.loads((bench.jobs / "j-1" / "manifest.json").read_text(encoding="utf-8"))
     assert "began before anybody had finished" in manifest["detail"]
     assert bench.keeper.record is not None
@@ -44,7 +45,7 @@ def test_a_folder_that_has_a_record_is_refused(bench: Bench) -> None:
 def test_a_full_disk_is_refused(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.config = replace(bench.config, min_free_bytes=10**18)
-    bench.keeper = Keeper(bench.config, bench.intake, lambda: bench.now_s, bench.clock_ns)
+    bench.keeper = Keeper(bench.config, bench.intake, bench.wall, lambda: bench.now_s)
     answer = bench.begin()
     assert isinstance(answer, str)
     assert "must be at least 1000000000000 MB ([recorder] min_free_MB)" in answer

@@ -41,19 +41,19 @@ def test_a_folder_is_deleted_and_others_stay(tmp_path: Path) -> None:
         os.utime(manifest, (NOW_S + place, NOW_S + place))
     (tmp_path / "open").mkdir()
     (tmp_path / "open" / "job.mcap").write_bytes(b"")
-    kept = retention.ended(tmp_path, but="j-00")
-    assert len(kept) == 12
+    kept = retention.ended(tmp_path)
+    assert len(kept) == 13
     assert kept[0].size == 1002
     for name in doomed(kept, NOW_S + 1e6, 10.0, None):
         retention.delete(tmp_path, name)
     left = sorted(path.name for path in tmp_path.iterdir())
-    assert left == ["j-00", *(f"j-{place:02d}" for place in range(3, 13)), "open"]
+    assert left == [*(f"j-{place:02d}" for place in range(3, 13)), "open"]
 
 
 def test_a_deletion_that_broke_off_is_ended(tmp_path: Path) -> None:
     grave = tmp_path / ".deleted-j-01"
     grave.mkdir()
     (grave / "manifest.json").write_text("{}", encoding="utf-8")
-    assert retention.ended(tmp_path, but="") == []
+    assert retention.ended(tmp_path) == []
     retention.sweep(tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -2,7 +2,7 @@
 
 import json
 
-from pincette.messages import Done, Recorded, Telemetry, Timing
+from pincette.core.messages import Ack, Recorded, Telemetry, Timing
 from pincette.records import mcap_reading
 from tests.support.recorded import loop, timing
 
@@ -10,7 +10,7 @@ from .conftest import Bench
 
 
 def test_what_each_program_told_last_of_its_punctuality_is_a_file_of_its_own(bench: Bench) -> None:
-    assert bench.begin() == Done(0)
+    assert bench.begin() == Ack(0)
     bench.feed([timing("estimator", 10, 0.001), timing("sensor", 12, 0.003), *loop(30)])
     bench.feed([timing("estimator", 20, 0.001, 0.004)])
     bench.finish(29)
@@ -28,14 +28,14 @@ def test_what_each_program_told_last_of_its_punctuality_is_a_file_of_its_own(ben
 
 
 def test_a_loop_that_keeps_no_clock_leaves_no_such_file(bench: Bench) -> None:
-    assert bench.begin() == Done(0)
+    assert bench.begin() == Ack(0)
     bench.feed(loop(30))
     bench.finish(29)
     assert not (bench.jobs / "j-1" / "timing.json").exists()
 
 
 def test_what_a_loop_tells_of_itself_does_not_keep_a_record_open(bench: Bench) -> None:
-    assert bench.begin() == Done(0)
+    assert bench.begin() == Ack(0)
     bench.feed([message for message in loop(30) if not isinstance(message, Telemetry)])
     assert bench.finish(29) is None
     for seq in range(29, 33):
@@ -45,7 +45,7 @@ def test_what_a_loop_tells_of_itself_does_not_keep_a_record_open(bench: Bench) -
 
 
 def test_of_timing_only_what_says_more_is_written(bench: Bench) -> None:
-    assert bench.begin() == Done(0)
+    assert bench.begin() == Ack(0)
     bench.feed(loop(30)[:-1])
     for second in range(25):
         bench.feed([timing("sensor", second, *[0.001] * (second + 1))])

@@ -1,7 +1,7 @@
 """Samples that are known to be missing."""
 
-from pincette.messages import Applied, Command, Estimate, Message, Position
-from pincette.records.losses import lost
+from pincette.core.messages import Applied, Command, Estimate, Message, Position
+from pincette.records.tables import lost
 from tests.support.recorded import loop
 
 

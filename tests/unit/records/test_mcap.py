@@ -13,7 +13,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from pincette.records import mcap_reading
 from pincette.records.columns import columns
 from pincette.records.mcap_file import CHUNK_NS, McapFile
-from pincette.records.repair import repair
+from pincette_recorder.record_repair import repair
 from tests.support import recorded
 from tests.support.recorded import ABOUT, PERIOD_S, START_NS, loop, notice, write
 
@@ -64,7 +64,9 @@ def test_the_public_reader_decodes_it(tmp_path: Path) -> None:
 def test_truths_are_logged_beside_their_samples(tmp_path: Path) -> None:
     write(tmp_path / "job.mcap", loop(5))
     with (tmp_path / "job.mcap").open("rb") as file:
-        times = [entry.log_time for _, _, entry in make_reader(file).iter_messages(["truth"])]
+        times = [
+            entry.log_time for _, _, entry in make_reader(file).iter_messages(["ground_truth"])
+        ]
     assert times == [START_NS + seq * 20_000_000 for seq in range(5)]
 
 

@@ -1,16 +1,16 @@
 """Messages as Protobuf: nothing of them is lost, and a file brings its own schema along."""
 
 import struct
-from dataclasses import fields
 from typing import Any
 
 import pytest
 from google.protobuf import descriptor_pb2
+from msgspec.structs import fields
 
-from pincette.messages import Estimate, Message
+from pincette.core.messages import Estimate, Message
+from pincette.core.topics import TOPICS
 from pincette.records import schemas
 from pincette.records.schemas import SCHEMAS
-from pincette.topics import TOPICS
 from tests.support.recorded import asked, loop, name_of, notice, timing
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pincette.records.units import bare, unit_of
+from pincette.core.units import bare, unit_of
 
 
 @pytest.mark.parametrize(

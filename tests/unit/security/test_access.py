@@ -4,8 +4,18 @@ from itertools import combinations, product
 
 import pytest
 
-from pincette.bus.links import partners
-from pincette.runtime.process import loop_services
+from pincette.bus.topology import partners
+from pincette.core.topics import (
+    COMMAND,
+    LOOP,
+    REQUESTS,
+    TOPICS,
+    Topic,
+    key,
+    live_key,
+    request_key,
+)
+from pincette.engine.process import loop_services
 from pincette.security.access import (
     Access,
     Rule,
@@ -15,8 +25,7 @@ from pincette.security.access import (
     service_access,
 )
 from pincette.security.identity import OF_A_RIG, person, program, programs_of
-from pincette.security.rights import Rights, may_ask, rights, tells
-from pincette.topics import COMMAND, LOOP, QUESTIONS, TOPICS, Topic, key, live_key, question_key
+from pincette.security.rights import Rights, may_ask, publishes, rights
 
 from .listed import lets
 
@@ -38,7 +47,7 @@ def test_the_router_takes_a_topic_of_its_producer_alone(topic: Topic) -> None:
     wanted = key("left", topic)
     say = {who.name for who in EVERYBODY if lets(AT_ROUTER, who, "ingress", "put", wanted)}
     assert say == {
-        who.name for who in EVERYBODY if who.rig in ("", "left") and tells(who.role, topic)
+        who.name for who in EVERYBODY if who.rig in ("", "left") and publishes(who.role, topic)
     }
     assert say
 
@@ -56,25 +65,25 @@ def test_a_put_on_a_wildcard_is_let_through_for_nobody(wildcard: str) -> None:
 
 
 def test_only_the_supervisor_asks_everything() -> None:
-    for who, question in product(EVERYBODY, QUESTIONS):
-        wanted = question_key("left", question)
+    for who, question in product(EVERYBODY, REQUESTS):
+        wanted = request_key("left", question)
         asked = lets(AT_ROUTER, who, "ingress", "query", wanted)
         assert asked == may_ask(who.role, question), (who, question)
-    assert {q.name for q in QUESTIONS if may_ask("viewer", q)} == {"status", "rig_file"}
-    moving = {q.name for q in QUESTIONS if may_ask("operator", q)} - {"status", "rig_file"}
-    assert moving == {"trip", "order"}
-    assert not any(may_ask(name, question) for name, question in product(OF_A_RIG, QUESTIONS))
+    assert {q.name for q in REQUESTS if may_ask("viewer", q)} == {"status", "rig_file"}
+    moving = {q.name for q in REQUESTS if may_ask("operator", q)} - {"status", "rig_file"}
+    assert moving == {"trip", "sim_command"}
+    assert not any(may_ask(name, question) for name, question in product(OF_A_RIG, REQUESTS))
 
 
 def test_a_question_on_a_wildcard_reaches_no_question() -> None:
     for who in (VIEWER, OPERATOR, *PROGRAMS):
-        for wildcard in ("pincette/v1/left/**", "pincette/v1/left/ask/*/*", "**"):
+        for wildcard in ("pincette/v1/left/**", "pincette/v1/left/call/*/*", "**"):
             assert not lets(AT_ROUTER, who, "ingress", "query", wildcard)
 
 
 def test_answers_come_from_whom_they_are_asked_of() -> None:
-    for who, question in product(PROGRAMS, QUESTIONS):
-        answers = lets(AT_ROUTER, who, "ingress", "reply", question_key("left", question))
+    for who, question in product(PROGRAMS, REQUESTS):
+        answers = lets(AT_ROUTER, who, "ingress", "reply", request_key("left", question))
         assert answers == (who == program(question.service, "left"))
 
 
@@ -130,8 +139,8 @@ def test_the_router_and_a_service_agree_on_what_passes_between_them() -> None:
             wanted = key("left", topic)
             said = lets(access, ROUTER, "egress", "put", wanted)
             assert said == lets(AT_ROUTER, who, "ingress", "put", wanted)
-        for question in QUESTIONS:
-            wanted = question_key("left", question)
+        for question in REQUESTS:
+            wanted = request_key("left", question)
             asked = lets(access, ROUTER, "ingress", "query", wanted)
             assert asked == lets(AT_ROUTER, who, "egress", "query", wanted)
 
@@ -140,10 +149,10 @@ def test_beside_the_router_an_operator_may_ask_what_it_may_and_nobody_else_anyth
     for name, who in product(LOOP, EVERYBODY):
         granted = list_of(name).get(who.name, ())
         linked = {f"left/{other}" for other in partners(name, SERVICES, lockstep=False)}
-        questions = [one for one in SERVICES[name].questions if may_ask("operator", one)]
+        questions = [one for one in SERVICES[name].requests if may_ask("operator", one)]
         if who == OPERATOR:
             asked = {one for rule in granted if "query" in rule.messages for one in rule.keys}
-            assert asked == {question_key("left", one) for one in questions}
+            assert asked == {request_key("left", one) for one in questions}
         elif who.name not in linked:
             assert granted == ()
 

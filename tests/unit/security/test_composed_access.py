@@ -4,14 +4,14 @@ from itertools import combinations, product
 
 import pytest
 
-from pincette.bus.links import partners
+from pincette.bus.topology import partners
 from pincette.config import read_rig
-from pincette.runtime.process import loop_programs
+from pincette.core.service import member_services
+from pincette.core.topics import ARM, LOOP, TOPICS, key, live_key, request_key
+from pincette.engine.process import loop_programs
 from pincette.security.access import Access, router_access, service_access
 from pincette.security.identity import Identity, program, programs_of
 from pincette.security.rights import Rights, rights
-from pincette.service import services_of
-from pincette.topics import ARM, LOOP, TOPICS, key, live_key, question_key
 from tests.support.partitions import Programs, composing, partitions
 from tests.support.rigs import DEMO
 from tests.unit.security.test_access import OPERATOR, ROUTER, lets
@@ -30,7 +30,7 @@ def list_of(name: str, composed: Programs, *, lockstep: bool = False) -> Access:
 @pytest.mark.parametrize("name", sorted({name for one in COMPOSED for name in one}))
 def test_it_has_the_rights_of_its_services_together(name: str) -> None:
     own = rights(program(name, NAME))
-    parts = [rights(program(one, NAME)) for one in services_of(name)]
+    parts = [rights(program(one, NAME)) for one in member_services(name)]
     for what in ("tells", "answers", "asks", "hears", "lives", "sees"):
         together = {place for part in parts for place in getattr(part, what)}
         assert set(getattr(own, what)) == together, what
@@ -42,13 +42,13 @@ def test_it_has_the_rights_of_its_services_together(name: str) -> None:
 def test_the_router_lets_it_speak_for_its_services_alone(composed: Programs) -> None:
     at_router = router_access(programs_of(NAME, composed))
     for name, other in product(composed, (*LOOP, "recorder", "rig")):
-        who, own = program(name, NAME), other in services_of(name)
+        who, own = program(name, NAME), other in member_services(name)
         told = [topic for topic in TOPICS if topic.producer == other]
         for topic in told:
             assert lets(at_router, who, "ingress", "put", key(NAME, topic)) == own
         assert lets(at_router, who, "ingress", "liveliness_token", live_key(NAME, other)) == own
         if other in ARM:
-            asked = question_key(NAME, ARM[other])
+            asked = request_key(NAME, ARM[other])
             assert lets(at_router, who, "ingress", "reply", asked) == own
             assert not lets(at_router, who, "ingress", "query", asked)
         assert not lets(at_router, who, "ingress", "put", f"pincette/v1/{NAME}/*")

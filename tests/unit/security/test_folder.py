@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pincette.security.credentials import SOON, checked
 from pincette.security.establishing import README, due, enrol, establish
-from pincette.security.folder import Folder
+from pincette.security.folder import SOON, Folder, checked
 from pincette.security.identity import OF_A_RIG, SecurityError, person, program
 
 NOW = datetime(2013, 4, 1, 12, tzinfo=UTC)

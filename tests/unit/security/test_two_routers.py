@@ -4,10 +4,16 @@ from itertools import product
 
 import pytest
 
-from pincette.bus.places import program_place, router_place, tool_place, upstream_place
+from pincette.bus.endpoints import (
+    program_endpoint,
+    router_endpoint,
+    tool_endpoint,
+    upstream_endpoint,
+)
 from pincette.bus.protocol import BusError
 from pincette.config import ConfigError, RigFile
 from pincette.config.reading import laid_over
+from pincette.core.topics import LOOP, REQUESTS, TOPICS, key, live_key, request_key
 from pincette.security.access import (
     beyond_rig,
     beyond_upstream,
@@ -15,7 +21,6 @@ from pincette.security.access import (
     router_access,
 )
 from pincette.security.identity import Identity, person, program, programs_of
-from pincette.topics import LOOP, QUESTIONS, TOPICS, key, live_key, question_key
 from tests.support.rigs import demo_rig
 
 from .listed import lets
@@ -47,8 +52,8 @@ def test_what_reaches_the_loop_from_upstream_is_what_its_people_may(apart: bool)
         passes = lets(at_rig, UPSTREAM, "ingress", "put", key(rig, topic))
         assert passes == (apart and topic.producer == "supervisor")
     each = router_access(KNOWN)
-    for question in QUESTIONS:
-        wanted = question_key("left", question)
+    for question in REQUESTS:
+        wanted = request_key("left", question)
         passes = lets(at_rig, UPSTREAM, "ingress", "query", wanted)
         assert passes == any(lets(each, one, "ingress", "query", wanted) for one in server)
     for name in LOOP:
@@ -81,8 +86,8 @@ def test_what_one_router_lets_out_the_other_lets_in() -> None:
         if topic.producer != "recorder":
             assert lets(at_server, ROUTER, "egress", "declare_subscriber", wanted)
             assert lets(at_rig, UPSTREAM, "ingress", "declare_subscriber", wanted)
-    for question in QUESTIONS:
-        wanted = question_key("left", question)
+    for question in REQUESTS:
+        wanted = request_key("left", question)
         if question.service not in ("recorder",):
             for message in ("declare_queryable", "reply"):
                 assert lets(at_rig, UPSTREAM, "egress", message, wanted), question
@@ -99,22 +104,22 @@ def far(**bus: str) -> RigFile:
 def test_who_is_beside_which_router() -> None:
     rig = far(host="10.0.0.2", upstream="10.0.0.1:7447")
     port = rig.bus.port
-    assert router_place(rig).listen == (f"tcp/10.0.0.2:{port}",)
-    assert router_place(rig).connect == ("tcp/10.0.0.1:7447",)
-    assert upstream_place(rig).listen == ("tcp/10.0.0.1:7447",)
-    assert upstream_place(rig).connect == ()
-    for place in (tool_place(rig), program_place(rig, "supervisor", lockstep=False)):
+    assert router_endpoint(rig).listen == (f"tcp/10.0.0.2:{port}",)
+    assert router_endpoint(rig).connect == ("tcp/10.0.0.1:7447",)
+    assert upstream_endpoint(rig).listen == ("tcp/10.0.0.1:7447",)
+    assert upstream_endpoint(rig).connect == ()
+    for place in (tool_endpoint(rig), program_endpoint(rig, "supervisor", lockstep=False)):
         assert place.connect == ("tcp/10.0.0.1:7447",)
     near = far(host="10.0.0.2", upstream="10.0.0.1:7447", served_at="rig")
-    assert tool_place(near).connect == (f"tcp/10.0.0.2:{near.bus.port}",)
+    assert tool_endpoint(near).connect == (f"tcp/10.0.0.2:{near.bus.port}",)
     assert not near.bus.apart
 
 
 def test_a_rig_without_upstream_is_as_it_was() -> None:
     rig = demo_rig()
-    assert router_place(rig).connect == ()
+    assert router_endpoint(rig).connect == ()
     with pytest.raises(BusError, match=r"has no \[bus\] upstream"):
-        upstream_place(rig)
+        upstream_endpoint(rig)
 
 
 def test_where_the_server_is_changes_no_digest() -> None:

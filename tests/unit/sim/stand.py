@@ -3,14 +3,15 @@
 from dataclasses import dataclass, field
 
 from pincette.config.script import ScriptedOrder
-from pincette.messages import Order
+from pincette.core.messages import SimCommand
+from pincette.sim.rig.commands import Orders
 from pincette.sim.script.script import Script
 
 T = 0.02
 
 
 @dataclass
-class Rig:
+class Rig(Orders):
     """A rig whose arm stands at a micrometre a tick; time moves by the writes."""
 
     writes: list[float] = field(default_factory=list[float])
@@ -86,7 +87,7 @@ class Stand:
     def order(
         self, target: str, what: str, value: float | None = None, *, after_s: float = 0.0
     ) -> None:
-        assert self.script.order(Order(target, what, value, after_s)) == ""
+        assert self.script.order(SimCommand(target, what, value, after_s)) == ""
 
 
 def stand(*orders: ScriptedOrder, lockstep: bool = True) -> Stand:

@@ -8,8 +8,8 @@ from nidaqmx._stubs import nidaqmx_pb2 as messages
 from nidaqmx.constants import AcquisitionType, FillMode
 from session_pb2 import Session
 
-from pincette.sim.instruments.daq import AVAILABLE, SERVICE, SimulatedDaq
-from tests.support.fed import DRIVE, OUTPUT, POSITION, WIRED, HandRig
+from pincette_nidaqmx.simulated.daq import AVAILABLE, SERVICE, SimulatedDaq
+from tests.support.wired_rig import DRIVE, OUTPUT, POSITION, WIRED, HandRig
 
 SEED = 9263
 CALLS = 20_000

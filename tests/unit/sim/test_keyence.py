@@ -155,9 +155,3 @@ def test_unasked_lines_come_before_an_answer_and_not_in_set_up_mode() -> None:
     alone, both = b"MS,01,+0001.50", b"TG,01,+0001.50\rMS,01,+0001.50"
     assert replies == [alone, both, alone, both]
     assert [instrument.answer(line) for line in (b"Q0", b"SW,CA,3")] == [b"Q0", b"SW,CA"]
-
-
-def test_each_command_has_a_time_of_its_own() -> None:
-    instrument = SimulatedKeyence(lambda: 1.5, processing_s={b"MS": 0.002})
-    assert instrument.processing_s(b"ms,01") == 0.002
-    assert instrument.processing_s(b"R0") == 0.0

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from pincette.config import Simulation
-from pincette.config.simulated_parts import Bead
-from pincette.sim.drawn.free_loop import free_loop
-from pincette.sim.drawn.random_rigs import random_simulation, with_loop
-from pincette.sim.drawn.true_values import true_values
+from pincette.config.simulation import Bead
 from pincette.sim.plant import plant
+from tests.support.drawn.free_loop import free_loop
+from tests.support.drawn.random_rigs import random_simulation, with_loop
+from tests.support.drawn.true_values import true_values
 
 SEEDS = (0, 1, 2, 3)
 
@@ -39,6 +39,21 @@ def test_a_drawn_rig_keeps_the_bounds(
     assert abs(true.contact_um - simulation.bead_contact_um) < 2.0
     assert 0.9 < true.contact_stiffness_mN_per_um / rig.environment_stiffness_mN_per_um < 1.0
     assert true.noise_um > rig.sensor_noise_um
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_rig_with_relays_is_the_same_but_for_its_hysteresis(
+    simulation: Simulation, seed: int, drawn: dict[int, Simulation]
+) -> None:
+    rig = random_simulation(simulation, seed, relays=True)
+    true, other = true_values(rig), true_values(_drawn(simulation, seed, drawn))
+    assert true.piezo_um_per_V == pytest.approx(other.piezo_um_per_V, rel=1e-3)
+    assert rig.relays is not None
+    assert 0.1 <= rig.relays.loop_share <= 0.23
+    assert 100.0 * rig.relays.loop_share > true.loop_percent > 3.0
+    same = {"hysteresis": None, "relays": None, "piezo_um_per_V": 1.0}
+    bouc_wen = _drawn(simulation, seed, drawn)
+    assert rig.model_copy(update=same) == bouc_wen.model_copy(update=same)
 
 
 def test_a_seed_is_a_rig(simulation: Simulation, drawn: dict[int, Simulation]) -> None:

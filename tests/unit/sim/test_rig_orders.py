@@ -5,7 +5,7 @@ import math
 import pytest
 
 from pincette.config import Simulation
-from pincette.config.simulated_parts import Bead
+from pincette.config.simulation import Bead
 from pincette.sim.rig.rig import SimulatedRig
 
 PERIOD_S = 0.02

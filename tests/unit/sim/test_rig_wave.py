@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pincette.config import Simulation
-from pincette.config.simulated_parts import Drift, SecondMode
+from pincette.config.simulation import Drift, SecondMode
 from pincette.sim.plant import plant
 from pincette.sim.rig.capture import CaptureOverflowError
 from pincette.sim.rig.rig import SimulatedRig
@@ -93,8 +93,9 @@ def test_captured_samples_are_the_plants_own(fast: Simulation) -> None:
         rig.go_on()
     more_um, more_V = rig.drain()
     assert (len(x_um), len(more_um)) == (200, 800)
+    # The wave begins with the first sample of the capture, which is one period after its begin.
     _, expected_um, expected_V = plant.play(
-        plant.plant_parameters(fast), plant.start(), 1e-4, SWEPT
+        plant.plant_parameters(fast), plant.start(), 1e-4, [0.0, *SWEPT[:-1]]
     )
     assert x_um + more_um == pytest.approx(expected_um, abs=1e-9)
     assert drive_V + more_V == pytest.approx(expected_V, abs=1e-12)
@@ -198,6 +199,7 @@ def test_in_real_time_a_wave_follows_the_clock(fast: Simulation) -> None:
         now_s[0] = 7.0 + passed_s
         count += len(rig.drain()[0])
         assert count == math.floor(passed_s * RATE_HZ + 1e-6)
-        assert rig.wave_over == (passed_s >= 0.1)
+        # It has begun with the first sample of the capture.
+        assert rig.wave_over == (passed_s > 0.1)
     played = replace(rig.snapshot(), time_s=0.0)
     assert played.voltage_V == pytest.approx(SWEPT[-1], abs=1e-6)

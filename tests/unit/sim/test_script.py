@@ -3,8 +3,8 @@
 import pytest
 
 from pincette.config import ConfigError, RigFile, parse_rig
-from pincette.config.script import DEEDS
-from pincette.messages import Order
+from pincette.config.script import OPERATIONS
+from pincette.core.messages import SimCommand
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.script.script import FORBIDDEN, script_of
 from tests.unit.sim.stand import Rig, Stand, T, entry, stand
@@ -97,20 +97,23 @@ def test_heal_ends_what_was_before_it_and_nothing_after() -> None:
 @pytest.mark.parametrize(
     ("order", "words"),
     [
-        (Order("bead", "remove"), "no target 'bead'; there are part, weight, arm, sensor, output"),
-        (Order("part", "melt"), "part knows no 'melt'; it knows remove, place, lose"),
-        (Order("output", "over_range"), "output knows no 'over_range'"),
-        (Order("weight", "hang"), "weight hang needs a value: mN"),
-        (Order("weight", "hang", 1e6), "weight hang 1000000.0: beyond -1000..1000"),
-        (Order("arm", "stiffen", float("nan")), "arm stiffen nan: beyond 0.01..100"),
-        (Order("sensor", "slow", 6.0), "sensor slow 6.0: beyond 0..5 (s)"),
-        (Order("sensor", "stuck", 1.0), "sensor stuck takes no value, 1.0 was given"),
-        (Order("part", "lose", for_s=1.0), "part lose happens once: for_s = 1.0 s"),
-        (Order("sensor", "off", after_s=-1.0), "after_s = -1.0 s is no time from now on"),
-        (Order("sensor", "off", for_s=0.0), "for_s = 0.0 s is no duration"),
+        (
+            SimCommand("bead", "remove"),
+            "no target 'bead'; there are part, weight, arm, sensor, output",
+        ),
+        (SimCommand("part", "melt"), "part knows no 'melt'; it knows remove, place, lose"),
+        (SimCommand("output", "over_range"), "output knows no 'over_range'"),
+        (SimCommand("weight", "hang"), "weight hang needs a value: mN"),
+        (SimCommand("weight", "hang", 1e6), "weight hang 1000000.0: beyond -1000..1000"),
+        (SimCommand("arm", "stiffen", float("nan")), "arm stiffen nan: beyond 0.01..100"),
+        (SimCommand("sensor", "slow", 6.0), "sensor slow 6.0: beyond 0..5 (s)"),
+        (SimCommand("sensor", "stuck", 1.0), "sensor stuck takes no value, 1.0 was given"),
+        (SimCommand("part", "lose", for_s=1.0), "part lose happens once: for_s = 1.0 s"),
+        (SimCommand("sensor", "off", after_s=-1.0), "after_s = -1.0 s is no time from now on"),
+        (SimCommand("sensor", "off", for_s=0.0), "for_s = 0.0 s is no duration"),
     ],
 )
-def test_a_wrong_order_is_refused_with_what_could_be(order: Order, words: str) -> None:
+def test_a_wrong_order_is_refused_with_what_could_be(order: SimCommand, words: str) -> None:
     bench = stand()
     assert words in bench.script.order(order)
     assert bench.run(2) == [0.0, 1.0]
@@ -119,13 +122,13 @@ def test_a_wrong_order_is_refused_with_what_could_be(order: Order, words: str) -
 
 def test_what_the_rig_cannot_bear_is_said() -> None:
     bench = stand()
-    assert "there is no room" in bench.script.order(Order("part", "place", 13.0))
+    assert "there is no room" in bench.script.order(SimCommand("part", "place", 13.0))
 
 
 def test_orders_need_leave(demo: RigFile) -> None:
     script = script_of(demo)
     script.operate(Rig())
-    assert script.order(Order("part", "remove")) == FORBIDDEN
+    assert script.order(SimCommand("part", "remove")) == FORBIDDEN
     assert "scripts = true" in FORBIDDEN
 
 
@@ -154,6 +157,6 @@ def test_a_run_can_be_repeated_to_the_bit() -> None:
 
 
 def test_the_table_names_each_deed_once() -> None:
-    for deeds in DEEDS.values():
-        names = [deed.what for deed in deeds]
+    for operations in OPERATIONS.values():
+        names = [operation.what for operation in operations]
         assert len(names) == len(set(names))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pincette.messages import Order
+from pincette.core.messages import SimCommand
 from pincette.sim.instruments.protocol import Instrument
 from pincette.sim.script.faults import Fault, Faults, HungUpError
 from pincette.sim.script.script import Script
@@ -37,7 +37,7 @@ def test_garbage_is_keyed_by_seed_target_and_exchange() -> None:
         script, rig = Script(seed=seed), Rig()
         script.operate(rig)
         line = script.link(name, Echo())
-        script.order(Order(name, "garbage"))
+        script.order(SimCommand(name, "garbage"))
         return [line.answer(b"MS,01") for _ in range(50)]
 
     once = said(1, "sensor")
@@ -61,9 +61,9 @@ def test_a_slow_answer_is_none_in_lockstep_once_nobody_waits_for_it() -> None:
     script, rig, echo = Script(timeouts_s={"sensor": 0.1}), Rig(), Echo()
     script.operate(rig)
     line = script.link("sensor", echo)
-    script.order(Order("sensor", "slow", 0.1))
+    script.order(SimCommand("sensor", "slow", 0.1))
     assert line.answer(b"a") == b"a"
-    script.order(Order("sensor", "slow", 0.11))
+    script.order(SimCommand("sensor", "slow", 0.11))
     assert line.answer(b"b") is None
     assert echo.heard == [b"a", b"b"]
 
@@ -74,19 +74,6 @@ def test_a_slow_answer_sleeps_in_real_time() -> None:
     line = ScriptedLine(Echo(), lambda: slow, "", None, slept.append)
     assert line.answer(b"x") == b"x"
     assert slept == [0.3]
-
-
-class Slow(Echo):
-    def processing_s(self, line: bytes) -> float:
-        return 0.001 * len(line)
-
-
-def test_the_time_an_instrument_takes_is_its_own() -> None:
-    def line_of(instrument: Instrument) -> ScriptedLine:
-        return ScriptedLine(instrument, Faults, "", None)
-
-    assert line_of(Slow()).processing_s(b"four") == 0.004
-    assert line_of(Echo()).processing_s(b"four") == 0.0
 
 
 def test_an_instrument_is_let_idle_behind_its_line() -> None:

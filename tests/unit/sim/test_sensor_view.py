@@ -3,7 +3,7 @@ import math
 import pytest
 
 from pincette.config import Simulation
-from pincette.config.simulated_parts import Drift
+from pincette.config.simulation import Drift
 from pincette.sim.rig.sensor_view import KEPT, Average, drift_um, reading_um
 
 

@@ -4,7 +4,6 @@ import pytest
 
 from pincette.config import Simulation
 from pincette.sim.rig.rig import SimulatedRig
-from pincette.sim.rig.streamed_wave import StreamingRig
 
 PERIOD_S, RATE_HZ, PER_TICK = 0.02, 7000.0, 140
 WAVE_V = [0.3 * math.sin(0.02 * index) for index in range(6 * PER_TICK)]
@@ -25,7 +24,7 @@ def played_whole(simulation: Simulation) -> Played:
 
 
 def played_in_pieces(simulation: Simulation, ahead: int) -> Played:
-    rig = StreamingRig(simulation, PERIOD_S, True, clock)
+    rig = SimulatedRig(simulation, PERIOD_S, True, clock)
     rig.begin_capture(RATE_HZ)
     rig.put_out_wave(WAVE_V[:ahead], RATE_HZ)
     for begin in range(ahead, len(WAVE_V), PER_TICK):
@@ -47,7 +46,7 @@ def test_in_pieces_a_wave_is_the_same_to_the_bit(simulation: Simulation, ahead: 
 def test_a_wave_keeps_to_the_clock_of_the_capture(simulation: Simulation) -> None:
     now_s = [100.0]
     quick = {"output_lag_s": 0.0, "output_step_V": 1e-6}
-    rig = StreamingRig(simulation.model_copy(update=quick), PERIOD_S, False, lambda: now_s[0])
+    rig = SimulatedRig(simulation.model_copy(update=quick), PERIOD_S, False, lambda: now_s[0])
     rig.begin_capture(1000.0)
     now_s[0] = 100.0104
     rig.put_out_wave([1.0, 0.5, 0.25], 1000.0)
@@ -62,7 +61,7 @@ def test_a_wave_keeps_to_the_clock_of_the_capture(simulation: Simulation) -> Non
 
 
 def test_a_wave_that_runs_dry_is_over_and_takes_no_more(simulation: Simulation) -> None:
-    rig = StreamingRig(simulation, PERIOD_S, True, clock)
+    rig = SimulatedRig(simulation, PERIOD_S, True, clock)
     rig.put_out_wave(WAVE_V[:PER_TICK], RATE_HZ)
     assert not rig.wave_over
     rig.go_on()
@@ -75,7 +74,7 @@ def test_a_wave_that_runs_dry_is_over_and_takes_no_more(simulation: Simulation) 
 def test_what_is_no_wave_is_refused_and_nothing_happens(
     simulation: Simulation, voltages_V: list[float]
 ) -> None:
-    rig = StreamingRig(simulation, PERIOD_S, True, clock)
+    rig = SimulatedRig(simulation, PERIOD_S, True, clock)
     with pytest.raises(ValueError, match="finite"):
         rig.put_out_wave(voltages_V, RATE_HZ)
     assert rig.now_s() == 0.0

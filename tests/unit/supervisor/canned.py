@@ -2,38 +2,19 @@
 
 import threading
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
-from pincette.bus.protocol import Answerer, BusError, RefusalError, Sink
+from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
 from pincette.config import RigFile, parse_calibration
-from pincette.messages import (
-    Act,
-    Applied,
-    Arm,
-    Document,
-    Done,
-    Finish,
-    JobNotice,
-    Lease,
-    Load,
-    Message,
-    Position,
-    Record,
-    Recorded,
-    Reset,
-    RigFileRequest,
-    RigFileTold,
-    Status,
-    StatusRequest,
-    TimingRequest,
-    Trip,
-)
-from pincette.topics import TOPIC_OF, Question, Topic
-from pincette_supervisor.running.health import PROGRAMS
+from pincette.control.quantities import Document
+from pincette.control.record import replace
+from pincette.core import messages
+from pincette.core.faults import Acted, Fault, Mode, Outcome
+from pincette.core.topics import TOPIC_OF, Request, Topic
+from pincette_supervisor.rigs.health import PROGRAMS
 
 from . import samples
-from .canned_record import closed
+from .canned_record import closed, trip_reason
 
 IN_HOLD, IN_APPROACH = 350, 60
 """Ticks of the canned grip."""
@@ -68,43 +49,43 @@ class CannedRig:
         self.place = 0
         self.acts: list[str] = []
         """What the controller was asked for, in order."""
-        self.trips: list[Trip] = []
-        self.notices: list[JobNotice] = []
+        self.trips: list[messages.Trip] = []
+        self.notices: list[messages.JobNotice] = []
         self.rests, self.freezes, self.deaf = True, False, False
         self.paused = False
         self.part_held = False
         """What the actuator keeps beyond the end of a program."""
-        self.detail = ""
-        """The actuator's own words."""
-        self.details: dict[str, str] = {}
-        """Those of the others."""
-        self.record: Record | None = None
+        self.mode: Mode | None = None
+        """As the actuator's status has it."""
+        self.findings: dict[str, tuple[Fault, ...]] = {}
+        """What a program's status tells beside."""
+        self.record: messages.Record | None = None
         self.records = Path()
         self.incomplete = ""
         """Why the record will not be complete."""
         self.frozen = False
-        self._last: Applied | None = None
+        self._last: messages.Applied | None = None
         self.turn = threading.RLock()
         """Held while the rig does something; a test holds it where it looks twice."""
         self._sinks: dict[Topic, list[Sink]] = {}
-        self._latest: dict[Topic, Message] = {}
+        self._latest: dict[Topic, messages.Message] = {}
         self._watchers: list[Callable[[str, bool], None]] = []
 
-    def publish(self, message: Message) -> None:
+    def publish(self, message: messages.Message) -> None:
         topic = TOPIC_OF[type(message)]
-        if isinstance(message, JobNotice):
+        if isinstance(message, messages.JobNotice):
             self.notices.append(message)
         self._latest[topic] = message
         for sink in self._sinks.get(topic, ()):
             sink(topic, message)
 
-    def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:  # noqa: ARG002
+    def latest(self, topic: Topic, timeout_s: float = 1.0) -> messages.Message | None:  # noqa: ARG002
         return self._latest.get(topic)
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         self._sinks.setdefault(topic, []).append(sink)
 
-    def serve(self, question: Question, answerer: Answerer) -> None:
+    def serve(self, question: Request, answerer: RequestHandler) -> None:
         raise NotImplementedError(f"{question} {answerer}")
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
@@ -126,58 +107,69 @@ class CannedRig:
 
     def idle(self) -> None:
         """What a rig in real time says while nothing plays."""
-        self.publish(Position(self.epoch, 0, 0.0, 0.01, valid=True))
-        self.publish(self._applied("latched" if self.latch else "idle", self.latch))
+        self.publish(messages.Position(self.epoch, 0, 0.0, 0.01, valid=True))
+        self.publish(self._applied(Mode.LATCHED if self.latch else Mode.IDLE, self.latch))
 
-    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+    def call(
+        self, question: Request, request: messages.Message, timeout_s: float = 2.0
+    ) -> messages.Message:
         service = question.service
         if service in self.silent:
             raise BusError(f"nobody answers {service}/{question.name} within {timeout_s:g} s")
-        if not isinstance(request, StatusRequest):
+        if not isinstance(request, messages.StatusRequest):
             self.asked.append(f"{service}/{question.name}")
         with self.turn:
             return self._answer(service, request)
 
-    def _answer(self, service: str, request: Message) -> Message:
+    def _answer(self, service: str, request: messages.Message) -> messages.Message:
         match request:
-            case StatusRequest():
+            case messages.StatusRequest():
                 digest, instance = self.digests[service], self.instances[service]
-                said = self.detail if service == "actuator" else self.details.get(service, "")
-                return Status(
-                    service, "0.1.0", instance, digest, self.epoch, 0, 0, 0, said, self.calibration
+                return messages.Status(
+                    service,
+                    "0.1.0",
+                    instance,
+                    digest,
+                    self.epoch,
+                    0,
+                    0,
+                    0,
+                    self.calibration,
+                    mode=self.mode if service == "actuator" else None,
+                    findings=self.findings.get(service, ()),
                 )
-            case RigFileRequest():
-                return RigFileTold(Document(self.told), self.rig.digest())
-            case Record():
+            case messages.RigFileRequest():
+                return messages.RigFileReply(Document(self.told), self.rig.digest())
+            case messages.Record():
                 self.record = request
-            case Finish():
+            case messages.Finish():
                 return self._finish(request)
-            case Arm():
+            case messages.Arm():
                 self._arm(service, request)
-            case Reset():
+            case messages.Reset():
                 self.latch = ""
                 self.part_held = self.part_held and self.frozen
                 self.frozen = False
-                self.publish(replace(self._applied("idle", ""), final=True))
-            case Trip():
+                self.publish(replace(self._applied(Mode.IDLE, ""), final=True))
+            case messages.Trip():
                 seq = self.place
                 self.trips.append(request)
-                self.trip(request.cause)
-                return Done(seq)
-            case Act():
+                self.trip(": ".join(filter(None, (request.cause, request.words))))
+                return messages.Ack(seq)
+            case messages.Action():
                 seq = self.place
                 self.acts.append(request.action)
                 self._act(request.action)
-                return Done(seq)
-            case TimingRequest():
+                return messages.Ack(seq)
+            case messages.TimingRequest():
                 return samples.timing(service, self.place)
-            case Load() | Lease():
+            case messages.Load() | messages.Lease():
                 pass
             case _:
                 raise AssertionError(request)
-        return Done(self.place)
+        return messages.Ack(self.place)
 
-    def _arm(self, service: str, request: Arm) -> None:
+    def _arm(self, service: str, request: messages.Arm) -> None:
         if service == "actuator" and self.latch:
             raise RefusalError(f"the actuator is latched ({self.latch}): reset it first")
         if service != "sensor":
@@ -207,19 +199,27 @@ class CannedRig:
         self.place = len(self.ticks)
         if self.freezes and held:
             self.frozen = self.part_held = True
-            self.publish(self._applied("frozen", cause))
+            self.publish(self._applied(Mode.FROZEN, cause))
             return
         self.thaw()
 
     def thaw(self) -> None:
         """The actuator ramps, and is latched then."""
         self.frozen = self.part_held = False
-        self.publish(self._applied("ramping", self.latch))
-        self.publish(replace(self._applied("latched", self.latch), final=True))
+        self.publish(self._applied(Mode.RAMPING, self.latch))
+        self.publish(replace(self._applied(Mode.LATCHED, self.latch), final=True))
 
-    def _applied(self, state: str, cause: str) -> Applied:
+    def _applied(self, state: Mode, told: str) -> messages.Applied:
         last = self._last or samples.grip(self.epoch)[0].applied
-        return replace(last, state=state, cause=cause, part_held=self.part_held, answered=False)
+        cause, faults = trip_reason(told)
+        return replace(
+            last,
+            state=state,
+            cause=cause,
+            faults=faults,
+            part_held=self.part_held,
+            answered=False,
+        )
 
     def _act(self, action: str) -> None:
         if self.place >= len(self.ticks):
@@ -236,23 +236,23 @@ class CannedRig:
             case "pause":
                 pass
             case "resume":
-                self.say(tick, "resume", None)
+                self.say(tick, (Acted.RESUME,), None)
                 self.play(max(self.pause_at or len(self.ticks), self.place + 1))
             case "keep":
                 self._keep(tick)
             case "stop" | "let_go" | "retract":
-                self.say(tick, "stop", "stopped")
+                self.say(tick, (Acted.STOP,), Outcome.STOPPED)
                 self.play(self.place + 1 if held and action == "stop" else None)
             case _ if not held:
                 raise RefusalError("no part is held: release has nothing to let go")
             case _:
-                self.say(tick, action, outcome)
+                self.say(tick, (Acted(action),), outcome)
                 self.play()
 
-    def say(self, tick: samples.Tick, word: str, outcome: str | None) -> None:
+    def say(self, tick: samples.Tick, acted: tuple[Acted, ...], outcome: Outcome | None) -> None:
         """Let an action act at the coming tick, and an outcome be said from there on."""
         self.paused = False
-        self.ticks[self.place] = replace(tick, telemetry=replace(tick.telemetry, acted=word))
+        self.ticks[self.place] = replace(tick, telemetry=replace(tick.telemetry, acted=acted))
         if outcome is not None:
             self.ticks[self.place :] = [
                 replace(later, telemetry=replace(later.telemetry, outcome=outcome))
@@ -262,7 +262,7 @@ class CannedRig:
     def rest(self) -> None:
         """The references rest: one more sample like the one before, which is paused."""
         last = self.ticks[max(self.place - 1, 0)]
-        said = replace(last.telemetry, acted="pause", paused=True)
+        said = replace(last.telemetry, acted=(Acted.PAUSE,), paused=True)
         self.ticks.insert(self.place, replace(last, telemetry=said))
         self.ticks[self.place :] = [
             samples.numbered(tick, seq)
@@ -275,16 +275,16 @@ class CannedRig:
     def lose(self) -> None:
         """A guard ends the pause: the program goes its way back."""
         tick = self.ticks[self.place]
-        self.say(tick, "", "lost")
+        self.say(tick, (), Outcome.LOST)
         self.play()
 
     def _keep(self, tick: samples.Tick) -> None:
         """End with the part held."""
         self.part_held = True
         self.ticks[self.place :] = []
-        self.publish(replace(tick.applied, state="idle", final=True, part_held=True))
+        self.publish(replace(tick.applied, state=Mode.IDLE, final=True, part_held=True))
 
-    def _finish(self, request: Finish) -> Recorded:
+    def _finish(self, request: messages.Finish) -> messages.Recorded:
         assert self.record is not None
         played = [message for tick in self.ticks[: self.place] for message in tick.messages()]
         return closed(self, self.record, request, played)
@@ -292,7 +292,7 @@ class CannedRig:
     def _continue(self, tick: samples.Tick) -> None:
         if self.place not in self.pauses:
             raise RefusalError("the program waits for nobody: continue has nothing to go on with")
-        acted = replace(tick.telemetry, acted="continue")
+        acted = replace(tick.telemetry, acted=(Acted.CONTINUE,))
         self.ticks[self.place] = replace(tick, telemetry=acted)
         self.play(next((place for place in self.pauses if place > self.place), None))
 

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Protocol
 
 from pincette.config import RigFile
-from pincette.messages import Finish, Message, Record, Recorded
+from pincette.core.faults import Cause, Fault, FaultCode, fault
+from pincette.core.messages import Finish, Message, Record, Recorded
 from pincette.records import folder
 from pincette.records.columns import columns
 
@@ -28,3 +29,15 @@ def closed(of: Recording, begun: Record, request: Finish, played: Sequence[Messa
     table = columns(played, of.rig.rig.period_s)
     folder.write_samples(where / folder.SAMPLES, table, about)
     return Recorded(request.job, len(played), 0, not of.incomplete, of.incomplete)
+
+
+def trip_reason(told: str) -> tuple[Cause, tuple[Fault, ...]]:
+    """A trip as a test names it: ``device: no answer``, or ``command_age`` after 51 ms of 50 ms."""
+    word, _, words = told.partition(": ")
+    if not told:
+        return Cause.NONE, ()
+    cause = Cause(word) if word in set(Cause) else Cause.ASKED
+    if cause == Cause.COMMAND_AGE and words:
+        return cause, (fault(FaultCode.NO_COMMAND, silent_s=0.051, limit_s=0.05),)
+    code = FaultCode.INSTRUMENT_SILENT if cause == Cause.DEVICE else FaultCode.REQUESTED
+    return cause, (fault(code, words),) if words else ()

@@ -7,7 +7,7 @@ import pytest
 
 from pincette.config import RigFile, parse_rig
 
-from .rig import Desk
+from .harness import Harness
 
 DEMO = Path(__file__).parents[3] / "deploy" / "rigs" / "demo.toml"
 
@@ -26,18 +26,18 @@ def real_time() -> RigFile:
 
 
 @pytest.fixture
-def open_desk(tmp_path: Path) -> Iterator[Callable[..., Desk]]:
-    desks: list[Desk] = []
+def open_harness(tmp_path: Path) -> Iterator[Callable[..., Harness]]:
+    harnesses: list[Harness] = []
 
-    def open_one(rig: RigFile, **settings: Any) -> Desk:
-        desks.append(Desk(rig, tmp_path, **settings))
-        return desks[-1]
+    def open_one(rig: RigFile, **settings: Any) -> Harness:
+        harnesses.append(Harness(rig, tmp_path, **settings))
+        return harnesses[-1]
 
     yield open_one
-    for desk in desks:
-        desk.close()
+    for harness in harnesses:
+        harness.close()
 
 
 @pytest.fixture
-def desk(rig_file: RigFile, open_desk: Callable[..., Desk]) -> Desk:
-    return open_desk(rig_file)
+def harness(rig_file: RigFile, open_harness: Callable[..., Harness]) -> Harness:
+    return open_harness(rig_file)

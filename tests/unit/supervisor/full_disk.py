@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import pytest
 from sqlalchemy import Connection
 
-from pincette_supervisor.journal.base import Base
+from pincette_supervisor.journal.database import Database
 from pincette_supervisor.journal.store import StoreError
 
 FULL = "the job store: database or disk is full; look at the disk's room and rights"
@@ -17,11 +17,11 @@ def full_disk(monkeypatch: pytest.MonkeyPatch) -> Generator[None]:
     """Nothing can be written; what is there can be read."""
 
     @contextmanager
-    def refuse(base: Base) -> Generator[Connection]:
+    def refuse(base: Database) -> Generator[Connection]:
         base.trouble = FULL
         raise StoreError(FULL)
         yield
 
     with monkeypatch.context() as patched:
-        patched.setattr(Base, "writing", refuse)
+        patched.setattr(Database, "writing", refuse)
         yield

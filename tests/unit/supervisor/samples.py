@@ -1,21 +1,23 @@
 """A grip and a track as the bus would carry them: canned samples, the same on every run."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sin
 from random import Random
 
 from pincette.control.arm.plant import consistent_arm, discretize
 from pincette.control.planning.path_shapes import sinusoid
-from pincette.messages import (
+from pincette.control.record import replace
+from pincette.core.faults import Cause, Mode, Outcome
+from pincette.core.messages import (
     Applied,
     Command,
     Estimate,
+    GroundTruth,
     Message,
     Position,
     Telemetry,
     Timing,
-    Truth,
 )
 from tests.support import recorded
 
@@ -50,7 +52,7 @@ class Tick:
     command: Command
     telemetry: Telemetry
     applied: Applied
-    truth: Truth
+    truth: GroundTruth
 
     def messages(self) -> tuple[Message, ...]:
         return (
@@ -97,7 +99,7 @@ def track(epoch: int = 7) -> list[Tick]:
         before = ("track", 1, CONTACT_UM + force_mN / STIFFNESS, force_mN)
     for _ in range(10):
         ticks.append(_tick(epoch, len(ticks), "unload", 2, CONTACT_UM, 0.0))
-    said = [replace(tick.telemetry, outcome="tracked") for tick in ticks[-10:]]
+    said = [replace(tick.telemetry, outcome=Outcome.TRACKED) for tick in ticks[-10:]]
     ticks[-10:] = [replace(t, telemetry=s) for t, s in zip(ticks[-10:], said, strict=True)]
     return _ended(ticks)
 
@@ -148,7 +150,7 @@ def _still(epoch: int, seq: int, phase: str, segment: int, x_um: float) -> Tick:
 
 def _moved(ticks: list[Tick]) -> list[Tick]:
     last = ticks[-1]
-    ticks[-1] = replace(last, telemetry=replace(last.telemetry, outcome="moved"))
+    ticks[-1] = replace(last, telemetry=replace(last.telemetry, outcome=Outcome.MOVED))
     return _ended(ticks)
 
 
@@ -179,7 +181,7 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
             force_uncertainty_mN=UNCERTAINTY_MN,
             perturbation_mN=0.0,
             zero_age_s=None if phase == "zero" else (seq - 20) * PERIOD_S,
-            zero_refusal="",
+            zero_refusal=None,
             applied_V=voltage_V,
             applied_seq=seq - 1,
             limits_active=0,
@@ -203,18 +205,18 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
             perturbation_mN=0.2,
             perturbation_error_mN=0.1,
             residual_um=-0.05,
-            outcome="gripped" if phase in ("unload", "retreat") else "",
+            outcome=Outcome.GRIPPED if phase in ("unload", "retreat") else Outcome.NONE,
             contact_x_um=CONTACT_UM if known else None,
             contact_stiffness_mN_per_um=STIFFNESS if known else None,
             held=held,
-            acted="",
+            acted=(),
         ),
         Applied(
             epoch=epoch,
             seq=seq,
             voltage_V=voltage_V,
-            state="armed",
-            cause="",
+            state=Mode.ARMED,
+            cause=Cause.NONE,
             limits_active=4 if phase == "approach" and seq < 25 else 0,
             part_held=held,
             zero=seq == 19,
@@ -223,7 +225,7 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
             refused=0,
             command_age_s=0.008,
         ),
-        Truth(seq, x_um, force_r_mN, voltage_V),
+        GroundTruth(seq, x_um, force_r_mN, voltage_V),
     )
 
 

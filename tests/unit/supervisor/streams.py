@@ -10,12 +10,12 @@ from fastapi import FastAPI
 
 from pincette.config import RigFile
 from pincette_supervisor import problems
-from pincette_supervisor.access.gate import Gate
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.rest import routes_events
-from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.running.events import EventLog
-from pincette_supervisor.running.rigs import Rigs
+from pincette_supervisor.rigs.rigs import Rigs
 
 GUARD_S = 20.0
 AT = "2026-03-01T12:00:00.000Z"
@@ -34,9 +34,9 @@ class Bench:
 
         class Stub:
             name = rig.rig.name
-            site = SimpleNamespace(store=bench.store, events=bench.log)
+            context = SimpleNamespace(store=bench.store, events=bench.log)
 
-            def has(self, job: str) -> bool:
+            def has_job(self, job: str) -> bool:
                 return job in bench.active
 
             @property
@@ -44,9 +44,10 @@ class Bench:
                 return SimpleNamespace(id=bench.active[0]) if bench.active else None
 
         app = FastAPI()
-        app.state.gate = Gate()
-        problems.install(app)
-        app.include_router(routes_events.routes(Rigs(cast(Conductor, Stub()))))
+        app.state.access = Access()
+        problems.install_handlers(app)
+        app.state.rigs = Rigs(cast(JobManager, Stub()))
+        app.include_router(routes_events.router)
         return app
 
     def job(self, name: str, state: str) -> None:

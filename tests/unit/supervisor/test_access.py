@@ -6,12 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from pincette.api.access_models import SCOPES, Scope, covers
-from pincette_supervisor.access.caller import Caller
-from pincette_supervisor.access.gate import Gate, admit
-from pincette_supervisor.access.ring import IDLE_H, before
-from pincette_supervisor.access.secret import digest_of, new_cookie, new_key
-from pincette_supervisor.journal.keys import SESSIONS_MAX, KeyBook, KeyNameTakenError
+from pincette.api.access import SCOPES, Scope, covers
+from pincette_supervisor.access.authentication import (
+    IDLE_H,
+    Authenticator,
+    Caller,
+    digest_of,
+    hours_before,
+    new_cookie,
+    new_key,
+    require_scope,
+)
+from pincette_supervisor.journal.access_rows import SESSIONS_MAX, KeyRepository
+from pincette_supervisor.journal.key_file import KeyNameTakenError
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.problems import ProblemError
 
@@ -33,8 +40,8 @@ def store(path: Path) -> Iterator[Store]:
 
 
 @pytest.fixture
-def book(store: Store) -> KeyBook:
-    return KeyBook(store)
+def book(store: Store) -> KeyRepository:
+    return KeyRepository(store)
 
 
 class Clock:
@@ -53,11 +60,13 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def gate(clock: Clock) -> Gate:
-    return Gate(now=clock)
+def authenticator(clock: Clock) -> Authenticator:
+    return Authenticator(now=clock)
 
 
-def made(book: KeyBook, name: str, scope: Scope = "operate", expires_at: str | None = None) -> str:
+def made(
+    book: KeyRepository, name: str, scope: Scope = "operate", expires_at: str | None = None
+) -> str:
     key = new_key()
     book.add(name, digest_of(key), scope, expires_at)
     return key
@@ -81,10 +90,12 @@ def test_keys_are_long_differ_and_are_known_by_their_begin() -> None:
     assert all(re.fullmatch(r"pincette_[A-Za-z0-9_-]{43}", key) for key in keys)
 
 
-def test_no_file_holds_a_key_or_a_cookie(book: KeyBook, gate: Gate, path: Path) -> None:
+def test_no_file_holds_a_key_or_a_cookie(
+    book: KeyRepository, authenticator: Authenticator, path: Path
+) -> None:
     key, cookie = made(book, "ann"), new_cookie()
-    gate.renew(book)
-    gate.sign_in(book, gate.known(HERE, key, None), cookie)
+    authenticator.refresh(book)
+    authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie)
     written = b"".join(file.read_bytes() for file in path.parent.iterdir())
     assert digest_of(key).encode() in written
     assert key.encode() not in written
@@ -92,22 +103,24 @@ def test_no_file_holds_a_key_or_a_cookie(book: KeyBook, gate: Gate, path: Path) 
     assert cookie.encode() not in written
 
 
-def test_without_a_key_whoever_comes_may_do_everything(gate: Gate) -> None:
-    caller = gate.known(HERE, "whatever is shown", None)
+def test_without_a_key_whoever_comes_may_do_everything(authenticator: Authenticator) -> None:
+    caller = authenticator.identify(HERE, "whatever is shown", None)
     assert (caller.scope, caller.name, caller.way) == ("admin", None, "open")
-    admit(caller, "admin")
+    require_scope(caller, "admin")
 
 
-def test_with_a_key_nobody_comes_in_without(book: KeyBook, gate: Gate) -> None:
+def test_with_a_key_nobody_comes_in_without(
+    book: KeyRepository, authenticator: Authenticator
+) -> None:
     key = made(book, "ann")
-    gate.renew(book)
+    authenticator.refresh(book)
     for wrong in (None, "", key[:-1], f"{key}x", key.lower(), digest_of(key), "x" * 10_000, "ä"):
         with pytest.raises(ProblemError) as refused:
-            admit(gate.known(HERE, wrong, None), "observe")
+            require_scope(authenticator.identify(HERE, wrong, None), "observe")
         assert refused.value.status == 401
         assert (refused.value.headers or {})["WWW-Authenticate"].startswith("Bearer realm=")
         assert not wrong or wrong not in refused.value.detail
-    assert gate.known(HERE, key, None).name == "ann"
+    assert authenticator.identify(HERE, key, None).name == "ann"
 
 
 @pytest.mark.parametrize("has", SCOPES)
@@ -115,10 +128,10 @@ def test_with_a_key_nobody_comes_in_without(book: KeyBook, gate: Gate) -> None:
 def test_a_scope_that_is_too_small_is_told_with_both(has: Scope, needed: Scope) -> None:
     caller = Caller(HERE, "ann", has, "key")
     if covers(has, needed):
-        admit(caller, needed)
+        require_scope(caller, needed)
         return
     with pytest.raises(ProblemError) as refused:
-        admit(caller, needed)
+        require_scope(caller, needed)
     assert refused.value.status == 403
     assert f"needs scope {needed}" in refused.value.detail
     assert f"key 'ann' has {has}" in refused.value.detail
@@ -126,68 +139,72 @@ def test_a_scope_that_is_too_small_is_told_with_both(has: Scope, needed: Scope) 
     assert wanted in (refused.value.headers or {})["WWW-Authenticate"]
 
 
-def test_a_revoked_key_opens_nothing_and_the_gate_stays_shut(book: KeyBook, gate: Gate) -> None:
+def test_a_revoked_key_opens_nothing_and_the_gate_stays_shut(
+    book: KeyRepository, authenticator: Authenticator
+) -> None:
     key, cookie = made(book, "ann"), new_cookie()
-    gate.renew(book)
-    gate.sign_in(book, gate.known(HERE, key, None), cookie)
-    assert gate.known(HERE, None, cookie).way == "session"
+    authenticator.refresh(book)
+    authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie)
+    assert authenticator.identify(HERE, None, cookie).way == "session"
     assert book.revoke("ann")
-    gate.renew(book)
-    assert gate.known(HERE, key, None).scope is None
-    assert gate.known(HERE, None, cookie).scope is None
-    assert gate.keys_wanted
-    assert not gate.has_usable_key
+    authenticator.refresh(book)
+    assert authenticator.identify(HERE, key, None).scope is None
+    assert authenticator.identify(HERE, None, cookie).scope is None
+    assert authenticator.keys_wanted
+    assert not authenticator.has_usable_key
     assert not book.revoke("ann")
     assert not book.revoke("bob")
 
 
-def test_a_key_expires(book: KeyBook, gate: Gate, clock: Clock) -> None:
+def test_a_key_expires(book: KeyRepository, authenticator: Authenticator, clock: Clock) -> None:
     key = made(book, "ann", expires_at="2126-03-01T12:00:01.000Z")
-    gate.renew(book)
-    assert gate.known(HERE, key, None).scope == "operate"
+    authenticator.refresh(book)
+    assert authenticator.identify(HERE, key, None).scope == "operate"
     clock.now = "2126-03-01T12:00:01.000Z"
-    assert gate.known(HERE, key, None).scope is None
+    assert authenticator.identify(HERE, key, None).scope is None
 
 
 def test_a_session_ends_when_its_page_is_silent_for_long(
-    book: KeyBook, gate: Gate, clock: Clock
+    book: KeyRepository, authenticator: Authenticator, clock: Clock
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
-    gate.renew(book)
-    gate.sign_in(book, gate.known(HERE, key, None), cookie)
-    clock.now = before(NOW, -IDLE_H + 0.1)
-    assert gate.known(HERE, None, cookie).way == "session"
+    authenticator.refresh(book)
+    authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie)
+    clock.now = hours_before(NOW, -IDLE_H + 0.1)
+    assert authenticator.identify(HERE, None, cookie).way == "session"
     for _ in range(2):  # keeps that it was seen just then, and looks at what is kept
-        gate.renew(book)
-    clock.now = before(clock.now, -IDLE_H + 0.1)
-    assert gate.known(HERE, None, cookie).name == "ann"
+        authenticator.refresh(book)
+    clock.now = hours_before(clock.now, -IDLE_H + 0.1)
+    assert authenticator.identify(HERE, None, cookie).name == "ann"
     for _ in range(2):
-        gate.renew(book)
-    clock.now = before(clock.now, -IDLE_H - 0.1)
-    assert gate.known(HERE, None, cookie).scope is None
+        authenticator.refresh(book)
+    clock.now = hours_before(clock.now, -IDLE_H - 0.1)
+    assert authenticator.identify(HERE, None, cookie).scope is None
 
 
-def test_a_wrong_key_is_not_passed_over_for_a_cookie(book: KeyBook, gate: Gate) -> None:
+def test_a_wrong_key_is_not_passed_over_for_a_cookie(
+    book: KeyRepository, authenticator: Authenticator
+) -> None:
     key, cookie = made(book, "ann"), new_cookie()
-    gate.renew(book)
-    gate.sign_in(book, gate.known(HERE, key, None), cookie)
-    assert gate.known(HERE, "wrong", cookie).scope is None
+    authenticator.refresh(book)
+    authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie)
+    assert authenticator.identify(HERE, "wrong", cookie).scope is None
 
 
-def test_sessions_are_bounded(book: KeyBook, gate: Gate) -> None:
+def test_sessions_are_bounded(book: KeyRepository, authenticator: Authenticator) -> None:
     key = made(book, "ann")
-    gate.renew(book)
-    caller = gate.known(HERE, key, None)
+    authenticator.refresh(book)
+    caller = authenticator.identify(HERE, key, None)
     for _ in range(SESSIONS_MAX + 3):
-        gate.sign_in(book, caller, new_cookie())
+        authenticator.sign_in(book, caller, new_cookie())
     assert len(book.sessions()) == SESSIONS_MAX
 
 
 def test_the_use_of_a_key_is_kept_once_a_minute(
-    book: KeyBook, gate: Gate, clock: Clock, monkeypatch: pytest.MonkeyPatch
+    book: KeyRepository, authenticator: Authenticator, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key = made(book, "ann")
-    gate.renew(book)
+    authenticator.refresh(book)
     noted: list[dict[str, str]] = []
     keep = book.note_use
 
@@ -198,14 +215,14 @@ def test_the_use_of_a_key_is_kept_once_a_minute(
     monkeypatch.setattr(book, "note_use", note_use)
     for second in range(3):
         clock.now = f"2126-03-01T12:00:0{second}.000Z"
-        gate.known(HERE, key, None)
-        gate.renew(book)
-        gate.renew(book)
+        authenticator.identify(HERE, key, None)
+        authenticator.refresh(book)
+        authenticator.refresh(book)
     assert noted == [{"ann": NOW}]
     assert [row.used_at for row in book.all()] == [NOW]
 
 
-def test_a_name_is_given_once(book: KeyBook) -> None:
+def test_a_name_is_given_once(book: KeyRepository) -> None:
     made(book, "ann")
     book.revoke("ann")
     with pytest.raises(KeyNameTakenError):
@@ -213,9 +230,9 @@ def test_a_name_is_given_once(book: KeyBook) -> None:
 
 
 def test_beyond_loopback_keys_are_wanted_also_before_there_is_one() -> None:
-    gate = Gate(always=True)
-    assert gate.keys_wanted
-    assert gate.known("192.168.1.20", None, None).scope is None
+    authenticator = Authenticator(always=True)
+    assert authenticator.keys_wanted
+    assert authenticator.identify("192.168.1.20", None, None).scope is None
 
 
 @pytest.mark.parametrize(
@@ -235,12 +252,12 @@ def test_a_label_is_no_identity_where_there_are_keys(
 
 
 def test_what_was_known_stays_in_force_while_the_journal_cannot_be_read(
-    book: KeyBook, gate: Gate, store: Store
+    book: KeyRepository, authenticator: Authenticator, store: Store
 ) -> None:
     key = made(book, "ann")
-    gate.renew(book)
+    authenticator.refresh(book)
     store.close()
     with pytest.raises(OSError, match="is closed"):
-        gate.renew(book)
-    assert gate.known(HERE, key, None).name == "ann"
-    assert gate.known(HERE, "wrong", None).scope is None
+        authenticator.refresh(book)
+    assert authenticator.identify(HERE, key, None).name == "ann"
+    assert authenticator.identify(HERE, "wrong", None).scope is None

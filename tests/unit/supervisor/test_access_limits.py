@@ -8,21 +8,19 @@ import httpx
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.buckets import CLIENTS, Buckets
-from pincette_supervisor.access.gate import Gate
-from pincette_supervisor.rest import bounded_bodies, limits
+from pincette_supervisor.access.access import CLIENTS, Access, TokenBuckets
+from pincette_supervisor.access.authentication import Authenticator
+from pincette_supervisor.rest import limits
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.bounded_bodies import MOST_BYTES
-from pincette_supervisor.rest.limits import AT_ONCE, STREAMS, Limited
+from pincette_supervisor.rest.limits import AT_ONCE, MOST_BYTES, STREAMS, RateLimit
 
-from .rig import Desk
+from .harness import Harness
 
 ESTOP = "/api/v1/rigs/demo/estop"
 
 
 def test_a_bucket_gives_a_burst_and_then_its_rate() -> None:
-    buckets = Buckets(per_s=10.0, burst=5.0)
+    buckets = TokenBuckets(per_s=10.0, burst=5.0)
     assert [buckets.wait_s("a", 0.0) for _ in range(5)] == [0.0] * 5
     assert buckets.wait_s("a", 0.0) == pytest.approx(0.1)
     assert buckets.wait_s("b", 0.0) == 0.0
@@ -33,7 +31,7 @@ def test_a_bucket_gives_a_burst_and_then_its_rate() -> None:
 
 
 def test_a_flood_of_addresses_takes_no_more_memory() -> None:
-    buckets = Buckets(per_s=1.0, burst=1.0)
+    buckets = TokenBuckets(per_s=1.0, burst=1.0)
     for number in range(3 * CLIENTS):
         buckets.wait_s(str(number), 0.0)
         buckets.wait_s("busy", 0.0)
@@ -41,14 +39,14 @@ def test_a_flood_of_addresses_takes_no_more_memory() -> None:
     assert buckets.wait_s("0", 0.0) == 0.0
 
 
-def test_who_asks_too_often_is_told_when_to_ask_again_and_may_still_stop(desk: Desk) -> None:
-    desk.app = create_app(desk.rigs, Access(buckets=Buckets(per_s=1e-3, burst=2.0)))
-    answers = [desk.call("GET", "/livez") for _ in range(3)]
+def test_who_asks_too_often_is_told_when_to_ask_again_and_may_still_stop(harness: Harness) -> None:
+    harness.app = create_app(harness.rigs, Access(buckets=TokenBuckets(per_s=1e-3, burst=2.0)))
+    answers = [harness.call("GET", "/livez") for _ in range(3)]
     assert [answer.status_code for answer in answers] == [200, 200, 429]
     assert answers[-1].headers["retry-after"] == "1000"
     assert answers[-1].headers["content-type"] == "application/problem+json"
     assert answers[-1].json()["type"] == "urn:pincette:problem:too-many-requests"
-    assert [desk.call("POST", ESTOP).status_code for _ in range(5)] == [200] * 5
+    assert [harness.call("POST", ESTOP).status_code for _ in range(5)] == [200] * 5
 
 
 Call = Callable[[str, str], Awaitable[httpx.Response]]
@@ -66,7 +64,7 @@ def held(test: Callable[[Call, asyncio.Event], Awaitable[None]]) -> None:
             await send({"type": "http.response.start", "status": 200, "headers": []})
             await send({"type": "http.response.body", "body": b""})
 
-        transport = httpx.ASGITransport(Limited(app, Gate()))
+        transport = httpx.ASGITransport(RateLimit(app, Authenticator()))
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
             await test(lambda method, path: client.request(method, path), go)
 
@@ -107,11 +105,11 @@ def test_who_does_not_take_an_answer_is_given_up(monkeypatch: pytest.MonkeyPatch
 
     scope: dict[str, Any] = {"type": "http", "method": "GET", "path": "/jobs", "headers": []}
     with pytest.raises(TimeoutError):
-        asyncio.run(Limited(app, Gate())(scope, receive, stuck))
+        asyncio.run(RateLimit(app, Authenticator())(scope, receive, stuck))
 
 
 @pytest.mark.parametrize("chunked", [False, True])
-def test_a_body_that_is_too_large_is_refused(desk: Desk, chunked: bool) -> None:
+def test_a_body_that_is_too_large_is_refused(harness: Harness, chunked: bool) -> None:
     read: list[int] = []
 
     async def endless() -> Any:
@@ -121,22 +119,24 @@ def test_a_body_that_is_too_large_is_refused(desk: Desk, chunked: bool) -> None:
 
     content = endless() if chunked else b" " * (MOST_BYTES + 1)
     headers = {"Content-Type": "application/json"}
-    answer = desk.call("POST", "/api/v1/jobs", content=content, headers=headers)
+    answer = harness.call("POST", "/api/v1/jobs", content=content, headers=headers)
     assert answer.status_code == 413
     assert answer.headers["content-type"] == "application/problem+json"
     assert answer.json()["type"] == "urn:pincette:problem:body-too-large"
     assert len(read) <= MOST_BYTES / 100_000 + 2
 
 
-def test_a_body_as_large_as_may_be_is_read(desk: Desk) -> None:
+def test_a_body_as_large_as_may_be_is_read(harness: Harness) -> None:
     content = b'{"kind": "grip"}'.ljust(MOST_BYTES)
     headers = {"Content-Type": "application/json"}
-    answer = desk.call("POST", "/api/v1/jobs", content=content, headers=headers)
+    answer = harness.call("POST", "/api/v1/jobs", content=content, headers=headers)
     assert answer.status_code == 201
 
 
-def test_a_body_that_does_not_come_is_given_up(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bounded_bodies, "MOST_S", 0.05)
+def test_a_body_that_does_not_come_is_given_up(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(limits, "MOST_S", 0.05)
 
     async def slow() -> Any:
         yield b'{"kind":'
@@ -144,22 +144,24 @@ def test_a_body_that_does_not_come_is_given_up(desk: Desk, monkeypatch: pytest.M
         yield b'"grip"}'
 
     headers = {"Content-Type": "application/json"}
-    answer = desk.call("POST", "/api/v1/jobs", content=slow(), headers=headers)
+    answer = harness.call("POST", "/api/v1/jobs", content=slow(), headers=headers)
     assert (answer.status_code, answer.json()["type"]) == (
         408,
         "urn:pincette:problem:body-too-slow",
     )
 
 
-def test_an_emergency_stop_needs_no_body_and_minds_none(desk: Desk) -> None:
-    answer = desk.call("POST", ESTOP, content=b" " * (2 * MOST_BYTES))
+def test_an_emergency_stop_needs_no_body_and_minds_none(harness: Harness) -> None:
+    answer = harness.call("POST", ESTOP, content=b" " * (2 * MOST_BYTES))
     assert answer.status_code == 200
 
 
 def test_a_long_wait_outlasts_the_time_of_a_body(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bounded_bodies, "MOST_S", 0.01)
-    job = desk.playing_to(20)
-    answer = desk.call("GET", f"/api/v1/jobs/{job}", params={"wait": "terminal", "timeout_s": 0.1})
+    monkeypatch.setattr(limits, "MOST_S", 0.01)
+    job = harness.playing_to(20)
+    answer = harness.call(
+        "GET", f"/api/v1/jobs/{job}", params={"wait": "terminal", "timeout_s": 0.1}
+    )
     assert answer.status_code == 200

@@ -11,16 +11,16 @@ import pytest
 from fastapi.routing import APIRoute
 from starlette.routing import BaseRoute
 
-from pincette.api.access_models import SCOPES, Scope, covers
+from pincette.api.access import SCOPES, Scope, covers
 from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.gate import Gate
-from pincette_supervisor.journal.audit import AuditBook, AuditRow
+from pincette_supervisor.access.authentication import Authenticator
+from pincette_supervisor.journal.access_rows import AuditRepository, AuditRow
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.guard import COOKIE
+from pincette_supervisor.rest.dependencies import COOKIE
 from pincette_supervisor.rest.openapi import document
-from tests.support.keys import Ring, key_of_each_scope, shown
+from tests.support.keys import ScopeKeys, key_of_each_scope, shown
 
-from .rig import Desk
+from .harness import Harness
 
 OPEN = {
     ("get", "/livez"): "a probe has no key, and learns one word",
@@ -32,7 +32,7 @@ OPEN = {
     ("delete", "/api/v1/session"): "gives up a cookie, whosever it is",
 }
 """Operations that demand nothing, each with why not."""
-UNDESCRIBED = {"/", "/favicon.ico", "/page/{name}", "/openapi.json"}
+UNDESCRIBED = {"/", "/favicon.ico", "/page/{name:path}", "/openapi.json"}
 """Routes outside the description: the page's files, and the description, which are public."""
 DEMANDS: dict[str, set[tuple[str, str]]] = {
     "admin": {
@@ -69,10 +69,10 @@ def every_route(routes: list[BaseRoute]) -> list[BaseRoute]:
 
 
 @pytest.fixture
-def ring(desk: Desk) -> Ring:
-    access = Access(Gate())
-    desk.app = create_app(desk.rigs, access)
-    return key_of_each_scope(desk.store, access.gate)
+def ring(harness: Harness) -> ScopeKeys:
+    access = Access(Authenticator())
+    harness.app = create_app(harness.rigs, access)
+    return key_of_each_scope(harness.store, access.authenticator)
 
 
 def test_every_operation_demands_a_scope_or_stands_in_the_list() -> None:
@@ -85,10 +85,10 @@ def test_every_operation_demands_a_scope_or_stands_in_the_list() -> None:
         assert scope in (expected, None), place
 
 
-def test_no_route_is_left_out_of_the_description(desk: Desk) -> None:
+def test_no_route_is_left_out_of_the_description(harness: Harness) -> None:
     undescribed = {
         getattr(route, "path", "")
-        for route in every_route(desk.app.routes)
+        for route in every_route(harness.app.routes)
         if not (isinstance(route, APIRoute) and route.include_in_schema)
     }
     assert undescribed == UNDESCRIBED
@@ -105,7 +105,7 @@ def test_the_description_names_how_a_key_is_shown() -> None:
 
 
 def test_whoever_has_too_small_a_scope_is_refused_before_anything_is_looked_at(
-    desk: Desk, ring: Ring
+    harness: Harness, ring: ScopeKeys
 ) -> None:
     for (method, path), operation in operations().items():
         needed = demanded(operation)
@@ -116,79 +116,85 @@ def test_whoever_has_too_small_a_scope_is_refused_before_anything_is_looked_at(
         refused += [("bare", {"Authorization": key}), ("basic", {"Authorization": f"Basic {key}"})]
         refused += [(scope, ring.headers(scope)) for scope in SCOPES if not covers(scope, needed)]
         for name, headers in refused:
-            answer = desk.call(method.upper(), path, headers=headers)
+            answer = harness.call(method.upper(), path, headers=headers)
             assert answer.status_code == (403 if name in SCOPES else 401), (name, answer.text)
             assert answer.headers["content-type"] == "application/problem+json"
             assert answer.headers["www-authenticate"].startswith('Bearer realm="pincette"')
             assert answer.json()["needed_scope"] == needed
-    assert desk.told("alarm") == []
+    assert harness.told("alarm") == []
 
 
-def test_an_observer_sees_and_stops_and_nothing_else(desk: Desk, ring: Ring) -> None:
+def test_an_observer_sees_and_stops_and_nothing_else(harness: Harness, ring: ScopeKeys) -> None:
     seen = ring.headers("observe")
-    assert desk.call("GET", "/api/v1/rigs", headers=seen).status_code == 200
-    assert desk.call("POST", "/api/v1/rigs/demo/estop", headers=seen).status_code == 200
-    assert desk.call("POST", "/api/v1/estop", headers=seen).status_code == 200
-    answer = desk.call("POST", "/api/v1/rigs/demo/reset", headers=seen, json={"acknowledge": True})
+    assert harness.call("GET", "/api/v1/rigs", headers=seen).status_code == 200
+    assert harness.call("POST", "/api/v1/rigs/demo/estop", headers=seen).status_code == 200
+    assert harness.call("POST", "/api/v1/estop", headers=seen).status_code == 200
+    answer = harness.call(
+        "POST", "/api/v1/rigs/demo/reset", headers=seen, json={"acknowledge": True}
+    )
     assert answer.status_code == 403
     assert "needs scope operate" in answer.json()["detail"]
     assert "key 'an-observe' has observe" in answer.json()["detail"]
 
 
-def test_the_key_is_who_asked_and_a_label_stands_beside_it(desk: Desk, ring: Ring) -> None:
+def test_the_key_is_who_asked_and_a_label_stands_beside_it(
+    harness: Harness, ring: ScopeKeys
+) -> None:
     headers = {**ring.headers("operate"), "X-Operator": "an-admin"}
-    job = desk.call("POST", "/api/v1/jobs", json={"kind": "grip"}, headers=headers)
+    job = harness.call("POST", "/api/v1/jobs", json={"kind": "grip"}, headers=headers)
     assert job.status_code == 201
     assert job.json()["by"] == "an-operate (an-admin)"
-    desk.reach(job.json()["id"], "ready")
+    harness.reach(job.json()["id"], "ready")
     place = f"/api/v1/jobs/{job.json()['id']}/actions"
-    acted = desk.call("POST", place, json={"type": "stop"}, headers=headers)
+    acted = harness.call("POST", place, json={"type": "stop"}, headers=headers)
     assert acted.json()["actions"][-1]["by"] == "an-operate (an-admin)"
 
 
-def audit(desk: Desk, ring: Ring, **query: Any) -> list[dict[str, Any]]:
-    answer = desk.call("GET", "/api/v1/audit", headers=ring.headers("admin"), params=query)
+def audit(harness: Harness, ring: ScopeKeys, **query: Any) -> list[dict[str, Any]]:
+    answer = harness.call("GET", "/api/v1/audit", headers=ring.headers("admin"), params=query)
     assert answer.status_code == 200, answer.text
     return answer.json()["entries"]
 
 
-def test_what_is_done_is_kept(desk: Desk, ring: Ring) -> None:
+def test_what_is_done_is_kept(harness: Harness, ring: ScopeKeys) -> None:
     headers = ring.headers("operate")
     body = {"kind": "grip", "dry_run": True}
-    desk.call("POST", "/api/v1/jobs", json=body, headers=headers)
-    made = desk.call("POST", "/api/v1/jobs", json={"kind": "grip"}, headers=headers).json()["id"]
-    desk.reach(made, "ready")
-    desk.call("POST", f"/api/v1/jobs/{made}/actions", json={"type": "stop"}, headers=headers)
-    desk.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
-    desk.call("GET", "/api/v1/rigs", headers=headers)
-    found = [(one["who"], one["action"], one["detail"], one["status"]) for one in audit(desk, ring)]
+    harness.call("POST", "/api/v1/jobs", json=body, headers=headers)
+    made = harness.call("POST", "/api/v1/jobs", json={"kind": "grip"}, headers=headers).json()["id"]
+    harness.reach(made, "ready")
+    harness.call("POST", f"/api/v1/jobs/{made}/actions", json={"type": "stop"}, headers=headers)
+    harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
+    harness.call("GET", "/api/v1/rigs", headers=headers)
+    found = [
+        (one["who"], one["action"], one["detail"], one["status"]) for one in audit(harness, ring)
+    ]
     assert found == [
         ("an-observe", "POST /api/v1/estop", "", 200),
         ("an-operate", f"POST /api/v1/jobs/{made}/actions", "stop", 202),
         ("an-operate", "POST /api/v1/jobs", f"grip {made}", 201),
     ]
-    first = audit(desk, ring, limit=1)
+    first = audit(harness, ring, limit=1)
     assert len(first) == 1
-    rest = audit(desk, ring, before=first[0]["number"])
+    rest = audit(harness, ring, before=first[0]["number"])
     assert [one["number"] for one in rest] == [2, 1]
 
 
-def test_a_stranger_who_insists_fills_no_log(desk: Desk, ring: Ring) -> None:
+def test_a_stranger_who_insists_fills_no_log(harness: Harness, ring: ScopeKeys) -> None:
     for number in range(50):
         headers = {"X-Operator": f"an-admin {number}"}
-        desk.call("GET", f"/api/v1/jobs/{number}", headers=headers)
-    (entry,) = audit(desk, ring)
+        harness.call("GET", f"/api/v1/jobs/{number}", headers=headers)
+    (entry,) = audit(harness, ring)
     assert (entry["who"], entry["status"], entry["count"]) == ("127.0.0.1", 401, 50)
 
 
-def test_the_log_is_only_added_to(desk: Desk, ring: Ring, tmp_path: Path) -> None:
-    desk.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
-    assert len(audit(desk, ring)) == 1
+def test_the_log_is_only_added_to(harness: Harness, ring: ScopeKeys, tmp_path: Path) -> None:
+    harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
+    assert len(audit(harness, ring)) == 1
     with closing(sqlite3.connect(tmp_path / "supervisor.sqlite")) as base:
         for change in ("UPDATE audit SET who = 'nobody'", "DELETE FROM audit"):
             with pytest.raises(sqlite3.IntegrityError, match="audit log"):
                 base.execute(change)
-    assert audit(desk, ring)[0]["who"] == "an-observe"
+    assert audit(harness, ring)[0]["who"] == "an-observe"
 
 
 MANY = """
@@ -198,30 +204,34 @@ SELECT '2026-03-01T12:00:00.000Z', 'ann', '127.0.0.1', 'POST /estop', '', 200, 1
 """
 
 
-def test_the_oldest_of_very_many_entries_go(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pincette_supervisor.journal.audit.SWEEP", 0)
-    with desk.store.writing() as base:
+def test_the_oldest_of_very_many_entries_go(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pincette_supervisor.journal.access_rows.AUDIT_SWEEP", 0)
+    with harness.store.writing() as base:
         base.exec_driver_sql(MANY)
-    AuditBook(desk.store).add([AuditRow("2026", "ann", "127.0.0.1", "POST /estop", "", 200)])
-    with desk.store.reading() as base:
+    AuditRepository(harness.store).add(
+        [AuditRow("2026", "ann", "127.0.0.1", "POST /estop", "", 200)]
+    )
+    with harness.store.reading() as base:
         count = base.exec_driver_sql("SELECT count(*), min(number) FROM audit").one()
     assert tuple(count) == (200_000, 6)
 
 
-def signed_in(desk: Desk, ring: Ring, scope: Scope) -> httpx.Response:
-    answer = desk.call("POST", "/api/v1/session", headers=ring.headers(scope))
+def signed_in(harness: Harness, ring: ScopeKeys, scope: Scope) -> httpx.Response:
+    answer = harness.call("POST", "/api/v1/session", headers=ring.headers(scope))
     assert answer.status_code == 200
     return answer
 
 
-def test_a_page_signs_in_and_out(desk: Desk, ring: Ring) -> None:
-    assert desk.call("GET", "/api/v1/session").json() == {
+def test_a_page_signs_in_and_out(harness: Harness, ring: ScopeKeys) -> None:
+    assert harness.call("GET", "/api/v1/session").json() == {
         "keys": True,
         "name": None,
         "scope": None,
         "signed_in": False,
     }
-    answer = signed_in(desk, ring, "operate")
+    answer = signed_in(harness, ring, "operate")
     said = answer.headers["set-cookie"]
     assert "HttpOnly" in said
     assert "SameSite=strict" in said
@@ -229,36 +239,38 @@ def test_a_page_signs_in_and_out(desk: Desk, ring: Ring) -> None:
     assert "Secure" not in said
     cookie = {"Cookie": f"{COOKIE}={answer.cookies[COOKIE]}"}
     assert ring.keys["operate"] not in said
-    found = desk.call("GET", "/api/v1/session", headers=cookie).json()
+    found = harness.call("GET", "/api/v1/session", headers=cookie).json()
     assert (found["name"], found["scope"], found["signed_in"]) == ("an-operate", "operate", True)
-    assert desk.call("GET", "/api/v1/rigs", headers=cookie).status_code == 200
-    assert desk.call("POST", "/api/v1/estop", headers=cookie).status_code == 200
-    assert desk.call("GET", "/api/v1/audit", headers=cookie).status_code == 403
-    assert desk.call("DELETE", "/api/v1/session", headers=cookie).status_code == 200
-    assert desk.call("GET", "/api/v1/rigs", headers=cookie).status_code == 401
+    assert harness.call("GET", "/api/v1/rigs", headers=cookie).status_code == 200
+    assert harness.call("POST", "/api/v1/estop", headers=cookie).status_code == 200
+    assert harness.call("GET", "/api/v1/audit", headers=cookie).status_code == 403
+    assert harness.call("DELETE", "/api/v1/session", headers=cookie).status_code == 200
+    assert harness.call("GET", "/api/v1/rigs", headers=cookie).status_code == 401
 
 
-def test_over_tls_the_cookie_goes_nowhere_else(desk: Desk, ring: Ring) -> None:
+def test_over_tls_the_cookie_goes_nowhere_else(harness: Harness, ring: ScopeKeys) -> None:
     headers = {**ring.headers("observe"), "Origin": "https://localhost"}
-    answer = desk.call("POST", "/api/v1/session", headers=headers)
+    answer = harness.call("POST", "/api/v1/session", headers=headers)
     assert "Secure" in answer.headers["set-cookie"]
 
 
-def test_no_page_signs_in_with_a_wrong_key_or_from_elsewhere(desk: Desk, ring: Ring) -> None:
+def test_no_page_signs_in_with_a_wrong_key_or_from_elsewhere(
+    harness: Harness, ring: ScopeKeys
+) -> None:
     wrong = shown(f"{ring.keys['admin']}x")
-    answer = desk.call("POST", "/api/v1/session", headers=wrong)
+    answer = harness.call("POST", "/api/v1/session", headers=wrong)
     assert (answer.status_code, "set-cookie" in answer.headers) == (401, False)
     assert ring.keys["admin"] not in answer.text
     foreign = {**ring.headers("admin"), "Origin": "http://evil.example"}
-    assert desk.call("POST", "/api/v1/session", headers=foreign).status_code == 403
+    assert harness.call("POST", "/api/v1/session", headers=foreign).status_code == 403
 
 
-def test_without_keys_a_page_needs_none(desk: Desk) -> None:
-    assert desk.get("/session") == {
+def test_without_keys_a_page_needs_none(harness: Harness) -> None:
+    assert harness.get("/session") == {
         "keys": False,
         "name": None,
         "scope": "admin",
         "signed_in": False,
     }
-    answer = desk.call("POST", "/api/v1/session")
+    answer = harness.call("POST", "/api/v1/session")
     assert (answer.status_code, "set-cookie" in answer.headers) == (200, False)

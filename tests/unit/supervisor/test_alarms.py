@@ -1,35 +1,36 @@
 """The alarm log: one row for as long as an alarm is open, and the same words everywhere."""
 
 from collections.abc import Callable, Generator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pincette.config import RigFile
+from pincette.control.record import replace
+from pincette.core.faults import FaultCode, Mode, fault
 from pincette_supervisor.journal import alarm_rows
-from pincette_supervisor.journal.alarm_rows import AlarmBook, Raised
+from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.journal.store import Store, StoreError
 
 from . import samples
 from .canned import IN_HOLD
-from .rig import Desk
+from .harness import Harness
 
 AT, LATER = "2026-03-01T12:00:00.000Z", "2026-03-01T12:00:09.000Z"
-DISK = Raised("demo", "disk", "disk: 5 MB free, limit 200 MB", AT, "warning", "condition")
+DISK = AlarmRow("demo", "disk", "disk: 5 MB free, limit 200 MB", AT, "warning", "condition")
 
 
 @pytest.fixture
-def book(tmp_path: Path) -> Generator[AlarmBook]:
+def book(tmp_path: Path) -> Generator[AlarmRepository]:
     store = Store(tmp_path / "jobs.sqlite")
-    yield AlarmBook(store)
+    yield AlarmRepository(store)
     store.close()
 
 
-def test_what_stands_is_counted_on_one_row(book: AlarmBook) -> None:
+def test_what_stands_is_counted_on_one_row(book: AlarmRepository) -> None:
     first = book.add(DISK)
-    later = replace(DISK, words="disk: 4 MB free, limit 200 MB", at=LATER)
+    later = replace(DISK, words="disk: 4 MB free, limit 200 MB", raised_at=LATER)
     again = [book.add(later) for _ in range(99)]
     (row,) = book.newest(500)
     assert (row.number, row.count, row.raised_at, row.last_at) == (first.number, 100, AT, LATER)
@@ -37,7 +38,7 @@ def test_what_stands_is_counted_on_one_row(book: AlarmBook) -> None:
     assert again[-1] == row
 
 
-def test_it_is_open_until_it_is_both_over_and_seen(book: AlarmBook) -> None:
+def test_it_is_open_until_it_is_both_over_and_seen(book: AlarmRepository) -> None:
     number = book.add(DISK).number
     book.acknowledge(number, AT, "Ada")
     assert book.count_open("demo") == 1
@@ -47,7 +48,7 @@ def test_it_is_open_until_it_is_both_over_and_seen(book: AlarmBook) -> None:
     assert book.add(DISK).number > number
 
 
-def test_what_comes_back_unseen_stands_again_on_its_row(book: AlarmBook) -> None:
+def test_what_comes_back_unseen_stands_again_on_its_row(book: AlarmRepository) -> None:
     number = book.add(DISK).number
     book.clear("demo", LATER, cause="disk", clears="condition")
     assert book.standing("demo") == []
@@ -55,7 +56,7 @@ def test_what_comes_back_unseen_stands_again_on_its_row(book: AlarmBook) -> None
     assert (back.number, back.cleared_at, back.count) == (number, None, 2)
 
 
-def test_what_is_over_at_once_is_closed_by_who_has_seen_it(book: AlarmBook) -> None:
+def test_what_is_over_at_once_is_closed_by_who_has_seen_it(book: AlarmRepository) -> None:
     moment = replace(DISK, cause="recorder.lost", clears="acknowledge")
     row = book.add(moment)
     assert row.cleared_at == AT
@@ -64,7 +65,7 @@ def test_what_is_over_at_once_is_closed_by_who_has_seen_it(book: AlarmBook) -> N
     assert book.count_open() == 0
 
 
-def test_each_trip_belongs_to_its_job_and_ends_with_the_reset(book: AlarmBook) -> None:
+def test_each_trip_belongs_to_its_job_and_ends_with_the_reset(book: AlarmRepository) -> None:
     trip = replace(DISK, cause="device", severity="alarm", clears="reset", job="a")
     one, other = book.add(trip), book.add(replace(trip, job="b"))
     assert one.number != other.number
@@ -72,7 +73,7 @@ def test_each_trip_belongs_to_its_job_and_ends_with_the_reset(book: AlarmBook) -
     assert [row.number for row in book.clear("demo", LATER, clears="reset")] == [1, 2]
 
 
-def test_the_first_who_has_seen_it_stays(book: AlarmBook) -> None:
+def test_the_first_who_has_seen_it_stays(book: AlarmRepository) -> None:
     number = book.add(DISK).number
     book.acknowledge(number, AT, "Ada")
     row = book.acknowledge(number, LATER, "Bob")
@@ -81,7 +82,7 @@ def test_the_first_who_has_seen_it_stays(book: AlarmBook) -> None:
     assert book.acknowledge(99, LATER, "Bob") is None
 
 
-def test_only_so_many_are_kept(book: AlarmBook, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_so_many_are_kept(book: AlarmRepository, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(alarm_rows, "KEPT", 20)
     for place in range(220):
         book.add(replace(DISK, cause=f"cause {place}"))
@@ -90,15 +91,15 @@ def test_only_so_many_are_kept(book: AlarmBook, monkeypatch: pytest.MonkeyPatch)
     assert 20 <= len(rows) <= 20 + alarm_rows.SWEEP
 
 
-def alarms(desk: Desk, **query: Any) -> list[dict[str, Any]]:
-    return desk.get("/alarms", **query)["alarms"]
+def alarms(harness: Harness, **query: Any) -> list[dict[str, Any]]:
+    return harness.get("/alarms", **query)["alarms"]
 
 
-def test_a_trip_is_told_in_the_same_words_by_job_rig_alarm_and_event(desk: Desk) -> None:
-    job = desk.playing_to(IN_HOLD)
-    desk.bus.trip("device: no answer")
-    ended = desk.ended(job)
-    (row,) = alarms(desk)
+def test_a_trip_is_told_in_the_same_words_by_job_rig_alarm_and_event(harness: Harness) -> None:
+    job = harness.playing_to(IN_HOLD)
+    harness.bus.trip("device: no answer")
+    ended = harness.ended(job)
+    (row,) = alarms(harness)
     assert (row["job"], row["cause"], row["severity"], row["clears"], row["count"]) == (
         job,
         "device",
@@ -108,162 +109,164 @@ def test_a_trip_is_told_in_the_same_words_by_job_rig_alarm_and_event(desk: Desk)
     )
     assert row["words"] == "device: no answer"
     assert row["words"] in ended["cause"]
-    rig = desk.get("/rigs/demo")
+    rig = harness.get("/rigs/demo")
     assert rig["latch"]["words"] == row["words"]
     assert any(row["words"] in reason for reason in rig["reasons"])
     (latch,) = [check for check in rig["checks"] if check["name"] == "actuator.latch"]
     assert not latch["ok"]
     assert row["words"] in latch["words"]
-    (event,) = desk.told("alarm")
+    (event,) = harness.told("alarm")
     assert event.body["words"] == row["words"]
     assert event.body["alarm"]["id"] == row["id"]
     # Looked at from outside the job, it is the same trip.
-    desk.conductor.alarm_watch.look()
-    assert len(alarms(desk)) == 1
-    assert alarms(desk)[0]["count"] == 1
+    harness.manager.alarm_monitor.poll()
+    assert len(alarms(harness)) == 1
+    assert alarms(harness)[0]["count"] == 1
 
 
-def test_a_reset_ends_the_trip_and_a_person_closes_it(desk: Desk) -> None:
-    job = desk.playing_to(IN_HOLD)
-    desk.bus.trip("device: no answer")
-    desk.ended(job)
-    assert desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
-    (row,) = alarms(desk, open="true")
+def test_a_reset_ends_the_trip_and_a_person_closes_it(harness: Harness) -> None:
+    job = harness.playing_to(IN_HOLD)
+    harness.bus.trip("device: no answer")
+    harness.ended(job)
+    assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
+    (row,) = alarms(harness, open="true")
     assert row["cleared_at"] is not None
-    acted = desk.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"})
+    acted = harness.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"})
     assert acted.status_code == 200
     assert acted.json()["acknowledged_by"]
     assert not acted.json()["open"]
-    assert alarms(desk, open="true") == []
-    assert [one["id"] for one in alarms(desk)] == [row["id"]]
-    assert [row.body["did"] for row in desk.told("alarm")] == ["raised", "acknowledged"]
-    again = desk.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"})
+    assert alarms(harness, open="true") == []
+    assert [one["id"] for one in alarms(harness)] == [row["id"]]
+    assert [row.body["did"] for row in harness.told("alarm")] == ["raised", "acknowledged"]
+    again = harness.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"})
     assert again.json() == acted.json()
 
 
-def test_acknowledging_resets_nothing(desk: Desk) -> None:
-    desk.bus.trip("estop")
-    desk.conductor.alarm_watch.look()
-    (row,) = alarms(desk)
-    desk.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"})
-    assert desk.bus.latch == "estop"
-    (row,) = alarms(desk, open="true")
+def test_acknowledging_resets_nothing(harness: Harness) -> None:
+    harness.bus.trip("estop")
+    harness.manager.alarm_monitor.poll()
+    (row,) = alarms(harness)
+    harness.post(f"/alarms/{row['id']}/actions", {"type": "acknowledge"})
+    assert harness.bus.latch == "estop"
+    (row,) = alarms(harness, open="true")
     assert row["cleared_at"] is None
 
 
-def test_who_asked_for_an_emergency_stop_is_in_its_words(desk: Desk) -> None:
-    desk.call("POST", "/api/v1/rigs/demo/estop", headers={"X-Operator": "Ada"})
-    desk.until(lambda: bool(alarms(desk)))
-    (row,) = alarms(desk)
+def test_who_asked_for_an_emergency_stop_is_in_its_words(harness: Harness) -> None:
+    harness.call("POST", "/api/v1/rigs/demo/estop", headers={"X-Operator": "Ada"})
+    harness.until(lambda: bool(alarms(harness)))
+    (row,) = alarms(harness)
     assert (row["cause"], row["job"]) == ("estop", None)
     assert row["words"] == "estop: an emergency stop was asked for, by Ada"
 
 
-def test_a_program_that_dies_stands_until_it_is_back(desk: Desk) -> None:
-    watch = desk.conductor.alarm_watch
-    watch.look()
-    assert alarms(desk) == []
-    desk.bus.kill("estimator")
+def test_a_program_that_dies_stands_until_it_is_back(harness: Harness) -> None:
+    watch = harness.manager.alarm_monitor
+    watch.poll()
+    assert alarms(harness) == []
+    harness.bus.kill("estimator")
     for _ in range(5):
-        watch.look()
-    (row,) = alarms(desk)
+        watch.poll()
+    (row,) = alarms(harness)
     assert (row["cause"], row["count"], row["cleared_at"]) == ("program.estimator", 1, None)
     assert row["words"] == "estimator has gone: killed, hung or cut off"
-    desk.bus.revive("estimator")
-    watch.look()
-    (row,) = alarms(desk)
+    harness.bus.revive("estimator")
+    watch.poll()
+    (row,) = alarms(harness)
     assert row["cleared_at"] is not None
-    assert [one.body["did"] for one in desk.told("alarm")] == ["raised", "cleared"]
+    assert [one.body["did"] for one in harness.told("alarm")] == ["raised", "cleared"]
 
 
-def test_a_second_controller_is_one_alarm_however_many_commands_it_sends(desk: Desk) -> None:
-    watch = desk.conductor.alarm_watch
-    desk.bus.detail = "armed; command of owner 9, armed for 5"
+def test_a_second_controller_is_one_alarm_however_many_commands_it_sends(harness: Harness) -> None:
+    watch = harness.manager.alarm_monitor
+    stranger = fault(FaultCode.OTHER_OWNER, owner=9, armed_owner=5)
+    harness.bus.mode, harness.bus.findings["actuator"] = Mode.ARMED, (stranger,)
     applied = samples.grip(1)[0].applied
     for refused in range(0, 500, 10):
-        desk.bus.publish(replace(applied, refused=refused))
-        watch.look()
-    (row,) = alarms(desk)
+        harness.bus.publish(replace(applied, refused=refused))
+        watch.poll()
+    (row,) = alarms(harness)
     assert (row["cause"], row["clears"]) == ("controller.second", "acknowledge")
     assert "command of owner 9, armed for 5" in row["words"]
 
 
 def test_commands_that_are_late_now_and_then_are_no_alarm(
-    rig_file: RigFile, open_desk: Callable[..., Desk]
+    rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     now_s = 0.0
-    desk = open_desk(rig_file, clock=lambda: now_s)
+    harness = open_harness(rig_file, clock=lambda: now_s)
     applied = samples.grip(1)[0].applied
     for refused in range(50):
         now_s += 1.0
-        desk.bus.publish(replace(applied, refused=refused))
-        desk.conductor.alarm_watch.look()
-    assert alarms(desk) == []
+        harness.bus.publish(replace(applied, refused=refused))
+        harness.manager.alarm_monitor.poll()
+    assert alarms(harness) == []
 
 
-def test_a_stuck_sensor_stands_while_it_is_stuck(desk: Desk) -> None:
-    watch = desk.conductor.alarm_watch
+def test_a_stuck_sensor_stands_while_it_is_stuck(harness: Harness) -> None:
+    watch = harness.manager.alarm_monitor
     estimate = samples.grip(1)[0].estimate
     words = "sensor stuck: 12.000 µm in 10 samples while the voltage moved"
-    desk.bus.publish(replace(estimate, valid=False, fault=words))
-    watch.look()
-    watch.look()
-    (row,) = alarms(desk)
+    stuck = fault(FaultCode.SENSOR_STUCK, x_um=12.0, samples=10)
+    harness.bus.publish(replace(estimate, valid=False, fault=stuck))
+    watch.poll()
+    watch.poll()
+    (row,) = alarms(harness)
     assert (row["cause"], row["words"], row["count"]) == ("sensor.stuck", words, 1)
-    desk.bus.publish(estimate)
-    watch.look()
-    assert alarms(desk)[0]["cleared_at"] is not None
+    harness.bus.publish(estimate)
+    watch.poll()
+    assert alarms(harness)[0]["cleared_at"] is not None
 
 
 def test_a_disk_that_runs_full_is_told_before_it_is(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    watch = desk.conductor.alarm_watch
-    watch.look()
-    assert alarms(desk) == []
+    watch = harness.manager.alarm_monitor
+    watch.poll()
+    assert alarms(harness) == []
 
     def low(_folder: Path) -> float:
         return 12.0
 
-    monkeypatch.setattr("pincette_supervisor.running.alarm_rules.free_on", low)
-    watch.look()
-    (row,) = alarms(desk)
+    monkeypatch.setattr("pincette_supervisor.alarms.checks.free_space_MB", low)
+    watch.poll()
+    (row,) = alarms(harness)
     assert (row["cause"], row["severity"]) == ("disk", "warning")
     assert row["words"].endswith("12 MB free, limit 200 MB")
 
 
 def test_what_cannot_be_written_is_written_with_its_time_once_it_can(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    add = AlarmBook.add
+    add = AlarmRepository.add
 
-    def full(_book: AlarmBook, _one: Raised) -> None:
+    def full(_book: AlarmRepository, _one: AlarmRow) -> None:
         raise StoreError("database or disk is full")
 
-    monkeypatch.setattr(AlarmBook, "add", full)
-    desk.bus.kill("recorder")
-    watch = desk.conductor.alarm_watch
-    watch.look()
-    assert alarms(desk) == []
-    monkeypatch.setattr(AlarmBook, "add", add)
-    desk.bus.revive("recorder")
-    watch.look()
-    (row,) = alarms(desk)
+    monkeypatch.setattr(AlarmRepository, "add", full)
+    harness.bus.kill("recorder")
+    watch = harness.manager.alarm_monitor
+    watch.poll()
+    assert alarms(harness) == []
+    monkeypatch.setattr(AlarmRepository, "add", add)
+    harness.bus.revive("recorder")
+    watch.poll()
+    (row,) = alarms(harness)
     assert row["cause"] == "program.recorder"
     assert row["cleared_at"] is not None
     assert row["raised_at"] <= row["cleared_at"]
 
 
 def test_the_next_supervisor_knows_what_stands(
-    rig_file: RigFile, open_desk: Callable[..., Desk]
+    rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    before = open_desk(rig_file)
+    before = open_harness(rig_file)
     before.bus.kill("sensor")
     before.bus.trip("device: no answer")
-    before.conductor.alarm_watch.look()
-    after = open_desk(rig_file)
+    before.manager.alarm_monitor.poll()
+    after = open_harness(rig_file)
     after.bus.trip("device: no answer")
-    after.conductor.alarm_watch.look()
+    after.manager.alarm_monitor.poll()
     rows = {row["cause"]: row for row in alarms(after)}
     assert {cause: row["count"] for cause, row in rows.items()} == {
         "program.sensor": 1,
@@ -273,19 +276,19 @@ def test_the_next_supervisor_knows_what_stands(
     assert rows["device"]["cleared_at"] is None
 
 
-def test_they_are_listed_in_pages_and_narrowed_down(desk: Desk) -> None:
-    book = AlarmBook(desk.store)
+def test_they_are_listed_in_pages_and_narrowed_down(harness: Harness) -> None:
+    book = AlarmRepository(harness.store)
     for place in range(5):
         book.add(replace(DISK, cause=f"cause {place}", rig="demo" if place % 2 else "other"))
-    first = desk.get("/alarms", limit=2)
+    first = harness.get("/alarms", limit=2)
     assert [row["cause"] for row in first["alarms"]] == ["cause 4", "cause 3"]
     assert first["open"] == 5
-    second = desk.get("/alarms", limit=2, before=first["next"])
+    second = harness.get("/alarms", limit=2, before=first["next"])
     assert [row["cause"] for row in second["alarms"]] == ["cause 2", "cause 1"]
-    assert {row["rig"] for row in alarms(desk, rig="other")} == {"other"}
-    assert alarms(desk, cause="cause 2")[0]["id"] == 3
-    assert alarms(desk, severity="alarm") == []
-    assert desk.get("/alarms/3")["cause"] == "cause 2"
-    assert desk.call("GET", "/api/v1/alarms/99").status_code == 404
-    assert desk.post("/alarms/99/actions", {"type": "acknowledge"}).status_code == 404
-    assert desk.post("/alarms/3/actions", {"type": "forget"}).status_code == 422
+    assert {row["rig"] for row in alarms(harness, rig="other")} == {"other"}
+    assert alarms(harness, cause="cause 2")[0]["id"] == 3
+    assert alarms(harness, severity="alarm") == []
+    assert harness.get("/alarms/3")["cause"] == "cause 2"
+    assert harness.call("GET", "/api/v1/alarms/99").status_code == 404
+    assert harness.post("/alarms/99/actions", {"type": "acknowledge"}).status_code == 404
+    assert harness.post("/alarms/3/actions", {"type": "forget"}).status_code == 422

@@ -1,10 +1,10 @@
-"""What may be asked for as a calibration, what is refused, and what a dry run foretells."""
+"""What may be asked for as a calibration, what is refused, and what a dry run predicts."""
 
 from typing import Any
 
 import pytest
 
-from .rig import Desk
+from .harness import Harness
 
 
 def body(calibration: str, **wishes: Any) -> dict[str, Any]:
@@ -25,22 +25,26 @@ def body(calibration: str, **wishes: Any) -> dict[str, Any]:
     ],
 )
 def test_a_fault_is_named_with_its_place(
-    desk: Desk, request_: dict[str, Any], pointer: str, words: str
+    harness: Harness, request_: dict[str, Any], pointer: str, words: str
 ) -> None:
-    problem = desk.post("/jobs", request_).json()
+    problem = harness.post("/jobs", request_).json()
     assert problem["type"] == "urn:pincette:problem:invalid-request"
     (error,) = problem["errors"]
     assert error["pointer"] == pointer
     assert words in error["message"]
 
 
-def test_both_addresses_take_the_same_calibration(desk: Desk) -> None:
-    as_job = desk.post("/jobs", body("noise", duration_s=4.0), dry_run="true")
-    alone = desk.post("/calibrations", {"calibration": "noise", "duration_s": 4.0, "dry_run": True})
+def test_both_addresses_take_the_same_calibration(harness: Harness) -> None:
+    as_job = harness.post("/jobs", body("noise", duration_s=4.0), dry_run="true")
+    alone = harness.post(
+        "/calibrations", {"calibration": "noise", "duration_s": 4.0, "dry_run": True}
+    )
     assert as_job.status_code == alone.status_code == 200
     assert as_job.json() == alone.json()
     assert as_job.json()["duration_s"] == 4.0
-    (error,) = desk.post("/calibrations", {"calibration": "noise", "hold_s": 1.0}).json()["errors"]
+    (error,) = harness.post("/calibrations", {"calibration": "noise", "hold_s": 1.0}).json()[
+        "errors"
+    ]
     assert error["pointer"] == "/hold_s"
 
 
@@ -54,16 +58,18 @@ def test_both_addresses_take_the_same_calibration(desk: Desk) -> None:
     ],
 )
 def test_a_motion_beyond_a_limit_is_refused_before_it_begins(
-    desk: Desk, request_: dict[str, Any], words: str
+    harness: Harness, request_: dict[str, Any], words: str
 ) -> None:
-    response = desk.post("/jobs", request_)
+    response = harness.post("/jobs", request_)
     assert response.status_code == 422
     assert words in response.json()["detail"]
-    assert desk.get("/jobs")["jobs"] == []
+    assert harness.get("/jobs")["jobs"] == []
 
 
-def test_weights_are_asked_for_there_and_back(desk: Desk) -> None:
-    plan = desk.post("/jobs", body("compliance", weights_mN=[0.0, 5.0, 10.0]), dry_run="1").json()
+def test_weights_are_asked_for_there_and_back(harness: Harness) -> None:
+    plan = harness.post(
+        "/jobs", body("compliance", weights_mN=[0.0, 5.0, 10.0]), dry_run="1"
+    ).json()
     assert plan["feasible"] is True
     assert plan["waits"] == 5
     waiting = [phase for phase in plan["phases"] if phase["duration_s"] is None]
@@ -77,20 +83,20 @@ def test_weights_are_asked_for_there_and_back(desk: Desk) -> None:
     assert plan["law"] is None
 
 
-def test_a_plan_foretells_its_voltages_within_the_limits(desk: Desk) -> None:
-    free = desk.post("/jobs", body("free_response", high_V=2.5), dry_run="true").json()
+def test_a_plan_foretells_its_voltages_within_the_limits(harness: Harness) -> None:
+    free = harness.post("/jobs", body("free_response", high_V=2.5), dry_run="true").json()
     assert (free["voltage_min_V"], free["voltage_max_V"]) == pytest.approx((-1.0, 2.5), abs=1e-9)
-    press = desk.post("/jobs", body("contact_stiffness"), dry_run="true").json()
+    press = harness.post("/jobs", body("contact_stiffness"), dry_run="true").json()
     assert 2.0 < press["voltage_max_V"] < 4.0
     assert press["law"]["gains_from"] == "rig"
-    assert [(item["quantity"], item["source"]) for item in press["rests_on"]] == [
+    assert [(item["quantity"], item["source"]) for item in press["assumptions"]] == [
         ("model.compliance_um_per_mN", "assumed"),
         ("model.free_response", "assumed"),
     ]
 
 
-def test_slow_instruments_are_told_with_the_bandwidth_that_there_is(desk: Desk) -> None:
-    response = desk.post("/jobs", body("frequency_response", to_hz=700.0))
+def test_slow_instruments_are_told_with_the_bandwidth_that_there_is(harness: Harness) -> None:
+    response = harness.post("/jobs", body("frequency_response", to_hz=700.0))
     assert response.status_code == 422
     problem = response.json()
     assert problem["type"] == "urn:pincette:problem:calibration-unsupported"

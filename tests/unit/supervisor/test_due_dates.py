@@ -8,10 +8,9 @@ import pytest
 
 from pincette.config import ConfigError, RigFile, parse_rig
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.model import instruments
-from pincette_supervisor.model.instruments import Instruments
+from pincette_supervisor.model import rig_model
 from pincette_supervisor.model.model_view import model_view
-from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.model.rig_model import Instruments, RigModel
 from pincette_supervisor.model.upkeep import due_at
 
 NOISE, COMPLIANCE = "sensor.noise_um", "model.compliance_um_per_mN"
@@ -107,10 +106,11 @@ def test_another_instrument_is_a_warning_and_no_refusal(
 def test_a_calibration_is_of_the_instruments_of_its_time(
     rig_file: RigFile, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    days = iter(("2026-02-01T00:00:00.000Z", "2026-04-01T00:00:00.000Z"))
-    monkeypatch.setattr(instruments, "utc_now", lambda: next(days))
+    now = ["2026-02-01T00:00:00.000Z"]
+    monkeypatch.setattr(rig_model, "utc_now", lambda: now[0])
     RigModel(kept_up(rig_file, "S1"), tmp_path / "models", store)
     RigModel(kept_up(rig_file, "S1"), tmp_path / "models", store)
+    now[0] = "2026-04-01T00:00:00.000Z"
     model = RigModel(kept_up(rig_file, "S2"), tmp_path / "models", store)
     model.add({NOISE: 0.02}, {}, "a", MEASURED)
     assert model.in_use.acceptances[NOISE].serial_numbers == {"sensor": "S1"}
@@ -121,10 +121,10 @@ def test_a_calibration_is_of_the_instruments_of_its_time(
 def test_changes_of_instruments_are_remembered_so_far_back(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(instruments, "KEPT", 2)
+    monkeypatch.setattr(rig_model, "KEPT_CHANGES", 2)
     for day in (1, 2, 3):
         at = f"2026-03-0{day}T00:00:00.000Z"
-        monkeypatch.setattr(instruments, "utc_now", lambda at=at: at)
+        monkeypatch.setattr(rig_model, "utc_now", lambda at=at: at)
         known = Instruments(store, "demo", {"sensor": f"S{day}"})
     assert known.at("2026-03-01T12:00:00.000Z") == {}
     assert known.at("2026-03-02T00:00:00.000Z") == {"sensor": "S2"}

@@ -9,12 +9,12 @@ import pytest
 from fastapi import FastAPI
 
 from pincette.config import RigFile
+from pincette_supervisor.journal import listeners
+from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.rest import event_stream
-from pincette_supervisor.running import listeners
-from pincette_supervisor.running.events import EventLog
+from pincette_supervisor.rest import routes_events
 
-from .rig import Desk
+from .harness import Harness
 from .streams import Bench, Stream, events, get
 
 
@@ -32,7 +32,7 @@ def app(bench: Bench, rig_file: RigFile) -> FastAPI:
 
 def test_a_stream_goes_on_where_the_listener_was(bench: Bench, app: FastAPI) -> None:
     for state in ("queued", "preparing", "running"):
-        bench.log.tell("state", "a", state=state)
+        bench.log.append("state", "a", state=state)
 
     async def scene() -> None:
         async with Stream(app, "/rigs/demo/events?after=0", Last_Event_ID="2") as stream:
@@ -46,9 +46,9 @@ def test_a_stream_goes_on_where_the_listener_was(bench: Bench, app: FastAPI) -> 
                 "kind": "state",
                 "body": {"state": "running"},
             }
-            await asyncio.to_thread(bench.log.tell, "phase", "a", phase="load")
+            await asyncio.to_thread(bench.log.append, "phase", "a", phase="load")
             assert (await stream.event())["id"] == "4"
-            bench.log.progress("a", {"percent": 12.5})
+            bench.log.publish_progress("a", {"percent": 12.5})
             event = await stream.event()
             assert "id" not in event
             assert json.loads(event["data"])["body"] == {"percent": 12.5}
@@ -60,13 +60,13 @@ def test_a_stream_goes_on_where_the_listener_was(bench: Bench, app: FastAPI) -> 
 
 
 def test_a_stream_of_all_rigs_begins_with_what_is_to_come(bench: Bench, app: FastAPI) -> None:
-    bench.log.tell("state", "a", state="running")
+    bench.log.append("state", "a", state="running")
     other = EventLog(bench.store, "other", bench.log.listeners)
 
     async def scene() -> None:
         async with Stream(app, "/events") as stream:
             assert await stream.chunk() == ": listening\n"
-            await asyncio.to_thread(other.tell, "alarm", cause="estop")
+            await asyncio.to_thread(other.append, "alarm", cause="estop")
             event = await stream.event()
             assert json.loads(event["data"])["rig"] == "other"
             assert event["id"] == "2"
@@ -77,18 +77,18 @@ def test_a_stream_of_all_rigs_begins_with_what_is_to_come(bench: Bench, app: Fas
 def test_a_stream_of_a_job_ends_when_the_job_is_over(bench: Bench, app: FastAPI) -> None:
     bench.job("a", "running")
     bench.active.append("a")
-    bench.log.tell("state", "a", state="running")
+    bench.log.append("state", "a", state="running")
 
     async def scene() -> None:
         async with Stream(app, "/jobs/a/events") as stream:
             assert (await stream.event())["id"] == "1"
-            await asyncio.to_thread(bench.log.tell, "state", "b", state="succeeded")
-            await asyncio.to_thread(bench.log.tell, "state", "a", state="stopped")
+            await asyncio.to_thread(bench.log.append, "state", "b", state="succeeded")
+            await asyncio.to_thread(bench.log.append, "state", "a", state="stopped")
             assert (await stream.event())["id"] == "3"
             # It has ended and holds a part: more of it is to come.
-            await asyncio.to_thread(bench.log.tell, "action", "a", type="release")
+            await asyncio.to_thread(bench.log.append, "action", "a", type="release")
             assert (await stream.event())["id"] == "4"
-            await asyncio.to_thread(bench.log.tell, "result", "a", outcome="stopped")
+            await asyncio.to_thread(bench.log.append, "result", "a", outcome="stopped")
             bench.active.clear()
             assert (await stream.event())["event"] == "result"
             assert await stream.event() == {}
@@ -99,8 +99,8 @@ def test_a_stream_of_a_job_ends_when_the_job_is_over(bench: Bench, app: FastAPI)
 def test_a_job_that_is_over_tells_what_it_was(bench: Bench, app: FastAPI) -> None:
     bench.job("a", "succeeded")
     for state in ("queued", "running", "succeeded"):
-        bench.log.tell("state", "a", state=state)
-    bench.log.tell("result", "a", outcome="gripped")
+        bench.log.append("state", "a", state=state)
+    bench.log.append("result", "a", outcome="gripped")
     kinds = [(str(number), "state" if number < 4 else "result") for number in range(1, 5)]
     assert events(get(app, "/jobs/a/events").text) == kinds
     assert events(get(app, "/jobs/a/events", **{"Last-Event-ID": "3"}).text) == kinds[3:]
@@ -110,8 +110,8 @@ def test_a_job_that_is_over_tells_what_it_was(bench: Bench, app: FastAPI) -> Non
 def test_a_silent_stream_gives_a_sign_of_life(
     bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(event_stream, "LIFE_S", 0.001)
-    monkeypatch.setattr(event_stream, "LOOK_S", 0.001)
+    monkeypatch.setattr(routes_events, "LIFE_S", 0.001)
+    monkeypatch.setattr(routes_events, "POLL_S", 0.001)
     bench.job("a", "running")
 
     async def scene() -> None:
@@ -126,7 +126,7 @@ def test_a_silent_stream_gives_a_sign_of_life(
 def test_streams_end_with_the_log_and_give_their_places_back(
     bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(listeners, "MOST", 2)
+    monkeypatch.setattr(listeners, "LISTENERS_MAX", 2)
     bench.job("a", "running")
 
     async def scene() -> None:
@@ -137,7 +137,7 @@ def test_streams_end_with_the_log_and_give_their_places_back(
         async with Stream(app, "/events") as one, Stream(app, "/jobs/a/events") as other:
             await one.chunk()
             await other.chunk()
-            bench.log.close()
+            bench.log.listeners.close()
             assert await one.event() == {}
             assert await other.event() == {}
 
@@ -145,7 +145,7 @@ def test_streams_end_with_the_log_and_give_their_places_back(
 
 
 def test_so_many_may_listen(bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listeners, "MOST", 0)
+    monkeypatch.setattr(listeners, "LISTENERS_MAX", 0)
     bench.job("a", "succeeded")
     for path in ("/events", "/rigs/demo/events", "/jobs/a/events"):
         refused = get(app, path)
@@ -158,8 +158,8 @@ def test_so_many_may_listen(bench: Bench, app: FastAPI, monkeypatch: pytest.Monk
 def test_a_list_has_what_is_kept(bench: Bench, app: FastAPI) -> None:
     bench.job("a", "running")
     for job in ("a", None, "b"):
-        bench.log.tell("state", job, state="running")
-    EventLog(bench.store, "other").tell("rig")
+        bench.log.append("state", job, state="running")
+    EventLog(bench.store, "other").append("rig")
     wanted = {
         "/events": [1, 2, 3, 4],
         "/events?after=2": [3, 4],
@@ -189,15 +189,15 @@ def test_what_cannot_be_found_or_read_is_refused(app: FastAPI) -> None:
 def test_a_job_that_is_not_there_takes_no_place(
     app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(listeners, "MOST", 1)
+    monkeypatch.setattr(listeners, "LISTENERS_MAX", 1)
     for _ in range(3):
         assert get(app, "/jobs/none/events").status_code == 404
 
 
-def test_the_states_of_a_grip_are_told_in_their_order(desk: Desk) -> None:
-    job = desk.grip()["id"]
-    stream = desk.call("GET", f"/api/v1/jobs/{job}/events")
-    assert desk.get(f"/jobs/{job}")["state"] == "succeeded"
+def test_the_states_of_a_grip_are_told_in_their_order(harness: Harness) -> None:
+    job = harness.grip()["id"]
+    stream = harness.call("GET", f"/api/v1/jobs/{job}/events")
+    assert harness.get(f"/jobs/{job}")["state"] == "succeeded"
     told = [
         json.loads(line.removeprefix("data: "))
         for line in stream.text.split("\n")
@@ -207,18 +207,18 @@ def test_the_states_of_a_grip_are_told_in_their_order(desk: Desk) -> None:
     assert states == ["queued", "preparing", "ready", "running", "succeeded"]
     numbers = [event["number"] for event in told if event["number"] is not None]
     assert numbers == sorted(set(numbers))
-    listed = desk.get(f"/jobs/{job}/events", format="json")["events"]
+    listed = harness.get(f"/jobs/{job}/events", format="json")["events"]
     assert [event["number"] for event in listed] == numbers
 
 
 def test_the_events_of_a_job_are_those_of_its_rig(
-    desk: Desk, open_desk: Callable[..., Desk], rig_file: RigFile
+    harness: Harness, open_harness: Callable[..., Harness], rig_file: RigFile
 ) -> None:
-    job = desk.ended(desk.grip()["id"])["id"]
-    desk.freed(job)  # its result is told after its end
-    before = desk.get("/rigs/demo/events", format="json")["events"]
+    job = harness.ended(harness.grip()["id"])["id"]
+    harness.freed(job)  # its result is told after its end
+    before = harness.get("/rigs/demo/events", format="json")["events"]
     assert job in {event["job"] for event in before}
-    again = open_desk(rig_file)
+    again = open_harness(rig_file)
     after = again.get("/events", format="json", after=before[-1]["number"])
     assert [event for event in after["events"] if event["job"] == job] == []
     assert after["newest"] >= before[-1]["number"]

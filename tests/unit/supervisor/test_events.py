@@ -2,18 +2,18 @@
 
 import asyncio
 import threading
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
 
-from pincette.api.event_models import Event
-from pincette_supervisor.journal import event_rows
+from pincette.api.events import Event
+from pincette_supervisor.journal import events, listeners
+from pincette_supervisor.journal import store as store_module
+from pincette_supervisor.journal.events import EventLog, EventSubscription
+from pincette_supervisor.journal.listeners import Listeners, TooManyListenersError
 from pincette_supervisor.journal.store import Store, StoreError
-from pincette_supervisor.running import events, listeners
-from pincette_supervisor.running.events import EventLog, Listening
-from pincette_supervisor.running.listeners import Listeners, TooManyListenersError
 
 T = TypeVar("T")
 GUARD_S = 20.0
@@ -42,13 +42,23 @@ def played(scene: Callable[[], Coroutine[Any, Any, T]]) -> T:
 
 def told(log: EventLog, count: int, job: str = "a") -> None:
     for number in range(count):
-        log.tell("phase", job, number=number)
+        log.append("phase", job, number=number)
+
+
+async def heard_by(subscription: EventSubscription) -> AsyncGenerator[Event]:
+    """Every event of a subscription, until the log is closed."""
+    try:
+        while (batch := await subscription.next()) is not None:
+            for event in batch:
+                yield event
+    finally:
+        subscription.close()
 
 
 async def first(log: EventLog, count: int, after: int | None, **which: Any) -> list[Event]:
     """The first events that a listener hears."""
     found: list[Event] = []
-    heard = log.listen(after, **which)
+    heard = heard_by(log.subscribe(after, **which))
     async for event in heard:
         found.append(event)
         if len(found) == count:
@@ -57,7 +67,7 @@ async def first(log: EventLog, count: int, after: int | None, **which: Any) -> l
     return found
 
 
-async def present(listening: Listening) -> None:
+async def present(listening: EventSubscription) -> None:
     """Come to the end of the past, of which there is none."""
     while not listening.caught_up:
         assert await listening.next() == []
@@ -69,9 +79,9 @@ def numbers(found: list[Event]) -> list[int | None]:
 
 def test_an_event_is_kept_and_heard_as_it_was_told(log: EventLog, store: Store) -> None:
     async def scene() -> list[Event]:
-        listening = log.open()
+        listening = log.subscribe()
         await listening.next()
-        await asyncio.to_thread(log.tell, "state", "a", state="running")
+        await asyncio.to_thread(log.append, "state", "a", state="running")
         return await listening.next() or []
 
     (heard,) = played(scene)
@@ -85,7 +95,7 @@ def test_a_listener_without_a_number_hears_nothing_of_the_past(log: EventLog) ->
     told(log, 3)
 
     async def scene() -> list[Event]:
-        listening = log.open()
+        listening = log.subscribe()
         assert await listening.next() == []
         await asyncio.to_thread(told, log, 1)
         heard: list[Event] = []
@@ -107,7 +117,7 @@ def test_nothing_is_missed_or_heard_twice_while_others_tell(
     log: EventLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(events, "PAGE", 10)
-    monkeypatch.setattr(listeners, "ROOM", 15)
+    monkeypatch.setattr(listeners, "CAPACITY", 15)
     told(log, 20)
     count = 20 + 4 * 20
 
@@ -127,19 +137,19 @@ def test_nothing_is_missed_or_heard_twice_while_others_tell(
 def test_a_slow_listener_reads_the_journal_again(
     log: EventLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(listeners, "ROOM", 10)
+    monkeypatch.setattr(listeners, "CAPACITY", 10)
 
     async def scene() -> list[Event]:
-        listening = log.open(0)
+        listening = log.subscribe(0)
         await present(listening)
         for number in range(30):
-            log.progress("a", {"number": number})
+            log.publish_progress("a", {"number": number})
             await asyncio.to_thread(told, log, 1)
         heard: list[Event] = []
         while not heard or heard[-1].number != 30:
             heard += await listening.next() or []
         await asyncio.to_thread(told, log, 1)
-        log.progress("a", {"number": 31})
+        log.publish_progress("a", {"number": 31})
         return heard + (await listening.next() or [])
 
     lost, *heard = played(scene)
@@ -150,10 +160,10 @@ def test_a_slow_listener_reads_the_journal_again(
 
 def test_progress_is_told_in_passing(log: EventLog, store: Store) -> None:
     async def scene() -> list[Event]:
-        listening, other = log.open(job="a"), log.open(job="b")
+        listening, other = log.subscribe(job="a"), log.subscribe(job="b")
         await present(listening)
         await present(other)
-        log.progress("a", {"phase": "load", "percent": 40.0})
+        log.publish_progress("a", {"phase": "load", "percent": 40.0})
         assert await other.next(0.0) == []
         return await listening.next() or []
 
@@ -168,15 +178,15 @@ def test_listeners_hear_their_job_their_rig_or_all(store: Store) -> None:
 
     async def scene() -> list[list[int | None]]:
         boxes = [
-            here.open(0, "a"),
-            here.open(0),
-            there.open(0),
-            here.open(0, every_rig=True),
+            here.subscribe(0, "a"),
+            here.subscribe(0),
+            there.subscribe(0),
+            here.subscribe(0, every_rig=True),
         ]
         for box in boxes:
             await present(box)
         for log, job in ((here, "a"), (there, "c"), (here, None), (here, "b")):
-            await asyncio.to_thread(log.tell, "state", job)
+            await asyncio.to_thread(log.append, "state", job)
         return [numbers(await box.next() or []) for box in boxes]
 
     assert played(scene) == [[1], [1, 3, 4], [2], [1, 2, 3, 4]]
@@ -194,8 +204,8 @@ def test_listeners_hear_their_job_their_rig_or_all(store: Store) -> None:
 def test_a_listener_learns_what_is_kept_no_more(
     log: EventLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(event_rows, "KEPT", 10)
-    monkeypatch.setattr(event_rows, "SWEEP", 10)
+    monkeypatch.setattr(store_module, "EVENTS_KEPT", 10)
+    monkeypatch.setattr(store_module, "EVENTS_SWEEP", 10)
     told(log, 30)
     lost, heard = played(lambda: first(log, 2, 5))
     assert (lost.kind, lost.body) == ("dropped", {"progress": 0, "numbered": 14})
@@ -209,16 +219,16 @@ def test_a_number_of_another_journal_begins_anew(log: EventLog) -> None:
 
 def test_there_is_room_for_so_many(log: EventLog) -> None:
     async def scene() -> None:
-        places = [log.open() for _ in range(listeners.MOST)]
+        places = [log.subscribe() for _ in range(listeners.LISTENERS_MAX)]
         with pytest.raises(TooManyListenersError, match="64 listen"):
-            log.open()
+            log.subscribe()
         places.pop().close()
-        places.append(log.open())
+        places.append(log.subscribe())
         with pytest.raises(TooManyListenersError):
-            log.open()
+            log.subscribe()
         # One that nobody holds any more, because its answer has never begun, has no place.
         places.pop()
-        log.open()
+        log.subscribe()
 
     played(scene)
 
@@ -228,7 +238,7 @@ def test_listeners_end_with_the_log(log: EventLog) -> None:
         heard: list[Event] = []
 
         async def hear() -> None:
-            async for event in log.listen(0):
+            async for event in heard_by(log.subscribe(0)):
                 heard.append(event)
 
         task = asyncio.create_task(hear())
@@ -236,9 +246,9 @@ def test_listeners_end_with_the_log(log: EventLog) -> None:
         while len(heard) < 2:
             await asyncio.sleep(0)
         await asyncio.to_thread(told, log, 1)
-        log.close()
+        log.listeners.close()
         await task
-        late = log.open(0)
+        late = log.subscribe(0)
         assert numbers(await late.next() or []) == [1, 2, 3]
         assert await late.next() is None
         return numbers(heard)
@@ -248,23 +258,23 @@ def test_listeners_end_with_the_log(log: EventLog) -> None:
 
 def test_what_cannot_be_kept_is_not_told(log: EventLog, store: Store) -> None:
     async def scene() -> None:
-        listening = log.open()
+        listening = log.subscribe()
         await listening.next()
         with pytest.raises(ValueError, match="JSON"):
-            await asyncio.to_thread(log.tell, "state", "a", x_um=float("nan"))
+            await asyncio.to_thread(log.append, "state", "a", x_um=float("nan"))
         assert await listening.next(0.0) == []
         store.close()
         with pytest.raises(StoreError, match="closed"):
-            await asyncio.to_thread(log.tell, "state", "a")
+            await asyncio.to_thread(log.append, "state", "a")
 
     played(scene)
 
 
 def test_a_listener_whose_event_loop_has_ended_holds_nobody_up(log: EventLog) -> None:
     async def scene() -> object:
-        return log.open()
+        return log.subscribe()
 
     left = played(scene)
     told(log, 1)
-    log.progress("a", {})
+    log.publish_progress("a", {})
     assert left is not None

@@ -2,96 +2,97 @@
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from pincette.config import RigFile
+from pincette.control.record import replace
+from pincette.core.faults import Outcome
 from pincette.records import folder
 from tests.support.partitions import composing
 
 from . import samples
 from .canned import IN_APPROACH, IN_HOLD
-from .rig import Desk
+from .harness import Harness
 from .samples import Tick
 
 
-def test_one_request_grips(desk: Desk) -> None:
-    taken = desk.grip(labels={"part": "bead"})
+def test_one_request_grips(harness: Harness) -> None:
+    taken = harness.grip(labels={"part": "bead"})
     assert taken["values"]["force_mN"] == 20.0
-    job = desk.ended(taken["id"])
+    job = harness.ended(taken["id"])
     assert (job["state"], job["cause"]) == ("succeeded", "")
     assert job["result"]["outcome"] == "gripped"
     assert job["labels"] == {"part": "bead"}
     assert job["started_at"] <= job["ended_at"]
     assert Path(job["record"]).is_dir()
-    assert desk.bus.asked[0] == "actuator/reset"
+    assert harness.bus.asked[0] == "actuator/reset"
 
 
-def test_the_record_is_complete_when_the_job_has_ended(desk: Desk) -> None:
-    job = desk.ended(desk.grip()["id"])
-    listed = desk.get(f"/jobs/{job['id']}/artifacts")["artifacts"]
+def test_the_record_is_complete_when_the_job_has_ended(harness: Harness) -> None:
+    job = harness.ended(harness.grip()["id"])
+    listed = harness.get(f"/jobs/{job['id']}/artifacts")["artifacts"]
     files = {folder.SAMPLES, "grip.png", folder.REQUEST, folder.RESULT, folder.MANIFEST}
     names = [entry["name"] for entry in listed]
     assert files <= set(names)
     assert not {"track.png", "calibration.png", folder.BURST} & set(names)
     assert (job["record_complete"], job["record_detail"]) == (True, "")
-    response = desk.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/grip.png")
+    response = harness.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/grip.png")
     assert response.headers["content-type"] == "image/png"
     assert len(response.content) == next(e["bytes"] for e in listed if e["name"] == "grip.png")
 
 
-def test_one_request_tracks(desk: Desk) -> None:
-    desk.bus.edit = lambda ticks: samples.track(ticks[0].position.epoch)
+def test_one_request_tracks(harness: Harness) -> None:
+    harness.bus.edit = lambda ticks: samples.track(ticks[0].position.epoch)
     body = {"kind": "track", "autostart": True, "cycles": 2, "x_pp_um": 9.0}
-    taken = desk.post("/jobs", body).json()
+    taken = harness.post("/jobs", body).json()
     assert taken["kind"] == "track"
     assert taken["values"]["shape"] == "sinusoid"
     assert taken["values"]["force_pp_mN"] == pytest.approx(9.0 * 2.17)
-    job = desk.ended(taken["id"])
+    job = harness.ended(taken["id"])
     assert (job["state"], job["cause"]) == ("succeeded", "")
     assert (job["kind"], job["result"]["outcome"]) == ("track", "tracked")
     assert job["result"]["force_mN"]["rmse"] == pytest.approx(samples.FORCE_ERROR_MN)
-    listed = desk.get(f"/jobs/{job['id']}/artifacts")["artifacts"]
+    listed = harness.get(f"/jobs/{job['id']}/artifacts")["artifacts"]
     assert "track.png" in [entry["name"] for entry in listed]
-    assert [known["kind"] for known in desk.get("/jobs")["jobs"]] == ["track"]
+    assert [known["kind"] for known in harness.get("/jobs")["jobs"]] == ["track"]
 
 
 @pytest.mark.parametrize("name", ["other.png", "..%2F..%2Fsupervisor.sqlite", "%2e%2e"])
-def test_nothing_but_the_record_can_be_read(desk: Desk, name: str) -> None:
-    job = desk.ended(desk.grip()["id"])
-    response = desk.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/{name}")
+def test_nothing_but_the_record_can_be_read(harness: Harness, name: str) -> None:
+    job = harness.ended(harness.grip()["id"])
+    response = harness.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/{name}")
     assert response.status_code == 404
 
 
-def test_without_autostart_a_job_waits_for_the_action(desk: Desk) -> None:
-    response = desk.post("/jobs", {"kind": "grip"})
+def test_without_autostart_a_job_waits_for_the_action(harness: Harness) -> None:
+    response = harness.post("/jobs", {"kind": "grip"})
     job = response.json()["id"]
     assert response.headers["location"] == f"/api/v1/jobs/{job}"
-    desk.reach(job, "ready")
-    assert desk.get(f"/jobs/{job}")["allowed_actions"] == ["start", "stop", "abort"]
-    assert "sensor/arm" not in desk.bus.asked
-    assert desk.post(f"/jobs/{job}/actions", {"type": "start"}).status_code == 202
-    ended = desk.ended(job)
+    harness.reach(job, "ready")
+    assert harness.get(f"/jobs/{job}")["allowed_actions"] == ["start", "stop", "abort"]
+    assert "sensor/arm" not in harness.bus.asked
+    assert harness.post(f"/jobs/{job}/actions", {"type": "start"}).status_code == 202
+    ended = harness.ended(job)
     assert ended["state"] == "succeeded"
     assert [(action["type"], action["seq"]) for action in ended["actions"]] == [("start", 0)]
 
 
 @pytest.mark.parametrize(("action", "state"), [("stop", "stopped"), ("abort", "aborted")])
-def test_a_job_that_has_not_moved_ends_at_once(desk: Desk, action: str, state: str) -> None:
-    job = desk.post("/jobs", {"kind": "grip"}).json()["id"]
-    desk.reach(job, "ready")
-    assert desk.post(f"/jobs/{job}/actions", {"type": action}).json()["state"] == state
-    assert desk.post(f"/jobs/{job}/actions", {"type": action}).status_code == 200
-    assert "sensor/arm" not in desk.bus.asked
-    assert "actuator/trip" not in desk.bus.asked
+def test_a_job_that_has_not_moved_ends_at_once(harness: Harness, action: str, state: str) -> None:
+    job = harness.post("/jobs", {"kind": "grip"}).json()["id"]
+    harness.reach(job, "ready")
+    assert harness.post(f"/jobs/{job}/actions", {"type": action}).json()["state"] == state
+    assert harness.post(f"/jobs/{job}/actions", {"type": action}).status_code == 200
+    assert "sensor/arm" not in harness.bus.asked
+    assert "actuator/trip" not in harness.bus.asked
 
 
-def test_a_second_job_is_refused_while_one_is_active(desk: Desk) -> None:
-    job = desk.post("/jobs", {"kind": "grip"}).json()["id"]
-    desk.reach(job, "ready")
-    response = desk.post("/jobs", {"kind": "grip"})
+def test_a_second_job_is_refused_while_one_is_active(harness: Harness) -> None:
+    job = harness.post("/jobs", {"kind": "grip"}).json()["id"]
+    harness.reach(job, "ready")
+    response = harness.post("/jobs", {"kind": "grip"})
     assert response.status_code == 409
     problem = response.json()
     assert problem["type"] == "urn:pincette:problem:job-active"
@@ -99,59 +100,59 @@ def test_a_second_job_is_refused_while_one_is_active(desk: Desk) -> None:
     assert "start" in problem["allowed_actions"]
 
 
-def test_a_stop_of_a_free_arm_is_confirmed_by_the_rig(desk: Desk) -> None:
-    job = desk.playing_to(IN_APPROACH)
-    response = desk.post(f"/jobs/{job}/actions", {"type": "stop"})
+def test_a_stop_of_a_free_arm_is_confirmed_by_the_rig(harness: Harness) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    response = harness.post(f"/jobs/{job}/actions", {"type": "stop"})
     assert response.status_code == 202
-    ended = desk.ended(job)
+    ended = harness.ended(job)
     assert ended["state"] == "stopped"
     assert ended["actions"][0]["seq"] == IN_APPROACH
     assert ended["result"]["actions"] == [{"type": "stop", "seq": IN_APPROACH}]
 
 
-def test_a_stop_keeps_the_part_until_it_is_released(desk: Desk) -> None:
-    job = desk.playing_to(IN_HOLD)
-    desk.post(f"/jobs/{job}/actions", {"type": "stop"})
-    stopped = desk.ended(job)
+def test_a_stop_keeps_the_part_until_it_is_released(harness: Harness) -> None:
+    job = harness.playing_to(IN_HOLD)
+    harness.post(f"/jobs/{job}/actions", {"type": "stop"})
+    stopped = harness.ended(job)
     assert stopped["state"] == "stopped"
     assert stopped["allowed_actions"] == ["release", "abort"]
     assert stopped["result"]["samples"] == IN_HOLD + 1
-    assert desk.post("/jobs", {"kind": "grip"}).json()["type"].endswith("job-active")
-    assert desk.get("/rigs/demo")["part"] == "held"
-    assert desk.post(f"/jobs/{job}/actions", {"type": "release"}).status_code == 202
-    live = desk.conductor.active
+    assert harness.post("/jobs", {"kind": "grip"}).json()["type"].endswith("job-active")
+    assert harness.get("/rigs/demo")["part"] == "held"
+    assert harness.post(f"/jobs/{job}/actions", {"type": "release"}).status_code == 202
+    live = harness.manager.active
     if live is not None:
         assert live.done.wait(10.0)
-    freed = desk.get(f"/jobs/{job}")
+    freed = harness.get(f"/jobs/{job}")
     assert freed["state"] == "stopped"
     assert freed["allowed_actions"] == []
-    assert freed["result"]["samples"] == len(desk.bus.ticks)
+    assert freed["result"]["samples"] == len(harness.bus.ticks)
     assert [action["type"] for action in freed["actions"]] == ["stop", "release"]
 
 
-def test_a_part_that_a_fault_takes_after_a_stop_is_told_of(desk: Desk) -> None:
-    job = desk.playing_to(IN_HOLD)
-    desk.post(f"/jobs/{job}/actions", {"type": "stop"})
-    assert desk.ended(job)["cause"] == ""
-    live = desk.conductor.active
+def test_a_part_that_a_fault_takes_after_a_stop_is_told_of(harness: Harness) -> None:
+    job = harness.playing_to(IN_HOLD)
+    harness.post(f"/jobs/{job}/actions", {"type": "stop"})
+    assert harness.ended(job)["cause"] == ""
+    live = harness.manager.active
     assert live is not None
-    desk.bus.trip("device: no answer")
+    harness.bus.trip("device: no answer")
     assert live.done.wait(10.0)
-    ended = desk.get(f"/jobs/{job}")
+    ended = harness.get(f"/jobs/{job}")
     assert ended["state"] == "stopped"
     assert ended["cause"] == "actuator tripped: device: no answer"
 
 
-def test_a_release_in_the_hold_ends_the_job_well(desk: Desk) -> None:
+def test_a_release_in_the_hold_ends_the_job_well(harness: Harness) -> None:
     def released(ticks: list[Tick]) -> list[Tick]:
-        return [replace(t, telemetry=replace(t.telemetry, outcome="")) for t in ticks]
+        return [replace(t, telemetry=replace(t.telemetry, outcome=Outcome.NONE)) for t in ticks]
 
-    desk.bus.edit = released
-    desk.bus.pause_at = IN_HOLD
-    job = desk.grip(until_released=True)
+    harness.bus.edit = released
+    harness.bus.pause_at = IN_HOLD
+    job = harness.grip(until_released=True)
     assert job["values"]["hold_s"] is None
-    desk.reach(job["id"], "running")
-    live = desk.conductor.active
+    harness.reach(job["id"], "running")
+    live = harness.manager.active
     assert live is not None
 
     async def in_hold() -> None:
@@ -159,71 +160,71 @@ def test_a_release_in_the_hold_ends_the_job_well(desk: Desk) -> None:
             await asyncio.sleep(0)
 
     asyncio.run(asyncio.wait_for(in_hold(), 10.0))
-    assert desk.post(f"/jobs/{job['id']}/actions", {"type": "release"}).status_code == 202
-    ended = desk.ended(job["id"])
+    assert harness.post(f"/jobs/{job['id']}/actions", {"type": "release"}).status_code == 202
+    ended = harness.ended(job["id"])
     assert ended["state"] == "succeeded"
     assert ended["result"]["outcome"] == "released"
 
 
-def test_a_release_without_a_part_is_no_action_of_the_state(desk: Desk) -> None:
-    job = desk.playing_to(IN_APPROACH)
-    response = desk.post(f"/jobs/{job}/actions", {"type": "release"})
+def test_a_release_without_a_part_is_no_action_of_the_state(harness: Harness) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    response = harness.post(f"/jobs/{job}/actions", {"type": "release"})
     assert response.status_code == 409
     problem = response.json()
     assert problem["type"] == "urn:pincette:problem:invalid-transition"
     assert problem["allowed_actions"] == ["pause", "stop", "abort"]
 
 
-def test_an_abort_latches_and_needs_a_reset(desk: Desk) -> None:
-    job = desk.playing_to(IN_APPROACH)
-    assert desk.post(f"/jobs/{job}/actions", {"type": "abort"}).status_code == 202
-    ended = desk.ended(job)
+def test_an_abort_latches_and_needs_a_reset(harness: Harness) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    assert harness.post(f"/jobs/{job}/actions", {"type": "abort"}).status_code == 202
+    ended = harness.ended(job)
     assert ended["state"] == "aborted"
     assert ended["actions"][0]["seq"] == IN_APPROACH
-    response = desk.post("/jobs", {"kind": "grip"})
+    response = harness.post("/jobs", {"kind": "grip"})
     assert response.status_code == 409
     assert response.json()["type"] == "urn:pincette:problem:rig-latched"
     assert response.json()["cause"] == "abort"
 
 
-def test_an_emergency_stop_fails_the_job_and_names_itself(desk: Desk) -> None:
-    job = desk.playing_to(IN_APPROACH)
-    response = desk.post("/rigs/demo/estop")
+def test_an_emergency_stop_fails_the_job_and_names_itself(harness: Harness) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    response = harness.post("/rigs/demo/estop")
     assert response.status_code == 200
     assert response.json()["acknowledged"] is True
-    ended = desk.ended(job)
+    ended = harness.ended(job)
     assert ended["state"] == "failed"
     assert ended["cause"].startswith("actuator tripped: estop")
     assert ended["result"]["outcome"] == "tripped"
 
 
 @pytest.mark.parametrize("outcome", ["no_contact", "wrong_stiffness", "lost", "overforce"])
-def test_a_bad_outcome_fails_the_job_and_is_its_cause(desk: Desk, outcome: str) -> None:
+def test_a_bad_outcome_fails_the_job_and_is_its_cause(harness: Harness, outcome: str) -> None:
     def spoil(ticks: list[Tick]) -> list[Tick]:
         return [
             *ticks[:-1],
             replace(ticks[-1], telemetry=replace(ticks[-1].telemetry, outcome=outcome)),
         ]
 
-    desk.bus.edit = spoil
-    job = desk.ended(desk.grip()["id"])
+    harness.bus.edit = spoil
+    job = harness.ended(harness.grip()["id"])
     assert job["state"] == "failed"
     assert job["cause"].startswith(f"{outcome}: ")
     assert job["result"]["outcome"] == outcome
 
 
-def test_a_trip_during_the_run_is_the_cause(desk: Desk) -> None:
-    job = desk.playing_to(IN_HOLD)
-    desk.bus.trip("command_age: no command for 51 ms, limit 50 ms")
-    ended = desk.ended(job)
+def test_a_trip_during_the_run_is_the_cause(harness: Harness) -> None:
+    job = harness.playing_to(IN_HOLD)
+    harness.bus.trip("command_age: no command for 51 ms, limit 50 ms")
+    ended = harness.ended(job)
     assert ended["state"] == "failed"
     assert ended["cause"] == ("actuator tripped: command_age: no command for 51 ms, limit 50 ms")
 
 
 def test_lockstep_names_the_program_that_is_silent(
-    rig_file: RigFile, open_desk: Callable[..., Desk]
+    rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    desk = open_desk(rig_file, guard_s=0.05)
+    harness = open_harness(rig_file, guard_s=0.05)
 
     def without_estimate(ticks: list[Tick]) -> list[Tick]:
         # The estimator says nothing of the last tick, so nobody after it does.
@@ -231,46 +232,46 @@ def test_lockstep_names_the_program_that_is_silent(
         silent = replace(silent, telemetry=ticks[48].telemetry, applied=ticks[48].applied)
         return [*ticks[:49], silent, *ticks[50:]]
 
-    desk.bus.edit = without_estimate
-    desk.bus.pause_at = 50
-    job = desk.ended(desk.grip()["id"])
+    harness.bus.edit = without_estimate
+    harness.bus.pause_at = 50
+    job = harness.ended(harness.grip()["id"])
     assert job["state"] == "failed"
     assert job["cause"] == "estimator is silent: no progress for 0.05 s"
 
 
 def test_lockstep_names_a_program_of_several_services_as_a_whole(
-    rig_file: RigFile, open_desk: Callable[..., Desk]
+    rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    desk = open_desk(composing(rig_file, "loop"), guard_s=0.05)
-    desk.bus.pause_at = 50
-    job = desk.ended(desk.grip()["id"])
+    harness = open_harness(composing(rig_file, "loop"), guard_s=0.05)
+    harness.bus.pause_at = 50
+    job = harness.ended(harness.grip()["id"])
     assert job["cause"] == "loop is silent: no progress for 0.05 s"
 
 
 def test_lockstep_names_the_program_that_was_killed(
-    rig_file: RigFile, open_desk: Callable[..., Desk]
+    rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    desk = open_desk(rig_file, guard_s=0.05)
-    job = desk.playing_to(IN_HOLD)
-    desk.bus.kill("controller")
-    ended = desk.ended(job)
+    harness = open_harness(rig_file, guard_s=0.05)
+    job = harness.playing_to(IN_HOLD)
+    harness.bus.kill("controller")
+    ended = harness.ended(job)
     assert ended["state"] == "failed"
     assert ended["cause"] == "killed or hung: controller"
     assert ended["result"]["samples"] == IN_HOLD
 
 
-def test_a_supervisor_that_ends_interrupts_its_job(desk: Desk) -> None:
-    job = desk.playing_to(IN_APPROACH)
-    desk.conductor.close()
-    row = desk.store.get(job)
+def test_a_supervisor_that_ends_interrupts_its_job(harness: Harness) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    harness.manager.close()
+    row = harness.store.get(job)
     assert row is not None
     assert row.state == "interrupted"
-    assert "controller/act" in desk.bus.asked
+    assert "controller/action" in harness.bus.asked
 
 
-def test_waiting_ends_in_time_with_the_state_as_it_is(desk: Desk) -> None:
-    job = desk.playing_to(IN_APPROACH)
-    waited = desk.get(f"/jobs/{job}", wait="terminal", timeout_s=0.01)
+def test_waiting_ends_in_time_with_the_state_as_it_is(harness: Harness) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    waited = harness.get(f"/jobs/{job}", wait="terminal", timeout_s=0.01)
     assert waited["state"] == "running"
     assert waited["progress"]["phase"] == "approach"
     assert waited["progress"]["elapsed_s"] == pytest.approx(1.2)

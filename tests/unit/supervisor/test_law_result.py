@@ -1,14 +1,14 @@
 """Figures of the law from samples whose figures are known."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from pincette.control.arm.plant import discretize, printed_arm
-from pincette.messages import Message
+from pincette.control.record import replace
+from pincette.core.messages import Message
 from pincette.records.columns import columns
 from pincette_supervisor.results.law_result import law_figures, true_perturbation_error
 from tests.unit.control.laws.model_loop import ModelArm

@@ -4,19 +4,22 @@ from collections.abc import Callable
 
 import pytest
 
-from pincette.api.request_models import GripJobRequest
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.config import RigFile
-from pincette.messages import Done, Lease, Message
-from pincette.runtime.arming import arm
-from pincette.topics import LEASE, Question
+from pincette.core.faults import Acted, FaultCode, LeaseEnd, Outcome, fault
+from pincette.core.messages import Ack, Lease, Message
+from pincette.core.topics import LEASE, Request
+from pincette.engine.arming import arm
+from pincette_supervisor.jobs.lease import RENEWALS, Renewal, lease_of, renewing
+from pincette_supervisor.kinds.calibrate.noise import NoiseRequest
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.running.lease import RENEWALS, Renewal, lease_of, renewing
 
 from .canned import IN_APPROACH, IN_HOLD, CannedRig
-from .rig import Desk
+from .harness import Harness
 
 LENGTH_S = 10.0
+ENDED = fault(FaultCode.LEASE_ENDED, silent_s=10.0, limit_s=10.0)
 WORDS = "lease: nothing heard from the supervisor for 10.0 s, limit 10 s"
 
 
@@ -29,24 +32,37 @@ class Line(CannedRig):
         self.answer: Exception | None = None
         self.takes_s = 0.0
 
-    def ask(self, question: Question, request: Message, timeout_s: float = 2.0) -> Message:
+    def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         if question != LEASE:
-            return super().ask(question, request, timeout_s)
+            return super().call(question, request, timeout_s)
         self.now_s += min(self.takes_s, timeout_s)
         self.asked.append(f"lease at {self.now_s:g} s")
         if self.answer is not None:
             raise self.answer
-        return Done(0)
+        return Ack(0)
 
 
 def test_a_job_in_real_time_plays_under_the_lease_of_its_rig(real_time: RigFile) -> None:
     grip = GripJobRequest(kind="grip")
-    assert lease_of(real_time, grip, 7) == Lease(7, LENGTH_S, "stop")
+    assert lease_of(real_time, grip, 7) == Lease(7, LENGTH_S, LeaseEnd.STOP)
     for on_stop, then in (("hold", "stop"), ("release", "let_go"), ("retract", "retract")):
         asked = grip.model_copy(update={"on_stop": on_stop})
         lease = lease_of(real_time, asked, 7)
         assert lease is not None
         assert lease.then == then
+
+
+def test_a_calibration_outlives_a_supervisor_that_stands_still_and_lets_go_at_its_end(
+    real_time: RigFile,
+) -> None:
+    noise = NoiseRequest(calibration="noise")
+    lease = lease_of(real_time, noise, 7)
+    assert lease == Lease(7, 3.0 * LENGTH_S, LeaseEnd.RETRACT)
+    stood_s = 10.0
+    assert lease is not None
+    assert stood_s + lease.length_s / RENEWALS < lease.length_s
+    safety = real_time.safety.model_copy(update={"lease_s": 0.0})
+    assert lease_of(real_time.model_copy(update={"safety": safety}), noise, 7) is None
 
 
 def test_neither_lockstep_nor_a_rig_without_a_lease_has_one(
@@ -105,12 +121,12 @@ def test_its_thread_ends_with_the_job(real_time: RigFile) -> None:
     assert len(bus.asked) == count
 
 
-def lapse(desk: Desk) -> None:
+def lapse(harness: Harness) -> None:
     """The controller has stopped by itself, and says so."""
-    desk.bus.details["controller"] = WORDS
-    bus, place = desk.bus, desk.bus.place
+    harness.bus.findings["controller"] = (ENDED,)
+    bus, place = harness.bus, harness.bus.place
     held = bus.ticks[place].telemetry.held
-    bus.say(bus.ticks[place], "lease stop", "stopped")
+    bus.say(bus.ticks[place], (Acted.LEASE, Acted.STOP), Outcome.STOPPED)
     if not held:  # nor is anything from here on: the arm comes to rest
         bus.ticks[place:-1] = bus.ticks[place : place + 1]
     bus.play(place + 1 if held else None)
@@ -118,31 +134,31 @@ def lapse(desk: Desk) -> None:
 
 @pytest.mark.parametrize(("place", "held"), [(IN_APPROACH, False), (IN_HOLD, True)])
 def test_a_supervisor_that_was_away_finds_the_job_stopped_with_the_cause(
-    desk: Desk, place: int, held: bool
+    harness: Harness, place: int, held: bool
 ) -> None:
-    job = desk.playing_to(place)
-    lapse(desk)
-    ended = desk.ended(job)
+    job = harness.playing_to(place)
+    lapse(harness)
+    ended = harness.ended(job)
     assert (ended["state"], ended["cause"]) == ("stopped", WORDS)
-    assert desk.bus.acts == []
-    (row,) = desk.get("/alarms")["alarms"]
+    assert harness.bus.acts == []
+    (row,) = harness.get("/alarms")["alarms"]
     assert (row["cause"], row["words"], row["job"]) == ("lease", WORDS, job)
     if held:
-        desk.acted(job, "release")
-    assert desk.freed(job)["state"] == "stopped"
+        harness.acted(job, "release")
+    assert harness.freed(job)["state"] == "stopped"
 
 
 def test_what_happened_while_no_supervisor_was_there_is_told_by_the_next(
-    rig_file: RigFile, open_desk: Callable[..., Desk]
+    rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    before = open_desk(rig_file)
+    before = open_harness(rig_file)
     job = before.playing_to(IN_APPROACH)
-    left_over = before.store.interrupt_left_over("2026-03-01T12:00:00.000Z")
-    assert left_over == [job]
-    after = open_desk(rig_file)
-    after.bus.details["controller"] = WORDS
+    unfinished = before.store.interrupt_unfinished("2026-03-01T12:00:00.000Z")
+    assert unfinished == [job]
+    after = open_harness(rig_file)
+    after.bus.findings["controller"] = (ENDED,)
     after.health.refresh(force=True)
-    after.conductor.recover(left_over)
+    after.manager.recover(unfinished)
     told = after.get(f"/jobs/{job}")
     assert told["state"] == "interrupted"
     assert told["cause"].endswith(WORDS)
@@ -150,28 +166,28 @@ def test_what_happened_while_no_supervisor_was_there_is_told_by_the_next(
     assert row["words"] == WORDS
 
 
-def test_a_stop_by_a_person_is_no_lapse(desk: Desk) -> None:
-    job = desk.playing_to(IN_HOLD)
-    desk.acted(job, "stop")
-    ended = desk.ended(job)
+def test_a_stop_by_a_person_is_no_lapse(harness: Harness) -> None:
+    job = harness.playing_to(IN_HOLD)
+    harness.acted(job, "stop")
+    ended = harness.ended(job)
     assert (ended["state"], ended["cause"]) == ("stopped", "")
-    assert desk.get("/alarms")["alarms"] == []
+    assert harness.get("/alarms")["alarms"] == []
 
 
-def test_the_lease_is_among_the_checks(desk: Desk) -> None:
-    (check,) = [one for one in desk.get("/rigs/demo")["checks"] if one["name"] == "lease"]
+def test_the_lease_is_among_the_checks(harness: Harness) -> None:
+    (check,) = [one for one in harness.get("/rigs/demo")["checks"] if one["name"] == "lease"]
     assert check["ok"]
-    job = desk.playing_to(IN_HOLD)
-    live = desk.conductor.active
+    job = harness.playing_to(IN_HOLD)
+    live = harness.manager.active
     assert live is not None
     now_s = 0.0
-    live.renewal = Renewal(desk.bus, Lease(live.epoch, LENGTH_S), lambda: now_s)
+    live.renewal = Renewal(harness.bus, Lease(live.epoch, LENGTH_S), lambda: now_s)
     now_s = 4.0
-    (check,) = [one for one in desk.get("/rigs/demo")["checks"] if one["name"] == "lease"]
+    (check,) = [one for one in harness.get("/rigs/demo")["checks"] if one["name"] == "lease"]
     assert (check["ok"], check["value"], check["limit"], check["unit"]) == (True, 4.0, 10.0, "s")
     now_s = 10.5
-    (check,) = [one for one in desk.get("/rigs/demo")["checks"] if one["name"] == "lease"]
+    (check,) = [one for one in harness.get("/rigs/demo")["checks"] if one["name"] == "lease"]
     assert not check["ok"]
     assert check["words"] == "lease renewed 10.5 s ago, limit 10 s"
-    desk.acted(job, "abort")
-    desk.ended(job)
+    harness.acted(job, "abort")
+    harness.ended(job)

@@ -1,31 +1,34 @@
 """Samples joined while they come: in order, each once, bounded, whatever the bus does to them."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from msgspec.structs import replace
 from pydantic import ValidationError
 
-from pincette.api.live_models import LiveBatch
+from pincette.api.live import LiveBatch
 from pincette.bus.memory import MemoryBus
 from pincette.config import RigFile
-from pincette.messages import Message, Position, Telemetry
-from pincette_supervisor.running.live import (
+from pincette.core.faults import FaultCode, fault
+from pincette.core.messages import Message, Position, Telemetry
+from pincette.core.topics import APPLIED, ESTIMATE, POSITION, TELEMETRY
+from pincette_supervisor.rigs.live import (
     EVENT_POINTS,
     HISTORY_POINTS,
     KEPT,
     LATE_TICKS,
     LISTENERS_MAX,
-    FullError,
-    Listener,
-    Live,
+    LiveCursor,
+    LiveSamples,
+    TooManyListenersError,
 )
 
 from . import samples
-from .rig import Desk
+from .harness import Harness
 
 PERIOD_S = samples.PERIOD_S
+NO_READING = fault(FaultCode.INSTRUMENT_INVALID, "no target")
 
 
 class Scene:
@@ -34,7 +37,9 @@ class Scene:
     def __init__(self, period_s: float = PERIOD_S) -> None:
         self.bus = MemoryBus()
         self.now_s = 100.0
-        self.live = Live(self.bus, "demo", period_s, lambda: self.now_s)
+        self.live = LiveSamples("demo", period_s, lambda: self.now_s)
+        for topic in (POSITION, ESTIMATE, TELEMETRY, APPLIED):
+            self.bus.subscribe(topic, self.live.take)
 
     def say(self, messages: Iterable[Message]) -> None:
         for message in messages:
@@ -61,7 +66,7 @@ def scene() -> Scene:
     return Scene()
 
 
-def heard(listener: Listener) -> list[LiveBatch]:
+def heard(listener: LiveCursor) -> list[LiveBatch]:
     return listener.batches(1.0)
 
 
@@ -70,7 +75,7 @@ def seqs(batches: list[LiveBatch]) -> list[int]:
 
 
 def test_samples_are_joined_by_number_and_parted_by_phase(scene: Scene) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     ticks = samples.grip()[:60]
     scene.play(ticks)
     batches = heard(listener)
@@ -89,7 +94,7 @@ def test_samples_are_joined_by_number_and_parted_by_phase(scene: Scene) -> None:
 
 
 def test_what_was_told_is_not_told_again(scene: Scene) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     ticks = samples.grip()
     scene.play(ticks[:10])
     first = seqs(heard(listener))
@@ -100,7 +105,7 @@ def test_what_was_told_is_not_told_again(scene: Scene) -> None:
 
 
 def test_the_order_within_a_tick_does_not_matter(scene: Scene) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     for tick in samples.grip()[:20]:
         scene.say((tick.position, tick.applied, tick.estimate, tick.telemetry))
     batches = heard(listener)
@@ -111,7 +116,7 @@ def test_the_order_within_a_tick_does_not_matter(scene: Scene) -> None:
 def test_a_sample_without_the_controllers_view_is_told_late_and_keeps_the_phase(
     scene: Scene,
 ) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     ticks = samples.grip()[: 6 + LATE_TICKS]
     for tick in ticks:
         said = [m for m in tick.messages() if not (isinstance(m, Telemetry) and m.seq == 3)]
@@ -124,7 +129,7 @@ def test_a_sample_without_the_controllers_view_is_told_late_and_keeps_the_phase(
 
 
 def test_what_follows_the_end_of_a_program_has_no_phase(scene: Scene) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     ticks = samples.grip()[:5]
     scene.play(ticks)
     after = range(5, 5 + 3 * LATE_TICKS)
@@ -139,7 +144,7 @@ def test_what_follows_the_end_of_a_program_has_no_phase(scene: Scene) -> None:
 
 
 def test_an_idle_rig_has_position_and_voltage_alone(scene: Scene) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     scene.idle(0, 3 * LATE_TICKS)
     batches = heard(listener)
     assert len(seqs(batches)) >= 2 * LATE_TICKS
@@ -151,9 +156,9 @@ def test_an_idle_rig_has_position_and_voltage_alone(scene: Scene) -> None:
 
 
 def test_what_is_not_valid_is_not_shown(scene: Scene) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     tick = samples.grip()[0]
-    blind = replace(tick.position, valid=False, x_um=0.0, fault="no target")
+    blind = replace(tick.position, valid=False, x_um=0.0, fault=NO_READING)
     scene.say((blind, replace(tick.estimate, zero_age_s=None), tick.telemetry, tick.applied))
     (batch,) = heard(listener)
     assert batch.x_um == [None]
@@ -161,7 +166,7 @@ def test_what_is_not_valid_is_not_shown(scene: Scene) -> None:
 
 
 def test_a_new_epoch_begins_a_new_batch(scene: Scene) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     scene.play(samples.grip(7)[:5])
     scene.play(samples.grip(8)[:5])
     batches = heard(listener)
@@ -172,7 +177,7 @@ def test_a_new_epoch_begins_a_new_batch(scene: Scene) -> None:
 
 def test_a_fresh_listener_gets_the_past_thinned(scene: Scene) -> None:
     scene.idle(0, KEPT)
-    batches = heard(scene.live.listen())
+    batches = heard(scene.live.open())
     found = seqs(batches)
     assert HISTORY_POINTS / 2 < len(found) <= HISTORY_POINTS
     assert found[-1] >= KEPT - 2 * LATE_TICKS
@@ -183,7 +188,7 @@ def test_a_fresh_listener_gets_the_past_thinned(scene: Scene) -> None:
 def test_a_slow_listener_gets_fewer_points_and_the_count_of_those_it_missed(
     scene: Scene,
 ) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     scene.idle(0, 100)
     heard(listener)
     scene.idle(100, 2 * KEPT)
@@ -195,7 +200,7 @@ def test_a_slow_listener_gets_fewer_points_and_the_count_of_those_it_missed(
 
 def test_a_fast_rig_is_thinned_at_the_door() -> None:
     scene = Scene(period_s=0.001)
-    listener = scene.live.listen()
+    listener = scene.live.open()
     scene.idle(0, 1000)
     found = seqs(heard(listener))
     steps = {after - before for before, after in pairwise(found)}
@@ -203,7 +208,7 @@ def test_a_fast_rig_is_thinned_at_the_door() -> None:
 
 
 def test_silence_is_told_once_a_while(scene: Scene) -> None:
-    listener = scene.live.listen()
+    listener = scene.live.open()
     (sign,) = heard(listener)
     assert sign.seq == []
     scene.now_s += 0.5
@@ -214,11 +219,11 @@ def test_silence_is_told_once_a_while(scene: Scene) -> None:
 
 def test_no_more_than_a_few_may_listen(scene: Scene) -> None:
     for _ in range(LISTENERS_MAX):
-        scene.live.listen()
-    with pytest.raises(FullError, match="16 listen already"):
-        scene.live.listen()
+        scene.live.open()
+    with pytest.raises(TooManyListenersError, match="16 listen already"):
+        scene.live.open()
     scene.live.leave()
-    scene.live.listen()
+    scene.live.open()
 
 
 def test_columns_that_are_no_numbers_are_refused() -> None:
@@ -226,14 +231,14 @@ def test_columns_that_are_no_numbers_are_refused() -> None:
         LiveBatch.model_validate({"rig": "demo", "seq": ["one"]})
 
 
-def test_an_unknown_rig_is_a_problem(desk: Desk) -> None:
-    answer = desk.call("GET", "/api/v1/rigs/other/live")
+def test_an_unknown_rig_is_a_problem(harness: Harness) -> None:
+    answer = harness.call("GET", "/api/v1/rigs/other/live")
     assert answer.status_code == 404
     assert "no rig 'other'; there are demo" in answer.json()["detail"]
 
 
-def test_the_page_names_the_rig_and_lets_nothing_in(desk: Desk) -> None:
-    page = desk.call("GET", "/")
+def test_the_page_names_the_rig_and_lets_nothing_in(harness: Harness) -> None:
+    page = harness.call("GET", "/")
     assert page.status_code == 200
     assert 'action="/api/v1/rigs/demo/estop"' in page.text
     assert "{{" not in page.text
@@ -244,19 +249,19 @@ def test_the_page_names_the_rig_and_lets_nothing_in(desk: Desk) -> None:
     assert " style=" not in page.text
 
 
-@pytest.mark.parametrize("name", ["main.js", "estop.js", "page.css", "panels.css", "icon.svg"])
-def test_every_file_of_the_page_is_served(desk: Desk, name: str) -> None:
-    answer = desk.call("GET", f"/page/{name}")
+@pytest.mark.parametrize("name", ["js/main.js", "js/form/form.js", "css/page.css", "icon.svg"])
+def test_every_file_of_the_page_is_served(harness: Harness, name: str) -> None:
+    answer = harness.call("GET", f"/page/{name}")
     assert answer.status_code == 200
     assert answer.headers["x-content-type-options"] == "nosniff"
 
 
 @pytest.mark.parametrize("name", ["none.js", "index.html", "..%2Fconfig.py", "%2e%2e/config.py"])
-def test_nothing_else_is_served(desk: Desk, name: str) -> None:
-    assert desk.call("GET", f"/page/{name}").status_code == 404
+def test_nothing_else_is_served(harness: Harness, name: str) -> None:
+    assert harness.call("GET", f"/page/{name}").status_code == 404
 
 
-def test_a_rigs_name_is_no_markup(rig_file: RigFile, open_desk: Callable[..., Desk]) -> None:
+def test_a_rigs_name_is_no_markup(rig_file: RigFile, open_harness: Callable[..., Harness]) -> None:
     named = rig_file.rig.model_copy(update={"name": 'a"><script>'})
-    desk = open_desk(rig_file.model_copy(update={"rig": named}))
-    assert "<script>" not in desk.call("GET", "/").text
+    harness = open_harness(rig_file.model_copy(update={"rig": named}))
+    assert "<script>" not in harness.call("GET", "/").text

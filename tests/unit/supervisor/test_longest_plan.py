@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from pincette.api.request_models import Body
 from pincette.config import RigFile
+from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
 
 VALIDATE: Any = TypeAdapter(Body).validate_python

@@ -21,7 +21,7 @@ from pincette.config import parse_rig
 from tests.support.told_states import states_told
 
 from .conftest import DEMO
-from .rig import Desk
+from .harness import Harness
 
 ACTIONS: tuple[ActionType, ...] = get_args(ActionType)
 BEGIN = 40
@@ -42,17 +42,17 @@ class Bench(RuleBasedStateMachine):
         self.folder = tempfile.TemporaryDirectory()
         tables = tomllib.loads(DEMO.read_text(encoding="utf-8"))
         tables["rig"]["time"] = "lockstep"
-        self.desk = Desk(parse_rig(tables), Path(self.folder.name), guard_s=1e6)
-        self.desk.bus.pause_at, self.desk.bus.freezes = BEGIN, True
+        self.harness = Harness(parse_rig(tables), Path(self.folder.name), guard_s=1e6)
+        self.harness.bus.pause_at, self.harness.bus.freezes = BEGIN, True
         self.drawing = patch(PICTURE, _no_picture)
         self.drawing.start()
         self.jobs: list[str] = []
 
     @rule(queue=st.booleans(), autostart=st.booleans())
     def create(self, queue: bool, autostart: bool) -> None:
-        self.desk.bus.pause_at = BEGIN
+        self.harness.bus.pause_at = BEGIN
         body = {"kind": "grip", "autostart": autostart, "queue": queue}
-        response = self.desk.post("/jobs", body)
+        response = self.harness.post("/jobs", body)
         assert response.status_code in (201, 409, 503), response.text
         if response.status_code == 201:
             self.jobs.append(response.json()["id"])
@@ -61,26 +61,26 @@ class Bench(RuleBasedStateMachine):
     @rule(action=st.sampled_from(ACTIONS), which=st.integers(0, 3))
     def act(self, action: ActionType, which: int) -> None:
         job = self.jobs[-1 - which % len(self.jobs)]
-        before = self.desk.get(f"/jobs/{job}")
-        asked = len(self.desk.bus.acts)
-        response = self.desk.act(job, action)
+        before = self.harness.get(f"/jobs/{job}")
+        asked = len(self.harness.bus.acts)
+        response = self.harness.act(job, action)
         assert response.status_code in (200, 202, 409), response.text
         if action not in before["allowed_actions"]:
             assert response.status_code in (200, 409)
         if (before["state"], action, response.status_code) == ("paused", "stop", 202):
-            self.desk.until(lambda: len(self.desk.bus.acts) > asked)
-            assert self.desk.bus.acts[asked:] == ["stop"]
+            self.harness.until(lambda: len(self.harness.bus.acts) > asked)
+            assert self.harness.bus.acts[asked:] == ["stop"]
 
     @rule(ticks=st.sampled_from((10, 200, 700)))
     def play(self, ticks: int) -> None:
-        bus = self.desk.bus
+        bus = self.harness.bus
         with bus.turn:
             if bus.place < len(bus.ticks) and not bus.paused:
                 bus.play(min(bus.place + ticks, len(bus.ticks)))
 
     @rule(rests=st.booleans())
     def safe_points_come(self, rests: bool) -> None:
-        bus = self.desk.bus
+        bus = self.harness.bus
         with bus.turn:
             waits = "pausing" in self._states() and not bus.paused
             bus.rests = rests
@@ -89,51 +89,51 @@ class Bench(RuleBasedStateMachine):
 
     @rule()
     def fault(self) -> None:
-        bus = self.desk.bus
+        bus = self.harness.bus
         with bus.turn:
             if 0 < bus.place < len(bus.ticks):
                 bus.trip("device: no answer")
 
-    @precondition(lambda self: self.desk.bus.frozen)
+    @precondition(lambda self: self.harness.bus.frozen)
     @rule()
     def thaw(self) -> None:
-        self.desk.bus.thaw()
+        self.harness.bus.thaw()
 
     @rule()
     def estop(self) -> None:
-        assert self.desk.post("/rigs/demo/estop").status_code == 200
+        assert self.harness.post("/rigs/demo/estop").status_code == 200
 
     @rule()
     def reset(self) -> None:
-        assert self.desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
+        assert self.harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
 
     @rule(order=st.sampled_from(("resume", "clear")))
     def order_queue(self, order: str) -> None:
-        response = self.desk.post("/rigs/demo/queue/actions", {"type": order})
+        response = self.harness.post("/rigs/demo/queue/actions", {"type": order})
         assert response.status_code in (200, 409, 503), response.text
 
     @invariant()
     def no_job_leaves_the_table(self) -> None:
-        self.desk.until(self._settled)
-        states_told(self.desk.told("state"))
+        self.harness.until(self._settled)
+        states_told(self.harness.told("state"))
 
     @invariant()
     def at_most_one_job_has_the_rig(self) -> None:
-        self.desk.until(self._settled)
+        self.harness.until(self._settled)
         queued = [state for state in self._states() if state == "queued"]
         alive = [state for state in self._states() if not STATES[state].terminal]
         assert len(alive) - len(queued) <= 1
-        assert len(queued) == len(self.desk.conductor.queue)
+        assert len(queued) == len(self.harness.manager.queue)
 
     def _states(self) -> list[JobState]:
-        found = [self.desk.store.get(job) for job in self.jobs]
+        found = [self.harness.store.get(job) for job in self.jobs]
         return [row.state for row in found if row is not None]
 
     def _settled(self) -> bool:
         """Whether nothing goes on by itself."""
-        live, bus = self.desk.conductor.active, self.desk.bus
+        live, bus = self.harness.manager.active, self.harness.bus
         if live is None:
-            queue = self.desk.conductor.queue
+            queue = self.harness.manager.queue
             return not len(queue) or bool(queue.halted)
         if live.terminal:
             return live.held
@@ -153,17 +153,17 @@ class Bench(RuleBasedStateMachine):
             self._every_stop_ends()
         finally:
             self.drawing.stop()
-            self.desk.close()
+            self.harness.close()
             self.folder.cleanup()
 
     def _every_stop_ends(self) -> None:
-        self.desk.until(self._settled)
+        self.harness.until(self._settled)
         for job in reversed(self.jobs):
-            if "stop" in self.desk.get(f"/jobs/{job}")["allowed_actions"]:
-                self.desk.act(job, "stop")
-            if self.desk.bus.frozen:
-                self.desk.bus.thaw()
-            state = self.desk.ended(job)["state"]
+            if "stop" in self.harness.get(f"/jobs/{job}")["allowed_actions"]:
+                self.harness.act(job, "stop")
+            if self.harness.bus.frozen:
+                self.harness.bus.thaw()
+            state = self.harness.ended(job)["state"]
             assert STATES[state].terminal
 
 

@@ -1,54 +1,54 @@
 """What a scrape brings, by Prometheus' own parsers; who may scrape; how many series there are."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import cast
 
 import pytest
+from msgspec.structs import replace
 from prometheus_client import Metric
 from prometheus_client.openmetrics import parser as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
 
 from pincette.config import RigFile
-from pincette.latency.histogram import counted
 from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.gate import Gate
+from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.journal.store import StoreError
 from pincette_supervisor.metrics.collector import MOST_RIGS
 from pincette_supervisor.metrics.families import FAMILIES
 from pincette_supervisor.rest.api import create_app
+from tests.support.histograms import counted
 from tests.support.keys import key_of_each_scope
 
 from . import samples
-from .hall import Hall, joined
-from .rig import Desk
+from .harness import Harness
+from .rigs_harness import RigsHarness, joined
 
 Series = dict[tuple[str, frozenset[tuple[str, str]]], float]
 OPEN = "application/openmetrics-text; version=1.0.0"
 
 
-def scraped(desk: Desk) -> list[Metric]:
-    response = desk.call("GET", "/metrics")
+def scraped(harness: Harness) -> list[Metric]:
+    response = harness.call("GET", "/metrics")
     assert response.status_code == 200, response.text
     assert response.headers["content-type"] == "text/plain; version=0.0.4; charset=utf-8"
     return list(text_string_to_metric_families(response.text))
 
 
-def series(desk: Desk) -> Series:
+def series(harness: Harness) -> Series:
     return {
         (sample.name, frozenset(sample.labels.items())): sample.value
-        for family in scraped(desk)
+        for family in scraped(harness)
         for sample in family.samples
     }
 
 
-def value(desk: Desk, name: str, **labels: str) -> float:
-    return series(desk)[name, frozenset(({"rig": "demo"} | labels).items())]
+def value(harness: Harness, name: str, **labels: str) -> float:
+    return series(harness)[name, frozenset(({"rig": "demo"} | labels).items())]
 
 
-def test_every_metric_of_the_table_is_served_with_its_labels_and_no_other(desk: Desk) -> None:
-    desk.ended(desk.grip()["id"])
-    found = {family.name: family for family in scraped(desk)}
+def test_every_metric_of_the_table_is_served_with_its_labels_and_no_other(harness: Harness) -> None:
+    harness.ended(harness.grip()["id"])
+    found = {family.name: family for family in scraped(harness)}
     for family in FAMILIES:
         served = found.pop(family.name.removesuffix("_total"))
         assert served.type == family.kind
@@ -58,64 +58,64 @@ def test_every_metric_of_the_table_is_served_with_its_labels_and_no_other(desk: 
     assert not found
 
 
-def test_a_grip_is_seen(desk: Desk) -> None:
+def test_a_grip_is_seen(harness: Harness) -> None:
     states = {"rig": "demo", "kind": "grip", "state": "succeeded"}
-    assert value(desk, "pincette_jobs", **states) == 0.0
-    assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
-    assert value(desk, "pincette_jobs", **states) == 1.0
-    assert value(desk, "pincette_command_age_seconds_count") > 500
+    assert value(harness, "pincette_jobs", **states) == 0.0
+    assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
+    assert value(harness, "pincette_jobs", **states) == 1.0
+    assert value(harness, "pincette_command_age_seconds_count") > 500
     force_N = 1e-3 * max(tick.estimate.force_mN for tick in samples.grip() if tick.estimate.valid)
-    assert value(desk, "pincette_force_peak_newtons") == pytest.approx(force_N)
-    assert value(desk, "pincette_arming_force_peak_newtons_bucket", le="0.01") == 0.0
-    assert value(desk, "pincette_arming_force_peak_newtons_bucket", le="0.05") == 1.0
-    assert value(desk, "pincette_dropped_total", service="sensor", kind="gap") == 0.0
+    assert value(harness, "pincette_force_peak_newtons") == pytest.approx(force_N)
+    assert value(harness, "pincette_arming_force_peak_newtons_bucket", le="0.01") == 0.0
+    assert value(harness, "pincette_arming_force_peak_newtons_bucket", le="0.05") == 1.0
+    assert value(harness, "pincette_dropped_total", service="sensor", kind="gap") == 0.0
 
 
-def test_a_trip_is_counted_by_its_cause_and_latches(desk: Desk) -> None:
-    assert value(desk, "pincette_latched") == 0.0
-    assert value(desk, "pincette_trips_total", cause="estop") == 0.0
-    assert desk.post("/rigs/demo/estop").status_code == 200
-    assert value(desk, "pincette_trips_total", cause="estop") == 1.0
-    assert value(desk, "pincette_trips_total", cause="command_age") == 0.0
-    assert value(desk, "pincette_latched") == 1.0
+def test_a_trip_is_counted_by_its_cause_and_latches(harness: Harness) -> None:
+    assert value(harness, "pincette_latched") == 0.0
+    assert value(harness, "pincette_trips_total", cause="estop") == 0.0
+    assert harness.post("/rigs/demo/estop").status_code == 200
+    assert value(harness, "pincette_trips_total", cause="estop") == 1.0
+    assert value(harness, "pincette_trips_total", cause="command_age") == 0.0
+    assert value(harness, "pincette_latched") == 1.0
 
 
-def test_a_program_that_goes_or_hangs_is_not_up(desk: Desk) -> None:
-    desk.health.refresh(force=True)
-    assert value(desk, "pincette_service_up", service="estimator") == 1.0
-    desk.bus.kill("estimator")
-    assert value(desk, "pincette_service_up", service="estimator") == 0.0
-    desk.bus.silent.add("controller")  # its token stays
-    desk.health.refresh(force=True)
-    assert value(desk, "pincette_service_up", service="controller") == 0.0
-    assert value(desk, "pincette_service_up", service="recorder") == 1.0
+def test_a_program_that_goes_or_hangs_is_not_up(harness: Harness) -> None:
+    harness.health.refresh(force=True)
+    assert value(harness, "pincette_service_up", service="estimator") == 1.0
+    harness.bus.kill("estimator")
+    assert value(harness, "pincette_service_up", service="estimator") == 0.0
+    harness.bus.silent.add("controller")  # its token stays
+    harness.health.refresh(force=True)
+    assert value(harness, "pincette_service_up", service="controller") == 0.0
+    assert value(harness, "pincette_service_up", service="recorder") == 1.0
 
 
-def test_timing_is_told_in_real_time_alone(desk: Desk) -> None:
-    names = {name for name, _ in series(desk)}
+def test_timing_is_told_in_real_time_alone(harness: Harness) -> None:
+    names = {name for name, _ in series(harness)}
     assert "pincette_lateness_seconds_bucket" not in names
     assert "pincette_command_age_seconds_bucket" in names
 
 
 def test_what_programs_tell_of_their_timing_arrives(
-    real_time: RigFile, open_desk: Callable[..., Desk]
+    real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    desk = open_desk(real_time)
+    harness = open_harness(real_time)
     told = replace(samples.timing("sensor", 4), lateness=counted([0.001, 0.03]), missed=3)
-    desk.bus.publish(told)
-    assert value(desk, "pincette_lateness_seconds_bucket", service="sensor", le="0.02") == 1.0
-    assert value(desk, "pincette_lateness_seconds_bucket", service="sensor", le="+Inf") == 2.0
-    assert value(desk, "pincette_lateness_seconds_count", service="sensor") == 2.0
-    assert value(desk, "pincette_missed_ticks_total", service="sensor") == 3.0
+    harness.bus.publish(told)
+    assert value(harness, "pincette_lateness_seconds_bucket", service="sensor", le="0.02") == 1.0
+    assert value(harness, "pincette_lateness_seconds_bucket", service="sensor", le="+Inf") == 2.0
+    assert value(harness, "pincette_lateness_seconds_count", service="sensor") == 2.0
+    assert value(harness, "pincette_missed_ticks_total", service="sensor") == 3.0
     again = replace(told, epoch=told.epoch + 1, lateness=counted([0.002]), missed=0)
-    desk.bus.publish(again)
-    assert value(desk, "pincette_lateness_seconds_count", service="sensor") == 3.0
-    assert value(desk, "pincette_missed_ticks_total", service="sensor") == 3.0
+    harness.bus.publish(again)
+    assert value(harness, "pincette_lateness_seconds_count", service="sensor") == 3.0
+    assert value(harness, "pincette_missed_ticks_total", service="sensor") == 3.0
 
 
-def test_the_same_is_told_as_openmetrics(desk: Desk) -> None:
-    desk.ended(desk.grip()["id"])
-    response = desk.call("GET", "/metrics", headers={"Accept": OPEN})
+def test_the_same_is_told_as_openmetrics(harness: Harness) -> None:
+    harness.ended(harness.grip()["id"])
+    response = harness.call("GET", "/metrics", headers={"Accept": OPEN})
     assert response.headers["content-type"].startswith("application/openmetrics-text")
     name = "text_string_to_metric_families"  # which has no types
     parse = cast("Callable[[str], list[Metric]]", vars(openmetrics)[name])
@@ -123,54 +123,56 @@ def test_the_same_is_told_as_openmetrics(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("accept", ["", "*/*", "text/plain; version=none", f"{OPEN[:-5]}x"])
-def test_an_odd_wish_brings_the_plain_text(desk: Desk, accept: str) -> None:
-    response = desk.call("GET", "/metrics", headers={"Accept": accept})
+def test_an_odd_wish_brings_the_plain_text(harness: Harness, accept: str) -> None:
+    response = harness.call("GET", "/metrics", headers={"Accept": accept})
     assert response.status_code == 200
     assert list(text_string_to_metric_families(response.text))
 
 
-def test_who_may_look_on_may_scrape(desk: Desk) -> None:
-    access = Access(Gate())
-    desk.app = create_app(desk.rigs, access)
-    ring = key_of_each_scope(desk.store, access.gate)
-    assert desk.call("GET", "/metrics").status_code == 401
+def test_who_may_look_on_may_scrape(harness: Harness) -> None:
+    access = Access(Authenticator())
+    harness.app = create_app(harness.rigs, access)
+    ring = key_of_each_scope(harness.store, access.authenticator)
+    assert harness.call("GET", "/metrics").status_code == 401
     for scope in ("observe", "operate", "admin"):
-        assert desk.call("GET", "/metrics", headers=ring.headers(scope)).status_code == 200
+        assert harness.call("GET", "/metrics", headers=ring.headers(scope)).status_code == 200
 
 
-def test_without_a_journal_the_rest_is_told(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_journal_the_rest_is_told(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def unread() -> dict[tuple[str, str, str], int]:
         raise StoreError("unreadable")
 
-    monkeypatch.setattr(desk.store, "counted", unread)
-    names = {name for name, _ in series(desk)}
+    monkeypatch.setattr(harness.store, "counted", unread)
+    names = {name for name, _ in series(harness)}
     assert "pincette_jobs" not in names
     assert "pincette_trips_total" in names
 
 
-def test_the_series_are_bounded_whatever_is_told(desk: Desk) -> None:
-    desk.ended(desk.grip()["id"])
-    before = series(desk).keys()
+def test_the_series_are_bounded_whatever_is_told(harness: Harness) -> None:
+    harness.ended(harness.grip()["id"])
+    before = series(harness).keys()
     for number in range(30):
-        desk.bus.publish(samples.timing(f"invented-{number}", number))
-        desk.bus.trip(f"invented cause {number}")
-    assert series(desk).keys() == before
+        harness.bus.publish(samples.timing(f"invented-{number}", number))
+        harness.bus.trip(f"invented cause {number}")
+    assert series(harness).keys() == before
     assert len(before) < 300
 
 
 def test_each_rig_has_its_own_and_too_many_are_counted(
     rig_file: RigFile, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    hall = Hall(rig_file, tmp_path_factory.mktemp("hall"))
+    rigs_harness = RigsHarness(rig_file, tmp_path_factory.mktemp("rigs"))
     try:
-        hall.come(joined(rig_file, "right"))
-        hall.served("right")
-        rigs = {dict(labels).get("rig") for _, labels in series(hall)}
+        rigs_harness.come(joined(rig_file, "right"))
+        rigs_harness.served("right")
+        rigs = {dict(labels).get("rig") for _, labels in series(rigs_harness)}
         assert rigs == {None, "demo", "right"}
         monkeypatch.setattr("pincette_supervisor.metrics.collector.MOST_RIGS", 1)
         assert MOST_RIGS >= 2
-        found = series(hall)
+        found = series(rigs_harness)
         assert found["pincette_rigs_left_out", frozenset()] == 1.0
         assert {dict(labels).get("rig") for _, labels in found} == {None, "demo"}
     finally:
-        hall.close()
+        rigs_harness.close()

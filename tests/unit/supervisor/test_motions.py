@@ -5,21 +5,24 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from pincette.api.motion_models import MotionPlan
-from pincette.api.request_models import AnyJobRequest, Body
-from pincette.api.result_models import MotionResult
+from pincette.api.job_kinds import job_kinds
+from pincette.api.plans import MotionPlan
+from pincette.api.requests import JobRequest
+from pincette.api.results import MotionResult
 from pincette.config import RigFile
-from pincette.messages import Applied, Estimate, Message, Position, Telemetry
+from pincette.core.faults import Cause, Mode, Outcome
+from pincette.core.messages import Applied, Estimate, Message, Position, Telemetry
 from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.kinds.bodies import Body
+from pincette_supervisor.kinds.functions import functions_of
+from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.path_requests import FaultyRequestError
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results.archive import Take, gather
-from pincette_supervisor.results.grip_plot import picture
 from tests.support.rigs import demo_rig
 
-REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 RIG = demo_rig()
 HELD = Present(voltage_V=2.5, x_um=39.0, held=True)
 FREE = Present(voltage_V=0.5, x_um=9.0, held=False)
@@ -167,13 +170,14 @@ def samples(count: int, *, held: bool) -> list[Message]:
         x_um = min(12.0, 0.24 * seq)
         made += [
             Position(1, seq, 0.02 * seq, x_um, True),
-            Estimate(1, seq, x_um, 0.1, 0.2, 0.0, None, "", 0.6, seq - 1, 0, False, False, True),
+            Estimate(1, seq, x_um, 0.1, 0.2, 0.0, None, None, 0.6, seq - 1, 0, False, False, True),
             Telemetry(
                 1, seq, True, "hold" if held else "move", 0, seq, x_um, x_um, 0.0, 0.0, 1.0, 0.0,
-                0.0, 0.0, "moved", None, None, held, "",
+                0.0, 0.0, Outcome.MOVED, None, None, held, (),
             ),
             Applied(
-                1, seq, 0.05 * x_um, "armed", "", 0, held, False, seq == count - 1, True, 0, 0.0
+                1, seq, 0.05 * x_um, Mode.ARMED, Cause.NONE, 0, held, False, seq == count - 1,
+                True, 0, 0.0,
             ),
         ]  # fmt: skip
     return made
@@ -198,5 +202,6 @@ def test_the_result_states_the_pose_and_what_is_held(held: bool) -> None:
         assert result.drift_um is None
     # A force that was never zeroed has no reference.
     assert (result.final_force_mN, result.force_uncertainty_mN) == (None, None)
-    drawn = picture(record.table, result, name="demo · job", period_s=0.02)
+    plot = functions_of(job_kinds()[row.kind]).plot
+    drawn = plot(record.run, record.evaluation, "demo · job")
     assert drawn.startswith(b"\x89PNG")

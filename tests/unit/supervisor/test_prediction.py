@@ -1,4 +1,4 @@
-"""What is foretold of a plan, beside what the whole loop then does."""
+"""What is predicted of a plan, beside what the whole loop then does."""
 
 from functools import cache
 from pathlib import Path
@@ -7,21 +7,22 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from pincette.api.calibration_models import CalibrationPlan
-from pincette.api.prediction_models import Margin
-from pincette.api.request_models import AnyJobRequest, Body
+from pincette.api.calibrations import CalibrationPlan
+from pincette.api.predictions import Margin
+from pincette.api.requests import JobRequest
 from pincette.config import RigFile, read_rig
-from pincette.messages import Applied, Message, Telemetry, Truth
-from pincette.runtime.composed import ComposedLoop
-from pincette_supervisor.planning import rehearsal, stage
+from pincette.core.messages import Applied, GroundTruth, Message, Telemetry
+from pincette.engine.composed import ComposedLoop
+from pincette_supervisor.kinds.bodies import Body
+from pincette_supervisor.planning import dry_run, rig_emulator
+from pincette_supervisor.planning.dry_run import stated_instruments
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import CURVE_POINTS, played, with_prediction
 from pincette_supervisor.planning.present import Present
-from pincette_supervisor.planning.rehearsal import stated_instruments
 from tests.support.rigs import DEMO, Tree, at_own_ports, demo_rig
 
-REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 INSTRUMENTS = stated_instruments(read_rig(DEMO))
 STRAIGHT: Tree = {
     "model": {"free_response": None},
@@ -45,7 +46,7 @@ def plan(rig: RigFile, present: Present | None = None, **wishes: Any) -> Planned
     return plan_job(REQUEST.validate_python(wishes), rig, present)
 
 
-def foretold(rig: RigFile, **wishes: Any) -> Planned:
+def predicted(rig: RigFile, **wishes: Any) -> Planned:
     planned = plan(rig, **wishes)
     return with_prediction(planned, played(planned))
 
@@ -60,8 +61,8 @@ def demo() -> RigFile:
     return demo_rig(time="lockstep")
 
 
-def truths(messages: list[Message]) -> dict[int, Truth]:
-    return {item.seq: item for item in messages if isinstance(item, Truth)}
+def truths(messages: list[Message]) -> dict[int, GroundTruth]:
+    return {item.seq: item for item in messages if isinstance(item, GroundTruth)}
 
 
 def voltages(messages: list[Message]) -> dict[int, float]:
@@ -73,7 +74,7 @@ def last_outcome(messages: list[Message]) -> str:
 
 
 @pytest.mark.parametrize("kind", ["grip", "track"])
-def test_a_rig_that_is_its_model_does_what_was_foretold(kind: str) -> None:
+def test_a_rig_that_is_its_model_does_what_was_predicted(kind: str) -> None:
     planned = plan(straight(), kind=kind)
     found = played(planned)
     messages = ComposedLoop(straight()).play(planned.program)
@@ -88,7 +89,7 @@ def test_a_rig_that_is_its_model_does_what_was_foretold(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["grip", "track"])
-def test_the_demo_rig_comes_near_to_what_was_foretold(kind: str) -> None:
+def test_the_demo_rig_comes_near_to_what_was_predicted(kind: str) -> None:
     planned = plan(demo(), kind=kind)
     found = played(planned)
     messages = ComposedLoop(demo()).play(planned.program)
@@ -109,16 +110,16 @@ def test_what_a_simulated_rig_knows_of_itself_is_not_looked_at() -> None:
         assert played(plan(rig, kind="grip")).samples == wanted
 
 
-def test_hysteresis_and_creep_are_foretold_where_they_were_identified() -> None:
-    planned = foretold(demo(), kind="grip")
-    plain = foretold(straight(), kind="grip")
+def test_hysteresis_and_creep_are_predicted_where_they_were_identified() -> None:
+    planned = predicted(demo(), kind="grip")
+    plain = predicted(straight(), kind="grip")
     prediction, straight_one = planned.plan.prediction, plain.plan.prediction
     assert prediction is not None
     assert straight_one is not None
     assert prediction.curves.voltage_V[-1] == pytest.approx(-0.285, abs=0.02)
     assert straight_one.curves.voltage_V[-1] == pytest.approx(0.0, abs=0.005)
-    assert "as identified" in prediction.rests_on[1]
-    assert "straight line" in straight_one.rests_on[1]
+    assert "as identified" in prediction.assumptions[1]
+    assert "straight line" in straight_one.assumptions[1]
 
 
 def test_curves_peaks_and_margins_say_the_same() -> None:
@@ -149,8 +150,8 @@ def margin(margins: list[Margin], quantity: str, limit: float) -> Margin:
 
 
 def test_the_band_is_told_where_the_law_keeps_to_one() -> None:
-    without = foretold(straight(), kind="grip").plan.prediction
-    within = foretold(straight(), kind="grip", gains={"K_S": 1.0}).plan.prediction
+    without = predicted(straight(), kind="grip").plan.prediction
+    within = predicted(straight(), kind="grip", gains={"K_S": 1.0}).plan.prediction
     assert without is not None
     assert within is not None
     assert not [item for item in without.margins if item.quantity == "sliding"]
@@ -162,7 +163,7 @@ def test_the_band_is_told_where_the_law_keeps_to_one() -> None:
 def test_a_limit_that_only_the_loop_breaks_makes_the_plan_infeasible() -> None:
     rig = at_own_ports(straight(), {"limits": {"force_max_mN": 20.1}})
     assert plan(rig, kind="grip", force_mN=20.0).plan.feasible
-    after = foretold(rig, kind="grip", force_mN=20.0).plan
+    after = predicted(rig, kind="grip", force_mN=20.0).plan
     assert not after.feasible
     assert after.prediction is not None
     # Its guard sees the estimate, which stays below.
@@ -177,24 +178,24 @@ def test_a_limit_that_only_the_loop_breaks_makes_the_plan_infeasible() -> None:
 
 def test_a_voltage_that_the_actuator_would_keep_back_is_a_violation() -> None:
     rig = at_own_ports(straight(), {"limits": {"voltage_max_V": 2.55}})
-    after = foretold(rig, kind="grip").plan
+    after = predicted(rig, kind="grip").plan
     assert after.prediction is not None
     assert {item.quantity for item in after.prediction.violations} == {"voltage"}
     assert after.prediction.peaks.voltage_max_V <= 2.55
 
 
 def test_a_hold_without_end_is_released_after_a_moment() -> None:
-    prediction = foretold(straight(), kind="grip", until_released=True).plan.prediction
+    prediction = predicted(straight(), kind="grip", until_released=True).plan.prediction
     assert prediction is not None
     assert (prediction.outcome, prediction.succeeds) == ("released", True)
     assert prediction.complete
     hold = next(phase for phase in prediction.phases if phase.phase == "hold")
-    assert hold.duration_s == pytest.approx(rehearsal.ENDLESS_S, abs=0.05)
+    assert hold.duration_s == pytest.approx(dry_run.ENDLESS_S, abs=0.05)
 
 
-def test_a_long_plan_is_foretold_up_to_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rehearsal, "LONGEST_S", 8.0)
-    prediction = foretold(straight(), kind="grip", hold_s=3000.0).plan.prediction
+def test_a_long_plan_is_predicted_up_to_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dry_run, "LONGEST_S", 8.0)
+    prediction = predicted(straight(), kind="grip", hold_s=3000.0).plan.prediction
     assert prediction is not None
     assert not prediction.complete
     assert not prediction.succeeds
@@ -203,11 +204,11 @@ def test_a_long_plan_is_foretold_up_to_a_limit(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_short_period_does_not_take_longer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rehearsal, "LONGEST_SAMPLES", 150)
-    prediction = foretold(straight(), kind="grip").plan.prediction
+    monkeypatch.setattr(dry_run, "LONGEST_SAMPLES", 150)
+    prediction = predicted(straight(), kind="grip").plan.prediction
     assert prediction is not None
     assert len(prediction.curves.t_s) == 150
-    assert prediction.cut == "3 s are foretold at most"
+    assert prediction.cut == "3 s are predicted at most"
 
 
 def test_a_move_begins_where_the_arm_stands() -> None:
@@ -234,12 +235,12 @@ def test_the_weights_of_a_calibration_are_hung() -> None:
     assert after.prediction.outcome == "moved"
 
 
-def test_nothing_is_foretold_of_a_swept_sine() -> None:
+def test_nothing_is_predicted_of_a_swept_sine() -> None:
     rig = read_rig(Path(DEMO).with_name("fast.toml"))
     planned = plan(rig, kind="calibrate", calibration="frequency_response")
     prediction = with_prediction(planned, played(planned)).plan.prediction
     assert prediction is not None
-    assert prediction.cut == stage.SWEEP
+    assert prediction.cut == rig_emulator.SWEEP
     assert not prediction.complete
 
 

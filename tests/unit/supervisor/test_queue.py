@@ -6,24 +6,24 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile
+from pincette_supervisor.jobs.job_queue import CAPACITY, RESTARTED
 from pincette_supervisor.journal.store import utc_now
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.running.job_queue import CAPACITY, RESTARTED
 
 from .canned import IN_APPROACH, IN_HOLD
-from .rig import Desk
+from .harness import Harness
 
 GRIP = {"kind": "grip", "autostart": True, "queue": True}
 
 
-def queued(desk: Desk, **wishes: Any) -> dict[str, Any]:
-    response = desk.post("/jobs", {**GRIP, **wishes})
+def queued(harness: Harness, **wishes: Any) -> dict[str, Any]:
+    response = harness.post("/jobs", {**GRIP, **wishes})
     assert response.status_code == 201, response.text
     return response.json()
 
 
-def order(desk: Desk, what: str) -> Any:
-    return desk.call(
+def order(harness: Harness, what: str) -> Any:
+    return harness.call(
         "POST",
         "/api/v1/rigs/demo/queue/actions",
         json={"type": what},
@@ -31,97 +31,99 @@ def order(desk: Desk, what: str) -> Any:
     )
 
 
-def test_a_queued_job_begins_when_the_one_before_has_succeeded(desk: Desk) -> None:
-    first = desk.playing_to(IN_HOLD, queue=True)
-    second, third = queued(desk), queued(desk)
+def test_a_queued_job_begins_when_the_one_before_has_succeeded(harness: Harness) -> None:
+    first = harness.playing_to(IN_HOLD, queue=True)
+    second, third = queued(harness), queued(harness)
     assert (second["state"], second["position"], third["position"]) == ("queued", 1, 2)
     assert second["allowed_actions"] == ["stop", "abort"]
-    assert desk.get("/rigs/demo")["queue"] == {"length": 2, "halted": "", "capacity": CAPACITY}
-    assert desk.post("/jobs", {"kind": "grip"}).json()["type"].endswith("job-active")
-    desk.bus.pause_at = None
-    desk.bus.play()
-    assert desk.ended(first)["state"] == "succeeded"
-    assert desk.ended(second["id"])["state"] == "succeeded"
-    assert desk.ended(third["id"])["state"] == "succeeded"
-    lengths = [row.body["length"] for row in desk.told("queue")]
+    assert harness.get("/rigs/demo")["queue"] == {"length": 2, "halted": "", "capacity": CAPACITY}
+    assert harness.post("/jobs", {"kind": "grip"}).json()["type"].endswith("job-active")
+    harness.bus.pause_at = None
+    harness.bus.play()
+    assert harness.ended(first)["state"] == "succeeded"
+    assert harness.ended(second["id"])["state"] == "succeeded"
+    assert harness.ended(third["id"])["state"] == "succeeded"
+    lengths = [row.body["length"] for row in harness.told("queue")]
     assert lengths == [1, 2, 1, 0]
 
 
-def test_a_job_that_ends_otherwise_halts_the_queue_until_a_person_resumes_it(desk: Desk) -> None:
-    first = desk.playing_to(IN_APPROACH)
-    second = queued(desk)["id"]
-    desk.acted(first, "stop")
-    assert desk.freed(first)["state"] == "stopped"
-    view = desk.get("/rigs/demo")
+def test_a_job_that_ends_otherwise_halts_the_queue_until_a_person_resumes_it(
+    harness: Harness,
+) -> None:
+    first = harness.playing_to(IN_APPROACH)
+    second = queued(harness)["id"]
+    harness.acted(first, "stop")
+    assert harness.freed(first)["state"] == "stopped"
+    view = harness.get("/rigs/demo")
     assert view["queue"]["halted"].startswith(f"job {first} stopped")
     assert {"resume_queue", "clear_queue"} <= set(view["allowed_actions"])
-    assert desk.get(f"/jobs/{second}")["state"] == "queued"
-    desk.bus.pause_at = None
-    assert order(desk, "resume").json()["queue"]["halted"] == ""
-    assert desk.ended(second)["state"] == "succeeded"
-    assert desk.told("queue")[-1].body["by"] == "Ada"
+    assert harness.get(f"/jobs/{second}")["state"] == "queued"
+    harness.bus.pause_at = None
+    assert order(harness, "resume").json()["queue"]["halted"] == ""
+    assert harness.ended(second)["state"] == "succeeded"
+    assert harness.told("queue")[-1].body["by"] == "Ada"
 
 
-def test_a_queue_is_not_resumed_while_the_rig_is_latched(desk: Desk) -> None:
-    first = desk.playing_to(IN_APPROACH)
-    second = queued(desk)["id"]
-    desk.acted(first, "abort")
-    desk.freed(first)
-    assert order(desk, "resume").status_code == 409
-    assert desk.get(f"/jobs/{second}")["state"] == "queued"
-    assert order(desk, "clear").json()["queue"]["length"] == 0
-    cleared = desk.get(f"/jobs/{second}")
+def test_a_queue_is_not_resumed_while_the_rig_is_latched(harness: Harness) -> None:
+    first = harness.playing_to(IN_APPROACH)
+    second = queued(harness)["id"]
+    harness.acted(first, "abort")
+    harness.freed(first)
+    assert order(harness, "resume").status_code == 409
+    assert harness.get(f"/jobs/{second}")["state"] == "queued"
+    assert order(harness, "clear").json()["queue"]["length"] == 0
+    cleared = harness.get(f"/jobs/{second}")
     assert (cleared["state"], cleared["cause"]) == ("stopped", "the queue was cleared")
 
 
-def test_a_queued_job_is_stopped_before_its_turn_and_the_others_move_up(desk: Desk) -> None:
-    desk.playing_to(IN_HOLD)
-    second, third = queued(desk), queued(desk)
-    stopped = desk.acted(second["id"], "stop")
+def test_a_queued_job_is_stopped_before_its_turn_and_the_others_move_up(harness: Harness) -> None:
+    harness.playing_to(IN_HOLD)
+    second, third = queued(harness), queued(harness)
+    stopped = harness.acted(second["id"], "stop")
     assert (stopped["state"], stopped["position"]) == ("stopped", None)
     assert stopped["actions"][0]["applied_at"]
-    moved = desk.get(f"/jobs/{third['id']}")
+    moved = harness.get(f"/jobs/{third['id']}")
     assert moved["position"] == 1
     assert moved["revision"] > third["revision"]
-    assert desk.act(third["id"], "start").json()["allowed_actions"] == ["stop", "abort"]
+    assert harness.act(third["id"], "start").json()["allowed_actions"] == ["stop", "abort"]
 
 
 def test_a_job_whose_turn_has_come_is_planned_again_and_fails_where_there_is_no_plan(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def no_plan(*_given: object) -> Planned:
         raise ValueError("contact_um = 90 µm is out of reach")
 
-    first = desk.playing_to(IN_HOLD)
-    second, third = queued(desk)["id"], queued(desk)["id"]
-    monkeypatch.setattr("pincette_supervisor.running.planner.plan_with_recipe", no_plan)
-    desk.bus.play()
-    assert desk.ended(first)["state"] == "succeeded"
-    desk.ended(second)
-    failed = desk.freed(second)
+    first = harness.playing_to(IN_HOLD)
+    second, third = queued(harness)["id"], queued(harness)["id"]
+    monkeypatch.setattr("pincette_supervisor.jobs.planner.plan_with_recipe", no_plan)
+    harness.bus.play()
+    assert harness.ended(first)["state"] == "succeeded"
+    harness.ended(second)
+    failed = harness.freed(second)
     assert (failed["state"], failed["cause"]) == ("failed", "contact_um = 90 µm is out of reach")
-    assert desk.get(f"/jobs/{third}")["state"] == "queued"
-    assert desk.get("/rigs/demo")["queue"]["halted"].startswith(f"job {second} failed: ")
+    assert harness.get(f"/jobs/{third}")["state"] == "queued"
+    assert harness.get("/rigs/demo")["queue"]["halted"].startswith(f"job {second} failed: ")
 
 
-def test_the_queue_has_an_end(desk: Desk) -> None:
-    desk.playing_to(IN_HOLD)
+def test_the_queue_has_an_end(harness: Harness) -> None:
+    harness.playing_to(IN_HOLD)
     for _ in range(CAPACITY):
-        queued(desk)
-    refused = desk.post("/jobs", GRIP)
+        queued(harness)
+    refused = harness.post("/jobs", GRIP)
     assert refused.status_code == 409
     assert refused.json()["type"].endswith("queue-full")
 
 
 def test_the_queue_survives_a_restart_and_waits_for_a_person(
-    desk: Desk, rig_file: RigFile, open_desk: Callable[..., Desk]
+    harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    first = desk.playing_to(IN_APPROACH)
-    second = queued(desk, labels={"part": "bead"})["id"]
-    desk.conductor.close()
-    after = open_desk(rig_file)
+    first = harness.playing_to(IN_APPROACH)
+    second = queued(harness, labels={"part": "bead"})["id"]
+    harness.manager.close()
+    after = open_harness(rig_file)
     after.health.refresh()
-    after.conductor.recover(after.store.interrupt_left_over(utc_now()))
+    after.manager.recover(after.store.interrupt_unfinished(utc_now()))
     assert after.get(f"/jobs/{first}")["state"] == "interrupted"
     waiting = after.get(f"/jobs/{second}")
     assert (waiting["state"], waiting["position"]) == ("queued", 1)

@@ -8,13 +8,14 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from pincette.api.request_models import AnyJobRequest, Body
+from pincette.api.requests import JobRequest
 from pincette.config import Calibration, RigFile, calibrated
 from pincette_supervisor.journal import recipes as journal
-from pincette_supervisor.journal.recipes import RecipeBook, RecipeLimitError, RecipeRow
+from pincette_supervisor.journal.recipes import RecipeLimitError, RecipeRepository, RecipeRow
 from pincette_supervisor.journal.store import Store
+from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.model.model_in_use import rig_file_alone
-from pincette_supervisor.planning.path_requests import FaultyRequestError
+from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import played, with_prediction
 from pincette_supervisor.planning.recipes import (
@@ -25,13 +26,13 @@ from pincette_supervisor.planning.recipes import (
     plan_with_recipe,
 )
 
-from .rig import Desk
+from .harness import Harness
 
-REQUEST: TypeAdapter[AnyJobRequest] = TypeAdapter(Body)
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 AT = "2026-03-01T12:00:00.000Z"
 
 
-def request(**wishes: Any) -> AnyJobRequest:
+def request(**wishes: Any) -> JobRequest:
     return REQUEST.validate_python({"kind": "grip", "recipe": "bead", **wishes})
 
 
@@ -49,8 +50,8 @@ def planned(rig: RigFile, values: dict[str, Any], **wishes: Any) -> Planned:
     return plan_with_recipe(request(**wishes), rig_file_alone(rig), None, lookup(**values))
 
 
-def keep(desk: Desk, status: int = 201, **body: Any) -> dict[str, Any]:
-    response = desk.post("/recipes", {"name": "bead", **body})
+def keep(harness: Harness, status: int = 201, **body: Any) -> dict[str, Any]:
+    response = harness.post("/recipes", {"name": "bead", **body})
     assert response.status_code == status, response.text
     return response.json()
 
@@ -123,14 +124,14 @@ def test_a_recipe_says_where_its_object_lies_and_how_stiff_it_is(rig_file: RigFi
     assert max(played_one.samples.x_um) == pytest.approx(28.0, abs=0.1)
 
 
-def test_an_object_beyond_the_rig_files_is_foretold_to_be_gripped(rig_file: RigFile) -> None:
+def test_an_object_beyond_the_rig_files_is_predicted_to_be_gripped(rig_file: RigFile) -> None:
     """The estimator zeroes the force as late as the recipe's object allows."""
     found = planned(rig_file, {"part": {"contact_um": 40.0}})
     assert played(found).outcome == "gripped"
-    foretold = with_prediction(found, played(found)).plan.prediction
-    assert foretold is not None
+    predicted = with_prediction(found, played(found)).plan.prediction
+    assert predicted is not None
     words = "part: contact_um = 40 µm (recipe bead@3), stiffness_mN_per_um = 2.17 mN/µm (assumed)"
-    assert words in "; ".join(foretold.rests_on)
+    assert words in "; ".join(predicted.assumptions)
 
 
 def test_the_rig_is_armed_with_what_the_recipe_expects(rig_file: RigFile) -> None:
@@ -188,65 +189,65 @@ def test_faults_of_all_values_are_told_once() -> None:
     ]
 
 
-def test_versions_are_added_and_stay(desk: Desk) -> None:
-    first = keep(desk, values={"force_mN": 8}, note="by hand")
+def test_versions_are_added_and_stay(harness: Harness) -> None:
+    first = keep(harness, values={"force_mN": 8}, note="by hand")
     assert (first["version"], first["values"], first["note"]) == (1, {"force_mN": 8.0}, "by hand")
-    assert keep(desk, 200, values={"force_mN": 8.0}, note="again") == first
-    second = keep(desk, values={"force_mN": 9.0})
+    assert keep(harness, 200, values={"force_mN": 8.0}, note="again") == first
+    second = keep(harness, values={"force_mN": 9.0})
     assert second["version"] == 2
     assert second["digest"] != first["digest"]
-    assert keep(desk, values={"force_mN": 8.0})["version"] == 3
-    history = desk.get("/recipes/bead")
+    assert keep(harness, values={"force_mN": 8.0})["version"] == 3
+    history = harness.get("/recipes/bead")
     assert [item["version"] for item in history["versions"]] == [3, 2, 1]
     assert history["newest"] == history["versions"][0]
-    assert desk.get("/recipes/bead/1") == first
-    keep(desk, name="Ball_2.5-mm", values={"until_released": True})
-    assert [item["name"] for item in desk.get("/recipes")["recipes"]] == ["Ball_2.5-mm", "bead"]
+    assert harness.get("/recipes/bead/1") == first
+    keep(harness, name="Ball_2.5-mm", values={"until_released": True})
+    assert [item["name"] for item in harness.get("/recipes")["recipes"]] == ["Ball_2.5-mm", "bead"]
 
 
-def test_a_faulty_recipe_is_refused_with_the_place(desk: Desk) -> None:
-    problem = keep(desk, 422, values={"force_mn": 8.0, "hold_s": -1.0})
+def test_a_faulty_recipe_is_refused_with_the_place(harness: Harness) -> None:
+    problem = keep(harness, 422, values={"force_mn": 8.0, "hold_s": -1.0})
     assert {error["pointer"] for error in problem["errors"]} == {
         "/values/force_mn",
         "/values/hold_s",
     }
-    assert keep(desk, 422, name="a b", values={"hold_s": 1.0})["errors"][0]["pointer"] == "/name"
-    assert keep(desk, 422, values={})["errors"][0]["pointer"] == "/values"
-    assert desk.get("/recipes")["recipes"] == []
+    assert keep(harness, 422, name="a b", values={"hold_s": 1.0})["errors"][0]["pointer"] == "/name"
+    assert keep(harness, 422, values={})["errors"][0]["pointer"] == "/values"
+    assert harness.get("/recipes")["recipes"] == []
 
 
 @pytest.mark.parametrize("path", ["none", "bead@1", "bead/2", "none/1"])
-def test_an_unknown_recipe_is_not_found(desk: Desk, path: str) -> None:
-    keep(desk, values={"force_mN": 8.0})
-    assert desk.call("GET", f"/api/v1/recipes/{path}").status_code == 404
+def test_an_unknown_recipe_is_not_found(harness: Harness, path: str) -> None:
+    keep(harness, values={"force_mN": 8.0})
+    assert harness.call("GET", f"/api/v1/recipes/{path}").status_code == 404
 
 
-def test_a_job_follows_the_version_it_was_taken_with(desk: Desk) -> None:
-    keep(desk, values={"force_mN": 20.0, "hold_s": 4.0})
-    keep(desk, values={"force_mN": 18.0})
-    job = desk.grip(recipe="bead@1")
+def test_a_job_follows_the_version_it_was_taken_with(harness: Harness) -> None:
+    keep(harness, values={"force_mN": 20.0, "hold_s": 4.0})
+    keep(harness, values={"force_mN": 18.0})
+    job = harness.grip(recipe="bead@1")
     assert job["values"]["recipe"]["version"] == 1
-    assert desk.ended(job["id"])["state"] == "succeeded"
-    newest = desk.post("/jobs", {"kind": "grip", "recipe": "bead"}).json()
+    assert harness.ended(job["id"])["state"] == "succeeded"
+    newest = harness.post("/jobs", {"kind": "grip", "recipe": "bead"}).json()
     assert newest["request"]["recipe"] == "bead@2"
     assert newest["values"]["force_mN"] == 18.0
 
 
-def test_the_part_of_a_recipe_is_armed_for_its_job_alone(desk: Desk) -> None:
-    keep(desk, values={"part": {"contact_um": 29.0}})
-    model = desk.conductor.site.model.in_use
-    job = desk.grip(recipe="bead")
-    assert desk.freed(job["id"])["state"] == "succeeded"
+def test_the_part_of_a_recipe_is_armed_for_its_job_alone(harness: Harness) -> None:
+    keep(harness, values={"part": {"contact_um": 29.0}})
+    model = harness.manager.context.model.in_use
+    job = harness.grip(recipe="bead")
+    assert harness.freed(job["id"])["state"] == "succeeded"
     expected = Calibration(values={"part.contact_um": 29.0})
-    assert desk.bus.calibration == expected.digest
-    assert desk.get("/rigs/demo")["reasons"] == []
-    assert desk.get(f"/jobs/{job['id']}")["values"]["model"] == model.stamp
-    assert desk.freed(desk.grip()["id"])["state"] == "succeeded"
-    assert desk.bus.calibration == ""
+    assert harness.bus.calibration == expected.digest
+    assert harness.get("/rigs/demo")["reasons"] == []
+    assert harness.get(f"/jobs/{job['id']}")["values"]["model"] == model.stamp
+    assert harness.freed(harness.grip()["id"])["state"] == "succeeded"
+    assert harness.bus.calibration == ""
 
 
-def test_a_job_by_an_unknown_recipe_is_refused(desk: Desk) -> None:
-    refused = desk.post("/jobs", {"kind": "grip", "recipe": "none"})
+def test_a_job_by_an_unknown_recipe_is_refused(harness: Harness) -> None:
+    refused = harness.post("/jobs", {"kind": "grip", "recipe": "none"})
     assert refused.status_code == 422
     assert refused.json()["errors"][0]["pointer"] == "/recipe"
 
@@ -255,7 +256,7 @@ def test_there_are_not_too_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(journal, "RECIPES_MAX", 2)
     monkeypatch.setattr(journal, "VERSIONS_MAX", 2)
     store = Store(tmp_path / "journal.sqlite")
-    book = RecipeBook(store)
+    book = RecipeRepository(store)
     for name, force_mN in (("a", 1.0), ("a", 2.0), ("b", 1.0)):
         book.add(name, {"force_mN": force_mN}, "")
     with pytest.raises(RecipeLimitError, match="'a' has 2 versions"):

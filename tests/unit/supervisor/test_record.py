@@ -9,15 +9,13 @@ from typing import Any
 import pyarrow.parquet
 import pytest
 
-from pincette.api.request_models import (
-    AnyJobRequest,
-    GripJobRequest,
-    TrackJobRequest,
-)
+from pincette.api.requests import JobRequest
 from pincette.config import RigFile
-from pincette.messages import Recorded
+from pincette.core.messages import Recorded
 from pincette.records import folder
 from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.results import archive
 from pincette_supervisor.results.drawing import HEIGHT_PX, WIDTH_PX
@@ -33,7 +31,7 @@ TRACK = TrackJobRequest(kind="track", cycles=2)
 def write(
     folder: Path,
     rig_file: RigFile,
-    request: AnyJobRequest = GRIP,
+    request: JobRequest = GRIP,
     ticks: list[samples.Tick] | None = None,
 ) -> archive.Record:
     ticks = samples.grip() if ticks is None else ticks
@@ -46,8 +44,8 @@ def write(
 
 def test_samples_carry_units_and_whose_they_are(tmp_path: Path, rig_file: RigFile) -> None:
     made = write(tmp_path, rig_file)
-    whose = archive.about(made.planned, made.job, made.epoch)
-    folder.write_samples(tmp_path / folder.SAMPLES, made.table, whose)
+    whose = archive.about(made.run.planned, made.job, made.epoch)
+    folder.write_samples(tmp_path / folder.SAMPLES, made.run.table, whose)
     table = parquet.read_table(tmp_path / folder.SAMPLES)
     assert table.schema.field("force_mN").metadata[b"unit"] == b"mN"
     assert table.schema.field("x_r_um").metadata == {
@@ -57,7 +55,7 @@ def test_samples_carry_units_and_whose_they_are(tmp_path: Path, rig_file: RigFil
     assert all(field.metadata[b"meaning"] for field in table.schema)
     about = table.schema.metadata
     assert (about[b"job"], about[b"rig"], about[b"epoch"]) == (b"a", b"demo", b"7")
-    assert table.column("x_um").to_pylist() == made.table["x_um"]
+    assert table.column("x_um").to_pylist() == made.run.table["x_um"]
     assert table.num_rows == len(samples.grip())
 
 
@@ -111,7 +109,7 @@ def test_the_result_can_be_read_back(tmp_path: Path, rig_file: RigFile) -> None:
     ids=["grip", "no grip", "track", "no track", "nothing"],
 )
 def test_the_picture_is_a_png_of_its_size(
-    tmp_path: Path, rig_file: RigFile, request_: AnyJobRequest, ticks: list[samples.Tick], name: str
+    tmp_path: Path, rig_file: RigFile, request_: JobRequest, ticks: list[samples.Tick], name: str
 ) -> None:
     made = write(tmp_path, rig_file, request_, ticks)
     content = (tmp_path / name).read_bytes()

@@ -5,8 +5,11 @@ from typing import Any
 
 import pytest
 
-from pincette.api.result_models import GripResult, MotionResult, TrackResult
-from pincette.api.timing_models import LoopTiming
+from pincette.api.job_kinds import job_kinds
+from pincette.api.live import LoopTiming
+from pincette.api.results import MotionResult
+from pincette_supervisor.kinds.grip import GripResult
+from pincette_supervisor.kinds.track import TrackResult
 from pincette_supervisor.results.report import report
 
 WHOSE = {"job": "20260301-1", "rig": "demo", "model_version": "3", "created_at": "2026-03-01"}
@@ -45,7 +48,7 @@ def _example(model: type[GripResult | TrackResult | MotionResult | LoopTiming]) 
 
 def _page(result: dict[str, Any], **other: Any) -> Page:
     given: dict[str, Any] = {
-        "kind": "grip",
+        "kind": job_kinds()["grip"],
         "values": {"force_mN": 20.0, "law": {"K_P": 1.0}},
         "picture": b"\x89PNG",
         "whose": WHOSE,
@@ -104,7 +107,7 @@ def test_a_calibration_has_its_values_and_what_it_states() -> None:
         "values": [{"quantity": "piezo", "value": 19.1, "uncertainty": 0.2, "unit": "µm/V"}],
         "warnings": ["rests on <compliance>"],
     }
-    page = _page(result, kind="calibrate")
+    page = _page(result, kind=job_kinds()["calibrate"])
     assert {"the arm follows", "19.1", "µm/V", "rests on <compliance>"} <= set(page.text)
     assert "calibrate: moved" in page.text
 

@@ -4,16 +4,16 @@ from typing import Any
 
 import pytest
 
-from .rig import Desk
+from .harness import Harness
 
 MEDIA_TYPE = "application/problem+json"
 
 
-def refused(desk: Desk, body: dict[str, Any]) -> dict[str, Any]:
-    response = desk.post("/jobs", body)
+def refused(harness: Harness, body: dict[str, Any]) -> dict[str, Any]:
+    response = harness.post("/jobs", body)
     assert response.status_code == 422
     assert response.headers["content-type"] == MEDIA_TYPE
-    assert desk.get("/jobs")["jobs"] == []
+    assert harness.get("/jobs")["jobs"] == []
     return response.json()
 
 
@@ -33,23 +33,23 @@ def refused(desk: Desk, body: dict[str, Any]) -> dict[str, Any]:
     ],
 )
 def test_a_fault_is_named_with_its_place_and_value(
-    desk: Desk, wish: dict[str, Any], pointer: str, words: str
+    harness: Harness, wish: dict[str, Any], pointer: str, words: str
 ) -> None:
-    problem = refused(desk, {"kind": "grip", **wish})
+    problem = refused(harness, {"kind": "grip", **wish})
     assert problem["type"] == "urn:pincette:problem:invalid-request"
     (error,) = problem["errors"]
     assert error["pointer"] == pointer
     assert words in error["message"]
 
 
-def test_a_missing_kind_is_named(desk: Desk) -> None:
-    (error,) = refused(desk, {"force_mN": 10.0})["errors"]
+def test_a_missing_kind_is_named(harness: Harness) -> None:
+    (error,) = refused(harness, {"force_mN": 10.0})["errors"]
     assert error == {"pointer": "/kind", "message": "kind is missing"}
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity"])
-def test_what_is_not_finite_is_refused(desk: Desk, number: str) -> None:
-    response = desk.call(
+def test_what_is_not_finite_is_refused(harness: Harness, number: str) -> None:
+    response = harness.call(
         "POST",
         "/api/v1/jobs",
         content=f'{{"kind": "grip", "force_mN": {number}}}',
@@ -59,15 +59,15 @@ def test_what_is_not_finite_is_refused(desk: Desk, number: str) -> None:
     assert "finite number" in response.json()["errors"][0]["message"]
 
 
-def test_what_is_not_json_is_refused(desk: Desk) -> None:
+def test_what_is_not_json_is_refused(harness: Harness) -> None:
     headers = {"content-type": "application/json"}
-    response = desk.call("POST", "/api/v1/jobs", content=b'{"kind": ', headers=headers)
+    response = harness.call("POST", "/api/v1/jobs", content=b'{"kind": ', headers=headers)
     assert response.status_code == 422
     assert "not JSON" in response.json()["detail"]
 
 
-def test_a_force_beyond_the_limit_names_value_limit_unit_and_time(desk: Desk) -> None:
-    problem = refused(desk, {"kind": "grip", "force_mN": 55.0})
+def test_a_force_beyond_the_limit_names_value_limit_unit_and_time(harness: Harness) -> None:
+    problem = refused(harness, {"kind": "grip", "force_mN": 55.0})
     assert problem["type"] == "urn:pincette:problem:limit-violation"
     violations = [v for v in problem["violations"] if v["quantity"] == "force"]
     assert violations
@@ -78,8 +78,8 @@ def test_a_force_beyond_the_limit_names_value_limit_unit_and_time(desk: Desk) ->
     assert "40" in violations[0]["message"]
 
 
-def test_a_dry_run_answers_with_the_plan_and_makes_no_job(desk: Desk) -> None:
-    response = desk.post("/jobs", {"kind": "grip"}, dry_run="true")
+def test_a_dry_run_answers_with_the_plan_and_makes_no_job(harness: Harness) -> None:
+    response = harness.post("/jobs", {"kind": "grip"}, dry_run="true")
     assert response.status_code == 200
     plan = response.json()
     assert plan["feasible"] is True
@@ -87,11 +87,11 @@ def test_a_dry_run_answers_with_the_plan_and_makes_no_job(desk: Desk) -> None:
     assert [phase["phase"] for phase in plan["phases"]][-2:] == ["unload", "retreat"]
     assert max(plan["curves"]["force_r_mN"]) == pytest.approx(20.0)
     assert len(plan["curves"]["t_s"]) <= 402
-    assert desk.get("/jobs")["jobs"] == []
+    assert harness.get("/jobs")["jobs"] == []
 
 
-def test_a_dry_run_shows_an_infeasible_plan(desk: Desk) -> None:
-    response = desk.post("/jobs", {"kind": "grip", "force_mN": 55.0, "dry_run": True})
+def test_a_dry_run_shows_an_infeasible_plan(harness: Harness) -> None:
+    response = harness.post("/jobs", {"kind": "grip", "force_mN": 55.0, "dry_run": True})
     assert response.status_code == 200
     assert response.json()["feasible"] is False
     assert response.json()["violations"]
@@ -111,9 +111,9 @@ def test_a_dry_run_shows_an_infeasible_plan(desk: Desk) -> None:
     ],
 )
 def test_every_error_is_a_problem_document(
-    desk: Desk, method: str, path: str, status: int, code: str
+    harness: Harness, method: str, path: str, status: int, code: str
 ) -> None:
-    response = desk.call(method, path)
+    response = harness.call(method, path)
     assert response.status_code == status
     assert response.headers["content-type"] == MEDIA_TYPE
     problem = response.json()
@@ -122,8 +122,8 @@ def test_every_error_is_a_problem_document(
     assert problem["detail"]
 
 
-def test_a_rig_that_is_not_here_is_named_with_those_that_are(desk: Desk) -> None:
-    response = desk.post("/jobs", {"kind": "grip", "rig": "other"})
+def test_a_rig_that_is_not_here_is_named_with_those_that_are(harness: Harness) -> None:
+    response = harness.post("/jobs", {"kind": "grip", "rig": "other"})
     assert response.status_code == 404
     assert "'other'" in response.json()["detail"]
     assert "demo" in response.json()["detail"]
@@ -157,9 +157,9 @@ def test_a_rig_that_is_not_here_is_named_with_those_that_are(desk: Desk) -> None
     ],
 )
 def test_a_fault_of_a_track_is_named_with_its_place(
-    desk: Desk, wish: dict[str, Any], pointer: str, words: str
+    harness: Harness, wish: dict[str, Any], pointer: str, words: str
 ) -> None:
-    problem = refused(desk, {"kind": "track", **wish})
+    problem = refused(harness, {"kind": "track", **wish})
     assert problem["type"] == "urn:pincette:problem:invalid-request"
     (error,) = problem["errors"]
     assert error["pointer"] == pointer
@@ -185,9 +185,9 @@ def test_a_fault_of_a_track_is_named_with_its_place(
     ],
 )
 def test_a_path_beyond_a_limit_names_it(
-    desk: Desk, wish: dict[str, Any], quantity: str, pointer: str
+    harness: Harness, wish: dict[str, Any], quantity: str, pointer: str
 ) -> None:
-    problem = refused(desk, {"kind": "track", **wish})
+    problem = refused(harness, {"kind": "track", **wish})
     assert problem["type"] == "urn:pincette:problem:limit-violation"
     places = {(v["quantity"], v["pointer"]) for v in problem["violations"]}
     assert (quantity, pointer) in places
@@ -195,8 +195,8 @@ def test_a_path_beyond_a_limit_names_it(
 
 
 @pytest.mark.parametrize("shape", ["sinusoid", "triangle", "step"])
-def test_a_dry_run_of_a_track_plans_what_the_rig_file_says(desk: Desk, shape: str) -> None:
-    response = desk.post("/jobs", {"kind": "track", "shape": shape}, dry_run="true")
+def test_a_dry_run_of_a_track_plans_what_the_rig_file_says(harness: Harness, shape: str) -> None:
+    response = harness.post("/jobs", {"kind": "track", "shape": shape}, dry_run="true")
     assert response.status_code == 200
     plan = response.json()
     assert (plan["kind"], plan["feasible"]) == ("track", True)
@@ -206,16 +206,16 @@ def test_a_dry_run_of_a_track_plans_what_the_rig_file_says(desk: Desk, shape: st
     assert max(plan["curves"]["force_r_mN"]) == pytest.approx(highest, rel=0.02)
 
 
-def test_one_height_of_a_path_follows_from_the_other(desk: Desk) -> None:
+def test_one_height_of_a_path_follows_from_the_other(harness: Harness) -> None:
     stiffness = 2.17
-    by_position = desk.post("/jobs", {"kind": "track", "x_pp_um": 8.0}, dry_run="true").json()
+    by_position = harness.post("/jobs", {"kind": "track", "x_pp_um": 8.0}, dry_run="true").json()
     body = {"kind": "track", "force_pp_mN": 8.0 * stiffness}
-    by_force = desk.post("/jobs", body, dry_run="true").json()
+    by_force = harness.post("/jobs", body, dry_run="true").json()
     assert by_position == by_force
 
 
-def test_a_plan_says_what_an_error_of_the_part_would_do(desk: Desk) -> None:
-    plan = desk.post("/jobs", {"kind": "grip", "force_mN": 20.0}, dry_run="true").json()
+def test_a_plan_says_what_an_error_of_the_part_would_do(harness: Harness) -> None:
+    plan = harness.post("/jobs", {"kind": "grip", "force_mN": 20.0}, dry_run="true").json()
     errors = plan["steady_errors"]
     # The part 3 µm away and 30 % softer than planned, by (51) and (52), K/K_f = 3.9802 mN/µm.
     softest = 2.17 * 0.7
@@ -226,9 +226,9 @@ def test_a_plan_says_what_an_error_of_the_part_would_do(desk: Desk) -> None:
     assert errors["position_min_um"] < 0.0 < errors["force_max_mN"]
 
 
-def test_a_request_with_countless_faults_gets_an_answer_of_bounded_length(desk: Desk) -> None:
+def test_a_request_with_countless_faults_gets_an_answer_of_bounded_length(harness: Harness) -> None:
     odd = {f"odd_{number}": 1 for number in range(5000)}
-    response = desk.post("/jobs", {"kind": "grip", **odd})
+    response = harness.post("/jobs", {"kind": "grip", **odd})
     assert response.status_code == 422
     assert len(response.content) < 10_000
     assert response.json()["detail"].endswith("; and 4980 more")

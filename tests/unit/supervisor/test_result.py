@@ -1,15 +1,17 @@
 """Figures of a grip from samples whose figures are known."""
 
-from dataclasses import fields, replace
 from itertools import pairwise
 from math import sqrt
 
 import pytest
+from msgspec.structs import fields
 
-from pincette.api.result_models import GripResult
-from pincette.messages import Applied, Message
+from pincette.control.record import replace
+from pincette.core.faults import Acted, Cause, Mode, Outcome
+from pincette.core.messages import Applied, Message
 from pincette.records.columns import COLUMNS, columns, missed
-from pincette_supervisor.results.result import grip_result
+from pincette_supervisor.kinds.grip import GripResult
+from pincette_supervisor.kinds.grip.functions import grip_result
 
 from . import samples
 from .samples import PERIOD_S, PLANT, Tick
@@ -72,7 +74,7 @@ def test_a_grip_that_never_held_has_no_force_held() -> None:
 def test_a_trip_is_the_outcome_whatever_the_controller_said() -> None:
     ticks = samples.grip()
     last = ticks[-1]
-    tripped = replace(last.applied, state="latched", cause="estop", answered=False)
+    tripped = replace(last.applied, state=Mode.LATCHED, cause=Cause.ESTOP, answered=False)
     result = result_of([*ticks[:-1], replace(last, applied=tripped)])
     assert result.outcome == "tripped"
     assert result.unanswered_ticks == 1
@@ -80,7 +82,7 @@ def test_a_trip_is_the_outcome_whatever_the_controller_said() -> None:
 
 def test_actions_are_listed_with_their_sample() -> None:
     ticks = samples.grip()
-    acted = replace(ticks[400].telemetry, acted="stop release", outcome="")
+    acted = replace(ticks[400].telemetry, acted=(Acted.STOP, Acted.RELEASE), outcome=Outcome.NONE)
     ticks[400] = replace(ticks[400], telemetry=acted)
     result = result_of(ticks)
     assert [(a.type, a.seq) for a in result.actions] == [("stop", 400), ("release", 400)]

@@ -1,30 +1,33 @@
 """What is said of the rig: who is there, what is latched, why a job cannot start."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from pincette.config import RigFile
-from pincette.messages import Position
+from pincette.core.faults import FaultCode, fault
+from pincette.core.messages import Position
 from pincette_supervisor.program import PortInUseError, bind
 
-from .rig import Desk
+from .harness import Harness
+
+NO_READING = fault(FaultCode.INSTRUMENT_SILENT, "no answer on the line")
 
 
-def test_a_rig_that_was_switched_on_can_start(desk: Desk) -> None:
-    rig = desk.get("/rigs/demo")
+def test_a_rig_that_was_switched_on_can_start(harness: Harness) -> None:
+    rig = harness.get("/rigs/demo")
     assert rig["can_start"] is True
     assert rig["reasons"] == []
     assert rig["allowed_actions"] == ["start_job", "estop"]
-    assert {program["name"] for program in rig["programs"]} == set(desk.bus.instances)
+    assert {program["name"] for program in rig["programs"]} == set(harness.bus.instances)
     assert all(interlock["satisfied"] for interlock in rig["interlocks"])
     assert {"quantity": "force_max", "value": 40.0, "unit": "mN"} in rig["limits"]
 
 
-def test_each_program_says_how_punctual_it_is(desk: Desk) -> None:
-    desk.bus.silent.add("controller")
-    timing = desk.get("/rigs/demo/timing")
+def test_each_program_says_how_punctual_it_is(harness: Harness) -> None:
+    harness.bus.silent.add("controller")
+    timing = harness.get("/rigs/demo/timing")
     assert [one["program"] for one in timing["programs"]] == ["sensor", "estimator", "actuator"]
     late = {"count": 1, "p50_s": 1e-3, "p99_s": 1e-3, "p999_s": 1e-3, "max_s": 1e-3}
     assert timing["programs"][0]["lateness"] == late
@@ -33,132 +36,144 @@ def test_each_program_says_how_punctual_it_is(desk: Desk) -> None:
     assert "nobody answers controller/timing" in timing["silent"]["controller"]
 
 
-def test_the_boot_latch_is_cleared_once(desk: Desk) -> None:
+def test_the_boot_latch_is_cleared_once(harness: Harness) -> None:
     for _ in range(2):
-        assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
-    assert desk.bus.asked.count("actuator/reset") == 1
+        assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
+    assert harness.bus.asked.count("actuator/reset") == 1
 
 
-def test_an_actuator_that_does_not_answer_has_nothing_that_a_person_could_clear(desk: Desk) -> None:
-    desk.bus.idle()
-    desk.bus.silent.add("actuator")
-    desk.health.refresh(force=True)
-    assert desk.get("/rigs/demo")["reasons"][0].startswith("actuator: nobody answers")
-    refused = desk.post("/jobs", {"kind": "grip"})
+def test_an_actuator_that_does_not_answer_has_nothing_that_a_person_could_clear(
+    harness: Harness,
+) -> None:
+    harness.bus.idle()
+    harness.bus.silent.add("actuator")
+    harness.health.refresh(force=True)
+    assert harness.get("/rigs/demo")["reasons"][0].startswith("actuator: nobody answers")
+    refused = harness.post("/jobs", {"kind": "grip"})
     assert (refused.status_code, refused.json()["reasons"]) == (
         503,
         ["actuator: nobody answers actuator/status within 0.7 s"],
     )
-    desk.bus.silent.discard("actuator")
-    assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
+    harness.bus.silent.discard("actuator")
+    assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
 
 
-def test_an_actuator_that_was_started_anew_needs_a_person(desk: Desk) -> None:
-    assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
-    desk.bus.instances["actuator"] = 2
-    desk.bus.latch = "boot"
-    desk.health.refresh(force=True)
-    response = desk.post("/jobs", {"kind": "grip"})
+def test_an_actuator_that_was_started_anew_needs_a_person(harness: Harness) -> None:
+    assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
+    harness.bus.instances["actuator"] = 2
+    harness.bus.latch = "boot"
+    harness.health.refresh(force=True)
+    response = harness.post("/jobs", {"kind": "grip"})
     assert response.status_code == 409
     assert response.json()["cause"] == "restart"
-    assert desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
-    assert desk.ended(desk.grip()["id"])["state"] == "succeeded"
+    assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
+    assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
 
 
-def test_an_emergency_stop_is_cleared_by_an_acknowledged_reset_only(desk: Desk) -> None:
-    assert desk.post("/rigs/demo/estop").json()["cause"] == "estop"
-    rig = desk.get("/rigs/demo")
+def test_an_emergency_stop_is_cleared_by_an_acknowledged_reset_only(harness: Harness) -> None:
+    assert harness.post("/rigs/demo/estop").json()["cause"] == "estop"
+    rig = harness.get("/rigs/demo")
     assert rig["latch"]["cause"] == "estop"
     assert "reset" in rig["allowed_actions"]
     assert rig["can_start"] is False
-    refused = desk.post("/jobs", {"kind": "grip", "autostart": True})
+    refused = harness.post("/jobs", {"kind": "grip", "autostart": True})
     assert refused.status_code == 409
     assert refused.json()["type"] == "urn:pincette:problem:estop-engaged"
     assert "acknowledge" in refused.json()["detail"]
-    assert desk.post("/rigs/demo/reset", {"acknowledge": False}).status_code == 422
-    assert desk.post("/rigs/demo/reset").status_code == 422
-    assert desk.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
-    assert desk.get("/rigs/demo")["can_start"] is True
+    assert harness.post("/rigs/demo/reset", {"acknowledge": False}).status_code == 422
+    assert harness.post("/rigs/demo/reset").status_code == 422
+    assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
+    assert harness.get("/rigs/demo")["can_start"] is True
 
 
-def test_who_stopped_and_who_reset_the_rig_is_told(desk: Desk) -> None:
+def test_who_stopped_and_who_reset_the_rig_is_told(harness: Harness) -> None:
     who = {"X-Operator": "Ada"}
-    assert desk.call("POST", "/api/v1/rigs/demo/estop", headers=who).status_code == 200
-    desk.until(lambda: bool(desk.told("alarm")))
+    assert harness.call("POST", "/api/v1/rigs/demo/estop", headers=who).status_code == 200
+    harness.until(lambda: bool(harness.told("alarm")))
     reset = {"json": {"acknowledge": True}, "headers": who}
-    assert desk.call("POST", "/api/v1/rigs/demo/reset", **reset).status_code == 200
-    (alarm, told) = desk.told("alarm", "rig")
+    assert harness.call("POST", "/api/v1/rigs/demo/reset", **reset).status_code == 200
+    (alarm, told) = harness.told("alarm", "rig")
     assert (alarm.body["cause"], alarm.body["by"]) == ("estop", "Ada")
     assert (told.body["reset"], told.body["by"]) == ("estop", "Ada")
 
 
-def test_an_emergency_stop_that_nobody_confirms_says_what_to_do(desk: Desk) -> None:
-    desk.bus.silent.add("actuator")
-    response = desk.post("/rigs/demo/estop")
+def test_an_emergency_stop_that_nobody_confirms_says_what_to_do(harness: Harness) -> None:
+    harness.bus.silent.add("actuator")
+    response = harness.post("/rigs/demo/estop")
     assert response.status_code == 503
     assert "switch the amplifier off" in response.json()["detail"]
 
 
-def test_a_silent_program_is_a_reason(desk: Desk) -> None:
-    desk.bus.kill("estimator")
-    response = desk.post("/jobs", {"kind": "grip"})
+def test_a_silent_program_is_a_reason(harness: Harness) -> None:
+    harness.bus.kill("estimator")
+    response = harness.post("/jobs", {"kind": "grip"})
     assert response.status_code == 503
     (reason,) = response.json()["reasons"]
     assert reason.startswith("estimator: nobody answers")
-    assert desk.call("GET", "/readyz").status_code == 503
-    program = next(p for p in desk.get("/rigs/demo")["programs"] if p["name"] == "estimator")
+    assert harness.call("GET", "/readyz").status_code == 503
+    program = next(p for p in harness.get("/rigs/demo")["programs"] if p["name"] == "estimator")
     assert program["alive"] is False
 
 
-def test_a_program_with_another_rig_file_is_named(desk: Desk) -> None:
-    desk.bus.digests["sensor"] = "0123456789abcdef"
-    (reason,) = desk.post("/jobs", {"kind": "grip"}).json()["reasons"]
+def test_a_program_with_another_rig_file_is_named(harness: Harness) -> None:
+    harness.bus.digests["sensor"] = "0123456789abcdef"
+    (reason,) = harness.post("/jobs", {"kind": "grip"}).json()["reasons"]
     assert reason.startswith("sensor: runs with rig file 0123456789abcdef")
 
 
 def test_in_real_time_the_sensor_must_have_spoken(
-    real_time: RigFile, open_desk: Callable[..., Desk]
+    real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    desk = open_desk(real_time)
-    desk.observer.clock = lambda: 100.0
-    assert desk.get("/rigs/demo")["reasons"] == ["sensor: no sample has come yet"]
-    desk.bus.idle()
-    assert desk.get("/rigs/demo")["can_start"] is True
-    desk.bus.publish(replace(Position(0, 1, 0.02, 0.0), fault="no answer on the line"))
-    assert desk.get("/rigs/demo")["can_start"] is True, "of one position that was not read"
-    desk.observer.clock = lambda: 100.21
-    desk.bus.publish(replace(Position(0, 2, 0.04, 0.0), fault="no answer on the line"))
-    (reason,) = desk.get("/rigs/demo")["reasons"]
+    harness = open_harness(real_time)
+    harness.observer.clock = lambda: 100.0
+    assert harness.get("/rigs/demo")["reasons"] == ["sensor: no sample has come yet"]
+    harness.bus.idle()
+    assert harness.get("/rigs/demo")["can_start"] is True
+    harness.bus.publish(
+        replace(
+            Position(0, 1, 0.02, 0.0),
+            fault=NO_READING,
+        )
+    )
+    assert harness.get("/rigs/demo")["can_start"] is True, "of one position that was not read"
+    harness.observer.clock = lambda: 100.21
+    harness.bus.publish(
+        replace(
+            Position(0, 2, 0.04, 0.0),
+            fault=NO_READING,
+        )
+    )
+    (reason,) = harness.get("/rigs/demo")["reasons"]
     assert reason == "sensor: reads no position: no answer on the line"
 
 
 def test_a_sensor_that_falls_silent_is_a_reason_with_its_age_and_limit(
-    real_time: RigFile, open_desk: Callable[..., Desk]
+    real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    desk = open_desk(real_time)
-    desk.observer.clock = lambda: 100.0
-    desk.bus.idle()
-    desk.observer.clock = lambda: 100.62
-    (reason,) = desk.get("/rigs/demo")["reasons"]
+    harness = open_harness(real_time)
+    harness.observer.clock = lambda: 100.0
+    harness.bus.idle()
+    harness.observer.clock = lambda: 100.62
+    (reason,) = harness.get("/rigs/demo")["reasons"]
     assert reason == "sensor: silent for 620 ms, limit 200 ms"
 
 
 def test_the_latch_of_an_earlier_supervisors_rig_is_not_cleared_unseen(
-    desk: Desk, rig_file: RigFile, open_desk: Callable[..., Desk]
+    harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    desk.health.refresh(force=True)
-    second = open_desk(rig_file)
+    harness.health.refresh(force=True)
+    second = open_harness(rig_file)
     second.health.refresh(force=True)
-    assert second.store.noted("actuator_met: demo") == "1"
+    assert second.store.get_note("actuator_met: demo") == "1"
     job = second.ended(second.grip()["id"])
     assert job["state"] == "failed"
     assert "reset it first" in job["cause"]
 
 
-def test_probes(desk: Desk) -> None:
-    assert desk.call("GET", "/livez").json()["status"] == "alive"
-    assert desk.call("GET", "/readyz").json()["status"] == "ready"
-    assert desk.call("GET", "/version").json()["rig"] == "demo"
+def test_probes(harness: Harness) -> None:
+    assert harness.call("GET", "/livez").json()["status"] == "alive"
+    assert harness.call("GET", "/readyz").json()["status"] == "ready"
+    assert harness.call("GET", "/version").json()["rig"] == "demo"
 
 
 def test_a_port_in_use_is_named_with_what_to_do() -> None:
@@ -171,12 +186,12 @@ def test_a_port_in_use_is_named_with_what_to_do() -> None:
 
 
 def test_instruments_that_do_not_fit_into_the_period_are_a_reason_with_the_sum(
-    rig_file: RigFile, open_desk: Callable[..., Desk]
+    rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     fast = rig_file.rig.model_copy(update={"period_s": 0.01})
-    desk = open_desk(rig_file.model_copy(update={"rig": fast}))
-    assert desk.get("/rigs/demo")["can_start"] is False
-    response = desk.post("/jobs", {"kind": "calibrate", "calibration": "noise"})
+    harness = open_harness(rig_file.model_copy(update={"rig": fast}))
+    assert harness.get("/rigs/demo")["can_start"] is False
+    response = harness.post("/jobs", {"kind": "calibrate", "calibration": "noise"})
     assert response.status_code == 503
     (reason,) = response.json()["reasons"]
     assert reason.startswith("the instruments are too slow: ")

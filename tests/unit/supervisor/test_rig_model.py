@@ -8,6 +8,7 @@ import pytest
 
 from pincette.config import ConfigError, RigFile
 from pincette_supervisor.journal.store import Store
+from pincette_supervisor.model.quantities import assumed_for_force
 from pincette_supervisor.model.rig_model import RigModel
 
 NOISE, COMPLIANCE = "sensor.noise_um", "model.compliance_um_per_mN"
@@ -102,3 +103,15 @@ def test_numbers_go_on_where_versions_ended(model: RigModel) -> None:
     added = model.add({NOISE: 0.04}, {}, "b")
     assert added.version == 2
     assert model.files.read(2).previous == ""
+
+
+def test_what_the_force_takes_for_granted_is_what_no_calibration_has_found(model: RigModel) -> None:
+    drifts = {f"model.{name}" for name in ("creep_mN_per_decade", "forgotten_mN")}
+    alone = model.in_use
+    assert {NOISE, COMPLIANCE, "model.forgotten_scale_V", *drifts} < set(
+        assumed_for_force(alone.rig, alone.calibration)
+    )
+    found = model.add({NOISE: 0.02, COMPLIANCE: 0.44}, {NOISE: None, COMPLIANCE: None}, "a")
+    assumed = assumed_for_force(found.rig, found.calibration)
+    assert {NOISE, COMPLIANCE}.isdisjoint(assumed)
+    assert drifts < set(assumed)

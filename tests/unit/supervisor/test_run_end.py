@@ -1,26 +1,27 @@
 """When a run is over: what was said of its last tick has come, or is not to be expected."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 
 from pincette.config import RigFile
-from pincette.messages import Applied, Message, Telemetry
-from pincette.topics import APPLIED, TELEMETRY, Topic
+from pincette.control.record import replace
+from pincette.core.faults import Outcome
+from pincette.core.messages import Applied, Message, Telemetry
+from pincette.core.topics import APPLIED, TELEMETRY, Topic
 
-from .rig import Desk
+from .harness import Harness
 from .samples import Tick
 
 
 def untold(ticks: list[Tick]) -> list[Tick]:
     """Ticks of which none tells how it ended."""
-    earlier = [replace(tick.telemetry, outcome="") for tick in ticks[:-1]]
+    earlier = [replace(tick.telemetry, outcome=Outcome.NONE) for tick in ticks[:-1]]
     said = [*earlier, earlier[-1]]
     return [replace(tick, telemetry=view) for tick, view in zip(ticks, said, strict=True)]
 
 
-def test_a_last_word_that_comes_late_is_waited_for(desk: Desk) -> None:
+def test_a_last_word_that_comes_late_is_waited_for(harness: Harness) -> None:
     late: list[Telemetry] = []
 
     def overtaken(ticks: list[Tick]) -> list[Tick]:
@@ -28,41 +29,41 @@ def test_a_last_word_that_comes_late_is_waited_for(desk: Desk) -> None:
         late.append(ticks[-1].telemetry)
         return untold(ticks)
 
-    desk.bus.edit = overtaken
-    job = desk.grip()["id"]
-    live = desk.conductor.active
+    harness.bus.edit = overtaken
+    job = harness.grip()["id"]
+    live = harness.manager.active
     assert live is not None
-    desk.until(lambda: live.progress is not None and live.progress.seq == late[0].seq)
-    desk.bus.publish(late[0])
-    assert desk.ended(job)["state"] == "succeeded"
+    harness.until(lambda: live.progress is not None and live.progress.seq == late[0].seq)
+    harness.bus.publish(late[0])
+    assert harness.ended(job)["state"] == "succeeded"
 
 
 def test_a_last_word_that_is_lost_is_not_waited_for_while_the_loop_idles(
-    rig_file: RigFile, open_desk: Callable[..., Desk]
+    rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    desk = open_desk(rig_file, guard_s=0.3)
-    desk.bus.edit = lambda ticks: [
+    harness = open_harness(rig_file, guard_s=0.3)
+    harness.bus.edit = lambda ticks: [
         *ticks[:-1],
         replace(ticks[-1], telemetry=ticks[-2].telemetry),
     ]
-    job = desk.grip()["id"]
-    live = desk.conductor.active
+    job = harness.grip()["id"]
+    live = harness.manager.active
     assert live is not None
 
     def over() -> bool:
-        said = desk.bus.latest(APPLIED)
+        said = harness.bus.latest(APPLIED)
         if isinstance(said, Applied):
-            desk.bus.publish(replace(said, seq=said.seq + 1))
+            harness.bus.publish(replace(said, seq=said.seq + 1))
         return live.terminal
 
-    desk.until(over)
-    assert desk.ended(job)["state"] == "succeeded"
+    harness.until(over)
+    assert harness.ended(job)["state"] == "succeeded"
 
 
 def test_how_it_ended_is_asked_for_where_the_word_of_it_was_lost(
-    rig_file: RigFile, open_desk: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
+    rig_file: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk = open_desk(rig_file, guard_s=0.3)
+    harness = open_harness(rig_file, guard_s=0.3)
     lost: list[Telemetry] = []
 
     def deaf(ticks: list[Tick]) -> list[Tick]:
@@ -72,8 +73,8 @@ def test_how_it_ended_is_asked_for_where_the_word_of_it_was_lost(
     def last_word(topic: Topic, timeout_s: float = 1.0) -> Message | None:
         return lost[0] if topic is TELEMETRY else heard(topic, timeout_s)
 
-    heard = desk.bus.latest
-    desk.bus.edit = deaf
-    monkeypatch.setattr(desk.bus, "latest", last_word)
-    ended = desk.ended(desk.grip()["id"])
+    heard = harness.bus.latest
+    harness.bus.edit = deaf
+    monkeypatch.setattr(harness.bus, "latest", last_word)
+    ended = harness.ended(harness.grip()["id"])
     assert ended["state"] == "succeeded", ended["cause"]

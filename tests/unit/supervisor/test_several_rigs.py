@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile
-from pincette_supervisor.running import health, rig_finder
+from pincette_supervisor.rigs import health, rig_finder
 
 from . import samples
 from .canned import IN_HOLD
-from .hall import Hall, joined
+from .rigs_harness import RigsHarness, joined
 
 
 @dataclass
@@ -28,27 +28,31 @@ def files(rig_file: RigFile) -> Files:
 
 
 @pytest.fixture
-def hall(files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hall]:
+def rigs_harness(
+    files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[RigsHarness]:
     monkeypatch.setattr(rig_finder, "SETTLE_S", 0.01)
     monkeypatch.setattr(rig_finder, "AGAIN_S", 0.02)
     monkeypatch.setattr(health, "FRESH_S", 0.0)
-    made = Hall(files.left, tmp_path)
+    made = RigsHarness(files.left, tmp_path)
     yield made
     made.close()
 
 
 @pytest.fixture
-def both(hall: Hall, files: Files) -> Hall:
-    hall.come(files.right)
-    hall.served("right")
-    return hall
+def both(rigs_harness: RigsHarness, files: Files) -> RigsHarness:
+    rigs_harness.come(files.right)
+    rigs_harness.served("right")
+    return rigs_harness
 
 
 def refusal(response: Any) -> tuple[int, str]:
     return response.status_code, response.json()["detail"]
 
 
-def test_a_rig_whose_programs_come_is_served_beside_the_own(both: Hall, files: Files) -> None:
+def test_a_rig_whose_programs_come_is_served_beside_the_own(
+    both: RigsHarness, files: Files
+) -> None:
     assert both.names() == ["left", "right"]
     assert both.get("/rigs/right")["digest"] == files.right.digest()
     assert both.found("right") == ["found"]
@@ -58,7 +62,7 @@ def test_a_rig_whose_programs_come_is_served_beside_the_own(both: Hall, files: F
     }
 
 
-def test_jobs_of_both_run_at_once(both: Hall) -> None:
+def test_jobs_of_both_run_at_once(both: RigsHarness) -> None:
     waiting = both.playing_to(IN_HOLD, rig="left")
     right = both.ended(both.grip(rig="right")["id"])
     assert right["state"] == "succeeded"
@@ -69,7 +73,7 @@ def test_jobs_of_both_run_at_once(both: Hall) -> None:
     assert [job["id"] for job in both.get("/jobs", rig="left")["jobs"]] == [waiting]
 
 
-def test_each_keeps_its_records_in_a_folder_of_its_own(both: Hall, tmp_path: Path) -> None:
+def test_each_keeps_its_records_in_a_folder_of_its_own(both: RigsHarness, tmp_path: Path) -> None:
     homes = {"left": tmp_path / "jobs", "right": tmp_path / "rigs" / "right" / "jobs"}
     for rig, home in homes.items():
         job = both.ended(both.grip(rig=rig)["id"])
@@ -79,7 +83,9 @@ def test_each_keeps_its_records_in_a_folder_of_its_own(both: Hall, tmp_path: Pat
 
 
 @pytest.mark.parametrize("path", ["/jobs", "/trajectories", "/trajectories/plot", "/calibrations"])
-def test_what_does_not_say_which_rig_is_refused_with_their_names(both: Hall, path: str) -> None:
+def test_what_does_not_say_which_rig_is_refused_with_their_names(
+    both: RigsHarness, path: str
+) -> None:
     body = {"calibration": "noise"} if path == "/calibrations" else {"kind": "grip"}
     status, detail = refusal(both.post(path, body))
     assert (status, detail) == (422, "rig is missing: name one of left, right")
@@ -90,19 +96,19 @@ def test_what_does_not_say_which_rig_is_refused_with_their_names(both: Hall, pat
 
 
 def test_a_key_finds_the_job_that_it_created_before_the_other_rig_came(
-    hall: Hall, files: Files
+    rigs_harness: RigsHarness, files: Files
 ) -> None:
     key = {"Idempotency-Key": "tray-7"}
     body = {"kind": "grip", "autostart": True}
-    first = hall.call("POST", "/api/v1/jobs", json=body, headers=key)
-    hall.come(files.right)
-    hall.served("right")
-    second = hall.call("POST", "/api/v1/jobs", json=body, headers=key)
+    first = rigs_harness.call("POST", "/api/v1/jobs", json=body, headers=key)
+    rigs_harness.come(files.right)
+    rigs_harness.served("right")
+    second = rigs_harness.call("POST", "/api/v1/jobs", json=body, headers=key)
     assert (first.status_code, second.status_code) == (201, 200)
     assert first.json()["id"] == second.json()["id"]
 
 
-def test_one_that_goes_says_so_and_leaves_the_other_alone(both: Hall) -> None:
+def test_one_that_goes_says_so_and_leaves_the_other_alone(both: RigsHarness) -> None:
     both.go("right")
     both.until(lambda: "its programs have gone" in both.found("right"))
     right = both.get("/rigs/right")
@@ -118,7 +124,7 @@ def test_one_that_goes_says_so_and_leaves_the_other_alone(both: Hall) -> None:
     assert both.ended(both.grip(rig="right")["id"])["state"] == "succeeded"
 
 
-def test_another_rig_file_waits_until_no_job_has_the_rig(both: Hall, files: Files) -> None:
+def test_another_rig_file_waits_until_no_job_has_the_rig(both: RigsHarness, files: Files) -> None:
     before, now = files.right.digest(), joined(files.left, "right", force_max_mN=31.0)
     both.at("right")
     job = both.playing_to(IN_HOLD, rig="right")
@@ -149,26 +155,26 @@ def test_another_rig_file_waits_until_no_job_has_the_rig(both: Hall, files: File
     ids=["not understood", "not joined"],
 )
 def test_one_that_cannot_be_served_is_named_with_the_reason(
-    hall: Hall, files: Files, told: str | None, words: str
+    rigs_harness: RigsHarness, files: Files, told: str | None, words: str
 ) -> None:
     alone = files.right.model_copy(update={"bus": files.left.bus})
-    made = hall.make(alone)
+    made = rigs_harness.make(alone)
     made.told = told or made.told
-    hall.turn("right", alive=True)
-    hall.until(lambda: "right" in hall.rigs.unusable)
-    assert hall.names() == ["left"]
-    for response in (hall.call("GET", "/api/v1/rigs/right"), hall.post("/estop")):
+    rigs_harness.turn("right", alive=True)
+    rigs_harness.until(lambda: "right" in rigs_harness.rigs.unusable)
+    assert rigs_harness.names() == ["left"]
+    for response in (rigs_harness.call("GET", "/api/v1/rigs/right"), rigs_harness.post("/estop")):
         status, detail = refusal(response)
         assert status == 503
         assert words in detail
-    assert hall.canned["left"].trips  # the other one is stopped all the same
-    assert any(words in why for why in hall.call("GET", "/readyz").json()["reasons"])
-    hall.come(files.right)
-    hall.served("right")
-    assert hall.rigs.unusable == {}
+    assert rigs_harness.canned["left"].trips  # the other one is stopped all the same
+    assert any(words in why for why in rigs_harness.call("GET", "/readyz").json()["reasons"])
+    rigs_harness.come(files.right)
+    rigs_harness.served("right")
+    assert rigs_harness.rigs.unusable == {}
 
 
-def test_an_emergency_stop_is_of_one_rig_or_of_all(both: Hall) -> None:
+def test_an_emergency_stop_is_of_one_rig_or_of_all(both: RigsHarness) -> None:
     both.post("/rigs/right/estop").raise_for_status()
     assert [len(both.canned[rig].trips) for rig in ("left", "right")] == [0, 1]
     stopped = both.post("/estop").json()["rigs"]
@@ -179,13 +185,13 @@ def test_an_emergency_stop_is_of_one_rig_or_of_all(both: Hall) -> None:
     assert [len(both.canned[rig].trips) for rig in ("left", "right")] == [1, 2]
 
 
-def test_one_that_hangs_delays_neither_view_nor_stop_of_the_other(both: Hall) -> None:
+def test_one_that_hangs_delays_neither_view_nor_stop_of_the_other(both: RigsHarness) -> None:
     with both.canned["right"].turn:  # none of its programs answers
         assert both.get("/rigs/left")["can_start"]
         assert both.post("/rigs/left/estop").json()["acknowledged"]
 
 
-def test_what_a_calibration_proposes_is_for_its_own_rig(both: Hall) -> None:
+def test_what_a_calibration_proposes_is_for_its_own_rig(both: RigsHarness) -> None:
     both.at("right")
     both.bus.edit = lambda ticks: samples.rest(ticks[0].position.epoch)
     job = both.calibrated(rig="right")
@@ -199,7 +205,7 @@ def test_what_a_calibration_proposes_is_for_its_own_rig(both: Hall) -> None:
     assert versions == {"left": 0, "right": 1}
 
 
-def test_a_trajectory_is_of_the_rig_that_it_was_planned_for(both: Hall) -> None:
+def test_a_trajectory_is_of_the_rig_that_it_was_planned_for(both: RigsHarness) -> None:
     made = both.post("/trajectories", {"kind": "grip", "rig": "right"}).json()
     assert both.get(f"/trajectories/{made['digest']}")["stale"] == []
     started = both.post(f"/trajectories/{made['digest']}/jobs", {"autostart": True}).json()
@@ -207,7 +213,7 @@ def test_a_trajectory_is_of_the_rig_that_it_was_planned_for(both: Hall) -> None:
     assert both.ended(started["id"])["state"] == "succeeded"
 
 
-def test_the_page_is_of_the_own_rig_or_of_the_one_named(both: Hall) -> None:
+def test_the_page_is_of_the_own_rig_or_of_the_one_named(both: RigsHarness) -> None:
     assert 'data-rig="left"' in both.call("GET", "/").text
     assert 'data-rig="right"' in both.call("GET", "/?rig=right").text
     assert both.call("GET", "/?rig=up").status_code == 404

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Connection
 
+from pincette.api.events import Event
 from pincette.config import RigFile
-from pincette_supervisor.journal.store import ActionRow, EventRow, JobRow, Store, utc_now
-from pincette_supervisor.running.events import EventLog
+from pincette_supervisor.journal.events import EventLog
+from pincette_supervisor.journal.store import ActionRow, JobRow, Store, utc_now
 
 from .canned import IN_HOLD
-from .rig import Desk
+from .harness import Harness
 
 AT = "2026-03-01T12:00:00.000Z"
 ROW = JobRow("a", "grip", "demo", "queued", {"kind": "grip"}, {}, AT)
@@ -61,20 +62,20 @@ class Witness:
 
 
 def test_no_write_leaves_a_state_or_an_action_that_no_event_tells(
-    rig_file: RigFile, open_desk: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
+    rig_file: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     witness = Witness(monkeypatch)
-    desk = open_desk(rig_file)
-    job = desk.playing_to(IN_HOLD)
-    waits = [desk.post("/jobs", {"kind": "grip", "queue": True}).json()["id"] for _ in range(3)]
-    desk.acted(waits[0], "stop")
-    desk.acted(job, "stop")
-    desk.ended(job)
-    desk.acted(job, "release")
-    desk.freed(job)
-    assert desk.post("/rigs/demo/queue/actions", {"type": "clear"}).status_code == 200
-    left = desk.playing_to(IN_HOLD)
-    assert desk.store.interrupt_left_over(utc_now()) == [left]
+    harness = open_harness(rig_file)
+    job = harness.playing_to(IN_HOLD)
+    waits = [harness.post("/jobs", {"kind": "grip", "queue": True}).json()["id"] for _ in range(3)]
+    harness.acted(waits[0], "stop")
+    harness.acted(job, "stop")
+    harness.ended(job)
+    harness.acted(job, "release")
+    harness.freed(job)
+    assert harness.post("/rigs/demo/queue/actions", {"type": "clear"}).status_code == 200
+    left = harness.playing_to(IN_HOLD)
+    assert harness.store.interrupt_unfinished(utc_now()) == [left]
     assert witness.looks > 30
     assert witness.odd == []
 
@@ -82,9 +83,9 @@ def test_no_write_leaves_a_state_or_an_action_that_no_event_tells(
 def test_a_change_that_fails_is_not_told(tmp_path: Path) -> None:
     store = Store(tmp_path / "jobs.sqlite")
     log = EventLog(store, "demo")
-    with pytest.raises(LookupError), log.telling("state", "a", state="running"):
+    with pytest.raises(LookupError), log.transaction("state", "a", state="running"):
         store.change("a", state="running")
-    assert store.newest_event() == 0
+    assert store.event_span()[1] == 0
     store.close()
 
 
@@ -94,7 +95,7 @@ def test_a_change_that_cannot_be_told_is_not_made(tmp_path: Path) -> None:
     store.add(ROW)
 
     def fail() -> None:
-        with log.telling("result", "a", x_um=float("nan")):
+        with log.transaction("result", "a", x_um=float("nan")):
             store.change("a", state="failed")
             store.add_action("a", ActionRow("stop", AT, "me"))
 
@@ -113,13 +114,13 @@ def test_memory_follows_the_write_and_comes_before_whoever_listens(
     log = EventLog(store, "demo")
     order: list[str] = []
 
-    def hear(_event: EventRow) -> None:
+    def hear(_event: Event) -> None:
         order.append("told")
 
     monkeypatch.setattr(log.listeners, "put", hear)
-    with log.telling("state", "a", state="running") as kept:
-        kept.append(lambda: order.append(f"event {store.newest_event()} is kept"))
-        order.append(f"event {store.newest_event()} was the last")
+    with log.transaction("state", "a", state="running") as kept:
+        kept.append(lambda: order.append(f"event {store.event_span()[1]} is kept"))
+        order.append(f"event {store.event_span()[1]} was the last")
     assert order == ["event 0 was the last", "event 1 is kept", "told"]
     store.close()
 

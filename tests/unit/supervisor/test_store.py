@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from pincette_supervisor.journal import event_rows
+from pincette_supervisor.journal import store as store_module
 from pincette_supervisor.journal.store import (
     ActionRow,
-    Creation,
     JobRow,
     KeyTakenError,
     Store,
     StoreError,
 )
+from pincette_supervisor.journal.tables import Creation
 
 AT = "2026-03-01T12:00:00.000Z"
 
@@ -42,7 +42,7 @@ def test_what_was_kept_is_read_back_after_a_restart(tmp_path: Path) -> None:
     store.change(
         "a", state="stopped", cause="", result={"outcome": "stopped"}, ended_at=AT, epoch=2**48 - 1
     )
-    store.note("actuator", "17")
+    store.set_note("actuator", "17")
     store.close()
     again = Store(path)
     job = again.get("a")
@@ -52,22 +52,22 @@ def test_what_was_kept_is_read_back_after_a_restart(tmp_path: Path) -> None:
     assert job.result == {"outcome": "stopped"}
     assert job.epoch == 2**48 - 1
     assert job.actions == (ActionRow("stop", AT, "127.0.0.1", 42, AT),)
-    assert again.noted("actuator") == "17"
-    assert again.noted("other") is None
+    assert again.get_note("actuator") == "17"
+    assert again.get_note("other") is None
     again.close()
 
 
 def test_a_fact_replaces_the_one_before(store: Store) -> None:
-    store.note("actuator", "17")
-    store.note("actuator", "18")
-    assert store.noted("actuator") == "18"
+    store.set_note("actuator", "17")
+    store.set_note("actuator", "18")
+    assert store.get_note("actuator") == "18"
 
 
 def test_jobs_left_unfinished_become_interrupted_and_queued_ones_stay(store: Store) -> None:
     for name, state in (("a", "running"), ("b", "succeeded"), ("c", "queued"), ("d", "aborting")):
         store.add(row(name))
         store.change(name, state=state)
-    assert store.interrupt_left_over(AT) == ["a", "d"]
+    assert store.interrupt_unfinished(AT) == ["a", "d"]
     states = {job.id: job.state for job in store.newest(10)}
     assert states == {"a": "interrupted", "b": "succeeded", "c": "queued", "d": "interrupted"}
     job = store.get("a")
@@ -115,7 +115,7 @@ def test_every_change_raises_the_revision(store: Store) -> None:
     assert store.add(row("a")).revision == 1
     assert store.change("a", cause="x") == 2
     number = store.add_action("a", ActionRow("start", AT, "me"))
-    store.action_took_effect("a", number, 0)
+    store.action_took_effect("a", number, 0, AT)
     job = store.get("a")
     assert job is not None
     assert job.revision == 4
@@ -130,7 +130,7 @@ def test_a_key_creates_one_job(tmp_path: Path, store: Store) -> None:
     assert store.get("b") is None
     store.close()
     again = Store(tmp_path / "jobs.sqlite")
-    assert again.created("key") == Creation("a", "f1")
+    assert again.created("key") == Creation("key", "f1", "a", AT)
     assert again.created("other") is None
     again.close()
 
@@ -183,20 +183,20 @@ def test_events_are_numbered_and_narrowed(tmp_path: Path, store: Store) -> None:
     assert store.events_after(3)[0].body == {"state": "running"}
     store.close()
     again = Store(tmp_path / "jobs.sqlite")
-    assert again.newest_event() == 4
+    assert again.event_span()[1] == 4
     again.close()
 
 
 def test_the_oldest_events_are_given_up_in_passing(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(event_rows, "KEPT", 20)
-    monkeypatch.setattr(event_rows, "SWEEP", 10)
+    monkeypatch.setattr(store_module, "EVENTS_KEPT", 20)
+    monkeypatch.setattr(store_module, "EVENTS_SWEEP", 10)
     for _ in range(65):
         store.add_event(AT, "demo", None, "state", {})
     assert store.event_span() == (40, 65)
-    monkeypatch.setattr(event_rows, "KEPT", 1)
-    monkeypatch.setattr(event_rows, "SWEEP", 5)
+    monkeypatch.setattr(store_module, "EVENTS_KEPT", 1)
+    monkeypatch.setattr(store_module, "EVENTS_SWEEP", 5)
     for _ in range(5):
         store.add_event(AT, "demo", None, "state", {})
     # Not all that are too many go at once, so that nobody waits long for it.
@@ -234,16 +234,16 @@ def test_a_closed_store_says_so(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"jobs\.sqlite is closed"):
         store.get("a")
     with pytest.raises(StoreError, match="is closed"):
-        store.note("a", "b")
+        store.set_note("a", "b")
 
 
 def test_a_data_base_that_fails_is_named(store: Store) -> None:
     with store.writing() as base:
         base.execute(text("DROP TABLE notes"))
     with pytest.raises(StoreError, match=r"jobs\.sqlite: no such table: notes"):
-        store.noted("a")
+        store.get_note("a")
     with pytest.raises(StoreError, match="room and rights"):
-        store.note("a", "b")
+        store.set_note("a", "b")
 
 
 def test_a_file_that_is_no_store_is_refused(tmp_path: Path) -> None:

@@ -1,13 +1,13 @@
 """Figures of a tracked path from samples whose figures are known."""
 
-from dataclasses import replace
 from math import sqrt
 
 import pytest
 
-from pincette.api.result_models import TrackResult
+from pincette.control.record import replace
 from pincette.records.columns import columns
-from pincette_supervisor.results.track_result import full_amplitude, track_result
+from pincette_supervisor.kinds.track import TrackResult
+from pincette_supervisor.kinds.track.functions import full_amplitude, track_result
 
 from . import samples
 from .samples import PATH, PERIOD_S, PLANT, Tick

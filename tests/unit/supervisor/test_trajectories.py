@@ -12,24 +12,24 @@ import pytest
 from pincette.config import RigFile
 from pincette_supervisor.journal import trajectories
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.journal.trajectories import TrajectoryBook, TrajectoryRow
+from pincette_supervisor.journal.trajectories import TrajectoryRepository, TrajectoryRow
 
-from .rig import Desk
+from .harness import Harness
 
 PNG = b"\x89PNG\r\n\x1a\n"
 ROW = TrajectoryRow("demo", {"kind": "grip", "force_mN": 8.0}, "a" * 16, 0, "")
 parquet: Any = pyarrow.parquet
 
 
-def made(desk: Desk, **wishes: Any) -> dict[str, Any]:
-    response = desk.post("/trajectories", {"kind": "grip", "hold_s": 0.5, **wishes})
+def made(harness: Harness, **wishes: Any) -> dict[str, Any]:
+    response = harness.post("/trajectories", {"kind": "grip", "hold_s": 0.5, **wishes})
     assert response.status_code == 201, response.text
     return response.json()
 
 
-def test_a_trajectory_is_planned_foretold_and_kept(desk: Desk) -> None:
+def test_a_trajectory_is_planned_predicted_and_kept(harness: Harness) -> None:
     body = {"kind": "grip", "hold_s": 0.5, "force_mN": 12.0, "autostart": True}
-    response = desk.post("/trajectories", body)
+    response = harness.post("/trajectories", body)
     assert response.status_code == 201
     tree = response.json()
     assert response.headers["Location"] == f"/api/v1/trajectories/{tree['digest']}"
@@ -40,40 +40,40 @@ def test_a_trajectory_is_planned_foretold_and_kept(desk: Desk) -> None:
     assert prediction["peaks"]["force_max_mN"] == pytest.approx(12.0, abs=0.2)
     assert tree["values"]["force_mN"] == 12.0
     assert tree["samples"] == pytest.approx(prediction["duration_s"] / tree["period_s"])
-    assert desk.get(f"/trajectories/{tree['digest']}") == tree
-    (listed,) = desk.get("/trajectories")["trajectories"]
+    assert harness.get(f"/trajectories/{tree['digest']}") == tree
+    (listed,) = harness.get("/trajectories")["trajectories"]
     assert listed == {name: tree[name] for name in listed}
 
 
-def test_the_same_request_is_the_same_trajectory(desk: Desk) -> None:
-    first = made(desk, labels={"part": "12"})
-    again = desk.post("/trajectories", {"hold_s": 0.5, "kind": "grip", "queue": True})
+def test_the_same_request_is_the_same_trajectory(harness: Harness) -> None:
+    first = made(harness, labels={"part": "12"})
+    again = harness.post("/trajectories", {"hold_s": 0.5, "kind": "grip", "queue": True})
     assert again.status_code == 200
     assert again.json() == first
-    assert made(desk, force_mN=8.0)["digest"] != first["digest"]
-    assert len(desk.get("/trajectories")["trajectories"]) == 2
-    assert len(desk.get("/trajectories", limit=1)["trajectories"]) == 1
+    assert made(harness, force_mN=8.0)["digest"] != first["digest"]
+    assert len(harness.get("/trajectories")["trajectories"]) == 2
+    assert len(harness.get("/trajectories", limit=1)["trajectories"]) == 1
 
 
-def test_a_trajectory_that_breaks_a_limit_is_not_kept(desk: Desk) -> None:
+def test_a_trajectory_that_breaks_a_limit_is_not_kept(harness: Harness) -> None:
     body = {"kind": "grip", "force_mN": 55.0}
-    refused = desk.post("/trajectories", body)
+    refused = harness.post("/trajectories", body)
     assert refused.status_code == 422
     first, *_ = refused.json()["violations"]
     assert (first["pointer"], first["limit"], first["unit"]) == ("/force_mN", 40.0, "mN")
-    looked = desk.post("/trajectories", body, dry_run=True)
+    looked = harness.post("/trajectories", body, dry_run=True)
     assert looked.status_code == 200
     assert not looked.json()["feasible"]
     assert looked.json()["prediction"]["outcome"] == "overforce"
-    assert desk.get("/trajectories")["trajectories"] == []
-    drawn = desk.post("/trajectories/plot", body)
+    assert harness.get("/trajectories")["trajectories"] == []
+    drawn = harness.post("/trajectories/plot", body)
     assert drawn.headers["Content-Type"] == "image/png"
     assert drawn.content.startswith(PNG)
 
 
-def test_samples_come_in_three_forms_with_their_units(desk: Desk) -> None:
-    digest = made(desk)["digest"]
-    tree = desk.get(f"/trajectories/{digest}/samples")
+def test_samples_come_in_three_forms_with_their_units(harness: Harness) -> None:
+    digest = made(harness)["digest"]
+    tree = harness.get(f"/trajectories/{digest}/samples")
     samples = tree["samples"]
     units = {column["name"]: column["unit"] for column in tree["columns"]}
     assert list(samples) == list(units)
@@ -81,84 +81,84 @@ def test_samples_come_in_three_forms_with_their_units(desk: Desk) -> None:
     assert samples["t_s"][1] == tree["period_s"]
     assert max(samples["force_mN"]) == pytest.approx(20.0, abs=0.3)
 
-    text = desk.call("GET", f"/api/v1/trajectories/{digest}/samples?format=csv")
+    text = harness.call("GET", f"/api/v1/trajectories/{digest}/samples?format=csv")
     assert text.headers["Content-Type"].startswith("text/csv")
     lines = text.text.splitlines()
     assert f"# trajectory: {digest}" in lines
-    assert "# x_um [µm]: position of the tip, foretold" in lines
+    assert "# x_um [µm]: position of the tip, predicted" in lines
     head = next(number for number, line in enumerate(lines) if not line.startswith("#"))
     assert lines[head].split(",") == list(samples)
     assert len(lines) - head - 1 == len(samples["t_s"])
     last = dict(zip(lines[head].split(","), lines[-1].split(","), strict=True))
     assert float(last["voltage_V"]) == samples["voltage_V"][-1]
 
-    raw = desk.call("GET", f"/api/v1/trajectories/{digest}/samples?format=parquet").content
+    raw = harness.call("GET", f"/api/v1/trajectories/{digest}/samples?format=parquet").content
     table = parquet.read_table(BytesIO(raw))
     assert table.to_pydict() == samples
     assert table.schema.field("x_um").metadata[b"unit"].decode() == "µm"
     assert table.schema.metadata[b"trajectory"].decode() == digest
-    unknown = desk.call("GET", f"/api/v1/trajectories/{digest}/samples?format=xlsx")
+    unknown = harness.call("GET", f"/api/v1/trajectories/{digest}/samples?format=xlsx")
     assert unknown.status_code == 422
 
 
-def test_a_trajectory_is_drawn(desk: Desk) -> None:
-    digest = made(desk)["digest"]
-    drawn = desk.call("GET", f"/api/v1/trajectories/{digest}/plot")
+def test_a_trajectory_is_drawn(harness: Harness) -> None:
+    digest = made(harness)["digest"]
+    drawn = harness.call("GET", f"/api/v1/trajectories/{digest}/plot")
     assert drawn.status_code == 200
     assert drawn.headers["Content-Type"] == "image/png"
     assert drawn.content.startswith(PNG)
 
 
-def test_a_job_is_made_of_a_trajectory(desk: Desk) -> None:
-    digest = made(desk, force_mN=20.0)["digest"]
+def test_a_job_is_made_of_a_trajectory(harness: Harness) -> None:
+    digest = made(harness, force_mN=20.0)["digest"]
     path, body = f"/api/v1/trajectories/{digest}/jobs", {"autostart": True, "labels": {"a": "b"}}
     headers = {"Idempotency-Key": "one"}
-    response = desk.call("POST", path, json=body, headers=headers)
+    response = harness.call("POST", path, json=body, headers=headers)
     assert response.status_code == 201, response.text
     job = response.json()
     assert response.headers["Location"] == f"/api/v1/jobs/{job['id']}"
     assert job["request"] == {"kind": "grip", "hold_s": 0.5, "force_mN": 20.0, **body}
-    assert desk.ended(job["id"])["state"] == "succeeded"
-    again = desk.call("POST", path, json=body, headers=headers)
+    assert harness.ended(job["id"])["state"] == "succeeded"
+    again = harness.call("POST", path, json=body, headers=headers)
     assert again.status_code == 200
     assert again.json()["id"] == job["id"]
 
 
-def test_a_job_of_a_trajectory_may_wait_for_its_start(desk: Desk) -> None:
-    digest = made(desk)["digest"]
-    response = desk.post(f"/trajectories/{digest}/jobs")
+def test_a_job_of_a_trajectory_may_wait_for_its_start(harness: Harness) -> None:
+    digest = made(harness)["digest"]
+    response = harness.post(f"/trajectories/{digest}/jobs")
     assert response.status_code == 201
-    desk.reach(response.json()["id"], "ready")
+    harness.reach(response.json()["id"], "ready")
 
 
-def test_another_model_makes_a_trajectory_stale(desk: Desk) -> None:
-    tree = made(desk)
-    model = desk.conductor.site.model
+def test_another_model_makes_a_trajectory_stale(harness: Harness) -> None:
+    tree = made(harness)
+    model = harness.manager.context.model
     model.add({"model.compliance_um_per_mN": 0.5}, {}, "a test")
-    seen = desk.get(f"/trajectories/{tree['digest']}")
+    seen = harness.get(f"/trajectories/{tree['digest']}")
     assert seen["plan"] == tree["plan"]
     assert seen["stale"] == [
         f"model: the rig file alone was in use, version 1 ({model.in_use.digest}) is at present"
     ]
-    refused = desk.post(f"/trajectories/{tree['digest']}/jobs", {})
+    refused = harness.post(f"/trajectories/{tree['digest']}/jobs", {})
     assert refused.status_code == 409
     assert refused.json()["type"].endswith("trajectory-stale")
     assert refused.json()["changed"] == seen["stale"]
-    after = made(desk)
+    after = made(harness)
     assert after["digest"] != tree["digest"]
     model.use(0)
-    assert desk.get(f"/trajectories/{tree['digest']}")["stale"] == []
-    earlier = desk.get(f"/trajectories/{after['digest']}")
+    assert harness.get(f"/trajectories/{tree['digest']}")["stale"] == []
+    earlier = harness.get(f"/trajectories/{after['digest']}")
     assert earlier["plan"] == after["plan"]
     assert "version 1" in earlier["stale"][0]
 
 
 def test_another_rig_file_leaves_the_request_alone(
-    desk: Desk, rig_file: RigFile, open_desk: Callable[..., Desk]
+    harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    digest = made(desk)["digest"]
+    digest = made(harness)["digest"]
     limits = rig_file.limits.model_copy(update={"force_max_mN": 35.0})
-    other = open_desk(rig_file.model_copy(update={"limits": limits}))
+    other = open_harness(rig_file.model_copy(update={"limits": limits}))
     seen = other.get(f"/trajectories/{digest}")
     assert seen["plan"] is None
     assert seen["request"] == {"kind": "grip", "hold_s": 0.5}
@@ -169,36 +169,36 @@ def test_another_rig_file_leaves_the_request_alone(
         assert refused.json()["type"].endswith("trajectory-stale")
 
 
-def test_a_move_goes_to_a_place(desk: Desk) -> None:
-    response = desk.post("/trajectories", {"kind": "move", "to_um": 12.5})
+def test_a_move_goes_to_a_place(harness: Harness) -> None:
+    response = harness.post("/trajectories", {"kind": "move", "to_um": 12.5})
     assert response.status_code == 201
     assert response.json()["plan"]["prediction"]["outcome"] == "moved"
     digest = response.json()["digest"]
-    refused = desk.post("/trajectories", {"kind": "move", "by_um": 2.0})
+    refused = harness.post("/trajectories", {"kind": "move", "by_um": 2.0})
     assert refused.status_code == 422
     assert refused.json()["errors"][0]["pointer"] == "/by_um"
-    odd = desk.post(f"/trajectories/{digest}/jobs", {"on_stop": "release"})
+    odd = harness.post(f"/trajectories/{digest}/jobs", {"on_stop": "release"})
     assert odd.status_code == 422
     assert odd.json()["errors"][0]["pointer"] == "/on_stop"
 
 
 @pytest.mark.parametrize("path", ["", "/samples", "/plot"])
-def test_an_unknown_trajectory_is_not_found(desk: Desk, path: str) -> None:
-    assert desk.call("GET", f"/api/v1/trajectories/nothing{path}").status_code == 404
+def test_an_unknown_trajectory_is_not_found(harness: Harness, path: str) -> None:
+    assert harness.call("GET", f"/api/v1/trajectories/nothing{path}").status_code == 404
 
 
-def test_a_calibration_is_no_trajectory(desk: Desk) -> None:
+def test_a_calibration_is_no_trajectory(harness: Harness) -> None:
     body = {"kind": "calibrate", "calibration": "noise"}
-    refused = desk.post("/trajectories", body)
+    refused = harness.post("/trajectories", body)
     assert refused.status_code == 422
     assert refused.json()["errors"][0]["pointer"] == "/kind"
 
 
-def test_a_dry_run_foretells_unless_told_not_to(desk: Desk) -> None:
+def test_a_dry_run_foretells_unless_told_not_to(harness: Harness) -> None:
     body = {"kind": "grip", "hold_s": 0.5}
-    with_it = desk.post("/jobs", body, dry_run=True).json()
+    with_it = harness.post("/jobs", body, dry_run=True).json()
     assert with_it["prediction"]["outcome"] == "gripped"
-    without = desk.post("/jobs", body, dry_run=True, predict=False).json()
+    without = harness.post("/jobs", body, dry_run=True, predict=False).json()
     assert without["prediction"] is None
     assert with_it | {"prediction": None} == without
 
@@ -223,7 +223,7 @@ def test_the_oldest_go_where_there_are_too_many(
     monkeypatch.setattr(trajectories, "utc_now", lambda: next(times))
     monkeypatch.setattr(trajectories, "KEPT", 2)
     store = Store(tmp_path / "journal.sqlite")
-    book = TrajectoryBook(store)
+    book = TrajectoryRepository(store)
     rows = [book.add(replace(ROW, request={"force_mN": force}))[0] for force in (1.0, 2.0, 3.0)]
     assert book.newest(10) == rows[:0:-1]
     assert book.get(rows[0].digest) is None

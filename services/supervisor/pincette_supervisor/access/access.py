@@ -1,19 +1,91 @@
-"""What the REST interface is given to know who may do what."""
+"""Access to the REST interface: authentication, host names, rate limit, and the check at start."""
 
+import logging
+from collections import OrderedDict
 from dataclasses import dataclass, field
 
-from pincette_supervisor.access.buckets import Buckets
-from pincette_supervisor.access.gate import Gate
-from pincette_supervisor.access.trail import AuditTrail
+from pincette_supervisor.access.audit_buffer import AuditBuffer
+from pincette_supervisor.access.authentication import Authenticator
+from pincette_supervisor.access.origin_check import is_loopback
+from pincette_supervisor.config import SupervisorConfig
+
+log = logging.getLogger("pincette")
+PER_S, BURST = 200.0, 400.0
+"""Refill rate and capacity in requests: more than a page and an orchestrator need, less than what
+would keep the supervisor from serving others."""
+CLIENTS = 1000
+"""TokenBuckets that are kept; the one that was used least lately goes."""
+
+
+@dataclass(slots=True)
+class _Bucket:
+    tokens: float
+    at_s: float
+
+
+class TokenBuckets:
+    """A token bucket for each client (a leaky bucket as a meter, ITU-T I.371)."""
+
+    def __init__(self, per_s: float = PER_S, burst: float = BURST) -> None:
+        self._per_s, self._burst = per_s, burst
+        self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
+
+    def wait_s(self, client: str, now_s: float) -> float:
+        """Take one token; returns 0, or the time until there is one."""
+        bucket = self._buckets.get(client)
+        if bucket is None:
+            bucket = self._buckets[client] = _Bucket(self._burst, now_s)
+            if len(self._buckets) > CLIENTS:
+                self._buckets.popitem(last=False)
+        else:
+            self._buckets.move_to_end(client)
+        bucket.tokens = min(self._burst, bucket.tokens + (now_s - bucket.at_s) * self._per_s)
+        bucket.at_s = now_s
+        if bucket.tokens < 1.0:
+            return (1.0 - bucket.tokens) / self._per_s
+        bucket.tokens -= 1.0
+        return 0.0
 
 
 @dataclass(frozen=True)
 class Access:
-    """Who comes in, by which names, and how often; as it stands whoever reaches it may come in."""
+    """What the REST application needs to decide who may do what; by default everybody may."""
 
-    gate: Gate = field(default_factory=Gate)
-    trail: AuditTrail = field(default_factory=AuditTrail)
+    authenticator: Authenticator = field(default_factory=Authenticator)
+    audit_buffer: AuditBuffer = field(default_factory=AuditBuffer)
     names: frozenset[str] = frozenset()
-    """Names of the supervisor beside ``localhost`` and every address."""
-    buckets: Buckets | None = None
-    """How often each client may ask; None: as often as it likes."""
+    """Host names of the supervisor beside ``localhost`` and every address."""
+    buckets: TokenBuckets | None = None
+    """Rate limit of each client; None: no limit."""
+
+
+class NoKeyError(OSError):
+    """Other machines can reach the supervisor, and there is no key; the text names the remedy."""
+
+
+def authenticator_of(config: SupervisorConfig) -> Authenticator:
+    """Build the authenticator; the rig file or an address beyond loopback may require keys."""
+    alone = is_loopback(config.host) or config.in_container
+    return Authenticator(always=config.always_keys or not alone)
+
+
+def require_key(config: SupervisorConfig, authenticator: Authenticator) -> None:
+    """Raise NoKeyError where other machines can reach the supervisor and no key is valid."""
+    place = f"{config.host}:{config.port}"
+    make = f"`pincette key add NAME --scope admin --data {config.store.parent}` makes one"
+    closed = authenticator.keys_wanted and not authenticator.has_usable_key
+    if closed and not is_loopback(config.host):
+        raise NoKeyError(
+            f"other machines can reach {place}, and no key is in force: {make}, or set "
+            '[supervisor] host = "127.0.0.1"'
+        )
+    if closed:
+        log.warning("keys are required and none is in force, so nobody comes in: %s", make)
+    if config.in_container and not authenticator.keys_wanted:
+        log.warning(
+            "OPEN: whoever reaches %s may move the rig without a key. [supervisor] behind = "
+            '"container" promises that its port is published on the loopback of the host alone; '
+            "where that is not so: %s",
+            place,
+            make,
+        )

@@ -1,33 +1,33 @@
-"""Keys as the command line makes them, beside a supervisor that runs or does not."""
+"""The keys of a data folder for the command line, whether or not a supervisor runs."""
 
 from collections.abc import Generator
-from contextlib import contextmanager
-from dataclasses import asdict
+from contextlib import closing, contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from pincette.api.access_models import KeyView, Scope
-from pincette_supervisor.access.secret import digest_of, new_key
+from pincette.api.access import KeyView, Scope
+from pincette_supervisor.access.authentication import digest_of, new_key
 from pincette_supervisor.config import STORE
-from pincette_supervisor.journal.keys import KeyBook, KeyNameTakenError, KeyRow
-from pincette_supervisor.journal.rows import utc_now
-from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.access_rows import KeyRepository
+from pincette_supervisor.journal.database import columns
+from pincette_supervisor.journal.key_file import KeyFile, KeyNameTakenError, KeyRow
+from pincette_supervisor.journal.store import Store, StoreError, utc_now
+from pincette_supervisor.journal.tables import utc_text
 
 
 class KeyStore:
     """The keys in a data folder."""
 
-    def __init__(self, book: KeyBook) -> None:
-        self._book = book
+    def __init__(self, repository: KeyRepository | KeyFile) -> None:
+        self._repository = repository
 
     def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]:
-        """Make a key, which is told this once; raises ValueError where the name is taken."""
+        """Make a key, which is shown this once; raises ValueError where the name is taken."""
         key, expires_at = new_key(), None
         if days is not None:
-            end = datetime.now(UTC) + timedelta(days=days)
-            expires_at = end.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+            expires_at = utc_text(datetime.now(UTC) + timedelta(days=days))
         try:
-            row = self._book.add(name, digest_of(key), scope, expires_at)
+            row = self._repository.add(name, digest_of(key), scope, expires_at)
         except KeyNameTakenError as error:
             raise ValueError(
                 f"there is, or was, a key {name!r}: the audit log names it; take another name"
@@ -36,30 +36,27 @@ class KeyStore:
 
     def all(self) -> list[KeyView]:
         """Every key there is or was."""
-        return [_view(row) for row in self._book.all()]
+        return [_view(row) for row in self._repository.all()]
 
     def revoke(self, name: str) -> bool:
         """Take a key out of force; false where there is none to be."""
-        return self._book.revoke(name)
+        return self._repository.revoke(name)
 
 
 def _view(row: KeyRow) -> KeyView:
-    columns = asdict(row)
-    del columns["digest"]
-    return KeyView(**columns, usable=row.usable(utc_now()))
+    return KeyView(**columns(row, "digest"), usable=row.usable(utc_now()))
 
 
 @contextmanager
 def open_keys(data: Path) -> Generator[KeyStore]:
-    """Open the keys of a data folder, which is made where there is none.
-
-    Raises
-    ------
-    StoreError
-        Where the journal cannot be used.
-    """
-    store = Store(data / STORE)
+    """Open the keys of a data folder, which is made where there is none; raises StoreError."""
     try:
-        yield KeyStore(KeyBook(store))
-    finally:
-        store.close()
+        store = Store(data / STORE)
+    except StoreError:
+        file = KeyFile(data)
+        if file.read() is None:  # the keys may be in that journal alone
+            raise
+        yield KeyStore(file)  # a damaged journal keeps nobody from revoking a key
+        return
+    with closing(store):
+        yield KeyStore(KeyRepository(store))

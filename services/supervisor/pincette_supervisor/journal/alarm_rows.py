@@ -1,21 +1,11 @@
 """Alarms as they are kept: one row for as long as an alarm is open, however often it comes."""
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
-from sqlalchemy import (
-    ColumnElement,
-    Connection,
-    Select,
-    and_,
-    delete,
-    func,
-    insert,
-    or_,
-    select,
-    update,
-)
+from sqlalchemy import ColumnElement, Connection, and_, delete, func, insert, or_, select, update
 
+from pincette_supervisor.journal.database import columns, matching, rows
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import ALARMS
 
@@ -29,110 +19,81 @@ SWEEP = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Raised:
-    """An alarm as it comes."""
-
-    rig: str
-    cause: str
-    words: str
-    at: str
-    severity: Severity
-    clears: Clears
-    job: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class AlarmRow:
-    """An alarm as it is kept. It is open until it has been acknowledged, and what it tells of is
-    over."""
+    """An alarm; it is open until it has been acknowledged and its condition is over."""
 
-    number: int
     rig: str
-    job: str | None
-    severity: Severity
     cause: str
     """A code; ``words`` are for people."""
     words: str
+    raised_at: str
+    severity: Severity
     clears: Clears
     """What ends it: the reset of the rig, the condition itself, or, of what is over at once, the
     acknowledgement."""
-    count: int
-    raised_at: str
-    last_at: str
+    job: str | None = None
+    count: int = 1
+    last_at: str = ""
     """When it came last."""
-    acknowledged_at: str | None
-    acknowledged_by: str | None
-    cleared_at: str | None
+    acknowledged_at: str | None = None
+    acknowledged_by: str | None = None
+    cleared_at: str | None = None
+    number: int = 0
+    """Rises with every alarm; 0 until it is kept."""
 
 
-class AlarmBook:
+class AlarmRepository:
     """The alarms of a journal."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
 
-    def add(self, one: Raised) -> AlarmRow:
-        """Keep an alarm; one that is open already is counted on its row, with the newest words.
-
-        A trip belongs to its job; what lasts beyond jobs does not.
-        """
-        over_at = one.at if one.clears == "acknowledge" else None
-        with self._store.writing() as base:
-            open_one = _newest(base, select(ALARMS).where(_same(one), _open()))
-            if open_one is not None:
-                base.execute(
+    def add(self, alarm: AlarmRow) -> AlarmRow:
+        """Keep an alarm; one that is open already is counted on its row, with the newest words."""
+        at = alarm.raised_at
+        over_at = at if alarm.clears == "acknowledge" else None
+        with self._store.writing() as connection:
+            if known := _newest(connection, and_(_same(alarm), _open())):
+                number, count = known.number, known.count + 1
+                values = {"count": count, "words": alarm.words, "last_at": at}
+                connection.execute(
                     update(ALARMS)
-                    .where(ALARMS.c.number == open_one.number)
-                    .values(
-                        count=open_one.count + 1,
-                        words=one.words,
-                        last_at=one.at,
-                        cleared_at=over_at,
-                    )
+                    .where(ALARMS.c.number == number)
+                    .values(**values, cleared_at=over_at)
                 )
-                return _one(base, open_one.number)
-            made = base.execute(
-                insert(ALARMS).values(
-                    rig=one.rig,
-                    job=one.job,
-                    severity=one.severity,
-                    cause=one.cause,
-                    words=one.words,
-                    clears=one.clears,
-                    count=1,
-                    raised_at=one.at,
-                    last_at=one.at,
-                    cleared_at=over_at,
-                )
-            )
-            (number,) = made.inserted_primary_key or (0,)
-            if int(number) % SWEEP == 0:
-                base.execute(delete(ALARMS).where(ALARMS.c.number <= int(number) - KEPT))
-            return _one(base, int(number))
+            else:
+                kept = columns(replace(alarm, last_at=at, cleared_at=over_at), "number")
+                made = connection.execute(insert(ALARMS).values(kept))
+                number = int((made.inserted_primary_key or (0,))[0])
+                if number % SWEEP == 0:
+                    connection.execute(delete(ALARMS).where(ALARMS.c.number <= number - KEPT))
+            return _one(connection, number)
 
-    def clear(self, rig: str, at: str, *, cause: str = "", clears: Clears) -> list[AlarmRow]:
-        """Note that what a rig's alarms tell of is over: those of a cause, or all of a kind."""
-        which = and_(ALARMS.c.rig == rig, ALARMS.c.cleared_at.is_(None), ALARMS.c.clears == clears)
-        if cause:
-            which = and_(which, ALARMS.c.cause == cause)
-        with self._store.writing() as base:
-            numbers = base.execute(select(ALARMS.c.number).where(which)).scalars().all()
-            base.execute(update(ALARMS).where(which).values(cleared_at=at))
-            return [_one(base, number) for number in numbers]
+    def clear(
+        self, rig: str, at: str, *, cause: str | None = None, clears: Clears
+    ) -> list[AlarmRow]:
+        """Note that the condition of a rig's alarms is over: those of a cause, or all of a kind."""
+        query = select(ALARMS.c.number).where(ALARMS.c.cleared_at.is_(None))
+        query = matching(query, rig=rig, clears=clears, cause=cause)
+        with self._store.writing() as connection:
+            numbers = connection.execute(query).scalars().all()
+            which = ALARMS.c.number.in_(numbers)
+            connection.execute(update(ALARMS).where(which).values(cleared_at=at))
+            return [_one(connection, number) for number in numbers]
 
     def acknowledge(self, number: int, at: str, by: str) -> AlarmRow | None:
         """Note that a person has seen it, once; None where there is none of this number."""
         unseen = and_(ALARMS.c.number == number, ALARMS.c.acknowledged_at.is_(None))
-        with self._store.writing() as base:
-            base.execute(
+        with self._store.writing() as connection:
+            connection.execute(
                 update(ALARMS).where(unseen).values(acknowledged_at=at, acknowledged_by=by)
             )
-            return _newest(base, select(ALARMS).where(ALARMS.c.number == number))
+            return _newest(connection, ALARMS.c.number == number)
 
     def get(self, number: int) -> AlarmRow | None:
         """One alarm; None where there is none of this number."""
-        with self._store.reading() as base:
-            return _newest(base, select(ALARMS).where(ALARMS.c.number == number))
+        with self._store.reading() as connection:
+            return _newest(connection, ALARMS.c.number == number)
 
     def newest(
         self,
@@ -147,53 +108,39 @@ class AlarmBook:
     ) -> list[AlarmRow]:
         """Alarms, the newest first; only those that are as named, where something is named."""
         query = select(ALARMS).order_by(ALARMS.c.number.desc()).limit(limit)
-        filters = (
-            (ALARMS.c.rig, rig),
-            (ALARMS.c.job, job),
-            (ALARMS.c.cause, cause),
-            (ALARMS.c.severity, severity),
-        )
-        for column, value in filters:
-            if value is not None:
-                query = query.where(column == value)
+        query = matching(query, rig=rig, job=job, cause=cause, severity=severity)
         if only_open:
             query = query.where(_open())
         if before is not None:
             query = query.where(ALARMS.c.number < before)
-        with self._store.reading() as base:
-            return [AlarmRow(**row) for row in base.execute(query).mappings()]
+        return self._store.rows(AlarmRow, query)
 
     def standing(self, rig: str) -> list[AlarmRow]:
         """Alarms of a rig whose condition has not been seen to be over."""
         query = select(ALARMS).where(ALARMS.c.rig == rig, ALARMS.c.cleared_at.is_(None))
-        with self._store.reading() as base:
-            return [AlarmRow(**row) for row in base.execute(query).mappings()]
+        return self._store.rows(AlarmRow, query)
 
     def count_open(self, rig: str | None = None) -> int:
         """How many are open, of a rig or of all."""
-        query = select(func.count()).select_from(ALARMS).where(_open())
-        if rig is not None:
-            query = query.where(ALARMS.c.rig == rig)
-        with self._store.reading() as base:
-            return int(base.scalar(query) or 0)
+        query = matching(select(func.count()).select_from(ALARMS).where(_open()), rig=rig)
+        with self._store.reading() as connection:
+            return int(connection.scalar(query) or 0)
 
 
 def _open() -> ColumnElement[bool]:
     return or_(ALARMS.c.acknowledged_at.is_(None), ALARMS.c.cleared_at.is_(None))
 
 
-def _same(one: Raised) -> ColumnElement[bool]:
-    same = and_(ALARMS.c.rig == one.rig, ALARMS.c.cause == one.cause)
-    if one.clears != "reset":
-        return same
-    return and_(same, ALARMS.c.job.is_(None) if one.job is None else ALARMS.c.job == one.job)
+def _same(alarm: AlarmRow) -> ColumnElement[bool]:
+    same = and_(ALARMS.c.rig == alarm.rig, ALARMS.c.cause == alarm.cause)
+    # A trip belongs to its job; a condition lasts beyond jobs.
+    return and_(same, ALARMS.c.job == alarm.job) if alarm.clears == "reset" else same
 
 
-def _newest(base: Connection, query: Select[Any]) -> AlarmRow | None:
-    row = base.execute(query.order_by(ALARMS.c.number.desc()).limit(1)).mappings().one_or_none()
-    return None if row is None else AlarmRow(**dict(row))
+def _newest(connection: Connection, which: ColumnElement[bool]) -> AlarmRow | None:
+    query = select(ALARMS).where(which).order_by(ALARMS.c.number.desc()).limit(1)
+    return next(iter(rows(connection, AlarmRow, query)), None)
 
 
-def _one(base: Connection, number: int) -> AlarmRow:
-    row = base.execute(select(ALARMS).where(ALARMS.c.number == number)).mappings().one()
-    return AlarmRow(**dict(row))
+def _one(connection: Connection, number: int) -> AlarmRow:
+    return rows(connection, AlarmRow, select(ALARMS).where(ALARMS.c.number == number))[0]

@@ -2,11 +2,12 @@
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Executable, func, insert, select
+from sqlalchemy import Connection, func, insert, select
 
+from pincette_supervisor.journal.database import rows
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.journal.tables import RECIPES
 
@@ -39,41 +40,27 @@ class RecipeRow:
         return f"{self.name}@{self.version}"
 
 
-class RecipeBook:
+class RecipeRepository:
     """The recipes of a journal."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
 
     def add(self, name: str, values: dict[str, Any], note: str) -> tuple[RecipeRow, bool]:
-        """Keep values as the next version; those of the newest are that one, and not kept again.
-
-        Raises
-        ------
-        RecipeLimitError
-            Where there are too many.
-        """
-        with self._store.writing() as base:
-            newest = _newest(base, name)
+        """Keep values as the next version unless the newest has them; raises RecipeLimitError."""
+        with self._store.writing() as connection:
+            newest = _newest(connection, name)
             version = 1 if newest is None else newest.version + 1
             row = RecipeRow(name, version, values, note, utc_now())
             if newest is not None and newest.digest == row.digest:
                 return newest, False
             if newest is None:
-                _require_room(base)
+                _require_room(connection)
             elif version > VERSIONS_MAX:
                 raise RecipeLimitError(
                     f"recipe {name!r} has {VERSIONS_MAX} versions, the most: use another name"
                 )
-            base.execute(
-                insert(RECIPES).values(
-                    name=name,
-                    version=version,
-                    values=values,
-                    note=note,
-                    created_at=row.created_at,
-                )
-            )
+            connection.execute(insert(RECIPES).values(asdict(row)))
             return row, True
 
     def find(self, reference: str) -> RecipeRow | None:
@@ -81,20 +68,18 @@ class RecipeBook:
         name, _, version = reference.partition("@")
         if version:
             return self.version(name, int(version))
-        with self._store.reading() as base:
-            return _newest(base, name)
+        with self._store.reading() as connection:
+            return _newest(connection, name)
 
     def version(self, name: str, version: int) -> RecipeRow | None:
         """One version of a recipe; None where there is none."""
         wanted = select(RECIPES).where(RECIPES.c.name == name, RECIPES.c.version == version)
-        with self._store.reading() as base:
-            return next(iter(_rows(base, wanted)), None)
+        return next(iter(self._store.rows(RecipeRow, wanted)), None)
 
     def versions(self, name: str) -> list[RecipeRow]:
         """Every version of a recipe, the newest first."""
         wanted = select(RECIPES).where(RECIPES.c.name == name).order_by(RECIPES.c.version.desc())
-        with self._store.reading() as base:
-            return _rows(base, wanted)
+        return self._store.rows(RecipeRow, wanted)
 
     def newest(self) -> list[RecipeRow]:
         """The newest version of every recipe, by name."""
@@ -108,20 +93,15 @@ class RecipeBook:
             .join(last, (RECIPES.c.name == last.c.name) & (RECIPES.c.version == last.c.version))
             .order_by(RECIPES.c.name)
         )
-        with self._store.reading() as base:
-            return _rows(base, wanted)
+        return self._store.rows(RecipeRow, wanted)
 
 
-def _newest(base: Connection, name: str) -> RecipeRow | None:
-    versions = select(RECIPES).where(RECIPES.c.name == name)
-    return next(iter(_rows(base, versions.order_by(RECIPES.c.version.desc()).limit(1))), None)
+def _newest(connection: Connection, name: str) -> RecipeRow | None:
+    versions = select(RECIPES).where(RECIPES.c.name == name).order_by(RECIPES.c.version.desc())
+    return next(iter(rows(connection, RecipeRow, versions.limit(1))), None)
 
 
-def _require_room(base: Connection) -> None:
-    count = base.scalar(select(func.count(RECIPES.c.name.distinct())))
+def _require_room(connection: Connection) -> None:
+    count = connection.scalar(select(func.count(RECIPES.c.name.distinct())))
     if count is not None and count >= RECIPES_MAX:
         raise RecipeLimitError(f"there are {RECIPES_MAX} recipes, the most: give one a new version")
-
-
-def _rows(base: Connection, statement: Executable) -> list[RecipeRow]:
-    return [RecipeRow(**dict(row)) for row in base.execute(statement).mappings()]

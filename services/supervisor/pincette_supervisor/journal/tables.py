@@ -1,4 +1,8 @@
-"""The tables of the journal, for whichever database holds them; ``migrations`` makes them."""
+"""The journal's tables, which ``migrations`` creates, and the rows that are read from them."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
 
 from sqlalchemy import (
     JSON,
@@ -12,7 +16,10 @@ from sqlalchemy import (
     Table,
 )
 
+from pincette.api.states import ActionType, JobState
+
 METADATA = MetaData()
+
 
 JOBS = Table(
     "jobs",
@@ -155,3 +162,61 @@ ALARMS = Table(
     sqlite_autoincrement=True,
 )
 """One row for as long as an alarm is open; ``count`` says how often it has come."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionRow:
+    """An action, and when and at which sample it took effect."""
+
+    type: ActionType
+    requested_at: str
+    requested_by: str
+    seq: int | None = None
+    applied_at: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class JobRow:
+    """A job as it is kept."""
+
+    id: str
+    kind: str
+    rig: str
+    state: JobState
+    request: dict[str, Any]
+    plan: dict[str, Any]
+    created_at: str
+    cause: str = ""
+    result: dict[str, Any] | None = None
+    started_at: str | None = None
+    ended_at: str | None = None
+    actions: tuple[ActionRow, ...] = ()
+    number: int = 0
+    """Rises with every job, and is its place in the queue; 0 until it is kept."""
+    revision: int = 0
+    """Rises with every change of the job and of its actions."""
+    epoch: int | None = None
+    """Of its arming, once there is one."""
+    requested_by: str | None = None
+    """Who asked for it; None of a job that was taken before that was kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Creation:
+    """What an ``Idempotency-Key`` has created."""
+
+    key: str
+    fingerprint: str
+    """Of the request that came with the key."""
+    job: str
+    created_at: str
+
+
+def utc_text(time: datetime) -> str:
+    """A time as the journal keeps it: in UTC, to a millisecond."""
+    return time.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def utc_now() -> str:
+    """The present time in UTC, for people; nothing in the loop reads it."""
+    return utc_text(datetime.now(UTC))

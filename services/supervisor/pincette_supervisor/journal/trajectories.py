@@ -2,11 +2,12 @@
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from sqlalchemy import Connection, Executable, delete, func, insert, select
+from sqlalchemy import Connection, delete, func, insert, select
 
+from pincette_supervisor.journal.database import columns, rows
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.journal.tables import TRAJECTORIES
 
@@ -33,7 +34,7 @@ class TrajectoryRow:
         return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
-class TrajectoryBook:
+class TrajectoryRepository:
     """The trajectories of a journal."""
 
     def __init__(self, store: Store) -> None:
@@ -42,65 +43,43 @@ class TrajectoryBook:
     def add(self, row: TrajectoryRow) -> tuple[TrajectoryRow, bool]:
         """Keep a trajectory; the flag says that it was not known."""
         digest, made_at = row.digest, utc_now()
-        with self._store.writing() as base:
-            known = _find(base, digest)
+        with self._store.writing() as connection:
+            known = _find(connection, digest)
             if known is not None:
                 return known, False
-            tree = {
-                "request": row.request,
-                "rig_file_digest": row.rig_file_digest,
-                "model_version": row.model_version,
-                "model_digest": row.model_digest,
-            }
-            base.execute(
-                insert(TRAJECTORIES).values(
-                    digest=digest, rig=row.rig, request=tree, created_at=made_at
-                )
-            )
-            _forget_oldest(base)
-        return _made(row.rig, tree, made_at), True
+            kept = {"digest": digest, "rig": row.rig, "created_at": made_at}
+            tree = columns(row, "rig", "created_at")
+            connection.execute(insert(TRAJECTORIES).values(**kept, request=tree))
+            _forget_oldest(connection)
+        return replace(row, created_at=made_at), True
 
     def get(self, digest: str) -> TrajectoryRow | None:
         """One trajectory; None where there is none of this digest."""
-        with self._store.reading() as base:
-            return _find(base, digest)
+        with self._store.reading() as connection:
+            return _find(connection, digest)
 
     def newest(self, limit: int) -> list[TrajectoryRow]:
         """Trajectories, the newest first."""
-        columns = TRAJECTORIES.c
-        wanted = select(TRAJECTORIES).order_by(columns.created_at.desc(), columns.digest)
-        with self._store.reading() as base:
-            return _rows(base, wanted.limit(limit))
+        table = TRAJECTORIES.c
+        wanted = select(TRAJECTORIES).order_by(table.created_at.desc(), table.digest)
+        return self._store.rows(_row, wanted.limit(limit))
 
 
-def _find(base: Connection, digest: str) -> TrajectoryRow | None:
+def _row(*, rig: str, request: dict[str, Any], created_at: str, **_digest: str) -> TrajectoryRow:
+    """A row of the table, whose column ``request`` holds the other fields."""
+    return TrajectoryRow(rig, **request, created_at=created_at)
+
+
+def _find(connection: Connection, digest: str) -> TrajectoryRow | None:
     wanted = select(TRAJECTORIES).where(TRAJECTORIES.c.digest == digest)
-    return next(iter(_rows(base, wanted)), None)
+    return next(iter(rows(connection, _row, wanted)), None)
 
 
-def _forget_oldest(base: Connection) -> None:
-    columns = TRAJECTORIES.c
-    count = base.scalar(select(func.count()).select_from(TRAJECTORIES)) or 0
+def _forget_oldest(connection: Connection) -> None:
+    table = TRAJECTORIES.c
+    count = connection.scalar(select(func.count()).select_from(TRAJECTORIES)) or 0
     if count <= KEPT:
         return
-    oldest = select(columns.digest).order_by(columns.created_at, columns.digest)
-    gone = list(base.scalars(oldest.limit(count - KEPT)))
-    base.execute(delete(TRAJECTORIES).where(columns.digest.in_(gone)))
-
-
-def _rows(base: Connection, statement: Executable) -> list[TrajectoryRow]:
-    return [
-        _made(row["rig"], row["request"], row["created_at"])
-        for row in base.execute(statement).mappings()
-    ]
-
-
-def _made(rig: str, tree: dict[str, Any], created_at: str) -> TrajectoryRow:
-    return TrajectoryRow(
-        rig=rig,
-        request=tree["request"],
-        rig_file_digest=tree["rig_file_digest"],
-        model_version=tree["model_version"],
-        model_digest=tree["model_digest"],
-        created_at=created_at,
-    )
+    oldest = select(table.digest).order_by(table.created_at, table.digest)
+    gone = list(connection.scalars(oldest.limit(count - KEPT)))
+    connection.execute(delete(TRAJECTORIES).where(table.digest.in_(gone)))

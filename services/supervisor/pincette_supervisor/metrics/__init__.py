@@ -1,1 +1,1 @@
-"""What Prometheus is told of the rigs: all of it from what their programs tell anyway."""
+"""Metrics for Prometheus, from what the programs publish anyway."""

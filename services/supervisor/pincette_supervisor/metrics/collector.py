@@ -1,8 +1,8 @@
-"""The metrics of all rigs at the moment somebody asks; nobody else is asked for them."""
+"""The metrics of all rigs for Prometheus; no program is asked for them."""
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import get_args
+from math import nan
 
 from prometheus_client.core import (
     CounterMetricFamily,
@@ -12,137 +12,166 @@ from prometheus_client.core import (
 )
 
 from pincette import __version__
-from pincette.api.job_models import JobKind
+from pincette.api.job_kinds import job_kinds
 from pincette.api.states import STATES
-from pincette.messages import Status
-from pincette.topics import LOOP
-from pincette_supervisor.journal.base import StoreError
+from pincette.core.faults import Mode
+from pincette.core.messages import Status
+from pincette.core.topics import LOOP
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.journal.database import StoreError
 from pincette_supervisor.metrics import families
+from pincette_supervisor.metrics.counters import FORCE_BOUNDS_MN, NUMBERED, OBSERVED, Durations
 from pincette_supervisor.metrics.families import Family
-from pincette_supervisor.metrics.rising import BOUNDS_S
-from pincette_supervisor.metrics.tally import FORCE_BOUNDS_MN, NUMBERED, OBSERVED, Durations
-from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.running.rigs import Rigs
-from pincette_supervisor.running.site import Site
+from pincette_supervisor.metrics.monotonic_counter import BOUNDS_S
+from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.rigs.rigs import Rigs
+from pincette_supervisor.rigs.standing import standing
 
 MOST_RIGS = 64
-"""Rigs that are told of: with the labels, of which each has a fixed set, they bound the series."""
+"""Rigs that are exported; labels have fixed sets, so this bounds the number of series."""
 ASKED_S = 10.0
-"""How long what a program answered speaks against its token."""
+"""How long an unanswered status request counts against a program's token."""
 N_PER_MN = 1e-3
-KINDS = get_args(JobKind)
+PARTS = (
+    ("none", "known"),
+    ("none", "believed"),
+    ("held", "known"),
+    ("held", "believed"),
+    ("unknown", "unknown"),
+)
+"""What can be told of a part, and how far it can be trusted."""
 
 
 class RigCollector:
-    """What Prometheus is told; a collector as its client library wants them."""
+    """A collector for ``prometheus_client``."""
 
     def __init__(self, rigs: Rigs) -> None:
         self._rigs = rigs
 
     def collect(self) -> Iterator[Metric]:
-        """Every metric, each with all rigs."""
+        """All metrics, each for all rigs."""
         every = self._rigs.all()
-        told = every[:MOST_RIGS]
-        yield _gauge(families.BUILD, [((__version__,), 1)])
-        yield _gauge(families.UNUSABLE, [((), len(self._rigs.unusable))])
-        yield _gauge(families.LEFT_OUT, [((), len(every) - len(told))])
-        for conductor in told:
-            _take_answers(conductor.site)
-        yield from self._states(told)
-        yield from _counts(told)
-        yield from _durations(told)
-        yield from _peaks(told)
+        exported = every[:MOST_RIGS]
+        yield _metric(families.BUILD, [((__version__,), 1)])
+        yield _metric(families.UNUSABLE, [((), len(self._rigs.unusable))])
+        yield _metric(families.LEFT_OUT, [((), len(every) - len(exported))])
+        for manager in exported:
+            _update_statuses(manager.context)
+        yield from self._states(exported)
+        yield from _counts(exported)
+        yield from _durations(exported)
+        yield from _peaks(exported)
 
-    def _states(self, told: Sequence[Conductor]) -> Iterator[Metric]:
-        yield _gauge(
+    def _states(self, exported: Sequence[JobManager]) -> Iterator[Metric]:
+        yield _metric(
             families.UP,
             [
-                ((one.name, service), _up(one.site, service))
-                for one, service in product(told, OBSERVED)
+                ((one.name, service), _up(one.context, service))
+                for one, service in product(exported, OBSERVED)
             ],
         )
-        yield _gauge(families.LATCHED, [((one.name,), _latched(one.site)) for one in told])
-        yield _gauge(families.QUEUE_HALTED, [((one.name,), bool(one.queue.halted)) for one in told])
+        yield _metric(families.LATCHED, [((one.name,), _latched(one.context)) for one in exported])
+        yield from _standing(exported)
+        yield _metric(
+            families.QUEUE_HALTED, [((one.name,), bool(one.queue.halted)) for one in exported]
+        )
         try:
             counted = self._rigs.store.counted()
         except StoreError:
             return  # all else is known without the journal
-        yield _gauge(
+        yield _metric(
             families.JOBS,
             [
                 ((one.name, kind, state), counted.get((one.name, kind, state), 0))
-                for one, kind, state in product(told, KINDS, STATES)
+                for one, kind, state in product(exported, job_kinds(), STATES)
             ],
         )
 
 
-def _take_answers(site: Site) -> None:
-    for answer in site.health.statuses.values():
+def _update_statuses(context: RigContext) -> None:
+    for answer in context.health.statuses.values():
         if isinstance(answer, Status):
-            site.observer.tally.asked(answer)
+            context.observer.counters.update_status(answer)
 
 
-def _up(site: Site, service: str) -> bool:
-    """Whether a program lives, and does not hang as far as it was asked lately."""
-    age_s = site.health.asked_age_s
-    silent = isinstance(site.health.statuses.get(service), str)
-    return site.observer.alive(service) and not (silent and age_s is not None and age_s < ASKED_S)
+def _up(context: RigContext, service: str) -> bool:
+    """Whether a program's token is seen and its last status request was answered."""
+    age_s = context.health.asked_age_s
+    silent = isinstance(context.health.statuses.get(service), str)
+    return context.observer.alive(service) and not (
+        silent and age_s is not None and age_s < ASKED_S
+    )
 
 
-def _latched(site: Site) -> bool:
-    return bool(site.health.latched()) or site.health.latch()[0] in ("frozen", "ramping")
+def _latched(context: RigContext) -> bool:
+    if context.health.latched() is not None:
+        return True
+    return context.health.latch().mode in (Mode.FROZEN, Mode.RAMPING)
 
 
-def _counts(told: Sequence[Conductor]) -> Iterator[Metric]:
-    of = [(one.name, one.site.observer.tally) for one in told]
-    yield _counter(
+def _standing(exported: Sequence[JobManager]) -> Iterator[Metric]:
+    stands = [(one.name, standing(one.context)) for one in exported]
+    heard_s = [((rig,), nan if one.state_age_s is None else one.state_age_s) for rig, one in stands]
+    yield _metric(families.HEARD, heard_s)
+    parts: list[tuple[tuple[str, ...], float]] = []
+    for rig, one in stands:
+        told = (one.part, one.part_certainty)
+        parts += [((rig, *pair), pair == told) for pair in PARTS]
+    yield _metric(families.PART, parts)
+
+
+def _counts(exported: Sequence[JobManager]) -> Iterator[Metric]:
+    of = [(one.name, one.context.observer.counters) for one in exported]
+    yield _metric(
         families.TRIPS,
-        [((rig, cause.value), n) for rig, tally in of for cause, n in tally.trips().items()],
+        [((rig, cause.value), n) for rig, counters in of for cause, n in counters.trips().items()],
     )
-    yield _counter(
+    yield _metric(
         families.MISSED,
-        [((rig, service), n) for rig, tally in of for service, n in tally.missed().items()],
+        [((rig, service), n) for rig, counters in of for service, n in counters.missed().items()],
     )
-    yield _counter(families.UNANSWERED, [((rig,), tally.unanswered()) for rig, tally in of])
-    yield _counter(families.DEGRADED, [((rig,), tally.degraded()) for rig, tally in of])
+    yield _metric(families.UNANSWERED, [((rig,), counters.unanswered) for rig, counters in of])
+    yield _metric(families.DEGRADED, [((rig,), counters.degraded) for rig, counters in of])
     dropped: list[tuple[tuple[str, ...], int]] = []
-    for rig, tally in of:
+    for rig, counters in of:
         gaps: dict[str, int] = dict.fromkeys(LOOP, 0)
         for topic in NUMBERED:
-            gaps[topic.producer] += tally.gaps()[topic.name]
+            gaps[topic.producer] += counters.gaps()[topic.name]
         dropped += [((rig, service, "gap"), n) for service, n in gaps.items()]
-        dropped += [((rig, service, "refused"), n) for service, n in tally.refused().items()]
-        dropped.append(((rig, "recorder", "record"), tally.lost()))
-    yield _counter(families.DROPPED, dropped)
+        dropped += [((rig, service, "refused"), n) for service, n in counters.refused().items()]
+        dropped.append(((rig, "recorder", "record"), counters.lost.total))
+    yield _metric(families.DROPPED, dropped)
 
 
-def _durations(told: Sequence[Conductor]) -> Iterator[Metric]:
+def _durations(exported: Sequence[JobManager]) -> Iterator[Metric]:
     for family, quantity in (
         (families.LATENESS, "lateness"),
         (families.AGE, "age"),
         (families.EXECUTION, "execution"),
     ):
         metric = _histogram(family)
-        for one, service in product((one for one in told if not one.site.rig.lockstep), LOOP):
-            durations = one.site.observer.tally.durations(service, quantity)
+        for one, service in product(
+            (one for one in exported if not one.context.rig.lockstep), LOOP
+        ):
+            durations = one.context.observer.counters.durations(service, quantity)
             _add_durations(metric, (one.name, service), durations)
         yield metric
     ages = _histogram(families.COMMAND_AGE)
-    for one in told:
-        _add_durations(ages, (one.name,), one.site.observer.tally.command_ages())
+    for one in exported:
+        _add_durations(ages, (one.name,), one.context.observer.counters.command_ages())
     yield ages
 
 
-def _peaks(told: Sequence[Conductor]) -> Iterator[Metric]:
+def _peaks(exported: Sequence[JobManager]) -> Iterator[Metric]:
     newest: list[tuple[tuple[str, ...], float]] = []
     over = _histogram(families.PEAKS)
-    for one in told:
-        peaks = one.site.observer.tally.peaks()
+    for one in exported:
+        peaks = one.context.observer.counters.peaks()
         if peaks.newest_mN is not None:
             newest.append(((one.name,), N_PER_MN * peaks.newest_mN))
         bounds_N = [N_PER_MN * bound_mN for bound_mN in FORCE_BOUNDS_MN]
         over.add_metric((one.name,), _buckets(bounds_N, peaks.counts), N_PER_MN * peaks.sum_mN)
-    yield _gauge(families.PEAK, newest)
+    yield _metric(families.PEAK, newest)
     yield over
 
 
@@ -161,15 +190,9 @@ def _histogram(family: Family) -> HistogramMetricFamily:
     return HistogramMetricFamily(family.name, family.meaning, labels=family.labels)
 
 
-def _gauge(family: Family, found: Sequence[tuple[tuple[str, ...], float]]) -> Metric:
-    metric = GaugeMetricFamily(family.name, family.meaning, labels=family.labels)
-    for labels, value in found:
-        metric.add_metric(labels, float(value))
-    return metric
-
-
-def _counter(family: Family, found: Sequence[tuple[tuple[str, ...], float]]) -> Metric:
-    metric = CounterMetricFamily(family.name, family.meaning, labels=family.labels)
+def _metric(family: Family, found: Sequence[tuple[tuple[str, ...], float]]) -> Metric:
+    kind = CounterMetricFamily if family.kind == "counter" else GaugeMetricFamily
+    metric = kind(family.name, family.meaning, labels=family.labels)
     for labels, value in found:
         metric.add_metric(labels, float(value))
     return metric

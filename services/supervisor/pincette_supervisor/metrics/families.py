@@ -1,6 +1,5 @@
-"""Every metric there is, with its labels and its meaning: what is served, and the page about it."""
+"""All metrics, with their labels and meanings."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,7 +16,7 @@ class Family:
     labels: tuple[str, ...]
     meaning: str
     where: str = ""
-    """Where it is told, if not everywhere."""
+    """Where it is served, if not everywhere."""
 
 
 REAL_TIME = "in real time"
@@ -32,6 +31,18 @@ UNUSABLE = Family("pincette_rigs_unusable", "gauge", (), "rigs that were found a
 LEFT_OUT = Family("pincette_rigs_left_out", "gauge", (), "rigs served beyond those told of here")
 LATCHED = Family(
     "pincette_latched", "gauge", ("rig",), "1 where a person must reset the rig before it moves"
+)
+HEARD = Family(
+    "pincette_actuator_heard_age_seconds",
+    "gauge",
+    ("rig",),
+    "since the actuator was heard; NaN where it never was",
+)
+PART = Family(
+    "pincette_part",
+    "gauge",
+    ("rig", "part", "certainty"),
+    "1 for what is told of the part, and how far it can be trusted; 0 for all else",
 )
 TRIPS = Family("pincette_trips_total", "counter", ("rig", "cause"), "trips of the actuator")
 LATENESS = Family(
@@ -105,23 +116,4 @@ JOBS = Family("pincette_jobs", "gauge", ("rig", "kind", "state"), "jobs in the j
 QUEUE_HALTED = Family(
     "pincette_queue_halted", "gauge", ("rig",), "1 where the queue waits for a person"
 )
-FAMILIES: Sequence[Family] = (
-    BUILD,
-    UP,
-    UNUSABLE,
-    LEFT_OUT,
-    LATCHED,
-    TRIPS,
-    LATENESS,
-    AGE,
-    EXECUTION,
-    COMMAND_AGE,
-    MISSED,
-    UNANSWERED,
-    DEGRADED,
-    DROPPED,
-    PEAK,
-    PEAKS,
-    JOBS,
-    QUEUE_HALTED,
-)
+FAMILIES = [value for value in list(globals().values()) if isinstance(value, Family)]

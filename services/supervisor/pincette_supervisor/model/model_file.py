@@ -39,6 +39,8 @@ class StoredModel(BaseModel):
     rig: str
     rig_file_digest: str
     """Of the rig file that the values were found over."""
+    basis: dict[str, Any] = Field(default_factory=dict)
+    """What of that rig file they were measured with."""
     made_at: str
     values: dict[str, Any]
     """By quantity; what is not here is as the rig file has it."""

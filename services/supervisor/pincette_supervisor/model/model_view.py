@@ -3,8 +3,9 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from pincette.api.proposal_models import ModelQuantity, ModelVersion, ModelView
+from pincette.api.models import ModelQuantity, ModelVersion, ModelView
 from pincette.config import ConfigError
+from pincette_supervisor.model.basis import basis, changes, doubtful, words
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, values_of
 from pincette_supervisor.model.rig_model import RigModel
@@ -21,6 +22,8 @@ def model_view(model: RigModel) -> ModelView:
         digest=used.digest,
         rig_file_digest=model.digest,
         trouble=model.trouble,
+        changed=model.changed,
+        set_aside=model.set_aside,
         quantities=[
             _quantity(used, quantity, value, now) for quantity, value in values_of(used.rig).items()
         ],
@@ -50,14 +53,14 @@ def _version(model: RigModel, number: int) -> ModelVersion:
         return ModelVersion(
             version=number, digest="", made_at="", quantities=[], previous="", trouble=str(error)
         )
-    other = stored.rig_file_digest != model.digest
+    other = doubtful(changes(stored.basis, basis(model.file)))
     return ModelVersion(
         version=number,
         digest=stored.digest,
         made_at=stored.made_at,
         quantities=sorted(stored.values),
         previous=stored.previous,
-        trouble=f"made over rig file {stored.rig_file_digest}" if other else "",
+        trouble=words(other, number) if other else "",
     )
 
 

@@ -4,18 +4,16 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, cast
 
-from pincette.api.calibration_models import CalibrationResult
-from pincette.api.proposal_models import Proposal, ProposalState, ProposedValue
+from pincette.api.calibrations import CalibrationResult, Proposal, ProposalState, ProposedValue
 from pincette.config import ConfigError
-from pincette.records.folder import PLOTS
 from pincette_supervisor import problems
 from pincette_supervisor.journal.store import JobRow, Store, utc_now
+from pincette_supervisor.kinds.calibrate import KIND
 from pincette_supervisor.model.quantities import ASSUMED, values_of
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.problems import ProblemError
 
 BASE = "/api/v1"
-KIND = "calibrate"
 LONGEST = 500
 """Proposals that are looked at to see which one supersedes."""
 
@@ -47,20 +45,20 @@ class Calibrations:
         return self._view(self._row(name))
 
     def _rows(self, limit: int) -> list[JobRow]:
-        return self._store.newest(limit, kind=KIND, state="succeeded", rig=self._rig)
+        return self._store.newest(limit, kind=KIND.name, state="succeeded", rig=self._rig)
 
     def _row(self, name: str) -> JobRow:
         row = self._store.get(name)
-        if row is None or (row.kind, row.state, row.rig) != (KIND, "succeeded", self._rig):
+        if row is None or (row.kind, row.state, row.rig) != (KIND.name, "succeeded", self._rig):
             raise problems.not_found("proposal of a calibration", name)
         return row
 
     def _decision(self, name: str) -> Decision | None:
-        noted = self._store.noted(_note(name))
+        noted = self._store.get_note(_note(name))
         return None if noted is None else Decision(**json.loads(noted))
 
     def _decide(self, name: str, decision: Decision) -> None:
-        self._store.note(_note(name), json.dumps(asdict(decision)))
+        self._store.set_note(_note(name), json.dumps(asdict(decision)))
 
     def act(self, name: str, action: Literal["accept", "discard"]) -> Proposal:
         """Accept or discard a proposal.
@@ -149,10 +147,10 @@ class Calibrations:
             residuals=result.residuals,
             statement=result.statement,
             warnings=result.warnings,
-            rests_on=result.rests_on,
+            assumptions=result.assumptions,
             made_with=cast("dict[str, Any]", row.plan.get("values", {}).get("model", {})),
             job=f"{BASE}/jobs/{row.id}",
-            plot=f"{BASE}/jobs/{row.id}/artifacts/{PLOTS['calibrate']}",
+            plot=f"{BASE}/jobs/{row.id}/artifacts/{KIND.plot}",
             allowed_actions=["accept", "discard"] if decision is None else [],
         )
 

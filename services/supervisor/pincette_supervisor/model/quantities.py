@@ -5,11 +5,17 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from pincette.config import RigFile
+from pincette.config import Calibration, RigFile
 from pincette.config.calibration import CALIBRATED
 
 ASSUMED = "assumed"
 """Source of what no calibration has found."""
+FORCE_DRIFTS = (
+    "model.creep_mN_per_decade",
+    "model.forgotten_mN",
+    "model.forgotten_scale_V",
+)
+"""What the uncertainty of the force grows by after a zero."""
 UNITS: Mapping[str, str] = {
     "model.natural_frequency_rad_per_s": "rad/s",
     "model.damping_ratio": "1",
@@ -36,3 +42,13 @@ def value_of(rig: RigFile, quantity: str) -> Any:
 def values_of(rig: RigFile) -> dict[str, Any]:
     """Values of every quantity that a calibration may replace."""
     return {quantity: value_of(rig, quantity) for quantity in CALIBRATED}
+
+
+def assumed_for_force(rig: RigFile, calibration: Calibration) -> list[str]:
+    """Quantities that the force's uncertainty is worked out from and no calibration has found."""
+    model = rig.model
+    free = "model.free_response" if model.free_response is not None else "model.hysteresis_fraction"
+    # Recorded branches are always measured; a rig file has none of its own.
+    of_free = () if model.recorded_response is not None else (free,)
+    rested_on = ("sensor.noise_um", "model.compliance_um_per_mN", *of_free, *FORCE_DRIFTS)
+    return [name for name in rested_on if calibration.sources.get(name, ASSUMED) == ASSUMED]

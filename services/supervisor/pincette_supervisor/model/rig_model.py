@@ -2,29 +2,39 @@
 
 import json
 import threading
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from pincette.api.models import ModelChange
 from pincette.config import Calibration, ConfigError, RigFile, calibrated
 from pincette_supervisor.journal.store import Store, utc_now
-from pincette_supervisor.model.instruments import Instruments
+from pincette_supervisor.model.basis import basis, changes, doubtful, words
 from pincette_supervisor.model.model_file import Acceptance, ModelFiles, StoredModel
 from pincette_supervisor.model.model_in_use import RIG_FILE_ALONE, ModelInUse, rig_file_alone
-from pincette_supervisor.model.upkeep import due_at, warnings
+from pincette_supervisor.model.upkeep import Due, due, due_at, warnings
+
+KEPT_CHANGES = 100
+"""Changes of instruments that are kept; older ones concern no value in use."""
 
 
 class RigModel:
     """Which model a rig is used with; kept beyond a restart.
 
-    A model that was chosen over another rig file is not laid over this one without a person's
-    word: until then nothing is in use but the rig file, and ``trouble`` says why.
+    A model that was measured with other instruments or another arm (``basis``) is not laid over the
+    rig file without a person's word: until then nothing is in use but the rig file, and ``trouble``
+    says why. A value that a person has changed in the rig file since is not replaced.
     """
 
     def __init__(self, rig_file: RigFile, folder: Path, store: Store) -> None:
         self.file = rig_file
         self.trouble = ""
+        self.changed: list[ModelChange] = []
+        """Why no model is in use."""
+        self.set_aside: list[ModelChange] = []
+        """Values of the model that the rig file replaces, since a person has changed them there."""
+        self._basis = basis(rig_file)
         self.files = ModelFiles(folder / rig_file.rig.name)
         self._store = store
         self._note = f"model in use: {rig_file.rig.name}"
@@ -45,34 +55,38 @@ class RigModel:
 
     def _take_up(self) -> None:
         """Go on with the model that was in use before a restart."""
-        noted = self._store.noted(self._note)
+        noted = self._store.get_note(self._note)
         if noted is None:
             return
-        version, digest = json.loads(noted)
+        version, before = _noted(noted)
         if version == RIG_FILE_ALONE:
             return
         try:
-            if digest != self.digest:
-                raise ConfigError(
-                    f"model {version} was in use with rig file {digest}, this one is {self.digest}"
-                )
-            self.in_use = self._laid(self.files.read(version))
+            stored = self.files.read(version)
+            found = changes(before, self._basis)
+            self.changed = doubtful(found)
+            if self.changed:
+                raise ConfigError(words(self.changed, version))
+            self.set_aside = [change for change in found if change.key in stored.values]
+            self.in_use = self._laid(stored, {change.key for change in self.set_aside})
         except ConfigError as error:
-            name = self.file.rig.name
             self.trouble = (
-                f"{error}; nothing but the rig file is in use: POST /api/v1/rigs/{name}/model/"
-                f"actions use version {version} where it still holds, or version 0"
+                f"model {version} is unused, because {error}: `pincette model use {version}` where "
+                "it still holds, or `pincette model use 0` for the rig file alone"
             )
 
-    def _laid(self, model: StoredModel) -> ModelInUse:
-        calibration = model.calibration
+    def _laid(self, model: StoredModel, without: Collection[str] = ()) -> ModelInUse:
+        calibration = Calibration(
+            values={name: one for name, one in model.values.items() if name not in without},
+            sources={name: one for name, one in model.sources.items() if name not in without},
+        )
         return ModelInUse(
             calibrated(self.file, calibration),
             self.digest,
             model.version,
             calibration,
-            model.uncertainties,
-            model.acceptances,
+            {name: one for name, one in model.uncertainties.items() if name not in without},
+            {name: one for name, one in model.acceptances.items() if name not in without},
         )
 
     def use(self, version: int) -> None:
@@ -94,7 +108,21 @@ class RigModel:
     def warnings(self, now: datetime) -> list[str]:
         """What in use should be calibrated again, in words; nothing is refused for it."""
         used = self.in_use
-        return warnings(used.calibration.sources, used.acceptances, self._instruments.present, now)
+        due = warnings(used.calibration.sources, used.acceptances, self._instruments.present, now)
+        changed = [
+            f"{words([change], used.version)}: the rig file's value is used, not the calibrated "
+            f"one; calibrate again, or `pincette model use {used.version}`"
+            for change in self.set_aside
+        ]
+        return [*due, *changed]
+
+    def due(self, calibration: str, now: datetime) -> list[Due]:
+        """Why a calibration in use should be made again; nothing where it is still good."""
+        used = self.in_use
+        for quantity, accepted in used.acceptances.items():
+            if used.calibration.sources.get(quantity) == calibration:
+                return due(calibration, accepted, self._instruments.present, now)
+        return []
 
     def add(
         self,
@@ -133,6 +161,7 @@ class RigModel:
                 digest=calibration.digest,
                 rig=self.file.rig.name,
                 rig_file_digest=self.digest,
+                basis=self._basis,
                 made_at=now,
                 values=calibration.values,
                 sources=calibration.sources,
@@ -146,5 +175,35 @@ class RigModel:
             return laid
 
     def _choose(self, chosen: ModelInUse) -> None:
-        self._store.note(self._note, json.dumps([chosen.version, self.digest]))
-        self.in_use, self.trouble = chosen, ""
+        self._store.set_note(
+            self._note, json.dumps({"version": chosen.version, "basis": self._basis})
+        )
+        self.in_use, self.trouble, self.changed, self.set_aside = chosen, "", [], []
+
+
+def _noted(text: str) -> tuple[int, dict[str, Any]]:
+    """The version that was chosen, and what the rig file had then."""
+    noted = json.loads(text)
+    return noted["version"], noted["basis"]
+
+
+class Instruments:
+    """The serial numbers of a rig file, and those that were in it before; kept beyond a restart."""
+
+    def __init__(self, store: Store, rig: str, present: Mapping[str, str]) -> None:
+        self.present = dict(present)
+        note = f"instruments: {rig}"
+        noted = store.get_note(note)
+        self._history: list[tuple[str, dict[str, str]]] = (
+            [] if noted is None else [(since, had) for since, had in json.loads(noted)]
+        )
+        if not self._history or self._history[-1][1] != self.present:
+            self._history = [*self._history, (utc_now(), self.present)][-KEPT_CHANGES:]
+            store.set_note(note, json.dumps(self._history))
+
+    def at(self, when: str) -> dict[str, str]:
+        """Serial numbers at a time, by table of the rig file; what is not known is not there."""
+        for since, had in reversed(self._history):
+            if since <= when:
+                return had
+        return {}

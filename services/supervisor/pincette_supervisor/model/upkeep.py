@@ -4,7 +4,9 @@ Times are in UTC, as ISO 8601 has them.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import Literal
 
 from pincette_supervisor.model.model_file import Acceptance
 
@@ -25,6 +27,36 @@ def overdue(accepted: Acceptance, now: datetime) -> bool:
     return accepted.due_at is not None and datetime.fromisoformat(accepted.due_at) < now
 
 
+@dataclass(frozen=True, slots=True)
+class Due:
+    """Why a calibration should be made again."""
+
+    code: Literal["overdue", "instrument_changed"]
+    text: str
+
+
+def due(name: str, accepted: Acceptance, present: Mapping[str, str], now: datetime) -> list[Due]:
+    """Why a calibration should be made again; nothing where it is still good.
+
+    Parameters
+    ----------
+    name
+        The calibration.
+    accepted
+        How one of its values came into use.
+    present
+        Serial numbers of the rig file, by table.
+    """
+    found = [
+        Due("instrument_changed", f"{table} is {number}, calibration {name} was made with {then}")
+        for table, number in present.items()
+        if (then := accepted.serial_numbers.get(table, number)) != number
+    ]
+    if overdue(accepted, now):
+        found.append(Due("overdue", f"calibration {name} is overdue since {accepted.due_at}"))
+    return found
+
+
 def warnings(
     sources: Mapping[str, str],
     acceptances: Mapping[str, Acceptance],
@@ -42,14 +74,6 @@ def warnings(
     """
     found: dict[str, list[str]] = {}
     for quantity, accepted in acceptances.items():
-        name = sources[quantity]
-        reasons = [
-            f"{table} is {number}, calibration {name} was made with {then}"
-            for table, number in present.items()
-            if (then := accepted.serial_numbers.get(table, number)) != number
-        ]
-        if overdue(accepted, now):
-            reasons.append(f"calibration {name} is overdue since {accepted.due_at}")
-        for reason in reasons:
-            found.setdefault(reason, []).append(quantity)
+        for reason in due(sources[quantity], accepted, present, now):
+            found.setdefault(reason.text, []).append(quantity)
     return [f"{', '.join(names)}: {why}; calibrate again" for why, names in found.items()]

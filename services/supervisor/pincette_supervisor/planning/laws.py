@@ -1,15 +1,16 @@
 """Which law a job runs with: scheme, parameter set and gains, and whether it may run at all."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import NamedTuple
 
-from pincette.api.plan_models import GainsFrom, Law, Violation
-from pincette.api.request_models import Gains, JobRequest
+from pincette.api.plans import GainsFrom, Law, Violation
+from pincette.api.requests import ContactJobRequest, Gains
 from pincette.config import ConfigError, RigFile
 from pincette.config.gains import judged, tuned
-from pincette.control.laws.law import LawSettings, Scheme, default_settings
+from pincette.config.laws import law_definition
+from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.assessment import Assessment
-from pincette_supervisor.planning.path_requests import FaultyRequestError
+from pincette_supervisor.planning.errors import FaultyRequestError
 
 SPECTRAL_RADIUS = "spectral radius"
 """Quantity of the violation that a loop which is not stable enough makes."""
@@ -25,7 +26,10 @@ class ChosenLaw(NamedTuple):
     def view(self) -> Law:
         """As it is stored with the job and sent."""
         return Law(
-            **asdict(self.settings),
+            scheme=self.settings.scheme,
+            set=self.settings.set,
+            gains=self.settings.gains,
+            force_age=self.settings.force_age,
             gains_from=self.gains_from,
             spectral_radius=self.assessment.radius,
             spectral_radius_limit=self.assessment.limit_radius,
@@ -51,21 +55,24 @@ def rig_law(rig: RigFile) -> ChosenLaw:
     return ChosenLaw(settings, "rig", judged(rig, settings))
 
 
-def choose_law(request: JobRequest, rig: RigFile) -> ChosenLaw:
+def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
     """Complete what a request says of its law by the rig file, and judge the loop.
 
     Raises
     ------
     FaultyRequestError
-        Where gains are to be tuned for the printed set, none are stable, or the loop of those
-        given is beyond what can be reckoned.
+        Where the law is not installed or has no such gain, gains are to be tuned for the printed
+        set, none are stable, or the loop of those given is beyond what can be computed.
     """
-    scheme: Scheme = request.scheme or rig.law.scheme
+    scheme = request.scheme or rig.law.scheme
     parameter_set = request.set or rig.law.set
     settings = rig.law.settings()
     origin: GainsFrom = "rig"
     if (scheme, parameter_set) != (settings.scheme, settings.set):
-        settings = default_settings(scheme, parameter_set)
+        try:
+            settings = law_definition(scheme).settings(parameter_set)
+        except ValueError as error:
+            raise FaultyRequestError("/scheme", f"scheme = {scheme!r}: {error}") from error
         origin = "paper" if parameter_set == "printed" else "default"
     if request.gains == "tuned":
         if parameter_set == "printed":
@@ -78,8 +85,7 @@ def choose_law(request: JobRequest, rig: RigFile) -> ChosenLaw:
         except ValueError as error:
             raise FaultyRequestError("/gains", str(error)) from error
     elif isinstance(request.gains, Gains):
-        wishes = request.gains.model_dump(exclude_none=True)
-        settings, origin = replace(settings, **wishes), "request"
+        settings, origin = _with_gains(settings, request.gains), "request"
     try:
         assessment = judged(rig, settings)
     except ConfigError:
@@ -89,3 +95,16 @@ def choose_law(request: JobRequest, rig: RigFile) -> ChosenLaw:
             "/gains", f"no spectral radius can be found for these gains: {error}"
         ) from error
     return ChosenLaw(settings, origin, assessment)
+
+
+def _with_gains(settings: LawSettings, gains: Gains) -> LawSettings:
+    """The requested gains in place of those of the settings; raises FaultyRequestError."""
+    if gains.force_age is not None:
+        settings = replace(settings, force_age=gains.force_age)
+    for name, value in gains.by_name.items():
+        try:
+            settings = settings.with_gains(**{name: value})
+        except ValueError as error:
+            place = name.replace("~", "~0").replace("/", "~1")
+            raise FaultyRequestError(f"/gains/{place}", str(error)) from error
+    return settings

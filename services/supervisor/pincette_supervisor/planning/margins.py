@@ -1,12 +1,11 @@
-"""How near the samples that are foretold come to the limits of a rig, and beyond; pure."""
+"""How near the samples that are predicted come to the limits of a rig, and beyond; pure."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-from pincette.api.prediction_models import Margin, Peaks
-from pincette.api.violation_models import Violation
+from pincette.api.predictions import Margin, Peaks, Violation
 from pincette.config import RigFile
-from pincette_supervisor.planning.stage import Samples
+from pincette_supervisor.planning.rig_emulator import Samples
 
 ROUNDING = 1e-9
 """What touches a limit is within it, rounding included."""
@@ -141,7 +140,7 @@ def _broken(
             unit=limit.unit,
             at_s=at_s,
             message=(
-                f"foretold: {limit.quantity} {value:.3f} {limit.unit} {side} the limit "
+                f"predicted: {limit.quantity} {value:.3f} {limit.unit} {side} the limit "
                 f"{limit.limit:g} {limit.unit}, from {at_s:.2f} s ({phase})"
             ),
         )

@@ -5,9 +5,7 @@ from dataclasses import dataclass, field
 from math import ceil
 from typing import Any
 
-from pincette.api.calibration_models import CalibrationPlan
-from pincette.api.motion_models import MotionPlan
-from pincette.api.plan_models import Curves, Plan
+from pincette.api.plans import Curves, JobPlan
 from pincette.control.planning.course import Course
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
@@ -29,7 +27,7 @@ class Wait:
 class Planned:
     """A plan for people, the program for the controller, and the values both rest on."""
 
-    plan: Plan | MotionPlan | CalibrationPlan
+    plan: JobPlan
     program: Program
     values: dict[str, Any]
     """As they are stored and sent."""
@@ -37,6 +35,8 @@ class Planned:
     """The model in use when it was planned."""
     waits: Mapping[int, Wait] = field(default_factory=dict[int, Wait])
     """By the number of the segment that waits."""
+    meets_part: bool = True
+    """Whether a part is expected in the gripper."""
     present: Present | None = None
     """Where the rig stood as it was planned; None: nobody had told."""
     expecting: ModelInUse | None = None
@@ -44,7 +44,7 @@ class Planned:
 
     @property
     def armed(self) -> ModelInUse:
-        """What the programs of the loop are armed with, and what is foretold rests on."""
+        """What the programs of the loop are armed with, and what is predicted rests on."""
         return self.expecting or self.model
 
     @property
@@ -65,7 +65,7 @@ class Planned:
         return next((path for path in paths if path is not None), None)
 
 
-def thinned(course: Course) -> Curves:
+def decimated(course: Course) -> Curves:
     """A course as it is sent."""
     stride = max(1, ceil((len(course.t_s) - 1) / CURVE_POINTS))
     return Curves(

@@ -1,23 +1,22 @@
-"""What playing a plan on the model in use foretells: curves, peaks, margins, limits broken."""
+"""What playing a plan on the model in use predicts: curves, peaks, margins, limits broken."""
 
 from dataclasses import replace
-from functools import partial
 from math import ceil
 
-from pincette.api.calibration_models import CalibrationPlan
-from pincette.api.motion_models import MotionPlan
-from pincette.api.plan_models import Plan
-from pincette.api.prediction_models import PredictedCurves, PredictedPhase, Prediction
+from pincette.api.job_kinds import job_kinds
+from pincette.api.predictions import PredictedCurves, PredictedPhase, Prediction
 from pincette.api.states import GOOD_OUTCOMES
+from pincette.config.laws import resolved_law
+from pincette_supervisor.kinds.functions import functions_of
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
+from pincette_supervisor.planning.dry_run import DryRun, run_dry
 from pincette_supervisor.planning.identified_arm import Instruments
 from pincette_supervisor.planning.laws import SPECTRAL_RADIUS
 from pincette_supervisor.planning.margins import margins, peaks, violations
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
-from pincette_supervisor.planning.rehearsal import Rehearsal, rehearse
-from pincette_supervisor.planning.stage import Samples
+from pincette_supervisor.planning.rig_emulator import Samples
 
 CURVE_POINTS = 400
 ARM = (
@@ -27,48 +26,47 @@ ARM = (
     "model.compliance_um_per_mN",
 )
 PART = ("part.contact_um", "part.stiffness_mN_per_um")
-PRESSING = ("load", "hold", "unload")
 
 
-def played(planned: Planned) -> Rehearsal:
+def played(planned: Planned) -> DryRun:
     """Play a plan on the model that it was made with, from rest where the arm stands."""
-    return rehearse(planned, planned.present or Present(), part=_meets_a_part(planned))
+    return run_dry(planned, planned.present or Present(), part=planned.meets_part)
 
 
-def with_prediction(planned: Planned, rehearsal: Rehearsal) -> Planned:
-    """A plan with what its rehearsal foretells; a limit that it breaks makes it infeasible.
+def with_prediction(planned: Planned, dry_run: DryRun) -> Planned:
+    """A plan with what its dry run predicts; a limit that it breaks makes it infeasible.
 
     The plan names its own violations first; of a loop that is not stable, which is no matter of
     place and time, it says so last.
     """
-    prediction = predict(planned, rehearsal)
+    prediction = predict(planned, dry_run)
     broken = sorted(
         [*planned.plan.violations, *prediction.violations],
         key=lambda violation: violation.quantity == SPECTRAL_RADIUS,
     )
-    foretold = {"prediction": prediction, "violations": broken, "feasible": not broken}
-    return replace(planned, plan=planned.plan.model_copy(update=foretold))
+    predicted = {"prediction": prediction, "violations": broken, "feasible": not broken}
+    return replace(planned, plan=planned.plan.model_copy(update=predicted))
 
 
-def predict(planned: Planned, rehearsal: Rehearsal) -> Prediction:
-    """What a rehearsal of a plan says; raises ValueError where nothing of it could be played."""
-    samples, rig = rehearsal.samples, planned.armed.rig
+def predict(planned: Planned, dry_run: DryRun) -> Prediction:
+    """What a dry run of a plan says; raises ValueError where nothing of it could be played."""
+    samples, rig = dry_run.samples, planned.armed.rig
     if not samples.t_s:
-        raise ValueError(f"nothing of the plan can be played: {rehearsal.cut}")
-    complete = not rehearsal.cut
-    switches = any(law.K_S > 0.0 for law in planned.program.laws)
+        raise ValueError(f"nothing of the plan can be played: {dry_run.cut}")
+    complete = not dry_run.cut
+    switches = any(resolved_law(spec).switches for spec in planned.program.laws)
     return Prediction(
-        outcome=rehearsal.outcome,
-        succeeds=complete and rehearsal.outcome in GOOD_OUTCOMES,
+        outcome=dry_run.outcome,
+        succeeds=complete and dry_run.outcome in GOOD_OUTCOMES,
         duration_s=samples.t_s[-1] + rig.rig.period_s,
         complete=complete,
-        cut=rehearsal.cut,
+        cut=dry_run.cut,
         curves=curves(samples),
         phases=phases(samples, rig.rig.period_s),
         peaks=peaks(rig, samples),
         margins=margins(rig, samples, switches=switches),
-        violations=violations(rig, samples, partial(_pointer, planned.plan)),
-        rests_on=_rests_on(planned, rehearsal.instruments),
+        violations=violations(rig, samples, functions_of(job_kinds()[planned.plan.kind]).pointer),
+        assumptions=_assumptions(planned, dry_run.instruments),
     )
 
 
@@ -105,30 +103,11 @@ def phases(samples: Samples, period_s: float) -> list[PredictedPhase]:
     ]
 
 
-def _meets_a_part(planned: Planned) -> bool:
-    """Whether a part is expected: the free arm and the arm that is calibrated have none."""
-    plan = planned.plan
-    if isinstance(plan, CalibrationPlan):
-        return plan.calibration == "contact_stiffness"
-    return plan.kind != "move"
-
-
-def _pointer(plan: Plan | MotionPlan | CalibrationPlan, quantity: str, phase: str) -> str:
-    """Member of a request that leads beyond a limit; empty where none can be named."""
-    if plan.kind == "grip" and phase in PRESSING:
-        return "/force_mN"
-    if plan.kind in ("grip", "track") and phase == "contact" and quantity == "force":
-        return "/contact_force_mN"
-    if plan.kind in ("grip", "track") and phase in ("approach", "retreat") and quantity == "slew":
-        return "/approach_um_per_s"
-    return ""
-
-
-def _rests_on(planned: Planned, instruments: Instruments) -> list[str]:
+def _assumptions(planned: Planned, instruments: Instruments) -> list[str]:
     """What a prediction takes for granted, in words."""
     model = planned.armed
     words = [f"arm: {_values(model, ARM)}", f"free response: {_free_response(model)}"]
-    if _meets_a_part(planned):
+    if planned.meets_part:
         words.append(f"part: {_values(model, PART)}; rigid, and where it is expected")
     else:
         words.append("part: none in the way")

@@ -2,30 +2,26 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, cast
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from pincette.api.recipe_models import PartExpectation
-from pincette.api.request_base import StartRequest
-from pincette.api.request_models import AnyJobRequest, GripJobRequest, TrackJobRequest
+from pincette.api.job_kinds import JobKind, RecipeRules, job_kinds
+from pincette.api.requests import JobRequest, PartExpectation
 from pincette.config import Calibration, calibrated
+from pincette.config.laws import installed_laws
 from pincette_supervisor.journal.recipes import RecipeRow
+from pincette_supervisor.kinds.functions import kind_of
 from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.path_requests import MEMBERS, FaultyRequestError
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
 
 Lookup = Callable[[str], RecipeRow | None]
-R = TypeVar("R", bound=StartRequest)
 
-REQUESTS: Mapping[str, type[BaseModel]] = {"grip": GripJobRequest, "track": TrackJobRequest}
-OF_THE_JOB = {*StartRequest.model_fields, "kind"}
+OF_THE_JOB = set(JobRequest.model_fields)
 """Members that a recipe has not: they say how a job begins, not what becomes of the object."""
-PATH = {"shape", "x_pp_um", *(name for names in MEMBERS.values() for name in names)}
-EXCLUDING = (("hold_s", "until_released"), ("force_pp_mN", "x_pp_um"))
-"""Members of which a request that has one does not take the other from a recipe."""
 
 
 class FaultyValuesError(ValueError):
@@ -36,44 +32,57 @@ class FaultyValuesError(ValueError):
         self.errors = errors
 
 
+def completed_kinds() -> list[JobKind]:
+    """Kinds whose requests a recipe completes."""
+    return [kind for kind in job_kinds().values() if kind.recipe is not None]
+
+
 def checked_values(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values of a recipe as they are kept.
 
     Raises
     ------
     FaultyValuesError
-        Where one is unknown or impossible as a member of a grip or a track.
+        Where one is unknown or impossible as a member of a request that a recipe completes.
     """
     errors: list[dict[str, Any]] = []
     kept: dict[str, Any] = {}
     known = {"part"}
-    for kind, model in REQUESTS.items():
-        names = model.model_fields.keys() - OF_THE_JOB
+    for kind in completed_kinds():
+        names = kind.request.model_fields.keys() - OF_THE_JOB
         known |= names
-        _check(model, {name: values[name] for name in names & values.keys()}, kind, kept, errors)
+        _check(kind, {name: values[name] for name in names & values.keys()}, kept, errors)
     if "part" in values:
         try:
             part = PartExpectation.model_validate(values["part"])
             kept["part"] = part.model_dump(mode="json", exclude_unset=True)
         except ValidationError as error:
             errors.extend(_located(error, "part"))
-    for name in sorted(values.keys() - known):
-        place = {"type": "extra_forbidden", "loc": (name,), "msg": "", "input": values[name]}
-        errors.append(place)
+    errors += [_unknown((name,), values[name]) for name in sorted(values.keys() - known)]
+    gains = values.get("gains")
+    if isinstance(gains, dict):
+        stated = cast("dict[str, Any]", gains)
+        laws = installed_laws().values()
+        gain_names = {"force_age", *(one.name for law in laws for one in law.parameters)}
+        unknown = sorted(stated.keys() - gain_names)
+        errors += [_unknown(("gains", name), stated[name]) for name in unknown]
     if errors:
         raise FaultyValuesError(errors)
     return kept
 
 
+def _unknown(place: tuple[str, ...], value: object) -> dict[str, Any]:
+    return {"type": "extra_forbidden", "loc": place, "msg": "", "input": value}
+
+
 def _check(
-    model: type[BaseModel],
+    kind: JobKind,
     values: dict[str, Any],
-    kind: str,
     kept: dict[str, Any],
     errors: list[dict[str, Any]],
 ) -> None:
     try:
-        found = model.model_validate({"kind": kind, **values})
+        found = kind.request.model_validate({"kind": kind.name, **values})
     except ValidationError as error:
         errors.extend(item for item in _located(error) if item not in errors)
         return
@@ -85,13 +94,13 @@ def _located(error: ValidationError, *place: str) -> list[dict[str, Any]]:
     return [{**item, "loc": (*place, *item["loc"])} for item in found]
 
 
-def pinned(request: R, lookup: Lookup) -> R:
+def pinned(request: JobRequest, lookup: Lookup) -> JobRequest:
     """The request with its recipe by name and version; as it is where there is no such recipe."""
     found = None if request.recipe is None else lookup(request.recipe)
     return request if found is None else request.model_copy(update={"recipe": found.reference})
 
 
-def completed(request: AnyJobRequest, lookup: Lookup) -> AnyJobRequest:
+def completed(request: JobRequest, lookup: Lookup) -> JobRequest:
     """The request with what it leaves out taken from its recipe, and the recipe's version.
 
     Raises
@@ -100,12 +109,12 @@ def completed(request: AnyJobRequest, lookup: Lookup) -> AnyJobRequest:
         Where there is no such recipe, or it does not go with the request.
     """
     recipe = _recipe(request, lookup)
-    if recipe is None or not isinstance(request, GripJobRequest | TrackJobRequest):
+    if recipe is None:
         return request
     own = request.model_dump(exclude_unset=True)
     try:
         return type(request).model_validate(
-            {**_offered(recipe, own, type(request)), **own, "recipe": recipe.reference}
+            {**_offered(recipe, own, kind_of(request)), **own, "recipe": recipe.reference}
         )
     except ValidationError as error:
         raise FaultyRequestError(
@@ -114,7 +123,7 @@ def completed(request: AnyJobRequest, lookup: Lookup) -> AnyJobRequest:
 
 
 def plan_with_recipe(
-    request: AnyJobRequest, model: ModelInUse, present: Present | None, lookup: Lookup
+    request: JobRequest, model: ModelInUse, present: Present | None, lookup: Lookup
 ) -> Planned:
     """Plan a job by its recipe; raises as ``plan_job`` and ``completed`` do."""
     recipe = _recipe(request, lookup)
@@ -144,11 +153,11 @@ def _expecting(model: ModelInUse, part: Mapping[str, float], recipe: str) -> Mod
     )
 
 
-def _recipe(request: AnyJobRequest, lookup: Lookup) -> RecipeRow | None:
+def _recipe(request: JobRequest, lookup: Lookup) -> RecipeRow | None:
     if request.recipe is None:
         return None
-    if request.kind not in REQUESTS:
-        kinds = " or a ".join(REQUESTS)
+    if kind_of(request).recipe is None:
+        kinds = " or a ".join(kind.name for kind in completed_kinds())
         raise FaultyRequestError("/recipe", f"a recipe completes a {kinds}, not a {request.kind}")
     found = lookup(request.recipe)
     if found is None:
@@ -158,16 +167,18 @@ def _recipe(request: AnyJobRequest, lookup: Lookup) -> RecipeRow | None:
     return found
 
 
-def _offered(recipe: RecipeRow, own: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+def _offered(recipe: RecipeRow, own: Mapping[str, Any], kind: JobKind) -> dict[str, Any]:
     """What a recipe has for a request, less what goes against the request's own members."""
+    rules = kind.recipe or RecipeRules()
     refused = OF_THE_JOB | own.keys()
-    for pair in EXCLUDING:
+    for pair in rules.exclusive:
         if refused & set(pair):
             refused = refused | set(pair)
-    if own.get("shape", recipe.values.get("shape")) != recipe.values.get("shape"):
-        refused = refused | PATH
+    for name, dependent in rules.dependent.items():
+        if own.get(name, recipe.values.get(name)) != recipe.values.get(name):
+            refused = refused | dependent
     return {
         name: value
         for name, value in recipe.values.items()
-        if name in model.model_fields and name not in refused
+        if name in kind.request.model_fields and name not in refused
     }

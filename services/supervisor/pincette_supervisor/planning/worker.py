@@ -14,7 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from pincette.runtime.priority import stand_back
+from pincette.engine.realtime.os_scheduling import lower_priority
 
 A = TypeVar("A")
 R = TypeVar("R")
@@ -78,7 +78,7 @@ class Worker:
 
 def _begin(*_ahead: Callable[[Any], Any]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor hears it too, and says when
-    stand_back()
+    lower_priority()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

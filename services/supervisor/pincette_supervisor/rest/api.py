@@ -6,42 +6,42 @@ from typing import Any
 from fastapi import FastAPI
 
 from pincette import __version__
-from pincette.api.calibration_models import CalibrationResult
-from pincette.api.problem_models import Problem
-from pincette.api.result_models import GripResult, MotionResult, TrackResult
 from pincette_supervisor import problems
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.rest import (
     routes_access,
     routes_alarms,
     routes_calibrations,
-    routes_documents,
+    routes_catalog,
     routes_events,
     routes_jobs,
-    routes_live,
-    routes_metrics,
     routes_page,
     routes_probes,
     routes_recipes,
     routes_rigs,
     routes_trajectories,
 )
-from pincette_supervisor.rest.answers import complete_answers
-from pincette_supervisor.rest.audited import Audited
-from pincette_supervisor.rest.bodies import complete_bodies
-from pincette_supervisor.rest.boundary import Boundary
-from pincette_supervisor.rest.bounded_bodies import BoundedBodies
-from pincette_supervisor.rest.limits import Limited
-from pincette_supervisor.running.rigs import Rigs
+from pincette_supervisor.rest.limits import BodyLimit, RateLimit
+from pincette_supervisor.rest.middleware import AuditLog, OriginCheck
+from pincette_supervisor.rest.openapi_schema import complete
+from pincette_supervisor.rigs.rigs import Rigs
 
 BASE = "/api/v1"
-MODELS = (Problem, GripResult, TrackResult, MotionResult, CalibrationResult)
-"""Models the OpenAPI document shows although no route names them."""
+VERSIONED = (
+    routes_rigs,
+    routes_jobs,
+    routes_catalog,
+    routes_calibrations,
+    routes_recipes,
+    routes_trajectories,
+    routes_events,
+    routes_alarms,
+    routes_access,
+)
 
 
 def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
-    """Build the application; pages that load scripts from elsewhere are left out."""
-    access = access or Access()
+    """Build the application; there are no documentation pages, which load foreign scripts."""
     app = FastAPI(
         title="pincette supervisor",
         version=__version__,
@@ -51,68 +51,31 @@ def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
         redoc_url=None,
         openapi_url="/openapi.json",
     )
-    app.state.gate = access.gate
-    problems.install(app)
-    _surround(app, access)
-    app.include_router(routes_rigs.routes(rigs), prefix=BASE)
-    app.include_router(routes_jobs.routes(rigs), prefix=BASE)
-    app.include_router(routes_calibrations.routes(rigs), prefix=BASE)
-    app.include_router(routes_recipes.routes(rigs), prefix=BASE)
-    app.include_router(routes_trajectories.routes(rigs), prefix=BASE)
-    app.include_router(routes_live.routes(rigs), prefix=BASE)
-    app.include_router(routes_events.routes(rigs), prefix=BASE)
-    app.include_router(routes_alarms.routes(rigs), prefix=BASE)
-    app.include_router(routes_access.routes(rigs, access.trail), prefix=BASE)
-    app.include_router(routes_page.routes(rigs))
-    app.include_router(routes_documents.routes())
-    app.include_router(routes_probes.routes(rigs))
-    app.include_router(routes_metrics.routes(rigs))
-    _version(app, rigs)
-    plain: Callable[[], dict[str, Any]] = app.openapi
+    app.state.rigs = rigs
+    app.state.access = access = access or Access()
+    problems.install_handlers(app)
+    _add_middleware(app, access)
+    for routes in VERSIONED:
+        app.include_router(routes.router, prefix=BASE)
+    for router in (routes_page.router, routes_probes.documents, routes_probes.router):
+        app.include_router(router)
+    generate: Callable[[], dict[str, Any]] = app.openapi
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
-            _complete(plain())
-        return plain()
+            complete(generate())
+        return generate()
 
     app.openapi = openapi
     return app
 
 
-def _complete(document: dict[str, Any]) -> None:
-    """Add models that no route names, and leave out FastAPI's own form of an error."""
-    schemas = document["components"]["schemas"]
-    for model in MODELS:
-        tree = model.model_json_schema(ref_template="#/components/schemas/{model}")
-        schemas.update(tree.pop("$defs", {}))
-        schemas[model.__name__] = tree
-    for unused in ("HTTPValidationError", "ValidationError"):
-        schemas.pop(unused, None)
-    for operations in document["paths"].values():
-        for operation in operations.values():
-            if "HTTPValidationError" in str(operation["responses"].get("422")):
-                del operation["responses"]["422"]
-    complete_bodies(document)
-    complete_answers(document)
-
-
-def _surround(app: FastAPI, access: Access) -> None:
-    """Put around the routes what holds for all of them; what is added last is outermost."""
-    app.add_middleware(BoundedBodies)
+def _add_middleware(app: FastAPI, access: Access) -> None:
+    """Add what holds for all routes; the last added is outermost."""
+    app.add_middleware(BodyLimit)
     if access.buckets is not None:
-        app.add_middleware(Limited, gate=access.gate, buckets=access.buckets)
-    app.add_middleware(Boundary, names=access.names)
-    app.add_middleware(Audited, gate=access.gate, trail=access.trail)
-
-
-def _version(app: FastAPI, rigs: Rigs) -> None:
-    @app.get("/version", tags=["probes"])
-    async def version() -> dict[str, str | dict[str, str]]:  # pyright: ignore[reportUnusedFunction]
-        """The program's version, its own rig, and the digest of the rig file of each it serves."""
-        own = rigs.own
-        return {
-            "version": __version__,
-            "rig": own.name,
-            "rig_file_digest": own.site.digest,
-            "rigs": {one.name: one.site.digest for one in rigs.all()},
-        }
+        app.add_middleware(RateLimit, authenticator=access.authenticator, buckets=access.buckets)
+    app.add_middleware(OriginCheck, names=access.names)
+    app.add_middleware(
+        AuditLog, authenticator=access.authenticator, audit_buffer=access.audit_buffer
+    )

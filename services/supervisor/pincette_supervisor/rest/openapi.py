@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import cast
 
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.running.rigs import Rigs
+from pincette_supervisor.rigs.rigs import Rigs
 
 REGENERATE = "make docs"
 

@@ -6,70 +6,64 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 from pydantic import Field
 
-from pincette.api.alarm_models import Alarm, AlarmAction, AlarmList
-from pincette.api.problem_models import responses
+from pincette.api.events import Alarm, AlarmAction, AlarmList
+from pincette.api.problems import responses
 from pincette_supervisor import problems
-from pincette_supervisor.journal.alarm_rows import AlarmBook, AlarmRow
-from pincette_supervisor.rest.guard import OBSERVE, OPERATE, Note
-from pincette_supervisor.rest.headers import Who
-from pincette_supervisor.running.rigs import Rigs
+from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
+from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, AllRigs, Journal, Note, Operator
 
 LARGEST = 2**63 - 1
 Number = Annotated[int, Field(ge=1, le=LARGEST)]
 Text = Annotated[str | None, Query(max_length=80)]
 
 
-def routes(rigs: Rigs) -> APIRouter:
-    """Everything under ``/alarms``."""
-    router = APIRouter(prefix="/alarms", tags=["alarms"])
+router = APIRouter(prefix="/alarms", tags=["alarms"])
 
-    @router.get("", responses=responses(422, 503), dependencies=[OBSERVE])
-    def alarms(  # pyright: ignore[reportUnusedFunction]
-        rig: Text = None,
-        job: Text = None,
-        cause: Text = None,
-        severity: Literal["alarm", "warning"] | None = None,
-        only_open: Annotated[
-            bool, Query(alias="open", description="only those that are open")
-        ] = False,
-        limit: Annotated[int, Query(ge=1, le=500)] = 50,
-        before: Annotated[
-            int | None, Query(ge=1, le=LARGEST, description="begin below this id")
-        ] = None,
-    ) -> AlarmList:
-        """Alarms of every rig, the newest first."""
-        book = AlarmBook(rigs.store)
-        rows = book.newest(
-            limit,
-            rig=rig,
-            job=job,
-            cause=cause,
-            severity=severity,
-            only_open=only_open,
-            before=before,
-        )
-        return AlarmList(
-            alarms=[alarm_of(row) for row in rows],
-            next=rows[-1].number if len(rows) == limit else None,
-            open=book.count_open(rig),
-        )
 
-    @router.get("/{alarm}", responses=responses(404, 422, 503), dependencies=[OBSERVE])
-    def one(alarm: Number) -> Alarm:  # pyright: ignore[reportUnusedFunction]
-        """One alarm."""
-        return alarm_of(_found(AlarmBook(rigs.store).get(alarm), alarm))
+@router.get("", responses=responses(422, 503), dependencies=[OBSERVE])
+def alarms(
+    store: Journal,
+    rig: Text = None,
+    job: Text = None,
+    cause: Text = None,
+    severity: Literal["alarm", "warning"] | None = None,
+    only_open: Annotated[bool, Query(alias="open", description="only those that are open")] = False,
+    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    before: Annotated[
+        int | None, Query(ge=1, le=LARGEST, description="begin below this id")
+    ] = None,
+) -> AlarmList:
+    """Alarms of every rig, the newest first."""
+    repository = AlarmRepository(store)
+    rows = repository.newest(
+        limit,
+        rig=rig,
+        job=job,
+        cause=cause,
+        severity=severity,
+        only_open=only_open,
+        before=before,
+    )
+    return AlarmList(
+        alarms=[alarm_of(row) for row in rows],
+        next=rows[-1].number if len(rows) == limit else None,
+        open=repository.count_open(rig),
+    )
 
-    @router.post("/{alarm}/actions", responses=responses(404, 422, 503), dependencies=[OPERATE])
-    def act(  # pyright: ignore[reportUnusedFunction]
-        alarm: Number, body: AlarmAction, who: Who, note: Note
-    ) -> Alarm:
-        """Acknowledge an alarm; done twice, it stays with who was first."""
-        note(body.type)
-        row = _found(AlarmBook(rigs.store).get(alarm), alarm)
-        log = rigs.of_row(row.rig).site.alarms
-        return alarm_of(_found(log.acknowledge(alarm, who), alarm))
 
-    return router
+@router.get("/{alarm}", responses=responses(404, 422, 503), dependencies=[OBSERVE])
+def one(alarm: Number, store: Journal) -> Alarm:
+    """One alarm."""
+    return alarm_of(_found(AlarmRepository(store).get(alarm), alarm))
+
+
+@router.post("/{alarm}/actions", responses=responses(404, 422, 503), dependencies=[OPERATE])
+def act(alarm: Number, body: AlarmAction, rigs: AllRigs, by: Operator, note: Note) -> Alarm:
+    """Acknowledge an alarm; done twice, it stays with who was first."""
+    note(body.type)
+    row = _found(AlarmRepository(rigs.store).get(alarm), alarm)
+    log = rigs.of_row(row.rig).context.alarms
+    return alarm_of(_found(log.acknowledge(alarm, by), alarm))
 
 
 def alarm_of(row: AlarmRow) -> Alarm:

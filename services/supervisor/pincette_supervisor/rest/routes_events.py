@@ -4,30 +4,34 @@ The streams wait on the event loop; the journal is read in threads.
 """
 
 import asyncio
+from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass
+from time import monotonic
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Header, Query, Response
 from fastapi.responses import JSONResponse
-from fastapi.sse import EventSourceResponse
+from fastapi.sse import EventSourceResponse, format_sse_event
 
-from pincette.api.event_models import EventList
-from pincette.api.problem_models import responses
+from pincette.api.events import Event, EventList
+from pincette.api.problems import responses
 from pincette.api.states import STATES, JobState
 from pincette_supervisor import problems
+from pincette_supervisor.journal.events import LIFE_S, EventLog, EventSubscription
+from pincette_supervisor.journal.listeners import TooManyListenersError
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rest.event_stream import endless, until_over
-from pincette_supervisor.rest.guard import OBSERVE
-from pincette_supervisor.running.events import EventLog, Listening, event_of
-from pincette_supervisor.running.listeners import TooManyListenersError
-from pincette_supervisor.running.rigs import Rigs
+from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs, Journal, Manager
 
 MOST = 500
 LARGEST = 2**63 - 1
 HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 """Nothing on the way may keep events back."""
 JSON = "application/json"
+POLL_S = 0.5
+"""How often a stream of one job looks whether the job is over."""
+GREETING, KEEP_ALIVE = b": listening\n", b": alive\n"
+"""Comments; without an empty line, which some clients take for an event without data."""
 ANSWERS: dict[int | str, dict[str, Any]] = {
     200: {
         "model": EventList,
@@ -77,68 +81,62 @@ def _wish(
 Wished = Annotated[Wish, Depends(_wish)]
 
 
-def routes(rigs: Rigs) -> APIRouter:
-    """``/jobs/{job}/events``, ``/rigs/{rig}/events`` and ``/events``."""
-    router = APIRouter(tags=["events"])
+router = APIRouter(tags=["events"])
 
-    @router.get(
-        "/jobs/{job}/events",
-        response_model=None,
-        dependencies=[OBSERVE],
-        responses={**ANSWERS, **responses(404, 422, 503)},
-    )
-    async def of_job(  # pyright: ignore[reportUnusedFunction]
-        job: str, wish: Wished
-    ) -> Response:
-        """Events of one job, from its first or beyond a number on; ends when the job is over."""
-        if wish.listed:
-            await asyncio.to_thread(_state, rigs.store, job)
-            return await _list(rigs.store, wish, job=job)
-        # Begun before the job is looked at, so that no change falls in between.
-        listening = await _listen(rigs.own.site.events, wish.after or 0, job, every_rig=True)
-        try:
-            state = await asyncio.to_thread(_state, rigs.store, job)
-        except ProblemError:
-            listening.close()
-            raise
 
-        def busy() -> bool:
-            active = rigs.having(job).active
-            return active is not None and active.id == job
+@router.get(
+    "/jobs/{job}/events",
+    response_model=None,
+    dependencies=[OBSERVE],
+    responses={**ANSWERS, **responses(404, 422, 503)},
+)
+async def of_job(job: str, wish: Wished, rigs: AllRigs) -> Response:
+    """Events of one job, from its first or beyond a number on; ends when the job is over."""
+    if wish.listed:
+        await asyncio.to_thread(_state, rigs.store, job)
+        return await _list(rigs.store, wish, job=job)
+    # Begun before the job is looked at, so that no change falls in between.
+    subscription = await _listen(rigs.own.context.events, wish.after or 0, job, every_rig=True)
+    try:
+        state = await asyncio.to_thread(_state, rigs.store, job)
+    except ProblemError:
+        subscription.close()
+        raise
 
-        over = STATES[state].terminal
-        return EventSourceResponse(until_over(listening, busy, over=over), headers=HEADERS)
+    def busy() -> bool:
+        active = rigs.with_live_job(job).active
+        return active is not None and active.id == job
 
-    @router.get(
-        "/rigs/{rig}/events",
-        response_model=None,
-        dependencies=[OBSERVE],
-        responses={**ANSWERS, **responses(404, 422, 503)},
-    )
-    async def of_rig(  # pyright: ignore[reportUnusedFunction]
-        rig: str, wish: Wished
-    ) -> Response:
-        """Events of a rig and its jobs: those to come, and where it is named, beyond a number."""
-        conductor = rigs.get(rig)
-        if wish.listed:
-            return await _list(rigs.store, wish, rig=rig)
-        listening = await _listen(conductor.site.events, wish.after)
-        return EventSourceResponse(endless(listening), headers=HEADERS)
+    over = STATES[state].terminal
+    return EventSourceResponse(until_over(subscription, busy, over=over), headers=HEADERS)
 
-    @router.get(
-        "/events",
-        response_model=None,
-        dependencies=[OBSERVE],
-        responses={**ANSWERS, **responses(422, 503)},
-    )
-    async def of_all(wish: Wished) -> Response:  # pyright: ignore[reportUnusedFunction]
-        """Events of every rig: those to come, and where it is named, beyond a number."""
-        if wish.listed:
-            return await _list(rigs.store, wish)
-        listening = await _listen(rigs.own.site.events, wish.after, every_rig=True)
-        return EventSourceResponse(endless(listening), headers=HEADERS)
 
-    return router
+@router.get(
+    "/rigs/{rig}/events",
+    response_model=None,
+    dependencies=[OBSERVE],
+    responses={**ANSWERS, **responses(404, 422, 503)},
+)
+async def of_rig(rig: str, manager: Manager, wish: Wished, store: Journal) -> Response:
+    """Events of a rig and its jobs: those to come, and where it is named, beyond a number."""
+    if wish.listed:
+        return await _list(store, wish, rig=rig)
+    subscription = await _listen(manager.context.events, wish.after)
+    return EventSourceResponse(endless(subscription), headers=HEADERS)
+
+
+@router.get(
+    "/events",
+    response_model=None,
+    dependencies=[OBSERVE],
+    responses={**ANSWERS, **responses(422, 503)},
+)
+async def of_all(wish: Wished, rigs: AllRigs) -> Response:
+    """Events of every rig: those to come, and where it is named, beyond a number."""
+    if wish.listed:
+        return await _list(rigs.store, wish)
+    subscription = await _listen(rigs.own.context.events, wish.after, every_rig=True)
+    return EventSourceResponse(endless(subscription), headers=HEADERS)
 
 
 def _state(store: Store, job: str) -> JobState:
@@ -150,11 +148,11 @@ def _state(store: Store, job: str) -> JobState:
 
 async def _listen(
     log: EventLog, after: int | None, job: str | None = None, *, every_rig: bool = False
-) -> Listening:
+) -> EventSubscription:
     """Begun before the answer is, so that what is told once its head is seen is heard."""
     try:
-        listening = log.open(after, job, every_rig=every_rig)
-        await listening.begin()
+        subscription = log.subscribe(after, job, every_rig=every_rig)
+        await subscription.begin()
     except TooManyListenersError as error:
         raise ProblemError(
             503,
@@ -162,7 +160,7 @@ async def _listen(
             "Too many listeners",
             f"{error}; end one, or ask for a list with format=json",
         ) from error
-    return listening
+    return subscription
 
 
 async def _list(
@@ -171,7 +169,62 @@ async def _list(
     def read() -> EventList:
         oldest, newest = store.event_span()
         rows = store.events_after(wish.after or 0, rig=rig, job=job, limit=wish.limit)
-        return EventList(events=[event_of(row) for row in rows], newest=newest, oldest=oldest)
+        return EventList(events=rows, newest=newest, oldest=oldest)
 
     found = await asyncio.to_thread(read)
     return JSONResponse(found.model_dump(mode="json"), headers=HEADERS)
+
+
+async def endless(subscription: EventSubscription) -> AsyncGenerator[bytes]:
+    """A stream until the event log is closed."""
+    try:
+        yield GREETING
+        while (events := await subscription.next(LIFE_S)) is not None:
+            for event in events:
+                yield _encoded(event)
+            if not events and subscription.caught_up:
+                yield KEEP_ALIVE
+    finally:
+        subscription.close()
+
+
+async def until_over(
+    subscription: EventSubscription, busy: Callable[[], bool], *, over: bool
+) -> AsyncGenerator[bytes]:
+    """A stream until a job is over and all of its events have been sent.
+
+    ``busy`` says whether the job has the rig, as a stopped one has while it holds a part; ``over``
+    whether its state was terminal when the subscription began.
+    """
+    sent_at = monotonic()
+    try:
+        yield GREETING
+        while True:
+            # Evaluated before the events are read: what comes after the end is not the job's.
+            ended = over and not busy() and subscription.caught_up
+            events = await subscription.next(0.0 if ended else POLL_S)
+            for event in events or ():
+                over = over or _is_end(event)
+                sent_at = monotonic()
+                yield _encoded(event)
+            if events is None or (ended and not events and subscription.caught_up):
+                return
+            if not events and monotonic() - sent_at > LIFE_S:
+                sent_at = monotonic()
+                yield KEEP_ALIVE
+    finally:
+        subscription.close()
+
+
+def _encoded(event: Event) -> bytes:
+    """A server-sent event; one without a number keeps the client's last id."""
+    return format_sse_event(
+        data_str=event.model_dump_json(),
+        event=event.kind,
+        id=None if event.number is None else str(event.number),
+    )
+
+
+def _is_end(event: Event) -> bool:
+    state = event.body.get("state") if event.kind == "state" else None
+    return any(name == state and entry.terminal for name, entry in STATES.items())

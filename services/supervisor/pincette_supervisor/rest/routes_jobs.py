@@ -10,38 +10,38 @@ from fastapi import APIRouter, Query, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse, StreamingResponse
 
-from pincette.api.calibration_models import CalibrationPlan
-from pincette.api.job_models import (
-    ActionRequest,
-    Artifact,
-    ArtifactList,
-    Job,
-    JobKind,
-    JobList,
-)
-from pincette.api.motion_models import MotionPlan
-from pincette.api.plan_models import Plan
-from pincette.api.problem_models import responses
-from pincette.api.request_models import AnyJobRequest, Body
+from pincette.api.job_kinds import job_kinds
+from pincette.api.jobs import ActionRequest, Artifact, ArtifactList, Job, JobList
+from pincette.api.plans import JobPlan
+from pincette.api.problems import responses
+from pincette.api.requests import JobRequest
 from pincette.api.states import JobState
 from pincette.records import csv_export, folder
 from pincette_supervisor import problems
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.kinds.bodies import AnyPlan, Body, KindName
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rest.audited import DRY_RUN
-from pincette_supervisor.rest.guard import OBSERVE, OPERATE, Note
-from pincette_supervisor.rest.headers import IfNoneMatch, Key, Who, etag, matched_revision
-from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.running.rigs import Rigs
+from pincette_supervisor.rest.dependencies import (
+    OBSERVE,
+    OPERATE,
+    AllRigs,
+    IdempotencyKey,
+    IfNoneMatch,
+    Note,
+    Operator,
+    etag,
+    matched_revision,
+)
+from pincette_supervisor.rest.middleware import DRY_RUN
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
-AnyPlan = Plan | MotionPlan | CalibrationPlan
 REPLAYED = "Idempotency-Replayed"
 NAME_LENGTH = 100
 CSV = "samples.csv"
 Predict = Annotated[
     bool,
     Query(
-        description="play the plan on the model in use: a dry run says what it foretells, a job is "
+        description="play the plan on the model in use: a dry run says what it predicts, a job is "
         "refused for a limit that it breaks"
     ),
 ]
@@ -57,12 +57,12 @@ CREATED: dict[int | str, dict[str, Any]] = {
     201: {"model": Job, "description": "taken; Location names it"},
     **responses(404, 409, 422, 503),
 }
-"""Answers to whoever creates a job."""
+"""Responses of the routes that create a job."""
 
 
 def take(
-    conductor: Conductor,
-    body: AnyJobRequest,
+    manager: JobManager,
+    body: JobRequest,
     response: Response,
     *,
     dry_run: bool,
@@ -70,14 +70,14 @@ def take(
     note: Note,
     predict: bool = True,
     key: str | None = None,
-) -> Job | AnyPlan:
-    """Take a job, or plan it only, and foretell what playing the plan would come to."""
+) -> Job | JobPlan:
+    """Take a job, or plan it only, and predict what playing the plan would come to."""
     note(DRY_RUN if dry_run or body.dry_run else body.kind)
     if dry_run or body.dry_run:
         response.status_code = 200
-        planned = conductor.plan(body)
-        return (conductor.foreteller.foretold(planned) if predict else planned).plan
-    job, replayed = conductor.create(body, key, predict=predict, by=by)
+        planned = manager.plan(body)
+        return (manager.predictions.predicted(planned) if predict else planned).plan
+    job, replayed = manager.create(body, key, predict=predict, by=by)
     response.headers["Location"] = f"/api/v1/jobs/{job.id}"
     response.headers["ETag"] = etag(job.id, job.revision)
     if replayed:
@@ -101,150 +101,162 @@ def _label(text: str | None) -> tuple[str, str] | None:
     return name, value
 
 
-def routes(rigs: Rigs) -> APIRouter:
-    """Everything under ``/jobs``."""
-    router = APIRouter(prefix="/jobs", tags=["jobs"])
+router = APIRouter(prefix="/jobs", tags=["jobs"])
 
-    @router.post(
-        "",
-        status_code=201,
-        response_model=Job | AnyPlan,
-        responses=CREATED,
-        dependencies=[OPERATE],
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=Job | AnyPlan,
+    responses=CREATED,
+    dependencies=[OPERATE],
+)
+def create(
+    body: Body,
+    rigs: AllRigs,
+    response: Response,
+    by: Operator,
+    note: Note,
+    dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
+    predict: Predict = True,
+    idempotency_key: IdempotencyKey = None,
+) -> object:
+    """Take a job, or with ``dry_run`` plan it only.
+
+    With ``queue`` a job waits for those before it, where another one has the rig.
+    """
+    manager = rigs.of_request(body, idempotency_key)
+    return take(
+        manager,
+        body,
+        response,
+        dry_run=dry_run,
+        by=by,
+        note=note,
+        predict=predict,
+        key=idempotency_key,
     )
-    def create(  # pyright: ignore[reportUnusedFunction]
-        body: Body,
-        response: Response,
-        who: Who,
-        note: Note,
-        dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
-        predict: Predict = True,
-        idempotency_key: Key = None,
-    ) -> object:
-        """Take a job, or with ``dry_run`` plan it only.
 
-        With ``queue`` a job waits for those before it, where another one has the rig.
-        """
-        conductor = rigs.of_request(body, idempotency_key)
-        return take(
-            conductor,
-            body,
-            response,
-            dry_run=dry_run,
-            by=who,
-            note=note,
-            predict=predict,
-            key=idempotency_key,
-        )
 
-    @router.get("", responses=responses(404, 422), dependencies=[OBSERVE])
-    def jobs(  # pyright: ignore[reportUnusedFunction]
-        limit: Annotated[int, Query(ge=1, le=500)] = 50,
-        kind: JobKind | None = None,
-        state: JobState | None = None,
-        rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
-        label: Annotated[str | None, Query(description="name=value", max_length=300)] = None,
-        before: Annotated[
-            str | None, Query(description="those taken before this job", max_length=NAME_LENGTH)
-        ] = None,
-    ) -> JobList:
-        """Jobs, the newest first; those alone that are as named."""
-        found = rigs.jobs(
-            limit + 1, kind=kind, state=state, rig=rig, label=_label(label), before=before
-        )
-        more = len(found) > limit
-        return JobList(jobs=found[:limit], next=found[limit - 1].id if more else None)
-
-    @router.get(
-        "/{job}",
-        response_model=Job,
-        dependencies=[OBSERVE],
-        responses={
-            200: {"headers": TAGGED},
-            304: {"description": "the job still has the ETag that was sent", "headers": TAGGED},
-            **responses(404, 422),
-        },
+@router.get("", responses=responses(404, 422), dependencies=[OBSERVE])
+def jobs(
+    rigs: AllRigs,
+    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    kind: KindName | None = None,
+    state: JobState | None = None,
+    rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    label: Annotated[str | None, Query(description="name=value", max_length=300)] = None,
+    before: Annotated[
+        str | None, Query(description="those taken before this job", max_length=NAME_LENGTH)
+    ] = None,
+) -> JobList:
+    """Jobs, the newest first; those alone that are as named."""
+    found = rigs.jobs(
+        limit + 1, kind=kind, state=state, rig=rig, label=_label(label), before=before
     )
-    async def job_state(  # pyright: ignore[reportUnusedFunction]
-        job: str,
-        response: Response,
-        wait: Annotated[
-            Literal["terminal", "change"] | None,
-            Query(description="answer when the job has ended, or is not as it was"),
-        ] = None,
-        since: Annotated[
-            int | None, Query(ge=0, description="with wait=change: the revision that is known")
-        ] = None,
-        timeout_s: Annotated[
-            float,
-            Query(ge=0, le=LONGEST_WAIT_S, allow_inf_nan=False, description="wait no longer"),
-        ] = WAIT_S,
-        if_none_match: IfNoneMatch = None,
-    ) -> object:
-        """One job.
+    more = len(found) > limit
+    return JobList(jobs=found[:limit], next=found[limit - 1].id if more else None)
 
-        With ``wait`` the answer comes when it has ended (``terminal``), or when it is not as it
-        was at the revision of ``since`` or of ``If-None-Match`` (``change``), or in time as it is
-        then. Progress alone is no change.
-        """
-        known = matched_revision(job, if_none_match) if since is None else since
-        conductor = rigs.having(job)
-        if wait == "terminal":
-            await conductor.changes.wait(lambda: conductor.over(job), timeout_s)
-        elif wait == "change" and known is not None:
-            await conductor.changes.wait(lambda: conductor.differs(job, known), timeout_s)
-        found = await run_in_threadpool(rigs.job, job)
-        tag = etag(found.id, found.revision)
-        if matched_revision(job, if_none_match) == found.revision:
-            return Response(status_code=304, headers={"ETag": tag})
-        response.headers["ETag"] = tag
-        return found
 
-    @router.post(
-        "/{job}/actions",
-        status_code=202,
-        dependencies=[OPERATE],
-        responses={
-            200: {"model": Job, "description": "what is asked for holds already"},
-            **responses(404, 409, 422, 503),
-        },
-    )
-    def act(  # pyright: ignore[reportUnusedFunction]
-        job: str, body: ActionRequest, response: Response, who: Who, note: Note
-    ) -> Job:
-        """Start, pause, resume, stop, abort, release the part, or continue after a wait."""
-        note(body.type)
-        changed, holds = rigs.of_job(job).act(job, body.type, who)
-        response.headers["ETag"] = etag(changed.id, changed.revision)
-        if holds:
-            response.status_code = 200
-        return changed
+@router.get(
+    "/{job}",
+    response_model=Job,
+    dependencies=[OBSERVE],
+    responses={
+        200: {"headers": TAGGED},
+        304: {"description": "the job still has the ETag that was sent", "headers": TAGGED},
+        **responses(404, 422),
+    },
+)
+async def job_state(
+    job: str,
+    rigs: AllRigs,
+    response: Response,
+    wait: Annotated[
+        Literal["terminal", "change"] | None,
+        Query(description="answer when the job has ended, or is not as it was"),
+    ] = None,
+    since: Annotated[
+        int | None, Query(ge=0, description="with wait=change: the revision that is known")
+    ] = None,
+    timeout_s: Annotated[
+        float,
+        Query(ge=0, le=LONGEST_WAIT_S, allow_inf_nan=False, description="wait no longer"),
+    ] = WAIT_S,
+    if_none_match: IfNoneMatch = None,
+) -> object:
+    """One job.
 
-    @router.get("/{job}/artifacts", responses=responses(404), dependencies=[OBSERVE])
-    def artifacts(job: str) -> ArtifactList:  # pyright: ignore[reportUnusedFunction]
-        """Files of a job's record, with size and SHA-256."""
-        known = rigs.job(job)
-        found = folder.artifacts(rigs.records(known.rig) / known.id)
-        return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
+    With ``wait`` the answer comes when it has ended (``terminal``), or when it is not as it
+    was at the revision of ``since`` or of ``If-None-Match`` (``change``), or in time as it is
+    then. Progress alone is no change.
+    """
+    known = matched_revision(job, if_none_match) if since is None else since
+    manager = rigs.with_live_job(job)
+    if wait == "terminal":
+        await manager.changes.wait(lambda: manager.is_over(job), timeout_s)
+    elif wait == "change" and known is not None:
+        await manager.changes.wait(lambda: manager.changed_since(job, known), timeout_s)
+    found = await run_in_threadpool(rigs.job, job)
+    tag = etag(found.id, found.revision)
+    if matched_revision(job, if_none_match) == found.revision:
+        return Response(status_code=304, headers={"ETag": tag})
+    response.headers["ETag"] = tag
+    return found
 
-    @router.get(
-        "/{job}/artifacts/{name}",
-        response_model=None,
-        response_class=FileResponse,
-        responses=responses(404),
-        dependencies=[OBSERVE],
-    )
-    def artifact(job: str, name: str) -> Response:  # pyright: ignore[reportUnusedFunction]
-        """One file of a job's record; ``samples.csv`` is made of ``samples.parquet`` as it goes."""
-        known = rigs.job(job)
-        path = rigs.records(known.rig) / known.id / name
-        samples = path.with_name(folder.SAMPLES)
-        if name == CSV and samples.is_file():
-            attached = {"Content-Disposition": f'attachment; filename="{known.id}.csv"'}
-            rows = csv_export.csv_rows(samples)
-            return StreamingResponse(rows, media_type=csv_export.MEDIA_TYPE, headers=attached)
-        if name not in folder.MEDIA_TYPES or not path.is_file():
-            raise problems.not_found("artifact", name, [*folder.MEDIA_TYPES, CSV])
-        return FileResponse(path, media_type=folder.MEDIA_TYPES[name], filename=name)
 
-    return router
+@router.post(
+    "/{job}/actions",
+    status_code=202,
+    dependencies=[OPERATE],
+    responses={
+        200: {"model": Job, "description": "what is asked for holds already"},
+        **responses(404, 409, 422, 503),
+    },
+)
+def act(
+    job: str,
+    body: ActionRequest,
+    rigs: AllRigs,
+    response: Response,
+    by: Operator,
+    note: Note,
+) -> Job:
+    """Start, pause, resume, stop, abort, release the part, or continue after a wait."""
+    note(body.type)
+    changed, holds = rigs.of_job(job).perform(job, body.type, by)
+    response.headers["ETag"] = etag(changed.id, changed.revision)
+    if holds:
+        response.status_code = 200
+    return changed
+
+
+@router.get("/{job}/artifacts", responses=responses(404), dependencies=[OBSERVE])
+def artifacts(job: str, rigs: AllRigs) -> ArtifactList:
+    """Files of a job's record, with size and SHA-256."""
+    known = rigs.job(job)
+    found = folder.artifacts(rigs.records(known.rig) / known.id)
+    return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
+
+
+@router.get(
+    "/{job}/artifacts/{name}",
+    response_model=None,
+    response_class=FileResponse,
+    responses=responses(404),
+    dependencies=[OBSERVE],
+)
+def artifact(job: str, name: str, rigs: AllRigs) -> Response:
+    """One file of a job's record; ``samples.csv`` is made of ``samples.parquet`` as it goes."""
+    known = rigs.job(job)
+    path = rigs.records(known.rig) / known.id / name
+    samples = path.with_name(folder.SAMPLES)
+    if name == CSV and samples.is_file():
+        attached = {"Content-Disposition": f'attachment; filename="{known.id}.csv"'}
+        rows = csv_export.csv_rows(samples)
+        return StreamingResponse(rows, media_type=csv_export.MEDIA_TYPE, headers=attached)
+    media_type = folder.media_type(name)
+    if media_type is None or not path.is_file():
+        plot = job_kinds()[known.kind].plot
+        raise problems.not_found("artifact", name, [*folder.MEDIA_TYPES, plot, CSV])
+    return FileResponse(path, media_type=media_type, filename=name)

@@ -7,9 +7,9 @@ from fastapi import APIRouter
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
 from pincette_supervisor import problems
-from pincette_supervisor.running.rigs import Rigs
+from pincette_supervisor.rest.dependencies import AllRigs
 
-FOLDER = Path(__file__).resolve().parents[1] / "page"
+FOLDER = Path(__file__).resolve().parents[1] / "web"
 MEDIA_TYPES = {
     ".css": "text/css; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
@@ -25,29 +25,36 @@ HEADERS = {
 PLACE_OF_RIG = "{{rig}}"
 
 
-def routes(rigs: Rigs) -> APIRouter:
-    """``/`` and everything under ``/page``."""
-    router = APIRouter(include_in_schema=False)
+router = APIRouter(include_in_schema=False)
 
-    @router.get("/")
-    def page(rig: str | None = None) -> HTMLResponse:  # pyright: ignore[reportUnusedFunction]
-        """The page of a rig; its name stands in it, so that the e-stop needs no answer first."""
-        text = (FOLDER / "index.html").read_text(encoding="utf-8")
-        conductor = rigs.own if rig is None else rigs.get(rig)
-        name = escape(conductor.name, quote=True)
-        return HTMLResponse(text.replace(PLACE_OF_RIG, name), headers=HEADERS)
 
-    @router.get("/favicon.ico")
-    def icon() -> Response:  # pyright: ignore[reportUnusedFunction]
-        """Where a browser looks for an icon by itself."""
-        return RedirectResponse("/page/icon.svg", headers=HEADERS)
+ASSETS = {
+    path.relative_to(FOLDER).as_posix(): path
+    for path in FOLDER.rglob("*")
+    if path.suffix in MEDIA_TYPES
+}
+"""Files of the page by name; no other path is ever opened."""
 
-    @router.get("/page/{name}")
-    def asset(name: str) -> FileResponse:  # pyright: ignore[reportUnusedFunction]
-        """A script, a style or a drawing."""
-        path = FOLDER / name
-        if path.suffix not in MEDIA_TYPES or path.parent != FOLDER or not path.is_file():
-            raise problems.not_found("file", name)
-        return FileResponse(path, media_type=MEDIA_TYPES[path.suffix], headers=HEADERS)
 
-    return router
+@router.get("/")
+def page(rigs: AllRigs, rig: str | None = None) -> HTMLResponse:
+    """The page of a rig; its name stands in it, so that the e-stop needs no answer first."""
+    text = (FOLDER / "index.html").read_text(encoding="utf-8")
+    manager = rigs.own if rig is None else rigs.get(rig)
+    name = escape(manager.name, quote=True)
+    return HTMLResponse(text.replace(PLACE_OF_RIG, name), headers=HEADERS)
+
+
+@router.get("/favicon.ico")
+def icon() -> Response:
+    """Where a browser looks for an icon by itself."""
+    return RedirectResponse("/page/icon.svg", headers=HEADERS)
+
+
+@router.get("/page/{name:path}")
+def asset(name: str) -> FileResponse:
+    """A script, a style or a drawing."""
+    path = ASSETS.get(name)
+    if path is None:
+        raise problems.not_found("file", name)
+    return FileResponse(path, media_type=MEDIA_TYPES[path.suffix], headers=HEADERS)

@@ -1,50 +1,98 @@
-"""Two probes that ask two questions: whether the supervisor is alive, and whether it can serve."""
+"""What programs ask of the supervisor: probes, version, metrics, and the AsyncAPI document."""
 
 import asyncio
 from time import monotonic
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Header, Response
+from prometheus_client.exposition import choose_encoder
 
-from pincette.api.check_models import Alive, Check, Readiness
-from pincette_supervisor.running.checks import of_rig, of_supervisor, words_of
-from pincette_supervisor.running.conductor import Conductor
-from pincette_supervisor.running.rigs import Rigs
+from pincette import __version__
+from pincette.api.checks import Alive, Check, Readiness
+from pincette.api.problems import responses
+from pincette.asyncapi.document import document
+from pincette_supervisor.alarms.checks import of_rig, of_supervisor, words_of
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.metrics.collector import RigCollector
+from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs
 
 TURN_S = 1.0
 """The event loop is expected to come round at least this often."""
+PLAIN = "text/plain"
+EXAMPLE = 'pincette_trips_total{cause="command_age",rig="demo"} 0.0\n'
 
 
-def routes(rigs: Rigs) -> APIRouter:
-    """``/livez`` and ``/readyz``."""
-    router = APIRouter(tags=["probes"])
+router = APIRouter(tags=["probes"])
+documents = APIRouter(tags=["documents"])
 
-    @router.get("/livez")
-    async def livez() -> Alive:  # pyright: ignore[reportUnusedFunction]
-        """Whether the event loop turns, and how long one turn of it takes."""
-        begun_s = monotonic()
-        await asyncio.sleep(0)
-        turn_s = monotonic() - begun_s
-        return Alive(checks=[_turn(turn_s)])
 
-    @router.get("/readyz", responses={503: {"model": Readiness, "description": "with the reasons"}})
-    def readyz(response: Response) -> Readiness:  # pyright: ignore[reportUnusedFunction]
-        """Whether a rig is whole: all its programs answer and agree on the rig file.
+@router.get("/livez")
+async def livez() -> Alive:
+    """Whether the event loop turns, and how long one turn of it takes."""
+    begun_s = monotonic()
+    await asyncio.sleep(0)
+    turn_s = monotonic() - begun_s
+    return Alive(checks=[_turn(turn_s)])
 
-        Of several rigs one is enough, so that one that is down takes the others from nobody; the
-        reasons name it. A latched actuator is whole: it waits for a person.
-        """
-        own = of_supervisor(rigs.store)
-        found = dict(zip([one.name for one in rigs.all()], rigs.of_all(_looked_at), strict=True))
-        missing = {rig: words_of(checks) for rig, checks in found.items()}
-        reasons = [f"store: {words}" for words in words_of(own)]
-        reasons += [f"{rig}: {words}" for rig, said in missing.items() for words in said]
-        reasons += [f"{rig}: {why}" for rig, why in rigs.unusable.items()]
-        whole = not words_of(own) and not all(missing.values())
-        response.status_code = 200 if whole else 503
-        status = "ready" if whole else "not ready"
-        return Readiness(status=status, reasons=reasons, checks=own, rigs=found)
 
-    return router
+@router.get("/readyz", responses={503: {"model": Readiness, "description": "with the reasons"}})
+def readyz(rigs: AllRigs, response: Response) -> Readiness:
+    """Whether a rig is whole: all its programs answer and agree on the rig file.
+
+    Of several rigs one is enough, so that one that is down takes the others from nobody; the
+    reasons name it. A latched actuator is whole: it waits for a person.
+    """
+    own = of_supervisor(rigs.store)
+    found = dict(zip([one.name for one in rigs.all()], rigs.map(_looked_at), strict=True))
+    missing = {rig: words_of(checks) for rig, checks in found.items()}
+    reasons = [f"store: {words}" for words in words_of(own)]
+    reasons += [f"{rig}: {words}" for rig, said in missing.items() for words in said]
+    reasons += [f"{rig}: {why}" for rig, why in rigs.unusable.items()]
+    whole = not words_of(own) and not all(missing.values())
+    response.status_code = 200 if whole else 503
+    status = "ready" if whole else "not ready"
+    return Readiness(status=status, reasons=reasons, checks=own, rigs=found)
+
+
+@router.get(
+    "/metrics",
+    response_class=Response,
+    responses={
+        200: {
+            "content": {PLAIN: {"schema": {"type": "string"}, "example": EXAMPLE}},
+            "description": "Prometheus' text format, or OpenMetrics where it is asked for",
+        },
+        **responses(503),
+    },
+    dependencies=[OBSERVE],
+)
+def metrics(
+    rigs: AllRigs, accept: Annotated[str, Header(include_in_schema=False)] = ""
+) -> Response:
+    """Metrics of all rigs for Prometheus; no program is asked for them."""
+    try:
+        encode, kind = choose_encoder(accept)
+    except (TypeError, ValueError):  # Accept names a version that is no number
+        encode, kind = choose_encoder("")
+    return Response(encode(RigCollector(rigs)), headers={"Content-Type": kind})
+
+
+@router.get("/version")
+async def version(rigs: AllRigs) -> dict[str, str | dict[str, str]]:
+    """The program's version, its own rig, and the digest of the rig file of each it serves."""
+    own = rigs.own
+    return {
+        "version": __version__,
+        "rig": own.name,
+        "rig_file_digest": own.context.digest,
+        "rigs": {one.name: one.context.digest for one in rigs.all()},
+    }
+
+
+@documents.get("/asyncapi.json", response_model=dict[str, Any])
+def asyncapi() -> Response:
+    """Every key and message of the bus, as an AsyncAPI document."""
+    return Response(document(), media_type="application/json")
 
 
 def _turn(turn_s: float) -> Check:
@@ -61,6 +109,6 @@ def _turn(turn_s: float) -> Check:
     )
 
 
-def _looked_at(conductor: Conductor) -> list[Check]:
-    conductor.site.health.refresh()
-    return of_rig(conductor.site, conductor.active)
+def _looked_at(manager: JobManager) -> list[Check]:
+    manager.context.health.refresh()
+    return of_rig(manager.context, manager.active)

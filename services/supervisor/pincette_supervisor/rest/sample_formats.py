@@ -1,14 +1,14 @@
-"""Samples that are foretold, as JSON, CSV and Parquet; units go with them in each."""
+"""Samples that are predicted, as JSON, CSV and Parquet; units go with them in each."""
 
 import csv
 from collections.abc import Sequence
 from io import BytesIO, StringIO
 from typing import Any, Literal
 
-from pincette.api.trajectory_models import SampleColumn
+from pincette.api.trajectories import SampleColumn
 from pincette.records import parquet
-from pincette_supervisor.planning.rehearsal import Rehearsal
-from pincette_supervisor.planning.stage import Samples
+from pincette_supervisor.planning.dry_run import DryRun
+from pincette_supervisor.planning.rig_emulator import Samples
 
 Format = Literal["json", "csv", "parquet"]
 MEDIA_TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
@@ -17,10 +17,10 @@ COLUMNS = (
     SampleColumn(name="phase", unit="", meaning="phase of the program"),
     SampleColumn(name="x_r_um", unit="µm", meaning="reference position, x_r"),
     SampleColumn(name="force_r_mN", unit="mN", meaning="reference force, F_r"),
-    SampleColumn(name="x_um", unit="µm", meaning="position of the tip, foretold"),
-    SampleColumn(name="force_mN", unit="mN", meaning="contact force, foretold"),
-    SampleColumn(name="voltage_V", unit="V", meaning="voltage applied, foretold"),
-    SampleColumn(name="sliding_um", unit="µm", meaning="sliding function, foretold"),
+    SampleColumn(name="x_um", unit="µm", meaning="position of the tip, predicted"),
+    SampleColumn(name="force_mN", unit="mN", meaning="contact force, predicted"),
+    SampleColumn(name="voltage_V", unit="V", meaning="voltage applied, predicted"),
+    SampleColumn(name="sliding_um", unit="µm", meaning="sliding function, predicted"),
 )
 
 
@@ -29,7 +29,7 @@ def table(samples: Samples) -> dict[str, list[Any]]:
     return {column.name: getattr(samples, column.name) for column in COLUMNS}
 
 
-def as_csv(rehearsal: Rehearsal, about: dict[str, str]) -> bytes:
+def as_csv(dry_run: DryRun, about: dict[str, str]) -> bytes:
     """Comments that say whose they are and what each column is, names, a line for each sample."""
     stream = StringIO()
     for name, value in about.items():
@@ -38,13 +38,13 @@ def as_csv(rehearsal: Rehearsal, about: dict[str, str]) -> bytes:
         unit = f" [{column.unit}]" if column.unit else ""
         stream.write(f"# {column.name}{unit}: {column.meaning}\n")
     writer = csv.writer(stream, lineterminator="\n")
-    columns: Sequence[Sequence[Any]] = list(table(rehearsal.samples).values())
+    columns: Sequence[Sequence[Any]] = list(table(dry_run.samples).values())
     writer.writerow([column.name for column in COLUMNS])
     writer.writerows(zip(*columns, strict=True))
     return stream.getvalue().encode()
 
 
-def as_parquet(rehearsal: Rehearsal, about: dict[str, str]) -> bytes:
+def as_parquet(dry_run: DryRun, about: dict[str, str]) -> bytes:
     """The same columns, with what is said of them beside each."""
     fields = [
         parquet.Field(
@@ -53,5 +53,5 @@ def as_parquet(rehearsal: Rehearsal, about: dict[str, str]) -> bytes:
         for column in COLUMNS
     ]
     stream = BytesIO()
-    parquet.write(stream, fields, table(rehearsal.samples), about)
+    parquet.write(stream, fields, table(dry_run.samples), about)
     return stream.getvalue()

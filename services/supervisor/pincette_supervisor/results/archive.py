@@ -7,22 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from pincette import __version__
-from pincette.api.result_models import GripResult, MotionResult, TrackResult
+from pincette.api.job_kinds import job_kinds
+from pincette.api.results import JobResult
 from pincette.config import RigFile
-from pincette.control.arm.plant import DifferenceEquation
-from pincette.control.laws.law import build
-from pincette.messages import Message, Recorded
-from pincette.records.columns import Columns, columns
+from pincette.core.messages import Message, Recorded
+from pincette.records.columns import columns
 from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.kinds.functions import Evaluation, Run, functions_of
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.results.documents import NOT_RECORDED, write_documents
-from pincette_supervisor.results.grip_plot import picture
-from pincette_supervisor.results.motion_result import motion_result
-from pincette_supervisor.results.result import grip_result
-from pincette_supervisor.results.track_result import track_result
-
-MOTIONS = ("move", "hold", "release")
-"""Kinds of job that meet no part on their own."""
 
 
 def archivist() -> ThreadPoolExecutor:
@@ -44,13 +37,19 @@ class Record:
     """A job's samples in columns, and what came of them."""
 
     job: JobRow
-    rig: RigFile
-    planned: Planned
-    table: Columns
-    result: GripResult | TrackResult | MotionResult
+    run: Run
+    evaluation: Evaluation
     epoch: int
-    fault: str = ""
-    """Why the samples do not give what was asked for: never, of a job whose outcome says so."""
+
+    @property
+    def result(self) -> JobResult:
+        """The result."""
+        return self.evaluation.result
+
+    @property
+    def fault(self) -> str:
+        """Why the samples do not give what was asked for; empty where they do."""
+        return self.evaluation.fault
 
     @property
     def tree(self) -> dict[str, Any]:
@@ -59,22 +58,21 @@ class Record:
 
     def write(self, folder: Path, recorded: Recorded | str = NOT_RECORDED) -> None:
         """Write everything but the samples, which are the recorder's; raises OSError."""
-        rig, job = self.rig, self.job
-        drawn = picture(
-            self.table,
-            self.result,
-            name=f"{rig.rig.name} · {job.id}",
-            period_s=rig.rig.period_s,
-        )
+        run, job = self.run, self.job
         write_documents(
             folder,
             job,
-            self.planned,
+            run.planned,
             result=self.tree,
-            picture=drawn,
-            whose=about(self.planned, job, self.epoch),
+            picture=picture(run, self.evaluation, f"{run.rig.rig.name} · {job.id}"),
+            whose=about(run.planned, job, self.epoch),
             recorded=recorded,
         )
+
+
+def picture(run: Run, evaluation: Evaluation, name: str) -> bytes:
+    """Draw what a job has gathered."""
+    return functions_of(job_kinds()[run.planned.plan.kind]).plot(run, evaluation, name)
 
 
 def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
@@ -95,28 +93,7 @@ def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
 
 def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
     """Join the samples and work out the result."""
-    period_s = rig.rig.period_s
-    table = columns(take.messages, period_s)
-    path, plant, dropped = planned.path, _plant(rig, planned), take.dropped
-    if planned.plan.kind in MOTIONS:
-        result = motion_result(
-            table, plant=plant, values=planned.values, period_s=period_s, dropped=dropped
-        )
-    elif path is None:
-        result = grip_result(
-            table,
-            plant=plant,
-            period_s=period_s,
-            target_mN=planned.values["force_mN"],
-            dropped=dropped,
-        )
-    else:
-        result = track_result(table, plant=plant, path=path, period_s=period_s, dropped=dropped)
-    return Record(job, rig, planned, table, result, take.epoch)
-
-
-def _plant(rig: RigFile, planned: Planned) -> DifferenceEquation:
-    """The arm as the parameter set of the job's law has it."""
-    (settings,) = planned.program.laws
-    model = rig.model
-    return build(settings, model.arm(), rig.rig.period_s, model.force_filter_s).parameters.plant
+    table = columns(take.messages, rig.rig.period_s)
+    run = Run(rig, planned, table, take.messages, take.dropped)
+    evaluation = functions_of(job_kinds()[planned.plan.kind]).evaluate(run)
+    return Record(job, run, evaluation, take.epoch)

@@ -5,8 +5,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pincette.api.timing_models import LoopTiming
-from pincette.messages import Recorded
+from pincette.api.job_kinds import job_kinds
+from pincette.api.live import LoopTiming
+from pincette.core.messages import Recorded
 from pincette.records import folder as files
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.planned import Planned
@@ -34,13 +35,13 @@ def write_documents(
 ) -> None:
     """Write everything but the samples, which are the recorder's; raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
-    state = completeness(recorded)
-    files.write_bytes(folder / files.PLOTS[planned.plan.kind], picture)
+    kind, state = job_kinds()[planned.plan.kind], completeness(recorded)
+    files.write_bytes(folder / kind.plot, picture)
     request = {"request": job.request, "values": planned.values, "plan": job.plan}
     files.write_json(folder / files.REQUEST, request)
     files.write_json(folder / files.RESULT, result)
     page = report(
-        kind=planned.plan.kind,
+        kind=kind,
         values=planned.values,
         result=result,
         picture=picture,
@@ -53,7 +54,7 @@ def write_documents(
 
 
 def _timing(folder: Path) -> LoopTiming | None:
-    """What the recorder has kept of the programs' punctuality."""
+    """What the recorder has kept of the programs' loop_timing."""
     with suppress(OSError, ValueError):
         return LoopTiming.model_validate_json((folder / files.TIMING).read_bytes())
     return None

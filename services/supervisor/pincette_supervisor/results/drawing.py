@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pincette.api.result_models import JobResult
+from pincette.api.results import ClosedLoopResult, JobResult
 from pincette.records.columns import Columns
 from pincette_supervisor.results.figures import Series, series
 
@@ -14,6 +14,9 @@ from pincette_supervisor.results.figures import Series, series
 Axis = Any
 
 WIDTH_PX, HEIGHT_PX, DPI = 1400, 1180, 140
+LEFT, RIGHT, TOP, BOTTOM = 0.085, 0.985, 0.89, 0.065
+"""Edges of the axes of a grid."""
+DOT = {"linestyle": "none", "marker": "o", "markersize": 5.0}
 INK, FAINT = "#22282f", "#8a939c"
 MEASURED, REFERENCE, TRUE = "#1f5f8b", "#d1792b", "#3f8f5f"
 SHADES: Mapping[str, str] = {
@@ -181,7 +184,7 @@ def make_room(axis: Axis, share: float = 0.16) -> None:
     axis.set_ylim(low, high + share * (high - low))
 
 
-def contact_words(result: JobResult) -> Sequence[str]:
+def contact_words(result: ClosedLoopResult) -> Sequence[str]:
     """Where the contact is and how stiff, as far as it is known."""
     if result.contact_stiffness_mN_per_um is None or result.contact_x_um is None:
         return ()
@@ -189,3 +192,44 @@ def contact_words(result: JobResult) -> Sequence[str]:
         f"contact at {result.contact_x_um:.2f} µm, "
         f"stiffness {result.contact_stiffness_mN_per_um:.2f} mN/µm",
     )
+
+
+def grid(sheet: "Sheet", rows: int, columns: int = 1) -> list[Axis]:
+    """Axes of their own in rows and columns."""
+    found = sheet.figure.subplots(rows, columns, squeeze=False)
+    sheet.figure.subplots_adjust(
+        left=LEFT, right=RIGHT, top=TOP, bottom=BOTTOM, hspace=0.24, wspace=0.2
+    )
+    return list(found.flat)
+
+
+def zero_line(axis: Axis) -> None:
+    """A faint line at 0."""
+    axis.axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
+
+
+def contact_over_time(
+    sheet: Sheet,
+    table: Columns,
+    result: ClosedLoopResult,
+    period_s: float,
+    heights: tuple[float, ...],
+    *below: str,
+) -> list[Axis]:
+    """Draw position, contact force and voltage over one time; axes for ``below`` stay empty."""
+    figure = sheet.figure
+    axes: list[Axis] = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
+    figure.subplots_adjust(left=0.085, right=0.985, top=0.875, bottom=0.06, hspace=0.12)
+    t_s, end_s = series(table, "t_s"), end_of(table, period_s)
+    labels = ("position / µm", "contact force / mN", "voltage / V", *below)
+    for axis, label in zip(axes, labels, strict=True):
+        prepare(axis, label)
+        shade(axis, result)
+    position(axes[0], t_s, table)
+    force(axes[1], t_s, table)
+    line(axes[2], t_s, series(table, "voltage_V"), MEASURED, "$u$ applied")
+    axes[-1].set_xlabel("time / s")
+    axes[-1].set_xlim(0.0, end_s)
+    name_phases(axes[0], result, 0.0, end_s)
+    figure.align_ylabels(axes)
+    return axes

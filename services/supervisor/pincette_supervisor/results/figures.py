@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.api.result_models import Percentiles
+from pincette.api.results import Percentiles
 from pincette.records.columns import Columns
 
 Series = NDArray[np.float64]

@@ -15,7 +15,7 @@ from pincette_supervisor.results.figures import Series, series
 
 
 def law_figures(table: Columns, plant: DifferenceEquation) -> dict[str, Any]:
-    """Figures of the law, by the fields of ``JobResult``.
+    """Figures of the law, by the fields of ``ClosedLoopResult``.
 
     Parameters
     ----------

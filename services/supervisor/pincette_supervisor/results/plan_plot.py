@@ -1,15 +1,14 @@
-"""The picture of a plan: references, what is foretold, the limits, and where one is broken."""
+"""The picture of a plan: references, what is predicted, the limits, and where one is broken."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from pincette.api.prediction_models import Prediction
-from pincette.api.violation_models import Violation
+from pincette.api.predictions import Prediction, Violation
 from pincette.config import RigFile
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.stage import Samples
+from pincette_supervisor.planning.rig_emulator import Samples
 from pincette_supervisor.results import drawing
 from pincette_supervisor.results.drawing import (
     FAINT,
@@ -49,7 +48,7 @@ def plan_png(planned: Planned, samples: Samples, *, name: str) -> bytes:
     planned
         With its prediction.
     samples
-        What was foretold, sample by sample.
+        What was predicted, sample by sample.
     name
         Of the rig and the plan, for the corner.
     """
@@ -92,11 +91,11 @@ def _courses(axes: Sequence[Axis], samples: Samples) -> None:
     def draw(axis: Axis, values: list[float], color: str, label: str, *, dashed: bool) -> None:
         drawing.line(axis, t_s, np.array(values), color, label, dashed=dashed)
 
-    draw(axes[0], samples.x_um, MEASURED, "$x$ foretold", dashed=False)
+    draw(axes[0], samples.x_um, MEASURED, "$x$ predicted", dashed=False)
     draw(axes[0], samples.x_r_um, REFERENCE, "$x_r$ reference", dashed=True)
-    draw(axes[1], samples.force_mN, MEASURED, "$F$ foretold", dashed=False)
+    draw(axes[1], samples.force_mN, MEASURED, "$F$ predicted", dashed=False)
     draw(axes[1], samples.force_r_mN, REFERENCE, "$F_r$ reference", dashed=True)
-    draw(axes[2], samples.voltage_V, MEASURED, "$u$ foretold", dashed=False)
+    draw(axes[2], samples.voltage_V, MEASURED, "$u$ predicted", dashed=False)
     draw(axes[3], samples.sliding_um, MEASURED, "s", dashed=False)
     axes[3].axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
     for axis in axes[:2]:
@@ -178,7 +177,7 @@ def _title(planned: Planned, prediction: Prediction) -> str:
     kind, outcome = planned.plan.kind, prediction.outcome.replace("_", " ")
     if not planned.plan.feasible:
         return f"{kind}, not feasible"
-    return f"{kind}, foretold: {outcome}"
+    return f"{kind}, predicted: {outcome}"
 
 
 def _subtitle(prediction: Prediction) -> str:

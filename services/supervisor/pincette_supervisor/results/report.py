@@ -9,14 +9,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any, cast
 
-from pincette.api.timing_models import LoopTiming
+from pincette.api.job_kinds import JobKind
+from pincette.api.live import LoopTiming
+from pincette.core.units import bare, unit_of
 from pincette.records.timings import rows
-from pincette.records.units import bare, unit_of
 
 ABSENT = "–"
 TITLES = {
     "limits_acted": "Limits that acted",
-    "rests_on": "Rests on",
+    "assumptions": "Assumptions",
 }
 """Of parts whose name says too little."""
 STYLE = """
@@ -37,7 +38,7 @@ th { font-weight: 600; } td.number { font-variant-numeric: tabular-nums; }
 
 def report(
     *,
-    kind: str,
+    kind: JobKind,
     values: Mapping[str, Any],
     result: Mapping[str, Any],
     picture: bytes,
@@ -65,7 +66,7 @@ def report(
         How punctual the programs were; None where nobody counted.
     """
     outcome = str(result.get("outcome", "")).replace("_", " ")
-    title = f"{kind}: {outcome}"
+    title = f"{kind.name}: {outcome}"
     job, rig = whose.get("job", ""), whose.get("rig", "")
     parts = [
         f"<h1>{escape(title)}</h1>",
@@ -75,7 +76,7 @@ def report(
         _statement(result),
         f'<img alt="{escape(title)}, over time" src="data:image/png;base64,'
         f'{base64.b64encode(picture).decode()}">',
-        _section("Figures", _pairs(_scalars(result, but=("outcome", "statement")))),
+        _section("Figures", _pairs(_figures(kind, result))),
     ]
     for name, value in result.items():
         if isinstance(value, Sequence) and not isinstance(value, str):
@@ -127,6 +128,13 @@ def _scalars(
         elif not isinstance(value, Sequence) or isinstance(value, str):
             found.append((f"{before}{name}", value))
     return found
+
+
+def _figures(kind: JobKind, result: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Every figure of a result, those that the kind names first."""
+    first = [figure.name.partition(".")[0] for figure in kind.figures]
+    ordered = {name: result[name] for name in (*first, *result) if name in result}
+    return _scalars(ordered, but=("outcome", "statement"))
 
 
 def _end(name: str, unit: str) -> str:

@@ -1,27 +1,24 @@
 """What a job came to, from its columns; pure."""
 
 from collections.abc import Sequence
+from math import hypot, sqrt
 from typing import Any, cast, get_args
 
 import numpy as np
 
-from pincette.api.result_models import (
-    ActionTaken,
-    GripResult,
-    LimitActed,
-    Phase,
-)
+from pincette.api.results import ActionTaken, LimitActed, Phase
 from pincette.api.states import ActionType
 from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.calibration.lines import correlated_samples
+from pincette.control.force.estimation import COVERAGE
 from pincette.control.planning.contact_line import ContactFit, ContactLine
-from pincette.messages import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
+from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
+from pincette.core.faults import TRIPPED
 from pincette.records.columns import Columns, missed
 from pincette_supervisor.results import figures
-from pincette_supervisor.results.figures import Mask, series, within
+from pincette_supervisor.results.figures import series, within
 from pincette_supervisor.results.law_result import law_figures
 
-SETTLE_S = 0.5
-"""Left out at the begin of the hold, or a quarter of it where it is shorter than 2 s."""
 PRESSED = ("load", "hold", "settle", "track", "unload")
 LIMITS = {
     VOLTAGE_MAX: "voltage_max",
@@ -30,56 +27,28 @@ LIMITS = {
     SLEW_DOWN: "slew_down",
 }
 """The actuator's bits of ``limits_active``."""
-TRIPPED = ("frozen", "ramping", "latched")
 ACTIONS = get_args(ActionType)
 """Words of ``acted`` that are actions: ``lease`` stands before a stop that nobody has asked for."""
 
 
-def grip_result(
+def common(
     table: Columns,
     *,
     plant: DifferenceEquation,
     period_s: float,
-    target_mN: float,
     dropped: int,
-) -> GripResult:
-    """Figures of a grip.
-
-    Parameters
-    ----------
-    table
-        Columns of the epoch, a row for each sample; see ``columns``.
-    plant
-        The arm as the law's parameter set has it.
-    target_mN
-        The force that was asked for.
-    dropped
-        Messages that found no room on their way here.
-    """
-    hold = _settled_hold(table["phase"], period_s)
-    force, error_mN = series(table, "force_mN"), force_error(table)
-    return GripResult(
-        **common(table, plant=plant, period_s=period_s, dropped=dropped),
-        force_target_mN=target_mN,
-        force_held_mN=figures.mean(force, hold),
-        force_error_mN=figures.mean(error_mN, hold),
-        force_uncertainty_mN=figures.mean(series(table, "force_uncertainty_mN"), hold),
-        zero_age_s=figures.last_of(table, "zero_age_s", hold),
-        rmse_position_um=figures.rms(position_error(table), hold),
-        rmse_force_mN=figures.rms(error_mN, hold),
-        true_force_held_mN=figures.mean(series(table, "true_force_mN"), hold),
-    )
-
-
-def common(
-    table: Columns, *, plant: DifferenceEquation, period_s: float, dropped: int
+    force_assumed: Sequence[str],
 ) -> dict[str, Any]:
-    """Figures that every job has, by the fields of ``JobResult``."""
+    """Figures that every job has, by the fields of ``ClosedLoopResult``.
+
+    ``force_assumed`` names what the force's uncertainty takes for granted.
+    """
     pressed = within(table, PRESSED)
     zeroed = ~np.isnan(series(table, "zero_age_s"))
     line = contact_fit(table)
     return {
         **course(table, period_s=period_s, dropped=dropped),
+        "force_assumed": list(force_assumed),
         "contact_x_um": figures.last(table["contact_x_um"]),
         "contact_x_error_um": None if line is None else line.x_e_error_um,
         "contact_stiffness_mN_per_um": figures.last(table["contact_stiffness_mN_per_um"]),
@@ -123,13 +92,30 @@ def force_error(table: Columns) -> figures.Series:
 
 
 def contact_fit(table: Columns) -> ContactFit | None:
-    """The contact line over the load, as the controller fits it; for its standard errors."""
+    """The contact line over the load, as the controller fits it; for its standard errors.
+
+    Those are of as many independent samples as the residuals show: an error of x_1 is shared by
+    neighbouring ones. One that all of them share is an error of the force at the begin of the
+    load, which moves x_e by that over K_e and leaves no residual.
+    """
     line = ContactLine()
-    rows = zip(table["phase"], table["x_um"], table["force_mN"], table["force_r_mN"], strict=True)
+    names = ("x_um", "force_mN", "force_r_mN", "force_uncertainty_mN")
+    rows = zip(table["phase"], *(table[name] for name in names), strict=True)
+    loaded: list[list[float]] = []
     for phase, *row in rows:
         if phase == "load" and None not in row:
-            line = line.add(*cast("list[float]", row))
-    return line.fit()
+            loaded.append(cast("list[float]", row))
+            line = line.add(*loaded[-1][:3])
+    fit = line.fit()
+    if fit is None:
+        return None
+    K_e, x_e_um = fit.K_e_mN_per_um, fit.x_e_um
+    more = sqrt(correlated_samples([F - K_e * (x - x_e_um) for x, F, *_ in loaded]))
+    common_um = loaded[0][-1] / COVERAGE / abs(K_e)
+    return fit._replace(
+        x_e_error_um=hypot(more * fit.x_e_error_um, common_um),
+        K_e_error_mN_per_um=more * fit.K_e_error_mN_per_um,
+    )
 
 
 def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -> list[Phase]:
@@ -150,19 +136,11 @@ def outcome_of(table: Columns) -> str:
     """The controller's last word; the actuator's where it tripped."""
     if any(state in TRIPPED for state in table["actuator_state"]):
         return "tripped"
-    said = [outcome for outcome in table["outcome"] if outcome]
-    if said:
-        return str(said[-1])
+    reported = [outcome for outcome in table["outcome"] if outcome]
+    if reported:
+        return str(reported[-1])
     released = any("release" in (words or "") for words in table["acted"])
     return "released" if released else "unfinished"
-
-
-def _settled_hold(phase: Sequence[str | None], period_s: float) -> Mask:
-    hold = np.array([name == "hold" for name in phase], dtype=np.bool_)
-    places = np.flatnonzero(hold)
-    skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
-    hold[places[:skipped]] = False
-    return hold
 
 
 def _limits(table: Columns) -> list[LimitActed]:

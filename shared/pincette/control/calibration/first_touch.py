@@ -5,7 +5,8 @@ With z = x_1 the free response, and D = z - x what the arm lacks to it,
     D = D_0 + β·max(0, z - z_e),    β = s_p·K_e/(1 + s_p·K_e),    x_e = z_e - D_0
 
 by least squares in D_0, β, z_e. z is a model of the voltage and knows nothing of the sensor's
-noise, so no error stands on the right. D_0 is what the zero of the force has left.
+noise, so no error stands on the right. D_0 is what the zero of the force has left. The errors of z
+are shared by neighbouring samples, which then count as fewer.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,8 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.calibration.lines import correlated_samples
+from pincette.control.checks import require_as_many, require_not_negative, require_positive
 
 LEAST_SAMPLES = 30
 LEAST_SIDE = 10
@@ -35,7 +37,7 @@ class FirstTouch:
 
     contact_um: float
     uncertainty_um: float
-    """Standard; root sum of squares of the scatter and of the error of the free response."""
+    """Standard; of the scatter, whose errors are shared by neighbours, and of ``free_error_um``."""
     stiffness_mN_per_um: float
     """By the few µm after the touch; far less sure than that of Fig. 8."""
     residual_um: float
@@ -72,8 +74,7 @@ def first_touch(
     s_p = require_positive("compliance", compliance_um_per_mN, "µm/mN")
     require_not_negative("error of the free response", free_error_um, "µm")
     x, F = np.asarray(x_um, dtype=float), np.asarray(force_mN, dtype=float)
-    if len(x) != len(F):
-        raise ValueError(f"{len(x)} positions for {len(F)} forces, must be as many")
+    require_as_many("positions", x, "forces", F)
     if len(x) < LEAST_SAMPLES:
         raise ValueError(f"{len(x)} samples of an approach, must be at least {LEAST_SAMPLES}")
     if not (np.isfinite(x).all() and np.isfinite(F).all()):
@@ -87,7 +88,8 @@ def first_touch(
     best = int(np.argmin([_fit(z, lack, place)[1] for place in places.tolist()]))
     kink = _refined(z, lack, max(low, places[best] - step), min(high, places[best] + step))
     (offset, slope), square = _fit(z, lack, kink)
-    variance = square / (len(z) - 3)
+    fitted = np.asarray(offset + slope * np.maximum(0.0, z - kink), dtype=np.float64)
+    variance = correlated_samples((lack - fitted)[np.argsort(z)]) * square / (len(z) - 3)
     columns = np.column_stack([np.ones(len(z)), np.maximum(0.0, z - kink), -slope * (z > kink)])
     covariance = variance * np.linalg.pinv(columns.T @ columns)
     if not (0.0 < slope < 1.0 and slope > SURE * sqrt(float(covariance[1, 1]))):
@@ -104,7 +106,7 @@ def first_touch(
         residual_um=sqrt(square / len(z)),
         free_um=z,
         lack_um=lack,
-        fitted_um=np.asarray(offset + slope * np.maximum(0.0, z - kink), dtype=np.float64),
+        fitted_um=fitted,
     )
 
 

@@ -1,4 +1,4 @@
-"""What a free motion says of itself: secant gain, width of the loop, and creep after a step."""
+"""Secant gain, width of the hysteresis loop and creep after a step, from a free motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pincette.control.calibration.lines import Line, straight_line
 from pincette.control.calibration.periodic import periodic
-from pincette.control.checks import require_positive
+from pincette.control.checks import require_as_many, require_positive
 
 LEVELS = 91
 """Voltages at which the two branches of the loop are compared,"""
@@ -71,8 +71,7 @@ def secant_gain(
         Where lengths disagree, a fit of ``periodic`` is impossible, the voltage rests, or the arm
         does not follow it.
     """
-    if len(voltage_V) != len(x_um):
-        raise ValueError(f"{len(voltage_V)} voltages for {len(x_um)} positions, must be as many")
+    require_as_many("voltages", voltage_V, "positions", x_um)
     u, x = periodic(voltage_V, samples_per_cycle), periodic(x_um, samples_per_cycle)
     travel_V = require_positive("voltage, peak to peak", u.peak_to_peak, "V")
     follows = float(u.cycle @ x.cycle)
@@ -117,8 +116,7 @@ def creep_after_step(
         positive and rising over ``LEAST_DECADE``, a sample is not finite, or there was no step.
     """
     t, x = np.asarray(since_s, dtype=float), np.asarray(x_um, dtype=float)
-    if len(t) != len(x):
-        raise ValueError(f"{len(t)} times for {len(x)} positions, must be as many")
+    require_as_many("times", t, "positions", x)
     if len(t) < LEAST_CREEP_SAMPLES:
         raise ValueError(f"{len(t)} samples of creep, must be at least {LEAST_CREEP_SAMPLES}")
     if not (float(t[0]) > 0.0 and (np.diff(t) > 0.0).all()):

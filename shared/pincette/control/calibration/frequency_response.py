@@ -2,17 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.control.checks import require_positive
+from pincette.control.checks import require_as_many, require_positive
 
 LEAST_POINTS = 10
 LEAST_LINES = 3
 LEAST_DRIVE = 1e-3
-"""Share of the strongest drive below which a band tells nothing."""
+"""Share of the strongest drive below which a band is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +47,7 @@ def swept_response(
         rate, or fewer than ``LEAST_POINTS`` bands have three lines and were driven.
     """
     u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)
-    if len(u) != len(x):
-        raise ValueError(f"{len(u)} voltages for {len(x)} positions, must be as many")
+    require_as_many("voltages", u, "positions", x)
     if not (np.isfinite(u).all() and np.isfinite(x).all()):
         raise ValueError("a sample of the sweep is not finite, all must be")
     require_positive("sampling rate", rate_hz, "Hz")
@@ -87,39 +85,3 @@ def swept_response(
     coherence = np.minimum(np.abs(product) ** 2 / (drive * answer), 1.0)
     log_uncertainty = np.sqrt((1.0 - coherence) / (2.0 * count * coherence))
     return FrequencyResponse(center_hz, product / drive, log_uncertainty)
-
-
-def locked_in(
-    voltage_V: Sequence[float], x_um: Sequence[float], rate_hz: float, frequency_hz: float
-) -> complex:
-    """Complex gain in µm/V of one step of a stepped sweep: sine and cosine by least squares.
-
-    Offsets and drifts are fitted beside them.
-
-    Raises
-    ------
-    ValueError
-        Where lengths disagree, a sample is not finite, there are less than two periods or four
-        samples a period, or the voltage has no part at the frequency.
-    """
-    u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)
-    if len(u) != len(x):
-        raise ValueError(f"{len(u)} voltages for {len(x)} positions, must be as many")
-    if not (np.isfinite(u).all() and np.isfinite(x).all()):
-        raise ValueError("a sample of the step is not finite, all must be")
-    per_period = require_positive("sampling rate", rate_hz, "Hz") / require_positive(
-        "frequency", frequency_hz, "Hz"
-    )
-    if per_period < 4.0 or len(u) < 2.0 * per_period:
-        raise ValueError(
-            f"{len(u)} samples at {per_period:.2f} a period, must be two periods and "
-            "four samples in each at least"
-        )
-    phase = 2.0 * pi * np.arange(len(u)) / per_period
-    drift = np.linspace(-1.0, 1.0, len(u))
-    columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones(len(u)), drift])
-    a, b = (np.linalg.lstsq(columns, values, rcond=None)[0] for values in (u, x))
-    drive = complex(a[0], -a[1])
-    if not abs(drive) > 1e-9 * (1.0 + float(np.max(np.abs(u)))):
-        raise ValueError(f"voltage of {abs(drive)} V at {frequency_hz} Hz, must be driven there")
-    return complex(b[0], -b[1]) / drive

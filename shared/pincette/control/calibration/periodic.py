@@ -42,11 +42,6 @@ class Periodic:
         """Smallest value of the fitted cycle, about its mean place in the record."""
         return self.mean + float(self.cycle.min())
 
-    @property
-    def highest(self) -> float:
-        """Largest value of the fitted cycle."""
-        return self.mean + float(self.cycle.max())
-
 
 def periodic(values: Sequence[float] | Column, samples_per_cycle: float) -> Periodic:
     """Fit a periodic motion to evenly spaced samples.

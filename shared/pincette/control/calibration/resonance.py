@@ -6,7 +6,7 @@ Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. With ω_n in rad/s 
 
 Higher modes of an arm answer, far below their own resonance, like a spring: with a share ρ that is
 constant. It is small beside the resonance, but moves the flanks of the peak, by which ω_n and ζ
-are told: with the second mode of a cantilever left out, ζ errs by some per cent.
+are found: with the second mode of a cantilever left out, ζ errs by some per cent.
 
     X/U = d_p/(1 + ρ)·[1/(1 - r² + 2·j·ζ·r) + ρ],    r = ω/ω_n
 
@@ -21,11 +21,11 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.control.checks import require_positive
+from pincette.control.checks import require_as_many, require_positive
 
 LEAST_POINTS = 10
 LEAST_PEAK = 2.0
-"""Of the gain over that at low frequency; below, ω_n and ζ are hardly to be told apart."""
+"""Of the gain over that at low frequency; below, ω_n and ζ can hardly be separated."""
 ROUNDS = 60
 SETTLED = 1e-10
 
@@ -79,8 +79,7 @@ def fit_second_order(
         not positive, no resonance stands within the frequencies, or the fit does not settle.
     """
     f, gain = np.asarray(frequency_hz, dtype=float), np.abs(np.asarray(gain_um_per_V))
-    if len(f) != len(gain):
-        raise ValueError(f"{len(f)} frequencies for {len(gain)} gains, must be as many")
+    require_as_many("frequencies", f, "gains", gain)
     kept = f <= require_positive("end of the fit", to_hz, "Hz")
     f, gain = f[kept], gain[kept]
     if len(f) < LEAST_POINTS:

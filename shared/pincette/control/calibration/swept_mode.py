@@ -32,6 +32,14 @@ BANDWIDTH_SHARE = 0.25
 """Of the resonance's half width ζ·f_n, at most, that a band may have: beyond it the mean over the
 band cuts the peak by more than 0.6 %."""
 
+SWING_S, REST_S = 0.05, 0.5
+"""Spans whose swings are compared, and the rests at both ends that they are counted from."""
+LARGE = 0.2
+"""Of the largest: smaller swings are near the noise."""
+LEAST_EVENNESS = 0.9
+"""Smaller of up over down and its inverse. A free arm has 0.95 and more: a sweep moves the middle
+of a hysteresis."""
+
 Column = NDArray[np.float64]
 
 
@@ -104,6 +112,36 @@ def swept_mode(
             f"be at most {BANDWIDTH_SHARE * half_width_hz:.2f} Hz: record a longer sweep"
         )
     return _drawn(response, model)
+
+
+def require_even_swing(x_um: Column, rate_hz: float) -> None:
+    """Refuse a sweep in which the arm swings farther to one side: something stands at the other.
+
+    Raises
+    ------
+    ValueError
+        Where, at the resonance or in the median of all large swings, up and down differ by more
+        than ``LEAST_EVENNESS`` admits.
+    """
+    span, rest = max(1, round(SWING_S * rate_hz)), max(1, round(REST_S * rate_hz))
+    if len(x_um) < 2 * rest + span:
+        return  # too short for a mode as well, which says so
+    ends = (float(np.mean(x_um[:rest])), float(np.mean(x_um[-rest:])))
+    about = x_um - np.linspace(*ends, len(x_um))
+    spans = about[: len(about) // span * span].reshape(-1, span)
+    up, down = spans.max(axis=1), -spans.min(axis=1)
+    largest = int(np.argmax(up + down))
+    large = up + down >= LARGE * (up[largest] + down[largest])
+    at_resonance = float(up[largest] - down[largest]) / float(up[largest] + down[largest])
+    typical = float(np.median((up - down)[large] / (up + down)[large]))
+    uneven = max(at_resonance, typical, key=abs)
+    if abs(uneven) > (1.0 - LEAST_EVENNESS) / (1.0 + LEAST_EVENNESS):
+        side, way = ("below", "up") if uneven > 0.0 else ("above", "down")
+        raise ValueError(
+            f"the arm swings {100.0 * abs(uneven):.1f} % farther {way} from the middle of its "
+            f"swings of {up[largest] + down[largest]:.2f} µm at {ends[0]:.2f} µm: a part seems to "
+            f"be in the way {side} it: take it away and calibrate again"
+        )
 
 
 def _sure(response: FrequencyResponse) -> FrequencyResponse:

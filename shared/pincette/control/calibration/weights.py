@@ -18,6 +18,10 @@ from pincette.control.checks import require_not_negative, require_positive
 
 LEAST_STEPS = 4
 """One more than there are coefficients."""
+LEAST_EVENNESS = 0.9
+"""Of the compliance under the lightest weights over that under the heaviest."""
+SURE = 5.0
+"""Standard uncertainties by which the two must differ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +62,8 @@ def weighed_compliance(
     ------
     ValueError
         Where lengths disagree, there are fewer than ``LEAST_STEPS``, a number is not finite,
-        weight and time cannot be told apart, or s_p is not positive.
+        weight and time cannot be told apart, s_p is not positive, or the arm gives way less
+        under light weights than under heavy ones, as it does until it leaves a part.
     """
     F, x, t = (np.asarray(values, dtype=float) for values in (weight_mN, x_um, t_s))
     if not len(F) == len(x) == len(t):
@@ -77,6 +82,7 @@ def weighed_compliance(
     solution = np.linalg.lstsq(columns, x, rcond=None)[0]
     residuals = x - columns @ solution
     s_p = require_positive("compliance", float(solution[1]), "µm/mN")
+    _require_straight(F, x - columns[:, 2] * solution[2], noise_um)
     scatter = sqrt(float(residuals @ residuals) / (len(F) - columns.shape[1]))
     lever = sqrt(float(np.linalg.inv(columns.T @ columns)[1, 1]))
     by_scatter = max(scatter, noise_um) * lever
@@ -89,3 +95,26 @@ def weighed_compliance(
         weight_mN=np.asarray(F, dtype=np.float64),
         sag_um=np.asarray(solution[0] + columns[:, 2] * solution[2] - x, dtype=np.float64),
     )
+
+
+def _require_straight(F: NDArray[np.float64], x: NDArray[np.float64], noise_um: float) -> None:
+    """Refuse weights of which the light ones bend the arm less than the heavy ones, each for each.
+
+    Two positions under one weight say how well they repeat.
+    """
+    weights = np.unique(F)
+    if len(weights) < 3:
+        return
+    means = [float(np.mean(x[weight == F])) for weight in weights]
+    repeats = max(noise_um, *(float(np.std(x[weight == F])) for weight in weights))
+    light, heavy = (
+        (means[at] - means[at + 1]) / float(weights[at + 1] - weights[at])
+        for at in (0, len(weights) - 2)
+    )
+    sure = SURE * repeats * sqrt(2.0) / float(np.min(np.diff(weights)))
+    if light < LEAST_EVENNESS * heavy and heavy - light > sure:
+        raise ValueError(
+            f"the arm gives way by {light:.3f} µm/mN up to {weights[1]:g} mN and by {heavy:.3f} "
+            f"µm/mN above {weights[-2]:g} mN: until then a part at {means[0]:.1f} µm seems to hold "
+            "it up: take it away and calibrate again"
+        )

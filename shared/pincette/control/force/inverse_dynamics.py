@@ -8,6 +8,7 @@ from math import exp, sqrt
 
 from pincette.control.arm.mode import Mode, sample_mode
 from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.record import FrozenRecord
 
 NOISE_GAIN_MAX = 5.0
 """Amplification of the sensor's noise beyond which the inverse is refused."""
@@ -28,8 +29,7 @@ class InverseParameters:
     noise_gain: float
 
 
-@dataclass(frozen=True, slots=True)
-class InverseDynamics:
+class InverseDynamics(FrozenRecord, frozen=True):
     """(53) with G(s) of (54) and a filter that makes its inverse proper.
 
         F̂ = (1/s_p)·G⁻¹(s)/(τs + 1)²·(G·x_1 - x),   G⁻¹ = (s² + 2ζω_n s + ω_n²)/ω_n²     (53)

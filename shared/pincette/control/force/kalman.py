@@ -10,6 +10,7 @@ from math import sqrt
 from pincette.control.arm.mode import Mode, sample_mode
 from pincette.control.checks import require_positive
 from pincette.control.force.estimation import force
+from pincette.control.record import FrozenRecord
 
 Row = tuple[float, float, float]
 Matrix = tuple[Row, Row, Row]
@@ -30,8 +31,7 @@ class KalmanParameters:
     noise_gain: float
 
 
-@dataclass(frozen=True, slots=True)
-class AugmentedKalman:
+class AugmentedKalman(FrozenRecord, frozen=True):
     """Position, speed and force of the pressed arm, estimated from its position.
 
         x - q ← e^(AT)(x - q),   q = x_1 - s_p·F        the exact mode, x_1 held

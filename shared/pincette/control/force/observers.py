@@ -1,16 +1,17 @@
 """Position and free response in, contact force out: what all force observers agree on.
 
-An observer is immutable and linear: its reading and what it becomes are linear in what it is fed
+An observer is immutable and linear: its reading and what it becomes are linear in its inputs
 and in its own state. Its field ``parameters`` is fixed; every other field is a float of its state,
 which ``state_of`` and ``with_state`` take out and put in.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from math import pi, sqrt
 from typing import Any, Protocol, Self, TypeVar
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.force.estimation import force
+from pincette.control.record import FrozenRecord, field_names, replace
 
 SHORTEST_PERIODS = 2.0
 """Periods of the mode below which a sampling period is not long against it."""
@@ -46,12 +47,11 @@ def state_of(observer: ForceObserver) -> tuple[float, ...]:
 
 def with_state(observer: AnyObserver, state: tuple[float, ...]) -> AnyObserver:
     """Return the observer with another state; raises ValueError for another length."""
-    whole: Any = observer
-    return replace(whole, **dict(zip(_names(observer), state, strict=True)))
+    return replace(observer, **dict(zip(_names(observer), state, strict=True)))
 
 
 def _names(observer: Any) -> list[str]:
-    return [field.name for field in fields(observer) if field.name != "parameters"]
+    return [name for name in field_names(observer) or () if name != "parameters"]
 
 
 def least_period_s(natural_frequency_rad_per_s: float) -> float:
@@ -91,8 +91,7 @@ class QuasiStaticParameters:
         return self.share == 1.0 and not self.newest_voltage and self.printed_um_per_V == 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class QuasiStatic:
+class QuasiStatic(FrozenRecord, frozen=True):
     """(53) with G⁻¹ ≈ 1, for periods long against the mode's.
 
         F̂ = (x_1 - x)/s_p  [+ d_p/s_p·(u(t) - u(t - T))]                                 (53)

@@ -8,13 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 
-from pincette.control.force.touch import Touch
+from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.force.contact_detector import DetectedContact
 from pincette.control.response.free_response import FreeResponse, FreeSample, rest_mean
-
-FIRST_ZERO = (
-    "; without a zero since the arming, x_1 counts from where the arm was found: if it touched "
-    "something there, take that away or open the gripper, and arm again"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +37,11 @@ def zero_refusal(
     part_held: bool,
     limits: ZeroLimits,
     creep_um: float = 0.0,
-    touch: Touch | None = None,
+    touch: DetectedContact | None = None,
     zeroed: bool = True,
     memory_known: bool = True,
-) -> str:
-    """Why the force must not be zeroed on the end of ``samples``; "" where it may be.
+) -> Fault | None:
+    """Why the force must not be zeroed on the end of ``samples``; None where it may be.
 
     Refused while a part is held, before there are enough samples, where the arm has not settled,
     where it stands beyond the first touch that is planned, where it has met something on the way
@@ -62,35 +58,38 @@ def zero_refusal(
         What the arm has met since the last zero.
     zeroed
         Whether there was a zero since the arming; without one the offset that is judged is that
-        of where the arm was found, and the text says what that means.
+        of where the arm was found, and has a code of its own.
     memory_known
         Whether the model has followed the arm beyond this voltage before. Where it has not, it
         may miss a part of the hysteresis that came about before its time, and its own tolerance
         would block an arm that is free.
     """
     if part_held:
-        return "zero refused: a part is held, and its force would be taken for none"
+        return fault(FaultCode.ZERO_PART_HELD)
     count = limits.rest_samples
     if len(samples) < count:
-        return f"zero refused: {len(samples)} samples of rest, {count} are wanted"
+        return fault(FaultCode.ZERO_TOO_FEW_SAMPLES, samples=len(samples), wanted_samples=count)
     spread_um = _spread_um(model, samples, count)
     if not spread_um <= limits.spread_um:
-        return (
-            f"zero refused: the arm has not settled, it spread over {spread_um:.3f} µm "
-            f"in {count} samples, limit {limits.spread_um} µm"
+        return fault(
+            FaultCode.ZERO_NOT_SETTLED,
+            spread_um=spread_um,
+            samples=count,
+            limit_um=limits.spread_um,
         )
     rest = rest_mean(samples, count)
     if not rest.x_um <= limits.first_touch_um:
-        return (
-            f"zero refused: the arm rests at {rest.x_um:.3f} µm, where it may touch the part, "
-            f"limit {limits.first_touch_um:.3f} µm"
+        return fault(
+            FaultCode.ZERO_BEYOND_FIRST_TOUCH, x_um=rest.x_um, limit_um=limits.first_touch_um
         )
     if touch is not None:
         back_um = touch.pushed_back_um(rest.x_um, model.nominal_um_per_V * rest.voltage_V)
         if back_um > limits.touch_um:
-            return (
-                f"zero refused: the arm touched something at {touch.x_um:.3f} µm, which has pushed "
-                f"it back by {back_um:.3f} µm since, limit {limits.touch_um:.3f} µm"
+            return fault(
+                FaultCode.ZERO_TOUCHED,
+                touch_x_um=touch.x_um,
+                back_um=back_um,
+                limit_um=limits.touch_um,
             )
     travel_um = model.nominal_um_per_V * abs(rest.voltage_V - model.zero_V)
     change_um, limit_um = model.residual_um(rest), model.zero_tolerance_um(creep_um)
@@ -98,12 +97,13 @@ def zero_refusal(
         unknown_um = limits.offset_um + limits.offset_fraction * travel_um + creep_um
         limit_um = max(limit_um, unknown_um)
     if not abs(change_um) <= limit_um:
-        hint = "" if zeroed else FIRST_ZERO
-        return (
-            f"zero refused: the offset would change by {change_um:.3f} µm, "
-            f"limit {limit_um:.3f} µm after {travel_um:.1f} µm of travel{hint}"
+        return fault(
+            FaultCode.ZERO_OFFSET if zeroed else FaultCode.ZERO_FIRST_OFFSET,
+            change_um=change_um,
+            limit_um=limit_um,
+            travel_um=travel_um,
         )
-    return ""
+    return None
 
 
 def _spread_um(model: FreeResponse, samples: Sequence[FreeSample], count: int) -> float:

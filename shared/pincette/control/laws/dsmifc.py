@@ -4,33 +4,27 @@ Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. Forces are compress
 the force of the grip on the object. Where (39) and (44) print K_I, K̃_I is meant.
 """
 
-from dataclasses import dataclass
-
-from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.laws.definition import LawDefinition
 from pincette.control.laws.history import History, look
-from pincette.control.laws.impedance import DiscreteImpedance, desired_position, impedance_residual
-from pincette.control.laws.sliding import LawOutput, saturation, sliding_band, winds_up
+from pincette.control.laws.impedance import (
+    DiscreteImpedance,
+    desired_position,
+    impedance_of,
+)
+from pincette.control.laws.sliding import (
+    SEARCH,
+    SWITCHING,
+    LawOutput,
+    SlidingParameters,
+    build,
+    remedies,
+    sliding_output,
+    sliding_parameters,
+)
+from pincette.control.record import FrozenRecord
 
 
-@dataclass(frozen=True, slots=True)
-class DsmifcParameters:
-    """The law's model of the arm, its target impedance and its gains."""
-
-    plant: DifferenceEquation
-    impedance: DiscreteImpedance
-    K_P: float
-    K_I: float
-    """K̃_P and K̃_I without unit; K̃_P ≥ 0, K̃_I > 0. Where the model holds, each sample takes
-    the share K̃_I/(K̃_P + K̃_I) off the impedance measure error."""
-    K_S: float
-    """Switching gain K̃_S in mN; 0 switches it off. The slope (K̃_P + K̃_I)·K̄·K̃_S/(k̄·δ̃) inside
-    the boundary layer belongs between 0 and 1."""
-    delta: float
-    """Half width δ̃ of the boundary layer in mN."""
-
-
-@dataclass(frozen=True, slots=True)
-class DsmifcState:
+class DsmifcState(FrozenRecord, frozen=True):
     """What the law remembers, named as it stands before the tick that computes u_k."""
 
     history: History
@@ -47,7 +41,12 @@ class DsmifcState:
 
 
 def start(
-    history: History, *, x_um: float, x_r_um: float, force_mN: float, force_r_mN: float
+    _parameters: SlidingParameters,
+    history: History,
+    *,
+    x_um: float,
+    x_r_um: float,
+    force_error_mN: float,
 ) -> DsmifcState:
     """Begin a segment without a bump, just before the step that gets the same ``x_um``.
 
@@ -61,13 +60,13 @@ def start(
         x_r_um=x_r_um,
         error_2_um=error_um,
         error_3_um=error_um,
-        force_error_mN=force_mN - force_r_mN,
+        force_error_mN=force_error_mN,
         integral_mN=0.0,
     )
 
 
 def step(
-    parameters: DsmifcParameters,
+    parameters: SlidingParameters,
     state: DsmifcState,
     *,
     x_um: float,
@@ -88,10 +87,8 @@ def step(
 
     since s_{k-1} - K̃_I ζ_{k-1} = K̃_P ε_{k-1}: ζ moves the voltage through the switching term alone.
     """
-    plant, impedance = parameters.plant, parameters.impedance
-    K_P, K_I = parameters.K_P, parameters.K_I
-    seen = look(plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
-
+    impedance = parameters.impedance
+    seen = look(parameters.plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
     error_1_um = x_um - state.x_r_um
     error_mN = impedance_residual(
         impedance,
@@ -100,11 +97,6 @@ def step(
         error_2_um=state.error_3_um,
         force_error_mN=state.force_error_mN,
     )
-    integral_mN = state.integral_mN
-    if not winds_up(limited, error_mN):
-        integral_mN += error_mN
-    sliding_mN = K_P * error_mN + K_I * integral_mN
-
     x_d_um = desired_position(
         impedance,
         deviation_1_um=error_1_um,
@@ -113,13 +105,17 @@ def step(
         force_r_mN=force_r_mN,
         x_r_um=x_r_um,
     )
-    reaching_um = K_P * error_mN / (impedance.K_bar * (K_P + K_I))
-    voltage_V = (
-        applied_V
-        + plant.k_bar / plant.d_bar * (x_d_um + reaching_um - seen.coasting_um)
-        - parameters.K_S / plant.d_bar * saturation(sliding_mN, parameters.delta)
+    integral_mN, output = sliding_output(
+        parameters,
+        seen,
+        applied_V=applied_V,
+        x_d_um=x_d_um,
+        error=error_mN,
+        integral=state.integral_mN,
+        limited=limited,
+        per_um=impedance.K_bar,
     )
-    next_state = DsmifcState(
+    after = DsmifcState(
         history=seen.history,
         x_r_um=x_r_um,
         error_2_um=error_1_um,
@@ -127,16 +123,41 @@ def step(
         force_error_mN=force_mN - force_r_mN,
         integral_mN=integral_mN,
     )
-    K_bar = impedance.K_bar
-    per_mN = (K_P + K_I) / plant.k_bar
-    return next_state, LawOutput(
-        voltage_V=voltage_V,
-        x_d_um=x_d_um,
-        error_um=error_mN / K_bar,
-        integral_um=integral_mN / K_bar,
-        sliding_um=sliding_mN / K_bar,
-        band_um=sliding_band(per_mN, parameters.K_S, seen.perturbation_error_mN),
-        residual_um=seen.residual_um,
-        perturbation_mN=seen.perturbation_mN,
-        perturbation_error_mN=seen.perturbation_error_mN,
+    return after, output
+
+
+def impedance_residual(
+    impedance: DiscreteImpedance,
+    *,
+    error_um: float,
+    error_1_um: float,
+    error_2_um: float,
+    force_error_mN: float,
+) -> float:
+    """By how many mN the target impedance (12) is missed; ẽ = x - x_r now, one and two ago.
+
+    M̄ ẽ_{k-2} + B̄ ẽ_{k-1} + K̄ ẽ_k + K̄_f (F_k - F_{r,k}), the impedance measure error (33).
+    """
+    return (
+        impedance.M_bar * error_2_um
+        + impedance.B_bar * error_1_um
+        + impedance.K_bar * error_um
+        + impedance.K_f_bar * force_error_mN
     )
+
+
+LAW = LawDefinition(
+    name="dsmifc",
+    title="DSMIFC",
+    summary="discrete-time sliding mode impedance force control: the impedance itself is the "
+    "sliding function",
+    parameters=sliding_parameters("mN", delta=1e6, K_P=2.0, K_S=1e3),
+    build=build,
+    start=start,
+    step=step,
+    impedance=impedance_of,
+    search=SEARCH,
+    switching=SWITCHING,
+    remedies=remedies,
+    compiled=True,
+)

@@ -3,13 +3,11 @@
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
-from dataclasses import dataclass
-
 from pincette.control.arm.plant import DifferenceEquation, perturbation, predict_position
+from pincette.control.record import FrozenRecord
 
 
-@dataclass(frozen=True, slots=True)
-class History:
+class History(FrozenRecord, frozen=True):
     """The arm's past, named as it stands before the tick that computes u_k."""
 
     x_2_um: float
@@ -24,9 +22,8 @@ class History:
     """x_{k-1} as (17) predicted it for an unchanged voltage u_{k-1} = u_{k-2}."""
 
 
-@dataclass(frozen=True, slots=True)
-class Outlook:
-    """What the newest sample says of the past, and (17) of the next."""
+class Outlook(FrozenRecord, frozen=True):
+    """Residual and perturbation at the newest sample, and the next position by (17)."""
 
     coasting_um: float
     """x_k for an unchanged voltage u_k = u_{k-1} and p̃_k = 0."""
@@ -48,7 +45,7 @@ def rest(*, x_um: float, force_mN: float, applied_V: float) -> History:
 def look(
     plant: DifferenceEquation, past: History, *, x_um: float, force_mN: float, applied_V: float
 ) -> Outlook:
-    """Hold the newest sample x_{k-1}, F_k and u_{k-1} against the past."""
+    """Compare the newest sample x_{k-1}, F_k and u_{k-1} with the past."""
     coasting_um = predict_position(
         plant,
         voltage_step_V=0.0,

@@ -5,9 +5,19 @@
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.laws.parameters import LawParameter
+
+IMPEDANCE_GAINS = (
+    LawParameter("M", "mN·s²/µm", "mass of the generalized impedance (10)", 1e-3),
+    LawParameter("B", "mN·s/µm", "damping of the generalized impedance (10)", 8.9221),
+    LawParameter("K", "mN/µm", "stiffness of the generalized impedance (10)", 1.9901e4, True),
+    LawParameter("K_f", "mN/mN", "gain of the force error in (10)", 5000.0),
+)
+"""The gains of a law that renders (10), with the paper's values of section VI.C.2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,21 +98,13 @@ def desired_position(
     )
 
 
-def impedance_residual(
-    impedance: DiscreteImpedance,
-    *,
-    error_um: float,
-    error_1_um: float,
-    error_2_um: float,
-    force_error_mN: float,
-) -> float:
-    """By how many mN the target impedance (12) is missed; ẽ = x - x_r now, one and two ago.
+def impedance_of(gains: Mapping[str, float]) -> ImpedanceParameters:
+    """Return the impedance among the gains of a law that has ``IMPEDANCE_GAINS``."""
+    return ImpedanceParameters(M=gains["M"], B=gains["B"], K=gains["K"], K_f=gains["K_f"])
 
-    M̄ ẽ_{k-2} + B̄ ẽ_{k-1} + K̄ ẽ_k + K̄_f (F_k - F_{r,k}), the impedance measure error (33).
-    """
-    return (
-        impedance.M_bar * error_2_um
-        + impedance.B_bar * error_1_um
-        + impedance.K_bar * error_um
-        + impedance.K_f_bar * force_error_mN
-    )
+
+def discrete_impedance_of(gains: Mapping[str, float], period_s: float) -> DiscreteImpedance:
+    """Return ``impedance_of`` discretized; raises ValueError where M/T² or B/T is no number."""
+    impedance = discretize_impedance(impedance_of(gains), period_s)
+    require_positive("impedance K̄", impedance.K_bar, "mN/µm")
+    return impedance

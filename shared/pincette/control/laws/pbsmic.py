@@ -4,33 +4,26 @@ Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. Forces are compress
 the force of the grip on the object.
 """
 
-from dataclasses import dataclass
-
-from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.laws.definition import LawDefinition
 from pincette.control.laws.history import History, look
-from pincette.control.laws.impedance import DiscreteImpedance, desired_position
-from pincette.control.laws.sliding import LawOutput, saturation, sliding_band, winds_up
+from pincette.control.laws.impedance import (
+    desired_position,
+    impedance_of,
+)
+from pincette.control.laws.sliding import (
+    SEARCH,
+    SWITCHING,
+    LawOutput,
+    SlidingParameters,
+    build,
+    remedies,
+    sliding_output,
+    sliding_parameters,
+)
+from pincette.control.record import FrozenRecord
 
 
-@dataclass(frozen=True, slots=True)
-class PbsmicParameters:
-    """The law's model of the arm, its target impedance and its gains."""
-
-    plant: DifferenceEquation
-    impedance: DiscreteImpedance
-    K_P: float
-    K_I: float
-    """K_P and K_I without unit; K_P ≥ 0, K_I > 0. Where the model holds, each sample takes
-    the share K_I/(K_P + K_I) off the error."""
-    K_S: float
-    """Switching gain in mN; 0 switches it off. The slope (K_P + K_I)·K_S/(k̄·δ) inside the
-    boundary layer belongs between 0 and 1."""
-    delta: float
-    """Half width of the boundary layer in µm."""
-
-
-@dataclass(frozen=True, slots=True)
-class PbsmicState:
+class PbsmicState(FrozenRecord, frozen=True):
     """What the law remembers, named as it stands before the tick that computes u_k."""
 
     history: History
@@ -44,7 +37,14 @@ class PbsmicState:
     """ε_{k-2}."""
 
 
-def start(history: History, *, x_um: float, x_r_um: float) -> PbsmicState:
+def start(
+    _parameters: SlidingParameters,
+    history: History,
+    *,
+    x_um: float,
+    x_r_um: float,
+    force_error_mN: float,  # noqa: ARG001  as every law; the impedance takes the error up
+) -> PbsmicState:
     """Begin a segment without a bump, just before the step that gets the same ``x_um``.
 
     x_d starts from ``x_um`` and ε = 0. The step that follows keeps the voltage of a resting arm
@@ -63,7 +63,7 @@ def start(history: History, *, x_um: float, x_r_um: float) -> PbsmicState:
 
 
 def step(
-    parameters: PbsmicParameters,
+    parameters: SlidingParameters,
     state: PbsmicState,
     *,
     x_um: float,
@@ -81,7 +81,7 @@ def step(
 
     ==================  ============  ====================================================
     ``x_um``            x_{k-1}       newest measurement
-    ``force_mN``        F_k           newest force; see ``law.step`` for its age
+    ``force_mN``        F_k           newest force; ``force_input`` for its age
     ``applied_V``       u_{k-1}       really applied in the last tick: the anti-windup
     ``x_r_um``          x_{r,k}       reference for after u_k has acted
     ``force_r_mN``      F_{r,k}       likewise
@@ -94,16 +94,7 @@ def step(
     since s_{k-1} - K_I ε_{k-1} = K_P e_{k-1}: ε moves the voltage through the switching term
     alone. ``limited`` is as ``winds_up`` takes it; what winds up is not added to ε.
     """
-    plant = parameters.plant
-    K_P, K_I = parameters.K_P, parameters.K_I
-    seen = look(plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
-
-    error_um = x_um - state.x_d_um
-    integral_um = state.integral_um
-    if not winds_up(limited, error_um):
-        integral_um += error_um
-    sliding_um = K_P * error_um + K_I * integral_um
-
+    seen = look(parameters.plant, state.history, x_um=x_um, force_mN=force_mN, applied_V=applied_V)
     x_d_um = desired_position(
         parameters.impedance,
         deviation_1_um=state.deviation_1_um,
@@ -112,28 +103,38 @@ def step(
         force_r_mN=force_r_mN,
         x_r_um=x_r_um,
     )
-    reaching_um = K_P * error_um / (K_P + K_I)
-    voltage_V = (
-        applied_V
-        + plant.k_bar / plant.d_bar * (x_d_um + reaching_um - seen.coasting_um)
-        - parameters.K_S / plant.d_bar * saturation(sliding_um, parameters.delta)
+    integral_um, output = sliding_output(
+        parameters,
+        seen,
+        applied_V=applied_V,
+        x_d_um=x_d_um,
+        error=x_um - state.x_d_um,
+        integral=state.integral_um,
+        limited=limited,
+        per_um=1.0,
     )
-    next_state = PbsmicState(
+    after = PbsmicState(
         history=seen.history,
         x_d_um=x_d_um,
         deviation_1_um=x_d_um - x_r_um,
         deviation_2_um=state.deviation_1_um,
         integral_um=integral_um,
     )
-    per_mN = (K_P + K_I) / plant.k_bar
-    return next_state, LawOutput(
-        voltage_V=voltage_V,
-        x_d_um=x_d_um,
-        error_um=error_um,
-        integral_um=integral_um,
-        sliding_um=sliding_um,
-        band_um=sliding_band(per_mN, parameters.K_S, seen.perturbation_error_mN),
-        residual_um=seen.residual_um,
-        perturbation_mN=seen.perturbation_mN,
-        perturbation_error_mN=seen.perturbation_error_mN,
-    )
+    return after, output
+
+
+LAW = LawDefinition(
+    name="pbsmic",
+    title="PBSMIC",
+    summary="position-based sliding mode impedance control: the arm follows the position that the "
+    "impedance asks for",
+    parameters=sliding_parameters("µm", delta=100.0, K_P=1.0, K_S=0.003),
+    build=build,
+    start=start,
+    step=step,
+    impedance=impedance_of,
+    search=SEARCH,
+    switching=SWITCHING,
+    remedies=remedies,
+    compiled=True,
+)

@@ -1,13 +1,96 @@
-"""What both sliding mode laws share: boundary layer, band, frozen integral, and their output."""
+"""What both sliding mode laws share: gains, boundary layer, band, frozen integral, voltage.
 
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.laws.history import Outlook
+from pincette.control.laws.impedance import (
+    IMPEDANCE_GAINS,
+    DiscreteImpedance,
+    discrete_impedance_of,
+)
+from pincette.control.laws.parameters import LawParameter
+from pincette.control.record import FrozenRecord
+
+SEARCH = (
+    ("K_P", (0.1, 0.2, 0.35, 0.5, 1.0, 2.0)),
+    ("K_f", (0.0, 1000.0, 2000.0, 3500.0, 5000.0, 7500.0, 10000.0, 15000.0)),
+)
+"""Grid of a search for gains. K_I stays 1: without switching only K_I/(K_P + K_I) acts."""
+SWITCHING = "K_S"
 
 
 @dataclass(frozen=True, slots=True)
-class LawOutput:
+class SlidingParameters:
+    """A law's model of the arm, its target impedance and its gains (in DSMIFC K̃_P, K̃_I, K̃_S, δ̃)."""
+
+    plant: DifferenceEquation
+    impedance: DiscreteImpedance
+    K_P: float
+    K_I: float
+    """K_P and K_I without unit; K_P ≥ 0, K_I > 0. Where the model holds, each sample takes the
+    share K_I/(K_P + K_I) off the error e, or off the impedance measure error of DSMIFC."""
+    K_S: float
+    """Switching gain in mN; 0 switches it off. The slope (K_P + K_I)·K_S/(k̄·δ), in DSMIFC times
+    K̄, inside the boundary layer belongs between 0 and 1."""
+    delta: float
+    """Half width δ of the boundary layer, in the unit of the sliding function: µm or mN."""
+
+
+def build(
+    plant: DifferenceEquation, gains: Mapping[str, float], period_s: float
+) -> SlidingParameters:
+    """Discretize the impedance, and take the gains as they are; raises ValueError."""
+    return SlidingParameters(
+        plant=plant,
+        impedance=discrete_impedance_of(gains, period_s),
+        K_P=gains["K_P"],
+        K_I=gains["K_I"],
+        K_S=gains["K_S"],
+        delta=gains["delta"],
+    )
+
+
+def sliding_parameters(
+    delta_unit: str, *, delta: float, K_P: float, K_S: float
+) -> tuple[LawParameter, ...]:
+    """Return the gains of a sliding mode law.
+
+    Parameters
+    ----------
+    delta_unit, delta
+        Unit of the sliding function, and half width of its boundary layer.
+    K_P, K_S
+        The paper's, section VI.D. By default K_P is 1 and the switching term is off, since no
+        printed K_S carries over to the consistent set.
+    """
+    return (
+        LawParameter("K_P", "", "proportional gain of the sliding function", 1.0, False, K_P),
+        LawParameter("K_I", "", "integral gain of the sliding function", 1.0, True),
+        LawParameter("K_S", "mN", "gain of the switching term; 0 switches it off", 0.0, False, K_S),
+        LawParameter("delta", delta_unit, "half width of the boundary layer", delta, True),
+        *IMPEDANCE_GAINS,
+    )
+
+
+def remedies(gains: Mapping[str, float]) -> Sequence[tuple[str, Sequence[float]]]:
+    """Return gains that may make a loop stable, the gentlest change first."""
+    K_P, K_f = gains["K_P"] or gains["K_I"], gains["K_f"]
+    return (
+        ("K_P", [K_P * factor for factor in (2.0, 0.5, 5.0, 0.2)]),
+        ("K_f", [K_f * factor for factor in (0.5, 0.1) if K_f > 0.0]),
+    )
+
+
+class LawOutput(FrozenRecord, frozen=True):
     """The voltage for tick k, and how the law sees the arm.
 
-    Lengths are PBSMIC's own; DSMIFC, whose sliding function is a force, gives them over K̄.
+    Lengths are PBSMIC's own; DSMIFC, whose sliding function is a force, gives them over K̄. A law
+    without a sliding function leaves its fields 0.
     """
 
     voltage_V: float
@@ -64,3 +147,52 @@ def winds_up(limited: int, error: float) -> bool:
     below its target, a negative error, asks for more voltage.
     """
     return limited * error < 0.0
+
+
+def sliding_output(
+    parameters: SlidingParameters,
+    seen: Outlook,
+    *,
+    applied_V: float,
+    x_d_um: float,
+    error: float,
+    integral: float,
+    limited: int,
+    per_um: float,
+) -> tuple[float, LawOutput]:
+    """Return the sum of errors up to k-1, and u_k of (25) or (42) with sat (32) in place of sgn.
+
+        u_k = u_{k-1} + (k̄/d̄)[x_d + K_P·error/(c·(K_P + K_I)) - x̂_k] - (K_S/d̄) sat(s_{k-1}/δ)
+        s_{k-1} = K_P·error + K_I·Σ error
+
+    Parameters
+    ----------
+    x_d_um
+        Where the impedance asks the arm to be at k.
+    error, integral
+        e_{k-1} or ε_{k-1}, and their sum up to k-2; what ``winds_up`` is not added to it.
+    per_um
+        c: how many units of the error make 1 µm; 1 in PBSMIC, K̄ in DSMIFC.
+    """
+    plant, K_P, K_I = parameters.plant, parameters.K_P, parameters.K_I
+    if not winds_up(limited, error):
+        integral += error
+    sliding = K_P * error + K_I * integral
+    reaching_um = K_P * error / (per_um * (K_P + K_I))
+    voltage_V = (
+        applied_V
+        + plant.k_bar / plant.d_bar * (x_d_um + reaching_um - seen.coasting_um)
+        - parameters.K_S / plant.d_bar * saturation(sliding, parameters.delta)
+    )
+    per_mN = (K_P + K_I) / plant.k_bar
+    return integral, LawOutput(
+        voltage_V=voltage_V,
+        x_d_um=x_d_um,
+        error_um=error / per_um,
+        integral_um=integral / per_um,
+        sliding_um=sliding / per_um,
+        band_um=sliding_band(per_mN, parameters.K_S, seen.perturbation_error_mN),
+        residual_um=seen.residual_um,
+        perturbation_mN=seen.perturbation_mN,
+        perturbation_error_mN=seen.perturbation_error_mN,
+    )

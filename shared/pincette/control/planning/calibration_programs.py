@@ -2,7 +2,7 @@
 
 Those of the free response and of the contact stand in ``free_response_program`` and
 ``contact_stiffness_program``. A motion that a limit of the rig forbids is refused as it is made:
-nothing has moved then. What is foretold of the arm is foretold by nominal values.
+nothing has moved then. The motion of the arm is predicted by nominal values.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pincette.control.checks import require_positive
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.paths import Knot, Path
-from pincette.control.planning.profiles import minimum_duration
+from pincette.control.planning.profiles import move_duration
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.planning.sweep import Sweep
 
@@ -21,7 +21,6 @@ SWEEP_FROM_HZ, SWEEP_TO_HZ, SWEEP_S = 5.0, 800.0, 25.0
 SWEEP_REST_S = 1.0
 """Before and after a sweep, so that the record begins and ends at rest."""
 LEAST_CAPTURE_HZ = 10_000.0
-SHORTEST_MOVE_S = 0.3
 
 FREE = Guards(
     contact_force_mN=1.0,
@@ -168,7 +167,7 @@ def voltage_moves(stops: Sequence[tuple[float, float, float]], *, relative: bool
     rest(rest_s)
     for voltage_V, rate_V_per_s, rest_s in stops[1:]:
         way_V = voltage_V - knots[-1].value
-        move_s = max(SHORTEST_MOVE_S, minimum_duration(way_V, rate_V_per_s))
+        move_s = move_duration(way_V, rate_V_per_s)
         knots.append(Knot(knots[-1].t_s + move_s, voltage_V, 0.0))
         rest(rest_s)
     return Path("voltage", "step", knots=tuple(knots), relative=relative)

@@ -11,9 +11,10 @@ time, and moves x_e by τ times the mean speed. Source: T. Söderström and P. S
 Variable Methods for System Identification, Springer 1983, chapter 3.
 """
 
-from dataclasses import dataclass
 from math import sqrt
 from typing import NamedTuple
+
+from pincette.control.record import FrozenRecord
 
 
 class ContactFit(NamedTuple):
@@ -28,8 +29,7 @@ class ContactFit(NamedTuple):
     K_e_error_mN_per_um: float
 
 
-@dataclass(frozen=True, slots=True)
-class ContactLine:
+class ContactLine(FrozenRecord, frozen=True):
     """Running sums of x, F and F_r, counted from the first sample so that nothing cancels."""
 
     count: int = 0

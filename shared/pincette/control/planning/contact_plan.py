@@ -16,13 +16,12 @@ from pincette.control.planning.course import (
     sample_course,
 )
 from pincette.control.planning.feasibility import Excursion, PlanLimits, excursions
-from pincette.control.planning.profiles import minimum_duration
+from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.response.hysteresis import HysteresisModel
 
 MARGIN_UM = 1.0
 """Beyond the contact's tolerance, on both sides: tracking lag, and the samples of the guard."""
-SHORTEST_MOVE_S = 0.3
 CONTACT_SAMPLES = 3
 LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
@@ -93,7 +92,7 @@ class Violation:
 
 
 @dataclass(frozen=True, slots=True)
-class ContactPlan:
+class MotionPlan:
     """A program, its predicted phases and course, and every limit it breaks (none: play it)."""
 
     program: Program
@@ -102,7 +101,17 @@ class ContactPlan:
     course: Course
     """On the grid of the period."""
     violations: tuple[Violation, ...]
-    duration_s: float
+
+    @property
+    def duration_s(self) -> float:
+        """When the last phase ends."""
+        return self.phases[-1].end_s
+
+
+@dataclass(frozen=True, slots=True)
+class ContactPlan(MotionPlan):
+    """The plan of a motion that meets a part."""
+
     arm: PlannedArm
 
 
@@ -134,7 +143,7 @@ def plan_contact(
         stiffness_mN_per_um=request.stiffness_mN_per_um,
         free_response=rig.free_response,
     )
-    retreat_s = _free_s(request, request.contact_um - arm.x_start_um)
+    retreat_s = move_duration(request.contact_um - arm.x_start_um, request.approach_um_per_s)
     retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um)
     segments = (*_way_there(request, arm), *pressing, retreat)
     phases = _phases(request, arm, segments)
@@ -147,13 +156,8 @@ def plan_contact(
         phases=_with_voltages(phases, course, rig.period_s),
         course=course,
         violations=tuple(broken),
-        duration_s=phases[-1].end_s,
         arm=arm,
     )
-
-
-def _free_s(request: ContactRequest, distance_um: float) -> float:
-    return max(SHORTEST_MOVE_S, minimum_duration(distance_um, request.approach_um_per_s))
 
 
 def _softest(request: ContactRequest) -> float:
@@ -170,7 +174,7 @@ def _way_there(request: ContactRequest, arm: PlannedArm) -> tuple[Segment, ...]:
         + request.contact_force_mN / _softest(request)
     )
     seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s
-    approach_s = _free_s(request, stand_off_um - arm.x_start_um)
+    approach_s = move_duration(stand_off_um - arm.x_start_um, request.approach_um_per_s)
     return (
         Segment("zero", "zero", request.zero_s),
         Segment("approach", "free", approach_s, x_to_um=stand_off_um),

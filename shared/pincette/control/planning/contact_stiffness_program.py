@@ -1,17 +1,18 @@
 """The press in voltage of Fig. 8: the way to a part as for a grip, then four levels about a mean.
 
-The arm is zeroed, seeks the part, and presses under the law, first lightly, which tells the
-contact's line, then until the force at the crest of the widest level. From the voltage that this
+The arm is zeroed, seeks the part, and presses under the law, first lightly, which identifies
+the contact line, then until the force at the crest of the widest level. From the voltage that this
 took the law is off: the voltage falls by half the widest level, to its mean, and swings about it,
 the widest level first. So no crest is higher than the force that was reached under the law, but
 for creep and for what a hysteresis shifts from cycle to cycle, whichever branch it is on; and once
-it has been through the widest swing the others shift it no more. That the trough stays in contact
-is foreseen for the stiffest part that is admitted. Figure numbers are those of Q. Xu, IEEE T-ASE
+it has been through the widest swing the others shift it no more. The trough is planned to stay in
+contact with the stiffest part that is admitted. Figure numbers are those of Q. Xu, IEEE T-ASE
 10(3), 2013.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.calibration_programs import voltage_moves
@@ -100,24 +101,22 @@ def contact_stiffness_program(
     return replace(plan.program, segments=segments, guards=guards)
 
 
-def levels_within(
-    request: ContactRequest, rig: PlannedRig, levels_V: Sequence[float] = LEVELS_V
-) -> tuple[float, ...]:
-    """Levels scaled down alike until the widest is within the limits of the rig.
+def levels_within(request: ContactRequest, rig: PlannedRig) -> tuple[float, ...]:
+    """``LEVELS_V`` scaled down alike until the widest is within the limits of the rig.
 
     Raises
     ------
     ValueError
         Where it would have to be below ``LEAST_WIDEST_V``.
     """
-    widest_V = max(levels_V)
+    widest_V = max(LEVELS_V)
     steps = int((widest_V - LEAST_WIDEST_V) / STEP_V + 1e-9)
     broken = ""
     for step in range(max(0, steps) + 1):
         tried_V = widest_V - step * STEP_V
         plan = _pressed(request, rig, tried_V)
         if not plan.violations:
-            return tuple([round(level_V * (tried_V / widest_V), 3) for level_V in levels_V])
+            return tuple([round(level_V * (tried_V / widest_V), 3) for level_V in LEVELS_V])
         broken = f"level of {tried_V:.2f} V peak to peak: {plan.violations[0].message}"
     raise ValueError(broken)
 

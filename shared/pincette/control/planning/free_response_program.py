@@ -15,7 +15,7 @@ from pincette.control.planning.calibration_programs import (
     voltage_moves,
 )
 from pincette.control.planning.contact_plan import PlannedRig
-from pincette.control.planning.paths import Path
+from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.teaching import COURSE
 
@@ -74,28 +74,15 @@ def free_response_program(
     way_V = to_V - from_V
     course = [(from_V + leg.to * way_V, leg.pace * rate_V_per_s, leg.rest_s) for leg in COURSE]
     teach = voltage_moves([(rest_V, rate_V_per_s, 0.0), *course, (mean_V, rate_V_per_s, 0.0)])
-    cycles = Path(
-        "voltage",
-        "sinusoid",
-        mean=mean_V,
-        amplitude=0.5 * GAIN_PP_V,
-        cycle_s=1.0 / GAIN_HZ,
-        cycles=SETTLING_CYCLES + GAIN_CYCLES,
-    )
+    cycles = sinusoid("voltage", mean_V, GAIN_PP_V, GAIN_HZ, SETTLING_CYCLES + GAIN_CYCLES)
     press_V = from_V + 0.5 * (PRESS_LOW + PRESS_HIGH) * way_V
     # From above, as after the first press on a part.
     crest_V = from_V + PRESS_HIGH * way_V
     lead = voltage_moves(
         [(mean_V, rate_V_per_s, 0.0), (crest_V, rate_V_per_s, 0.5), (press_V, rate_V_per_s, 0.5)]
     )
-    presses = Path(
-        "voltage",
-        "sinusoid",
-        mean=press_V,
-        amplitude=0.5 * (PRESS_HIGH - PRESS_LOW) * way_V,
-        cycle_s=1.0 / GAIN_HZ,
-        cycles=SETTLING_CYCLES + PRESS_CYCLES,
-    )
+    press_pp_V = (PRESS_HIGH - PRESS_LOW) * way_V
+    presses = sinusoid("voltage", press_V, press_pp_V, GAIN_HZ, SETTLING_CYCLES + PRESS_CYCLES)
     fastest = max(fastest, 2.0 * pi * GAIN_HZ * presses.amplitude)
     require_within("rate of the free motion", fastest, "V/s", 0.0, rig.limits.slew_V_per_s)
     follow = voltage_moves([(press_V, rate_V_per_s, 0.0), (mean_V, rate_V_per_s, 0.5)])

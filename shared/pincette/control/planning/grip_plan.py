@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.contact_plan import (
-    SHORTEST_MOVE_S,
     ContactPlan,
     ContactRequest,
     PlannedRig,
     check_contact,
     plan_contact,
 )
+from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.program import Segment
 
 PRESSING = ("load", "hold", "unload")

@@ -1,4 +1,4 @@
-"""The course of a motion without a part, or of one that a part is let go by, as it is foretold.
+"""The predicted course of a motion without a part, or of one that lets a part go.
 
 The arm is taken to follow its voltage by the nominal gain, x - x_0 = d_p·(u - u_0), from where it
 stands, but for a part's release, whose end is where the arm rests.
@@ -9,11 +9,8 @@ from dataclasses import dataclass
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.course import Course, PlannedPhase
-from pincette.control.planning.profiles import quintic
+from pincette.control.planning.profiles import SHORTEST_MOVE_S, quintic
 from pincette.control.planning.program import Segment
-
-ENDLESS_S = 0.3
-"""How long a segment without end is drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +25,7 @@ class Leg:
     def duration_s(self) -> float:
         """As it is drawn."""
         duration_s = self.segment.duration_s
-        return ENDLESS_S if duration_s is None else duration_s
+        return SHORTEST_MOVE_S if duration_s is None else duration_s
 
 
 def planned_phases(legs: Sequence[Leg]) -> tuple[PlannedPhase, ...]:

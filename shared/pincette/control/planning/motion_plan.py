@@ -7,25 +7,26 @@ it is there: the voltage alone keeps it, and leads to rest smoothly where it is 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil, pi
+
+from msgspec.structs import replace
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.planning.calibration_programs import FREE, voltage_moves
 from pincette.control.planning.contact_plan import (
     CONTACT_SAMPLES,
+    MotionPlan,
     PlannedRig,
-    Violation,
     named_violation,
 )
-from pincette.control.planning.course import Course, PlannedPhase, require_bounded
+from pincette.control.planning.course import require_bounded
 from pincette.control.planning.feasibility import excursions
 from pincette.control.planning.motion_course import Leg, motion_course, planned_phases
 from pincette.control.planning.paths import Path
-from pincette.control.planning.profiles import minimum_duration
+from pincette.control.planning.profiles import move_duration
 from pincette.control.planning.program import Guards, Program, Segment
 
-SHORTEST_MOVE_S = 0.3
 REST_S = 0.5
 """After a move, until the arm has settled."""
 
@@ -81,17 +82,6 @@ class MoveRequest:
         require_positive("speed_um_per_s", self.speed_um_per_s, "µm/s")
         if [self.to_um, self.to_V, self.by_V].count(None) != 2:
             raise ValueError("a move wants exactly one target")
-
-
-@dataclass(frozen=True, slots=True)
-class MotionPlan:
-    """A program, its foretold phases and course, and every limit it breaks (none: play it)."""
-
-    program: Program
-    phases: tuple[PlannedPhase, ...]
-    course: Course
-    violations: tuple[Violation, ...]
-    duration_s: float
 
 
 def plan_move(
@@ -175,7 +165,7 @@ def _zero(zero_s: float, x_um: float, voltage_V: float) -> Leg:
 
 def _led(to_um: float, speed_um_per_s: float, d_p: float, x_um: float, u_V: float) -> list[Leg]:
     """A position, gone to by the law."""
-    move_s = max(SHORTEST_MOVE_S, minimum_duration(to_um - x_um, speed_um_per_s))
+    move_s = move_duration(to_um - x_um, speed_um_per_s)
     end_V = u_V + (to_um - x_um) / d_p
     return [
         Leg(Segment(phase, "free", duration_s, x_to_um=to_um, guarded=True), to_um, end_V)
@@ -188,7 +178,7 @@ def _driven(request: MoveRequest, d_p: float, stand: Stand, x_um: float, u_V: fl
     by_V, to_V = request.by_V, request.to_V
     end_V = to_V if to_V is not None else stand.voltage_V + (by_V or 0.0)
     rate = request.speed_um_per_s / d_p
-    duration_s = max(SHORTEST_MOVE_S, minimum_duration(end_V - u_V, rate))
+    duration_s = move_duration(end_V - u_V, rate)
     move = Segment("move", "voltage", duration_s, voltage_to_V=end_V, guarded=True)
     if by_V is not None and request.cycles is None:
         # Counted from the voltage that is applied as the motion begins.
@@ -208,11 +198,11 @@ def _cycled(cycles: Cycles, d_p: float, stand: Stand) -> list[Leg]:
         return stand.x_um + d_p * (voltage_V - stand.voltage_V)
 
     def go(phase: str, from_V: float, to_V: float) -> None:
-        duration_s = max(SHORTEST_MOVE_S, minimum_duration(to_V - from_V, rate))
+        duration_s = move_duration(to_V - from_V, rate)
         move = Segment(phase, "voltage", duration_s, voltage_to_V=to_V, guarded=True)
         legs.append(Leg(move, x_um(to_V), to_V))
 
-    def play(phase: str, path: Path, end_V: float) -> None:
+    def follow(phase: str, path: Path, end_V: float) -> None:
         swing = Segment(phase, "voltage", path.duration_s, path=path, guarded=True)
         legs.append(Leg(swing, x_um(end_V), end_V))
 
@@ -230,12 +220,12 @@ def _cycled(cycles: Cycles, d_p: float, stand: Stand) -> list[Leg]:
             cycles=whole,
         )
         go("warm up", at_V, mean_V)
-        play("warm up", swing, mean_V)
+        follow("warm up", swing, mean_V)
         at_V = mean_V
     if cycles.count:
         stops = [(low_V, rate, 0.0), *[(high_V, rate, 0.0), (low_V, rate, 0.0)] * cycles.count]
         go("condition", at_V, low_V)
-        play("condition", voltage_moves(stops), low_V)
+        follow("condition", voltage_moves(stops), low_V)
     return legs
 
 
@@ -266,7 +256,7 @@ def _plan(
         for found in excursions(course, rig.limits)
     ]
     program = Program(segments, guards, contact_stiffness_mN_per_um=1.0, begins_held=begins_held)
-    return MotionPlan(program, phases, course, tuple(broken), phases[-1].end_s)
+    return MotionPlan(program, phases, course, tuple(broken))
 
 
 def _pointer(phase: str, quantity: str, pointers: Mapping[str, str]) -> str:

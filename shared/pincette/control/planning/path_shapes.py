@@ -1,4 +1,4 @@
-"""Shapes of paths from what people ask for, and how far and how fast a path goes."""
+"""Paths of each shape, and the extremes of a path and of its derivatives."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ KNOTS_MAX = 256
 """As many as travel in one message."""
 CORNER_SHARE = 0.75
 """Of its acceleration that a triangle turns with."""
-PIECE_LOOKS, CYCLE_LOOKS = 64, 512
-"""Points at which a piece and a cycle are looked at for their peaks."""
+PIECE_POINTS, CYCLE_POINTS = 64, 512
+"""Points at which a piece and a cycle are sampled for their peaks."""
 
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
     """Extremes of a path and its derivatives, and when they are first reached.
 
-    By looks at many points, hence too low by 1e-3 of the value at most.
+    Sampled at many points, hence too low by 1e-3 of the value at most.
     """
 
     lowest: float
@@ -147,19 +147,19 @@ def _passing_rate(
 
 
 def peaks(path: Path) -> Peaks:
-    """Look at a path: each piece, or the blend and one cycle at full amplitude."""
+    """Extremes of a path, sampled over each piece, or over the blend and one full cycle."""
     if path.knots:
-        looks, ends = PIECE_LOOKS, [knot.t_s for knot in path.knots]
+        points, ends = PIECE_POINTS, [knot.t_s for knot in path.knots]
     else:
-        looks = CYCLE_LOOKS
+        points = CYCLE_POINTS
         ends = [cycle * path.cycle_s for cycle in range(path.blend_cycles + 2)]
     first = path.point(0.0)
     lowest = highest = first.value
     rate = rate_at_s = acceleration = acceleration_at_s = 0.0
     for index in range(1, len(ends)):
         begin_s, length_s = ends[index - 1], ends[index] - ends[index - 1]
-        for look in range(looks + 1):
-            t_s = begin_s + length_s * look / looks
+        for point in range(points + 1):
+            t_s = begin_s + length_s * point / points
             value, speed, bend = path.point(t_s)
             lowest, highest = min(lowest, value), max(highest, value)
             if abs(speed) > rate:
@@ -173,7 +173,7 @@ def ring_um(acceleration_um_per_s2: float, natural_frequency_rad_per_s: float) -
     """Amplitude a/ω_n² in µm with which an acceleration that sets in at once lets the mode ring.
 
     The quasi-static deflection of the mode under it: what no law at T ≫ 2π/ω_n can take away. It
-    says nothing of the staircase that a held voltage makes of every slope.
+    leaves out the staircase that a held voltage makes of every slope.
     """
     a = require_not_negative("acceleration", acceleration_um_per_s2, "µm/s²")
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")

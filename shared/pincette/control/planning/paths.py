@@ -9,24 +9,24 @@ are quintic pieces between knots. A path knows nothing but the time since its st
 the same bits wherever it is worked out.
 """
 
-from dataclasses import dataclass
 from math import cos, isfinite, pi, sin
 from typing import Literal, NamedTuple
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.profiles import move
+from pincette.control.quantities import Items, Number, Second, Whole
+from pincette.control.record import FrozenRecord
 
 Shape = Literal["sinusoid", "triangle", "step", "waypoints"]
 Quantity = Literal["force", "position", "voltage"]
 
 
-@dataclass(frozen=True, slots=True)
-class Knot:
+class Knot(FrozenRecord, frozen=True):
     """Where a path passes at a time, and how fast."""
 
-    t_s: float
-    value: float
-    rate: float
+    t_s: Second
+    value: Number
+    rate: Number
 
 
 class Point(NamedTuple):
@@ -37,8 +37,7 @@ class Point(NamedTuple):
     acceleration: float
 
 
-@dataclass(frozen=True, slots=True)
-class Path:
+class Path(FrozenRecord, frozen=True):
     """A path of force in mN, of position in µm, or of voltage in V.
 
     Those of force are made by ``path_shapes``.
@@ -51,16 +50,16 @@ class Path:
 
     quantity: Quantity
     shape: Shape
-    mean: float = 0.0
-    amplitude: float = 0.0
-    cycle_s: float = 0.0
-    cycles: int = 0
+    mean: Number = 0.0
+    amplitude: Number = 0.0
+    cycle_s: Second = 0.0
+    cycles: Whole = 0
     """At full amplitude."""
-    blend_cycles: int = 1
+    blend_cycles: Whole = 1
     """In which the amplitude grows, and as many in which it fades."""
-    corner: float = 0.0
+    corner: Number = 0.0
     """Half the time that a triangle takes to turn, as a share of its cycle, up to 1/4."""
-    knots: tuple[Knot, ...] = ()
+    knots: Items[Knot] = ()
     relative: bool = False
     """Of voltage: counted from the voltage at which the path begins."""
 

@@ -9,6 +9,8 @@ PEAK_SPEED = 15.0 / 8.0
 """Peak of |q'(s)| of the quintic from rest to rest, at s = 1/2."""
 PEAK_ACCELERATION = 10.0 / sqrt(3.0)
 """Peak of |q''(s)| of the quintic from rest to rest."""
+SHORTEST_MOVE_S = 0.3
+"""What a move takes at least, however short its way; a segment without end is drawn as long."""
 
 
 def quintic(s: float) -> float:
@@ -111,3 +113,14 @@ def minimum_duration(distance: float, speed: float, acceleration: float | None =
         return duration_s
     limit = require_positive("peak acceleration", acceleration, "1/s²")
     return max(duration_s, sqrt(PEAK_ACCELERATION * length / limit))
+
+
+def move_duration(distance: float, speed: float) -> float:
+    """Time in s that a move takes: ``minimum_duration``, but ``SHORTEST_MOVE_S`` at least.
+
+    Raises
+    ------
+    ValueError
+        Where the speed is not finite and positive.
+    """
+    return max(SHORTEST_MOVE_S, minimum_duration(distance, speed))

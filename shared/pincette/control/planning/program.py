@@ -1,24 +1,35 @@
 """The program a controller plays: segments of references, and the guards that end them."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 from pincette.control.checks import require_not_negative, require_positive
-from pincette.control.laws.law import LawSettings
+from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.paths import Path
 from pincette.control.planning.sweep import Sweep
+from pincette.control.quantities import (
+    Hertz,
+    Items,
+    Micrometre,
+    Millinewton,
+    MillinewtonPerMicrometre,
+    Number,
+    Second,
+    Text,
+    Volt,
+    Whole,
+)
+from pincette.control.record import FrozenRecord
 
 RETREATS = ("unload", "retreat")
 """Phases of the way back."""
 SegmentKind = Literal["zero", "free", "seek", "force", "path", "voltage", "sweep"]
 
 
-@dataclass(frozen=True, slots=True)
-class Segment:
+class Segment(FrozenRecord, frozen=True):
     """One piece of a program.
 
     ``zero``   the arm rests, free of contact; at its end the force estimator is re-zeroed.
-    ``free``   x_r moves smoothly to ``x_to_um``; the law is fed no force.
+    ``free``   x_r moves smoothly to ``x_to_um``; the law gets no force.
     ``seek``   x_r moves at constant speed to ``x_to_um`` until the contact guard fires.
     ``force``  F_r moves smoothly to ``force_to_mN`` and x_r with it, on the contact line
                F_r = K_e·(x_r - x_e), in ``move_s``; then both rest until ``duration_s``.
@@ -29,19 +40,19 @@ class Segment:
     ``sweep``  no law: the output plays ``sweep`` about the voltage at which the segment begins.
     """
 
-    phase: str
+    phase: Text
     kind: SegmentKind
-    duration_s: float | None
+    duration_s: Second | None
     """None: until an action ends it; of a voltage, ``continue``, or with a part ``release``."""
-    x_to_um: float | None = None
-    force_to_mN: float | None = None
-    move_s: float | None = None
+    x_to_um: Micrometre | None = None
+    force_to_mN: Millinewton | None = None
+    move_s: Second | None = None
     """None: the whole duration."""
     path: Path | None = None
     sweep: Sweep | None = None
-    law: int = 0
+    law: Whole = 0
     """Which of the program's laws holds."""
-    voltage_to_V: float | None = None
+    voltage_to_V: Volt | None = None
     zeroes: bool = False
     """Of a voltage: at its end the force estimator is re-zeroed."""
     guarded: bool = False
@@ -54,7 +65,7 @@ class Segment:
 
     @property
     def presses(self) -> bool:
-        """Whether the law is fed the force."""
+        """Whether the force is an input of the law."""
         if self.kind == "path":
             return self.path is not None and self.path.quantity == "force"
         return self.kind == "force"
@@ -65,33 +76,31 @@ class Segment:
         return self.kind in ("voltage", "sweep")
 
 
-@dataclass(frozen=True, slots=True)
-class Guards:
+class Guards(FrozenRecord, frozen=True):
     """What ends a segment early. Forces compressive and positive, in mN."""
 
-    contact_force_mN: float
+    contact_force_mN: Millinewton
     """Estimated force above which contact is believed."""
-    contact_samples: int
+    contact_samples: Whole
     """Consecutive samples above it."""
-    force_max_mN: float
+    force_max_mN: Millinewton
     """Estimated force that ends the grip as ``overforce``."""
-    lost_fraction: float
+    lost_fraction: Number
     """Share of F_r below which, in the hold, the part counts as lost; along a path only where F_r
     is at least twice the contact force."""
-    lost_samples: int
-    stiffness_min_mN_per_um: float
-    stiffness_max_mN_per_um: float
-    zero_wait_s: float
+    lost_samples: Whole
+    stiffness_min_mN_per_um: MillinewtonPerMicrometre
+    stiffness_max_mN_per_um: MillinewtonPerMicrometre
+    zero_wait_s: Second
     """How long the controller waits for the estimator to confirm a zero."""
-    position_min_um: float | None = None
-    position_max_um: float | None = None
+    position_min_um: Micrometre | None = None
+    position_max_um: Micrometre | None = None
     """Measured position beyond which motion without a law ends as ``overtravel``; None: none."""
     zero_needed: bool = True
     """Whether a zero that is refused ends the program; else it goes on without one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Program:
+class Program(FrozenRecord, frozen=True):
     """Segments in order, guards, the contact stiffness K_e the plan assumes, and the laws.
 
     Raises
@@ -101,14 +110,14 @@ class Program:
         follow, or a search has nowhere to go on to.
     """
 
-    segments: tuple[Segment, ...]
+    segments: Items[Segment]
     guards: Guards
-    contact_stiffness_mN_per_um: float
-    laws: tuple[LawSettings, ...] = ()
+    contact_stiffness_mN_per_um: MillinewtonPerMicrometre
+    laws: Items[LawSpec] = ()
     """None: the rig file's."""
     contact_line: Literal["identified", "planned"] = "identified"
     """K_e and x_e as the load shows them, or K_e as planned and x_e from the first touch."""
-    capture_hz: float = 0.0
+    capture_hz: Hertz = 0.0
     """Rate at which the sensor acquires beside the samples of the loop; 0: not."""
     begins_held: bool = False
     """Whether a part is in the gripper when it begins."""

@@ -1,21 +1,21 @@
-"""A swept sine about a resting voltage, for a buffered output: what is asked for; pure.
+"""A swept sine about a resting voltage, for a buffered output: its parameters.
 
-What comes of it is told by ``SweptVoltages``, beside this, so that whoever only hands one on need
-not load what reckons with arrays.
+``swept_voltages`` computes its voltages; it is a module of its own so that a program that only
+passes a sweep on does not load NumPy.
 """
 
-from dataclasses import dataclass
 from math import isfinite, pi
 
 from pincette.control.checks import require_positive
+from pincette.control.quantities import Hertz, Second, Volt
+from pincette.control.record import FrozenRecord
 
 LEAST_SAMPLES = 4.0
 """Samples per cycle at the highest frequency, at least."""
 MOST_SAMPLES = 2_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Sweep:
+class Sweep(FrozenRecord, frozen=True):
     """A swept sine: frequencies in Hz, amplitude in V, sample rate of the wave in Hz.
 
     Raises
@@ -24,12 +24,12 @@ class Sweep:
         Where the numbers make no sweep.
     """
 
-    from_hz: float
-    to_hz: float
-    duration_s: float
-    amplitude_V: float
-    rate_hz: float
-    taper_s: float = 0.25
+    from_hz: Hertz
+    to_hz: Hertz
+    duration_s: Second
+    amplitude_V: Volt
+    rate_hz: Hertz
+    taper_s: Second = 0.25
 
     def __post_init__(self) -> None:
         require_positive("lowest frequency of the sweep", self.from_hz, "Hz")

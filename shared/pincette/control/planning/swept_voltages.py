@@ -1,4 +1,4 @@
-"""A swept sine about a resting voltage, for a buffered output: its voltages; pure.
+"""A swept sine about a resting voltage, for a buffered output: its voltages.
 
 The frequency rises by a constant factor in time, f(t) = f_1·(f_2/f_1)^(t/T), so the phase is
 

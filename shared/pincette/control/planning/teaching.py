@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.profiles import minimum_duration
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.calibration_programs import free_program
+from pincette.control.planning.profiles import move_duration
+from pincette.control.planning.program import Program, Segment
 
 
 class Leg(NamedTuple):
@@ -35,7 +36,6 @@ COURSE = (
     *(Leg(0.8), Leg(0.1), Leg(0.8), Leg(0.25), Leg(0.6), Leg(0.4), Leg(0.55, 0.4)),
     *(Leg(0.93, 2.0, SLOW), Leg(0.73), Leg(0.93), Leg(0.0, 0.4)),
 )
-SHORTEST_MOVE_S = 0.3
 
 
 def teaching_program(from_um: float, to_um: float, speed_um_per_s: float) -> Program:
@@ -52,22 +52,9 @@ def teaching_program(from_um: float, to_um: float, speed_um_per_s: float) -> Pro
     at_um = 0.0
     for leg in COURSE:
         x_um = from_um + leg.to * range_um
-        move_s = max(SHORTEST_MOVE_S, minimum_duration(x_um - at_um, leg.pace * speed_um_per_s))
+        move_s = move_duration(x_um - at_um, leg.pace * speed_um_per_s)
         segments.append(Segment("teach", "free", move_s, x_to_um=x_um))
         if leg.rest_s > 0.0:
             segments.append(Segment("teach", "free", leg.rest_s, x_to_um=x_um))
         at_um = x_um
-    return Program(tuple(segments), _UNGUARDED, contact_stiffness_mN_per_um=1.0)
-
-
-_UNGUARDED = Guards(
-    contact_force_mN=1.0,
-    contact_samples=1,
-    force_max_mN=1.0,
-    lost_fraction=0.0,
-    lost_samples=1,
-    stiffness_min_mN_per_um=0.0,
-    stiffness_max_mN_per_um=1.0,
-    zero_wait_s=1.0,
-)
-"""Nothing is touched, and without a zero no guard of force acts."""
+    return free_program(*segments)

@@ -5,20 +5,22 @@ identified over all of it, and a force that lags or has hysteresis errs to both 
 arm then settles on that line where the path begins.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.contact_plan import (
-    SHORTEST_MOVE_S,
     ContactPlan,
     ContactRequest,
     PlannedRig,
     Violation,
     check_contact,
+    named_violation,
     plan_contact,
 )
+from pincette.control.planning.feasibility import Excursion
 from pincette.control.planning.path_shapes import Peaks, peaks
 from pincette.control.planning.paths import Path
+from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.program import Segment
 
 SETTLE_S = 0.8
@@ -67,7 +69,7 @@ def plan_track(request: TrackRequest, rig: PlannedRig) -> ContactPlan:
     plan = plan_contact(request, rig, pressing, dict.fromkeys(PRESSING, request.pointer))
     start_s = next(phase.start_s for phase in plan.phases if phase.phase == "track")
     broken = (*plan.violations, *_path_violations(request, found, start_s, rig.period_s))
-    return ContactPlan(plan.program, plan.phases, plan.course, broken, plan.duration_s, plan.arm)
+    return replace(plan, violations=broken)
 
 
 def _path_violations(
@@ -82,13 +84,9 @@ def _path_violations(
     def add(
         pointer: str, quantity: str, value: float, limit: float, unit: str, at_s: float, why: str
     ) -> None:
-        side = "above" if value > limit else "below"
-        at_s += start_s
-        message = (
-            f"{quantity} {value:.3f} {unit} {side} the limit {limit:g} {unit}, "
-            f"from {at_s:.2f} s (track): {why}"
-        )
-        broken.append(Violation(pointer, quantity, value, limit, unit, at_s, message))
+        excursion = Excursion(quantity, value, limit, unit, at_s + start_s, "track")
+        violation = named_violation(excursion, pointer)
+        broken.append(replace(violation, message=f"{violation.message}: {why}"))
 
     if found.lowest < 0.0:
         why = "a part is pressed, not pulled"

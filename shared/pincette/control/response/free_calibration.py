@@ -1,7 +1,8 @@
 """Calibration of the free response: gain, loop and creep as measured, and the identified model.
 
 The model is identified from the course alone. The settled cycles, which it has not seen, give the
-gain d_p, and beside it what the model makes of them.
+gain d_p, and beside it what the model makes of them. A motion that a part was in the way of is
+refused.
 """
 
 from collections.abc import Sequence
@@ -16,17 +17,25 @@ from pincette.control.calibration.free_motion import (
     creep_after_step,
     secant_gain,
 )
+from pincette.control.checks import require_as_many
+from pincette.control.response.contact_kink import ContactKink, contact_kink
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import simulate
 from pincette.control.response.identification import (
     Identification,
     identify_free_response,
 )
+from pincette.control.response.model_errors import Value, line_error, unknown_creep
 
 CREEP_FROM_S = 0.1
 """Since the end of the step; before, the arm still swings."""
 BEFORE_S = 0.5
 """End of the rest before the step, over which the arm's place there is taken."""
+
+LARGEST_RESIDUAL = 0.02
+"""Of the range, that a model may leave besides noise: those of actuators, whatever the class of
+their hysteresis, leave 0.1 to 1 %."""
+NOISES = 3.0
 
 Column = NDArray[np.float64]
 
@@ -65,6 +74,10 @@ class FreeCalibration:
     """Stroke of the presses over what the model makes of it."""
     cycles_residual_um: float
     """R.m.s. of the cycles about the model, its mean taken off."""
+    line_error: Value
+    """Of a straight line in place of the model, as a share of the travel."""
+    unknown_creep_um: Value
+    """Per decade, that the model does not follow in a hold."""
     unpoled: bool
     """Whether the model was fitted to an actuator that began without a memory."""
     t_s: Column
@@ -88,33 +101,73 @@ def calibrate_free_response(
     Raises
     ------
     ValueError
-        As ``identify_free_response``, ``secant_gain`` and ``creep_after_step``.
+        As ``identify_free_response``, ``secant_gain`` and ``creep_after_step``; where the motion
+        breaks at one position as if a part were in the way, or the model leaves more of it than
+        noise and ``LARGEST_RESIDUAL`` explain.
     """
     u = np.asarray(motion.voltage_V, dtype=np.float64)
     x = np.asarray(motion.x_um, dtype=np.float64)
-    if len(u) != len(x):
-        raise ValueError(f"{len(u)} voltages for {len(x)} positions, must be as many")
+    require_as_many("voltages", u, "positions", x)
+    kink = contact_kink(u, x, motion.period_s, motion.course)
+    if kink is not None:
+        raise ValueError(_in_the_way(kink))
     identified, begun_unpoled = _identified(u[motion.course], x[motion.course], motion, unpoled)
     free = simulate(identified.model, u, motion.period_s)
     level = float(np.mean((x - free)[motion.course]))
-    left = (x - free)[motion.cycles]
+    left = x - free - level
+    creep = _creep(u, x, motion)
+    gain = secant_gain(u[motion.cycles], x[motion.cycles], samples_per_cycle)
+    presses = secant_gain(u[motion.presses], x[motion.presses], samples_per_cycle)
+    modelled = secant_gain(u[motion.presses], free[motion.presses], samples_per_cycle)
+    cycles_residual_um = float(np.std(left[motion.cycles]))
+    _require_explained(max(identified.residual_um, cycles_residual_um), x, creep)
     return FreeCalibration(
-        gain=secant_gain(u[motion.cycles], x[motion.cycles], samples_per_cycle),
-        creep=_creep(u, x, motion),
+        gain=gain,
+        creep=creep,
         model=identified.model,
         model_residual_um=identified.residual_um,
         model_gain=secant_gain(u[motion.cycles], free[motion.cycles], samples_per_cycle),
-        press_gain=(
-            secant_gain(u[motion.presses], x[motion.presses], samples_per_cycle).stroke_um
-            / secant_gain(u[motion.presses], free[motion.presses], samples_per_cycle).stroke_um
+        press_gain=presses.stroke_um / modelled.stroke_um,
+        cycles_residual_um=cycles_residual_um,
+        line_error=line_error((gain, presses)),
+        unknown_creep_um=unknown_creep(
+            (left[_rest(motion)], left[motion.after_step]), motion.period_s
         ),
-        cycles_residual_um=float(np.std(left)),
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
         voltage_V=u,
         x_um=x,
         model_um=free + level,
     )
+
+
+def _in_the_way(kink: ContactKink) -> str:
+    return (
+        f"the motion breaks at {kink.x_um:.1f} µm ({kink.voltage_V:.2f} V on the way up), on each "
+        f"way up and down: beyond it the arm moves by {100.0 * kink.slope_share:.0f} % of what it "
+        "moves before. A part seems to be in the way: take it out of the gripper, or farther away "
+        "than the arm comes, and calibrate again"
+    )
+
+
+def _require_explained(residual_um: float, x: Column, creep: Creep) -> None:
+    noise_um = float(np.std(creep.line.residuals))
+    limit_um = LARGEST_RESIDUAL * float(np.ptp(x)) + NOISES * noise_um
+    if residual_um > limit_um:
+        raise ValueError(
+            f"the model leaves {residual_um:.3f} µm r.m.s., limit {limit_um:.3f} µm: "
+            f"{100.0 * LARGEST_RESIDUAL:g} % of the range and {NOISES:g} times the noise of "
+            f"{noise_um:.3f} µm. Something beside hysteresis and creep moves the arm: take away "
+            "what it may touch, let the bench come to rest, and calibrate again"
+        )
+
+
+def _rest(motion: FreeMotion) -> slice:
+    """The samples before the step in which the voltage rests."""
+    u = np.asarray(motion.voltage_V, dtype=np.float64)[motion.before_step]
+    moved = np.flatnonzero(np.diff(u))
+    first = motion.before_step.start + (int(moved[-1]) + 1 if len(moved) else 0)
+    return slice(first, motion.before_step.stop)
 
 
 def _identified(

@@ -5,16 +5,28 @@ hysteresis loop on which the arm arrived there. The line errs as the branch bend
 creeps, and grows wrong where the voltage reverses; its ``error_um`` carries that.
 """
 
+from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from math import sqrt
 from typing import NamedTuple, Protocol, Self
 
+from msgspec.structs import replace
+
 from pincette.control.checks import require_positive
-from pincette.control.replacing import replace
+from pincette.control.record import FrozenRecord
 
 TOLERANCE_UM = 5.0
 TOLERANCE_FRACTION = 0.4
 """How far a zero may move the offset of the line: without travel, and as a share of it."""
+MIN_TRAVEL_V = 0.1
+"""Lever of a slope that is drawn to a zero, and"""
+GAIN_TOLERANCE = 0.4
+"""share of d_p by which that slope may differ from it."""
+GROWTH_V = 0.5
+"""Travel since the zero over which the error of a model with a memory grows to its full size."""
+LEAST_TOLERANCE_UM = 0.5
+ERRORS_TOLERATED = 5.0
+"""Standard errors by which a zero may move the offset of such a model, on top of creep."""
 
 
 class FreeSample(NamedTuple):
@@ -81,8 +93,7 @@ class FreeResponse(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class LinearResponse:
+class LinearResponse(FrozenRecord, frozen=True):
     """x_1 = offset + gain·(u - u_zero)."""
 
     offset_um: float
@@ -126,13 +137,91 @@ class LinearResponse:
         )
 
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "LinearResponse":
-        """Return the line through the rest, as ``relinearize`` draws it."""
-        return relinearize(self, samples, rest_samples=rest_samples)
+        """Return the line through the rest that ends ``samples``, with the gain of the last branch.
+
+        The gain is the slope from the rest to the mean of those samples of the last branch that
+        lie between one and two ``MIN_TRAVEL_V`` away; one that differs from d_p by more than
+        ``GAIN_TOLERANCE``, or that could not be measured, gives way to d_p.
+
+        Parameters
+        ----------
+        samples
+            Oldest first; the last ``rest_samples`` of them at rest, all free of contact.
+
+        Raises
+        ------
+        ValueError
+            Where there are fewer than ``rest_samples``.
+        """
+        rest = rest_mean(samples, rest_samples)
+        gain = _branch_gain(samples, len(samples) - rest_samples, rest)
+        nominal = self.nominal_um_per_V
+        if gain is None or abs(gain - nominal) > GAIN_TOLERANCE * nominal:
+            gain = nominal
+        return replace(self, offset_um=rest.x_um, gain_um_per_V=gain, zero_V=rest.voltage_V)
 
     def zero_tolerance_um(self, creep_um: float) -> float:
         """Return 5 µm + 0.4·d_p·|u - u_zero| + creep: hysteresis, and an error of d_p."""
         travel_um = self.nominal_um_per_V * abs(self.voltage_V - self.zero_V)
         return TOLERANCE_UM + TOLERANCE_FRACTION * travel_um + creep_um
+
+
+class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
+    """x_1 = offset + displacement of a model that remembers the path of the voltage.
+
+    A zero moves the offset alone: creep bends the branch that leads to it, so that a gain drawn
+    from there misses the slope of the next stroke by more than the model does.
+    """
+
+    nominal_um_per_V: float
+    """d_p."""
+    model_error_um: float
+    """r.m.s. that the model left of free motion it was not made from."""
+    offset_um: float = 0.0
+    zero_V: float = 0.0
+
+    @abstractmethod
+    def displacement_um(self) -> float:
+        """Return x of the model at the voltage followed last, without offset."""
+
+    @abstractmethod
+    def _voltage_V(self) -> float:
+        """Return the voltage followed last."""
+
+    def position_um(self) -> float:
+        """Return x_1 at the voltage followed last."""
+        return self.offset_um + self.displacement_um()
+
+    def error_um(self) -> float:
+        """Return √2·residual·min(1, |u - u_zero|/GROWTH_V).
+
+        The error of a difference of two displacements, independent where they lie far apart and
+        the same where they lie together.
+        """
+        travel_V = abs(self._voltage_V() - self.zero_V)
+        return sqrt(2.0) * self.model_error_um * min(1.0, travel_V / GROWTH_V)
+
+    def sample(self, x_um: float) -> FreeSample:
+        """Note a position of the free arm at the voltage followed last."""
+        return FreeSample(self._voltage_V(), x_um, self.displacement_um())
+
+    def residual_um(self, sample: FreeSample) -> float:
+        """Return x - x_1 of a sample, by the offset that holds at present."""
+        return sample.x_um - self.offset_um - sample.displacement_um
+
+    def begin(self, x_um: float) -> Self:
+        """Move the offset so that x_1 is ``x_um``."""
+        return replace(self, offset_um=x_um - self.displacement_um(), zero_V=self._voltage_V())
+
+    def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
+        """Move the offset so that x_1 goes through the rest; raises ValueError without one."""
+        rest = rest_mean(samples, rest_samples)
+        offset_um = rest.x_um - rest.displacement_um
+        return replace(self, offset_um=offset_um, zero_V=rest.voltage_V)
+
+    def zero_tolerance_um(self, creep_um: float) -> float:
+        """Return five errors and the creep, 0.5 µm at least."""
+        return max(LEAST_TOLERANCE_UM, ERRORS_TOLERATED * self.error_um() + creep_um)
 
 
 def nominal_response(
@@ -160,43 +249,7 @@ def rest_mean(samples: Sequence[FreeSample], rest_samples: int) -> FreeSample:
     return FreeSample(voltage_V / rest_samples, x_um / rest_samples, displacement_um / rest_samples)
 
 
-def relinearize(
-    model: LinearResponse,
-    samples: Sequence[FreeSample],
-    *,
-    rest_samples: int,
-    min_travel_V: float = 0.1,
-    gain_tolerance: float = 0.4,
-) -> LinearResponse:
-    """Put the line through the rest that ends ``samples``, with the gain of the last branch.
-
-    Parameters
-    ----------
-    samples
-        Oldest first; the last ``rest_samples`` of them at rest, all free of contact.
-    min_travel_V
-        Lever of the slope. It is drawn from the rest to the mean of those samples of the last
-        branch that lie between one and two ``min_travel_V`` away.
-    gain_tolerance
-        A slope that differs from d_p by more than this share of it, or that could not be
-        measured, gives way to d_p.
-
-    Raises
-    ------
-    ValueError
-        Where there are fewer than ``rest_samples``.
-    """
-    rest = rest_mean(samples, rest_samples)
-    gain = _branch_gain(samples, len(samples) - rest_samples, rest, min_travel_V)
-    nominal = model.nominal_um_per_V
-    if gain is None or abs(gain - nominal) > gain_tolerance * nominal:
-        gain = nominal
-    return replace(model, offset_um=rest.x_um, gain_um_per_V=gain, zero_V=rest.voltage_V)
-
-
-def _branch_gain(
-    samples: Sequence[FreeSample], end: int, rest: FreeSample, min_travel_V: float
-) -> float | None:
+def _branch_gain(samples: Sequence[FreeSample], end: int, rest: FreeSample) -> float | None:
     """Slope in µm/V over the branch that leads to the rest; None where it is too short."""
     furthest_V = voltage_V = x_um = 0.0
     count = 0
@@ -205,9 +258,9 @@ def _branch_gain(
         travel_V = abs(sample.voltage_V - rest.voltage_V)
         furthest_V = max(furthest_V, travel_V)
         # Back in time the travel grows until the voltage turned round; a fifth is for its noise.
-        if travel_V > 2.0 * min_travel_V or travel_V < furthest_V - 0.2 * min_travel_V:
+        if travel_V > 2.0 * MIN_TRAVEL_V or travel_V < furthest_V - 0.2 * MIN_TRAVEL_V:
             break
-        if travel_V >= min_travel_V:
+        if travel_V >= MIN_TRAVEL_V:
             voltage_V += sample.voltage_V
             x_um += sample.x_um
             count += 1

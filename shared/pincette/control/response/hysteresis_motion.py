@@ -15,9 +15,16 @@ YIELDS_WITHIN = 1e-12
 
 def simulate(model: HysteresisModel, voltage_V: Column, period_s: float) -> Column:
     """Free displacement in µm of an actuator that starts unpoled; N samples for N."""
-    weights = np.asarray(model.weights_um_per_V)
     plays = play_columns(model.thresholds_V, model.fadings_per_V, voltage_V)
-    static = plays @ weights + model.curvature_um_per_V2 * voltage_V**2
+    return moved_um(model, plays, voltage_V, period_s)
+
+
+def moved_um(
+    model: HysteresisModel, plays_V: NDArray[np.float64], voltage_V: Column, period_s: float
+) -> Column:
+    """Free displacement in µm out of the states that ``play_columns`` gives."""
+    weights = np.asarray(model.weights_um_per_V)
+    static = plays_V @ weights + model.curvature_um_per_V2 * voltage_V**2
     creep = creep_columns(model.creep_times_s, static, period_s)
     return static + creep @ np.asarray(model.creep_fractions)
 
@@ -70,10 +77,20 @@ def creep_columns(
     creep_times_s: Sequence[float], static_um: Column, period_s: float
 ) -> NDArray[np.float64]:
     """Creep states c_j in µm, N × times."""
-    rows = np.empty((len(static_um), len(creep_times_s)))
-    for column, factor in enumerate(creep_factors(tuple(creep_times_s), period_s)):
-        creep = 0.0
-        for index, value in enumerate(static_um.tolist()):
-            creep = value + (creep - value) * factor
-            rows[index, column] = creep
-    return rows
+    return low_passed(creep_times_s, static_um[:, np.newaxis], period_s)[:, :, 0].T
+
+
+def low_passed(
+    times_s: Sequence[float], columns: NDArray[np.float64], period_s: float
+) -> NDArray[np.float64]:
+    """N × n columns through first-order low-passes that start at 0, J × N × n for J times.
+
+    Each value holds for the period before it: c_k = y_k + (c_(k-1) - y_k)·e^(-T/τ).
+    """
+    factors = np.asarray(creep_factors(tuple(times_s), period_s))[:, np.newaxis]
+    passed = np.empty((len(factors), *columns.shape))
+    state = np.zeros((len(factors), columns.shape[1]))
+    for index, value in enumerate(columns):
+        state = value + (state - value) * factors
+        passed[:, index] = state
+    return passed

@@ -1,15 +1,13 @@
 """Identification of the free response from a recorded free motion, by least squares.
 
-The plays p_i(u) are known, and the displacement is linear in their weights. The creep is driven by
-the static output that the weights make, hence a few rounds of
+The plays p_i(u) are known, and the displacement is linear in their weights; the creep is that of
+the static output which the weights make, so weights and creep are found together:
 
-    x_k ≈ q·u_k² + Σ w_i·p_i(u)_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ w_i·p_i
+    x_k ≈ y_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ w_i·p_i
 
-with the y of the round before.
-
-Neighbouring plays are nearly collinear. Every column is scaled to r.m.s. 1 and the solution held
-by a ridge. Weights may be negative, so that a branch may bend either way; what must hold, a
-displacement that rises with the voltage, is checked of the model that results.
+Neighbouring plays are nearly collinear: the solution is held by a ridge. Weights may be negative,
+so that a branch may bend either way; what must hold, a displacement that rises with the voltage,
+is checked of the model that results. The residual is that of this model, simulated.
 
 What least squares cannot give, the families of plays, curvature and ridge, is chosen by motion
 that the coefficients were not fitted to; and motion that the choice has not seen gives the
@@ -24,20 +22,23 @@ family of c = 0 forgets nothing. Turned at its threshold a play yields again aft
 
 from collections.abc import Sequence
 from itertools import product
-from math import inf, log, sqrt
+from math import inf, log
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.control.checks import require_positive
+from pincette.control.checks import require_as_many, require_positive
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import (
     Column,
-    creep_columns,
+    low_passed,
+    moved_um,
     play_columns,
+    simulate,
     slopes_um_per_V,
 )
+from pincette.control.response.separable_fit import separable_fit
 
 PLAYS_PER_FAMILY = 9
 PLAYS = 18
@@ -49,10 +50,14 @@ YIELDING = 0.7
 Bouc-Wen hysteresis of one branch; it has to stay a play, and yield well before."""
 CREEP_STEP = 5.0
 """From one creep time to the next; the first is that many samples."""
-ROUNDS = 5
 MIN_SAMPLES_PER_COEFFICIENT = 20
+LEAST_TRAVEL_V = 0.1
+LEAST_SHARE = 0.1
+"""Of the record's travel, that the part held out must have: a rest there would leave nothing."""
 SHARE_OF_CHOICE = 0.25
 """Of the record, before the part held out: what families, curvature, ridge are chosen by."""
+HELD_OUT = 0.25
+"""Share of the record, the last one, that the coefficients are not fitted to."""
 WORTH = 0.9
 """Another candidate must leave less than this share of what the present one leaves: by a few per
 cent two spans of one record differ anyway."""
@@ -105,6 +110,9 @@ class _Plays(NamedTuple):
     thresholds_V: tuple[float, ...]
     fadings_per_V: tuple[float, ...]
     columns: NDArray[np.float64]
+    """p_i, and in the last column u²."""
+    passed: NDArray[np.float64]
+    """Creep states of each column."""
 
 
 def identify_free_response(
@@ -116,9 +124,9 @@ def identify_free_response(
     creep_times_s: Sequence[float] | None = None,
     candidates: Candidates = ALL,
     unpoled: bool = True,
-    held_out: float = 0.25,
+    held_out: float = HELD_OUT,
 ) -> Identification:
-    """Fit weights and creep fractions to a free motion.
+    """Fit weights and creep fractions to a free motion; state what the model leaves, simulated.
 
     Parameters
     ----------
@@ -146,7 +154,8 @@ def identify_free_response(
     ValueError
         Where lengths disagree, there are fewer than ``MIN_SAMPLES_PER_COEFFICIENT`` samples for
         each coefficient, a sample is not finite, the voltage travels less than 0.1 V or twice
-        the largest threshold, or the displacement does not rise with the voltage.
+        the largest threshold, it rests in the part fitted or in the part held out, the creep does
+        not converge, or the displacement does not rise with the voltage.
     """
     u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)
     require_positive("period", period_s, "s")
@@ -158,10 +167,12 @@ def identify_free_response(
     given = None if thresholds_V is None else tuple(thresholds_V)
     _require_usable(u, x, (given or (0.0,))[-1])
     widest_V = (given or spread_thresholds(float(np.ptp(u)), 0.0, 1))[-1]
-    known = 0 if unpoled else _first_known(u, widest_V)
+    known = 0 if unpoled else first_known(u, widest_V)
     record = _Record(u, x, period_s, given, tuple(times_s), known, {})
     fitted = int(len(u) * (1.0 - held_out))
-    model, motion = _fit(record, fitted, _choose(record, fitted, candidates))
+    _require_travel("held out", record, slice(fitted, None), LEAST_SHARE * float(np.ptp(u)))
+    model = _fit(record, fitted, _choose(record, fitted, candidates))
+    motion = simulate(model, u, period_s)
     return Identification(model, float(np.std((x - motion)[fitted:])))
 
 
@@ -183,14 +194,24 @@ def spread_creep_times(period_s: float, duration_s: float) -> tuple[float, ...]:
 
 
 def _require_usable(u: Column, x: Column, threshold_V: float) -> None:
-    if len(u) != len(x):
-        raise ValueError(f"{len(u)} voltages for {len(x)} positions, must be as many")
+    require_as_many("voltages", u, "positions", x)
     if not (np.isfinite(u).all() and np.isfinite(x).all()):
         raise ValueError("a sample is not finite, all must be")
-    wanted_V = max(2.0 * threshold_V, 0.1)
+    wanted_V = max(2.0 * threshold_V, LEAST_TRAVEL_V)
     travel_V = float(np.ptp(u)) if len(u) else 0.0
     if not travel_V >= wanted_V:
         raise ValueError(f"the voltage travels {travel_V:.3f} V, must be at least {wanted_V:.3f} V")
+
+
+def _require_travel(use: str, record: _Record, samples: slice, wanted_V: float) -> None:
+    u = record.u[samples]
+    travel_V = float(np.ptp(u)) if len(u) else 0.0
+    if not travel_V >= wanted_V:
+        rests = f"travels {travel_V:.3f} V" if travel_V > 0.0 else "rests"
+        raise ValueError(
+            f"the voltage {rests} in the {len(u)} samples to be {use}, "
+            f"must travel at least {wanted_V:.3f} V: cut off rests, or teach a longer motion"
+        )
 
 
 def _require_enough(samples: int, coefficients: int) -> None:
@@ -199,7 +220,8 @@ def _require_enough(samples: int, coefficients: int) -> None:
         raise ValueError(f"{samples} samples, {wanted} are wanted for {coefficients} coefficients")
 
 
-def _first_known(u: Column, threshold_V: float) -> int:
+def first_known(u: Column, threshold_V: float) -> int:
+    """Sample from which plays up to a threshold are where the voltage says."""
     swing = np.maximum.accumulate(u) - np.minimum.accumulate(u)
     return int(np.argmax(swing >= min(2.0 * threshold_V, float(swing[-1]))))
 
@@ -219,46 +241,42 @@ def _choose(record: _Record, fitted: int, candidates: Candidates) -> _Choice:
 
 def _left(record: _Record, until: int, end: int, choice: _Choice) -> float:
     try:
-        _, motion = _fit(record, until, choice)
+        model = _fit(record, until, choice)
     except ValueError:
         return inf  # a candidate that makes an impossible model is none
+    plays = _plays(record, choice.families)
+    motion = moved_um(model, plays.columns[:, : len(plays.thresholds_V)], record.u, record.period_s)
     return float(np.std((record.x - motion)[until:end]))
 
 
-def _fit(record: _Record, until: int, choice: _Choice) -> tuple[HysteresisModel, Column]:
-    """Model fitted to the samples before ``until``, and its motion over the whole record."""
-    u, times_s, period_s = record.u, record.creep_times_s, record.period_s
-    thresholds, fadings, columns_V = _plays(record, choice.families)
-    statics = [columns_V]
-    if choice.curved:
-        statics.append((u * u)[:, np.newaxis])
-    plays = np.hstack(statics)
-    count, bent = len(thresholds), plays.shape[1]
-    _require_enough(until - record.known, bent + len(times_s) + 1)
-    ones = np.ones((len(u), 1))
+def _fit(record: _Record, until: int, choice: _Choice) -> HysteresisModel:
+    """Model fitted to the samples before ``until``."""
+    plays = _plays(record, choice.families)
+    count = len(plays.thresholds_V)
+    used = count + 1 if choice.curved else count
     known = slice(record.known, until)
-    level = float(np.mean(record.x[known]))
-    target = record.x - level
-    slope = float(np.dot(u[known], target[known]) / np.dot(u[known], u[known]))
-    static: Column = u * slope
-    solution, columns = np.empty(0), plays
-    for _ in range(ROUNDS):
-        columns = np.hstack([plays, creep_columns(times_s, static, period_s), ones])
-        solution = _ridge(columns[known], target[known], choice.ridge)
-        static = plays @ solution[:bent]
+    _require_travel("fitted", record, slice(until), LEAST_TRAVEL_V)
+    _require_enough(max(0, until - record.known), used + len(record.creep_times_s) + 1)
+    _require_travel("fitted", record, known, LEAST_TRAVEL_V)
+    found = separable_fit(
+        plays.columns[known, :used],
+        plays.passed[:, known, :used],
+        record.x[known],
+        choice.ridge,
+    )
     model = HysteresisModel(
-        thresholds_V=thresholds,
-        weights_um_per_V=tuple(solution[:count].tolist()),
-        creep_times_s=times_s,
-        creep_fractions=tuple(solution[bent:-1].tolist()),
-        fadings_per_V=fadings,
-        curvature_um_per_V2=float(solution[count]) if choice.curved else 0.0,
+        thresholds_V=plays.thresholds_V,
+        weights_um_per_V=tuple(found.weights[:count].tolist()),
+        creep_times_s=record.creep_times_s,
+        creep_fractions=tuple(found.fractions.tolist()),
+        fadings_per_V=plays.fadings_per_V,
+        curvature_um_per_V2=float(found.weights[count]) if choice.curved else 0.0,
     )
     # The model's own check knows neither its curvature nor how its families lie to each other.
-    slopes = slopes_um_per_V(model, columns_V, u)
+    slopes = slopes_um_per_V(model, plays.columns[:, :count], record.u)
     index = int(np.argmin(slopes.min(axis=1)))
-    require_positive(f"slope at {u[index]:.3f} V", float(slopes[index].min()), "µm/V")
-    return model, columns @ solution + level
+    require_positive(f"slope at {record.u[index]:.3f} V", float(slopes[index].min()), "µm/V")
+    return model
 
 
 def _plays(record: _Record, families: tuple[float, ...]) -> _Plays:
@@ -271,17 +289,9 @@ def _plays(record: _Record, families: tuple[float, ...]) -> _Plays:
             family = given[1:] if given else spread_thresholds(travel_V, share, count)
             thresholds += family
             fadings += [share / threshold for threshold in family]
-        columns = play_columns(thresholds, fadings, record.u)
+        plays = play_columns(thresholds, fadings, record.u)
+        columns = np.column_stack([plays, record.u**2])
+        passed = low_passed(record.creep_times_s, columns, record.period_s)
         fading = tuple(fadings) if any(fadings) else ()
-        record.plays[families] = _Plays(tuple(thresholds), fading, columns)
+        record.plays[families] = _Plays(tuple(thresholds), fading, columns, passed)
     return record.plays[families]
-
-
-def _ridge(columns: NDArray[np.float64], target: Column, ridge: float) -> Column:
-    """Minimise |A·z - b|² + N·ridge·|scale·z|²."""
-    scale = np.sqrt(np.mean(columns**2, axis=0))
-    scale[scale == 0.0] = 1.0
-    penalty = sqrt(ridge * len(target)) * np.eye(columns.shape[1])
-    stacked = np.vstack([columns / scale, penalty])
-    padded = np.concatenate([target, np.zeros(columns.shape[1])])
-    return np.linalg.lstsq(stacked, padded, rcond=None)[0] / scale

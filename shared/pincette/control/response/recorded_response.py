@@ -10,19 +10,14 @@ loop between the two is forgotten and the branch before it goes on (return-point
 Source: E. Madelung, Annalen der Physik 322(10), 1905. Creep is not in it, and adds to its error.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
-from math import sqrt
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from pincette.control.checks import require_not_negative, require_positive
-from pincette.control.response.free_response import FreeSample, rest_mean
-from pincette.control.response.identified_response import (
-    ERRORS_TOLERATED,
-    GROWTH_V,
-    LEAST_TOLERANCE_UM,
-)
+from pincette.control.response.free_response import MemoryResponse
 
 MOST_TURNS = 16
 """Turning points kept; beyond, the smallest loop is forgotten."""
@@ -64,8 +59,7 @@ class RecordedBranches:
                 require_positive(f"rise of the {name} shape", after - before, "")
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedResponse:
+class RecordedResponse(MemoryResponse, frozen=True):
     """x_1 = offset + displacement on the recorded branches."""
 
     branches: RecordedBranches
@@ -75,12 +69,6 @@ class RecordedResponse:
     """How far it has come since the last turn."""
     voltage_V: float
     """The voltage followed last."""
-    nominal_um_per_V: float
-    """d_p."""
-    model_error_um: float
-    """r.m.s. that the branches left of free motion they were not taken from."""
-    offset_um: float = 0.0
-    zero_V: float = 0.0
 
     def follow(self, voltage_V: float, _dt_s: float, /) -> "RecordedResponse":
         """Take in the voltage; the branches know no time."""
@@ -94,40 +82,12 @@ class RecordedResponse:
         turns = _passed(self.branches, turns, furthest_V)
         return replace(self, turns=turns, furthest_V=furthest_V, voltage_V=u)
 
-    def position_um(self) -> float:
-        """Return x_1 at the voltage followed last."""
-        return self.offset_um + self.displacement_um()
-
     def displacement_um(self) -> float:
         """Return x on the branch at the voltage followed last, without offset."""
         return _on_branch(self.branches, self.turns[-1], self.turns[-2], self.voltage_V)
 
-    def error_um(self) -> float:
-        """Return √2·residual·min(1, |u - u_zero|/GROWTH_V), as an identified response does."""
-        travel_V = abs(self.voltage_V - self.zero_V)
-        return sqrt(2.0) * self.model_error_um * min(1.0, travel_V / GROWTH_V)
-
-    def sample(self, x_um: float) -> FreeSample:
-        """Note a position of the free arm at the voltage followed last."""
-        return FreeSample(self.voltage_V, x_um, self.displacement_um())
-
-    def residual_um(self, sample: FreeSample) -> float:
-        """Return x - x_1 of a sample, by the offset that holds at present."""
-        return sample.x_um - self.offset_um - sample.displacement_um
-
-    def begin(self, x_um: float) -> "RecordedResponse":
-        """Move the offset so that x_1 is ``x_um``."""
-        return replace(self, offset_um=x_um - self.displacement_um(), zero_V=self.voltage_V)
-
-    def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "RecordedResponse":
-        """Move the offset so that x_1 goes through the rest; raises ValueError without one."""
-        rest = rest_mean(samples, rest_samples)
-        offset_um = rest.x_um - rest.displacement_um
-        return replace(self, offset_um=offset_um, zero_V=rest.voltage_V)
-
-    def zero_tolerance_um(self, creep_um: float) -> float:
-        """Return five errors and the creep, 0.5 µm at least."""
-        return max(LEAST_TOLERANCE_UM, ERRORS_TOLERATED * self.error_um() + creep_um)
+    def _voltage_V(self) -> float:
+        return self.voltage_V
 
 
 def recorded_response(
@@ -135,7 +95,7 @@ def recorded_response(
 ) -> RecordedResponse:
     """Response at 0 V, on the ascending branch; raises ValueError for an impossible d_p or error.
 
-    Where the arm has been before nobody knows; the first stroke to an end of the recorded range
+    Where the arm has been before is unknown; the first stroke to an end of the recorded range
     makes it so.
     """
     turns = _passed(branches, (branches.top, branches.bottom), 0.0)

@@ -6,10 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pincette.control.checks import require_as_many
 from pincette.control.response.hysteresis_motion import Column
 from pincette.control.response.recorded_response import RecordedBranches, Turn, recorded_response
 
 CELLS = 24
+HELD_OUT = 0.25
+"""Share of the samples, the last ones, that the residual is taken on, its mean taken off."""
 END = 0.03
 """Share of the voltage's travel within which a stroke counts as having come to an end, and
 by which it may go back on its way."""
@@ -25,17 +28,13 @@ class Recording(NamedTuple):
     residual_um: float
 
 
-def record_free_response(
-    voltage_V: Sequence[float], x_um: Sequence[float], *, held_out: float = 0.25
-) -> Recording:
+def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> Recording:
     """Take branches from the strokes over the whole range of voltage in a free motion.
 
     Parameters
     ----------
     voltage_V, x_um
         N samples in V and µm, of matched ages as for ``identify_free_response``.
-    held_out
-        Share of the samples, the last ones, that the residual is taken on, its mean taken off.
 
     Raises
     ------
@@ -44,13 +43,10 @@ def record_free_response(
         no stroke up or none down over the range, or it has too few samples.
     """
     u, x = np.asarray(voltage_V, dtype=float), np.asarray(x_um, dtype=float)
-    if len(u) != len(x):
-        raise ValueError(f"{len(u)} voltages for {len(x)} positions, must be as many")
+    require_as_many("voltages", u, "positions", x)
     if not (np.isfinite(u).all() and np.isfinite(x).all()):
         raise ValueError("a sample is not finite, all must be")
-    if not 0.0 < held_out < 1.0:
-        raise ValueError(f"held_out = {held_out}, must be between 0 and 1")
-    taken = int(len(u) * (1.0 - held_out))
+    taken = int(len(u) * (1.0 - HELD_OUT))
     branches = recorded_branches(u[:taken], x[:taken])
     response, followed = recorded_response(branches, 1.0, 0.0), list[float]()
     for voltage in u.tolist():

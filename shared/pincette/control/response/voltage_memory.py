@@ -4,10 +4,10 @@ A hysteresis without rate depends on the turning points of the voltage alone, cr
 rested; between turning points nothing need be kept. A small to-and-fro is left out.
 """
 
-from dataclasses import dataclass
 from math import ceil
 from typing import NamedTuple
 
+from pincette.control.record import FrozenRecord
 from pincette.control.response.free_response import FreeResponse
 
 SMALL_V = 0.01
@@ -26,8 +26,7 @@ class Piece(NamedTuple):
     rest_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class VoltageMemory:
+class VoltageMemory(FrozenRecord, frozen=True):
     """Pieces since the arm was unpoled at 0 V, the oldest first."""
 
     pieces: tuple[Piece, ...] = ()
@@ -48,8 +47,8 @@ class VoltageMemory:
         return VoltageMemory((*kept, Piece(voltage_V, dt_s, 0.0)))
 
     def replayed(self, response: FreeResponse) -> FreeResponse:
-        """Lead a model that is unpoled through all of it."""
-        at_V = 0.0
+        """Lead a model through all of it, straight from where it stands."""
+        at_V = response.voltage_V
         for to_V, move_s, rest_s in self.pieces:
             strides = max(1, ceil(abs(to_V - at_V) / STRIDE_V))
             for stride in range(1, strides + 1):

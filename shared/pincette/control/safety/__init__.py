@@ -1,7 +1,8 @@
 """What the actuator does whatever it is told, and the controller checks before it tells it.
 
-Read ``causes`` for the words, ``state`` for what is remembered, ``admission`` for which commands
-may act, ``voltage`` and ``monitors`` for the limits, ``latch`` for what a trip does and undoes,
-``freshness`` for ages, and ``feeding`` for the hardware's own watchdog. Everything is scalars and
-small frozen records: no message, no clock. Where the time is an argument it is monotonic, in s.
+Read ``causes`` for modes and causes, ``state`` for what is remembered, ``admission`` for which
+commands may act, ``voltage`` and ``monitors`` for the limits, ``latch`` for what a trip does and
+undoes, ``freshness`` for ages, and ``watchdog_feed`` for the hardware's own watchdog. Everything is
+scalars and small frozen records: no message, no clock. Where the time is an argument it is
+monotonic, in s.
 """

@@ -4,11 +4,14 @@ A command is heard only from the owner and in the epoch that the arming named. W
 sample is held against the hard limits whether it is valid or not; then it is taken or refused.
 """
 
-from dataclasses import dataclass
 from math import isfinite
 from typing import TypeVar
 
-from pincette.control.replacing import replace
+from msgspec.structs import replace
+
+from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.record import FrozenRecord
+from pincette.control.safety.causes import Mode
 from pincette.control.safety.freshness import (
     ARRIVALS_KEPT,
     Arrival,
@@ -25,9 +28,8 @@ from pincette.control.safety.voltage import VoltageLimits, absurd, limited, too_
 S = TypeVar("S", bound=SafetyState)
 
 
-@dataclass(frozen=True, slots=True)
-class Offer:
-    """A command as the rules see it."""
+class CommandFacts(FrozenRecord, frozen=True):
+    """What the safety rules know of a command."""
 
     epoch: int
     owner: int
@@ -37,8 +39,8 @@ class Offer:
     part_held: bool
     final: bool
     valid: bool
-    fault: str = ""
-    """Why it is not valid."""
+    fault: Fault | None = None
+    """Why it is not valid; None where it is, or does not say."""
     force_mN: float | None = None
     x_d_um: float | None = None
     sweep_V: float | None = None
@@ -53,129 +55,135 @@ def sampled(limits: SafetyLimits, state: S, seq: int, x_um: float | None, now: f
     if seq <= newest_seq(state.arrivals):
         return state
     state = replace(state, arrivals=with_sample(state.arrivals, seq, now, x_um))
-    if state.mode != "armed" or x_um is None:
+    if state.mode != Mode.ARMED or x_um is None:
         return state
     watches = watch_position(limits.monitors, state.watches, x_um)
     if watches is state.watches:
         return state
     found = finding(limits.monitors, watches)
     state = replace(state, watches=watches)
-    return trip(limits, state, found, now) if found else state
+    return trip(limits, state, found.cause, now, faults=(found.fault,)) if found else state
 
 
-def unheard(state: SafetyState, offer: Offer) -> str:
-    """Why a command is not listened to at all; empty where it is.
+def unheard(state: SafetyState, command: CommandFacts) -> Fault | None:
+    """Why a command is not listened to at all; None where it is.
 
     Without authority, or so far ahead of the samples that it cannot have overtaken its own.
     """
-    if offer.epoch != state.epoch:
-        return f"command of epoch {offer.epoch}, armed for {state.epoch}"
-    if offer.owner != state.owner:
-        return f"command of owner {offer.owner}, armed for {state.owner}"
+    if command.epoch != state.epoch:
+        return fault(FaultCode.OTHER_EPOCH, epoch=command.epoch, armed_epoch=state.epoch)
+    if command.owner != state.owner:
+        return fault(FaultCode.OTHER_OWNER, owner=command.owner, armed_owner=state.owner)
     newest = newest_seq(state.arrivals)
-    if offer.seq > newest + ARRIVALS_KEPT:
-        return f"command {offer.seq} of the future, the newest sample is {newest}"
-    return ""
+    if command.seq > newest + ARRIVALS_KEPT:
+        return fault(FaultCode.COMMAND_AHEAD, seq=command.seq, newest_seq=newest)
+    return None
 
 
-def turned_away(state: S, offer: Offer, why: str) -> S:
+def turned_away(state: S, command: CommandFacts, why: Fault) -> S:
     """Count a command that is not listened to; several of strangers are an alarm.
 
     One that is not valid asks for nothing: a controller says so of every sample before it is armed.
     """
-    if not offer.valid:
+    if not command.valid:
         return state
     strangers = Strangers(state.strangers.count + 1, why)
     return replace(state, refused=state.refused + 1, refusal=why, strangers=strangers)
 
 
-def early(state: SafetyState, offer: Offer) -> bool:
+def early(state: SafetyState, command: CommandFacts) -> bool:
     """Whether a command has overtaken its sample, and must wait for it."""
-    return offer.seq > newest_seq(state.arrivals)
+    return command.seq > newest_seq(state.arrivals)
 
 
-def judged(limits: SafetyLimits, state: S, offer: Offer, now: float) -> S:
+def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) -> S:
     """Take a command that is listened to, or refuse it, or trip by what it knows.
 
     One that is not valid is never taken; why it is not is remembered for the trip that may follow.
     """
-    if why := nonsense(limits.voltage, offer.voltage_V, offer.force_mN, offer.x_d_um):
-        why = f"command {offer.seq}: {why}"
+    if why := nonsense(limits.voltage, command.voltage_V, command.force_mN, command.x_d_um):
+        why = why.with_values(seq=command.seq)
         return replace(state, refused=state.refused + 1, refusal=why)
-    sample = arrival_of(state.arrivals, offer.seq)
+    sample = arrival_of(state.arrivals, command.seq)
     if sample is not None:
-        state = _monitored(limits, state, offer, sample.x_um, now)
-    if not offer.valid:
-        return replace(state, blind=offer.fault)
+        state = _monitored(limits, state, command, sample.x_um, now)
+    if not command.valid:
+        return replace(state, blind=command.fault)
     # A sample that was lost on its way here is no older than the one before it.
-    oldest = sample or arrival_of(state.arrivals, offer.seq - 1)
-    why = objection(limits, state, offer, oldest, now)
+    oldest = sample or arrival_of(state.arrivals, command.seq - 1)
+    why = objection(limits, state, command, oldest, now)
     if why or oldest is None:
         return replace(state, refused=state.refused + 1, refusal=why)
-    return _taken(limits, state, offer, oldest)
+    return _taken(limits, state, command, oldest)
 
 
 def nonsense(
     limits: VoltageLimits, voltage_V: float, force_mN: float | None, x_d_um: float | None
-) -> str:
-    """Why no number of a command may be used; empty where they may."""
+) -> Fault | None:
+    """Why a number of a command may not be used; None where all may."""
     if why := absurd(limits, voltage_V):
         return why
     if force_mN is not None and not isfinite(force_mN):
-        return f"{force_mN} mN is no force"
+        return fault(FaultCode.FORCE_NOT_FINITE, force_mN=force_mN)
     if x_d_um is not None and not isfinite(x_d_um):
-        return f"{x_d_um} µm is no position"
-    return ""
+        return fault(FaultCode.TARGET_NOT_FINITE, x_d_um=x_d_um)
+    return None
 
 
-def _monitored(limits: SafetyLimits, state: S, offer: Offer, x_um: float | None, now: float) -> S:
+def _monitored(
+    limits: SafetyLimits, state: S, command: CommandFacts, x_um: float | None, now: float
+) -> S:
     """Hold force and aim against the hard limits; a freeze is released by the force alone."""
-    if state.mode not in ("armed", "frozen"):
+    if state.mode not in (Mode.ARMED, Mode.FROZEN):
         return state
     watches = watch_command(
         limits.monitors,
         state.watches,
-        seq=offer.seq,
+        seq=command.seq,
         x_um=x_um,
-        x_d_um=offer.x_d_um,
-        force_mN=offer.force_mN,
+        x_d_um=command.x_d_um,
+        force_mN=command.force_mN,
     )
     state = replace(state, watches=watches)
-    if state.mode == "armed":
+    if state.mode == Mode.ARMED:
         found = finding(limits.monitors, watches)
-        return trip(limits, state, found, now) if found else state
+        return trip(limits, state, found.cause, now, faults=(found.fault,)) if found else state
     pressed = watches.force.found(limits.monitors.force_samples)
     return released(state, pressed, now) if pressed else state
 
 
 def objection(
-    limits: SafetyLimits, state: SafetyState, offer: Offer, sample: Arrival | None, now: float
-) -> str:
-    """Why a valid command that is listened to is not taken; empty where it may be."""
-    if state.mode != "armed":
-        return f"{state.mode}: {state.cause}" if state.cause else state.mode
-    if offer.seq <= state.taken_seq:
-        return f"command {offer.seq} after {state.taken_seq}"
+    limits: SafetyLimits,
+    state: SafetyState,
+    command: CommandFacts,
+    sample: Arrival | None,
+    now: float,
+) -> Fault | None:
+    """Why a valid command that is listened to is not taken; None where it may be."""
+    if state.mode != Mode.ARMED:
+        return fault(FaultCode.NOT_ARMED, seq=command.seq)
+    if command.seq <= state.taken_seq:
+        return fault(FaultCode.COMMAND_REPEATED, seq=command.seq, taken_seq=state.taken_seq)
     if sample is None:
-        return f"command {offer.seq}: its sample was not seen here"
+        return fault(FaultCode.SAMPLE_NOT_SEEN, seq=command.seq)
     if old := too_old(limits.age, state.arrivals, sample, now):
-        return f"command {offer.seq}: {old}"
-    if offer.sweep_V is None:
-        return ""
-    return too_wide(limits.voltage, offer.voltage_V, offer.sweep_V)
+        return old.with_values(seq=command.seq)
+    if command.sweep_V is None:
+        return None
+    return too_wide(limits.voltage, command.voltage_V, command.sweep_V)
 
 
-def _taken(limits: SafetyLimits, state: S, offer: Offer, sample: Arrival) -> S:
+def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival) -> S:
     """Follow a good command; ``final`` ends the arming and keeps the voltage."""
-    voltage_V, flags = limited(limits.voltage, state.voltage_V, offer.voltage_V)
+    voltage_V, flags = limited(limits.voltage, state.voltage_V, command.voltage_V)
     return replace(
         state,
-        mode="idle" if offer.final else "armed",
+        mode=Mode.IDLE if command.final else Mode.ARMED,
         voltage_V=voltage_V,
-        part_held=offer.part_held,
-        taken_seq=offer.seq,
+        part_held=command.part_held,
+        taken_seq=command.seq,
         fresh_s=sample.at_s,
         limits_active=flags,
-        blind="",
+        blind=None,
         excused_s=0.0,
     )

@@ -1,14 +1,27 @@
-"""Modes of the actuator, and why it trips: one enumeration, and words that an operator reads."""
+"""Modes of the actuator, and why it trips."""
 
 from enum import StrEnum
-from typing import Literal
 
-Mode = Literal["latched", "idle", "armed", "frozen", "ramping"]
+
+class Mode(StrEnum):
+    """What the actuator does."""
+
+    LATCHED = "latched"
+    IDLE = "idle"
+    ARMED = "armed"
+    FROZEN = "frozen"
+    RAMPING = "ramping"
+
+
+TRIPPED = frozenset({Mode.FROZEN, Mode.RAMPING, Mode.LATCHED})
+"""In the safe state, or on the way there."""
 
 
 class Cause(StrEnum):
-    """Why a rig is latched. In ``Applied.cause`` it stands before a colon and the words."""
+    """Why a rig is latched; the faults beside it have the numbers."""
 
+    NONE = ""
+    """It is not."""
     BOOT = "boot"
     """The actuator has just started."""
     COMMAND_AGE = "command_age"
@@ -23,18 +36,18 @@ class Cause(StrEnum):
     """The voltage output failed or refused."""
     SHUTDOWN = "shutdown"
     """The program was told to end."""
+    RESTART = "restart"
+    """The actuator was started anew, as the supervisor sees."""
     ESTOP = "estop"
     ABORT = "abort"
     LEASE = "lease"
     SUPERVISOR = "supervisor"
     ASKED = "asked"
-    """Another program asked for it, in other words than those."""
-
-    def because(self, words: str = "") -> str:
-        """Cause, colon, words."""
-        return f"{self.value}: {words}" if words else self.value
+    """Another program asked for it, and did not say why."""
 
 
+CAUSES = tuple(cause for cause in Cause if cause not in (Cause.NONE, Cause.RESTART))
+"""All that the actuator tells."""
 OWN = frozenset(
     {
         Cause.BOOT,
@@ -44,25 +57,18 @@ OWN = frozenset(
         Cause.POSITION,
         Cause.DEVICE,
         Cause.SHUTDOWN,
+        Cause.RESTART,
     }
 )
 """Causes that only the actuator itself finds."""
 LETS_GO = frozenset({Cause.FORCE})
 """Causes for which a held part is let go at once: to freeze would be to press on."""
-_KNOWN = {cause.value: cause for cause in Cause}
 
 
-def cause_of(text: str) -> Cause:
-    """The cause that a text of ``because`` begins with; ASKED where it begins with none."""
-    return _KNOWN.get(text.partition(":")[0], Cause.ASKED)
-
-
-def as_asked(text: str) -> str:
+def as_asked(cause: Cause) -> Cause:
     """The cause of a trip that another program asks for.
 
     What claims to be the actuator's own finding is told as asked for: a rig that has only booted
     is cleared more easily than one that was tripped.
     """
-    if not text or cause_of(text) in OWN:
-        return Cause.ASKED.because(text)
-    return text
+    return Cause.ASKED if not cause or cause in OWN else cause

@@ -7,12 +7,14 @@ the numbers see one that comes out of a queue with the samples of its time.
 
 from dataclasses import dataclass
 
+from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.record import FrozenRecord
+
 ARRIVALS_KEPT = 8
 """Samples remembered; a command further ahead than that has not overtaken its sample, it errs."""
 
 
-@dataclass(frozen=True, slots=True)
-class Arrival:
+class Arrival(FrozenRecord, frozen=True):
     """A sample that was seen here."""
 
     seq: int
@@ -63,15 +65,17 @@ def arrival_of(arrivals: Arrivals, seq: int) -> Arrival | None:
     return None
 
 
-def too_old(limits: AgeLimits, arrivals: Arrivals, sample: Arrival, now: float) -> str:
-    """Why a command that is based on ``sample`` is too old; empty where it is not."""
+def too_old(limits: AgeLimits, arrivals: Arrivals, sample: Arrival, now: float) -> Fault | None:
+    """Why a command that is based on ``sample`` is too old; None where it is not."""
     age_s = now - sample.at_s
     if age_s > limits.limit_s:
-        return f"{1e3 * age_s:.0f} ms old, limit {1e3 * limits.limit_s:.0f} ms"
+        return fault(FaultCode.COMMAND_TOO_LATE, age_s=age_s, limit_s=limits.limit_s)
     ticks = newest_seq(arrivals) - sample.seq
     if ticks > limits.limit_ticks:
-        return f"{ticks} samples old, limit {limits.limit_ticks}"
-    return ""
+        return fault(
+            FaultCode.COMMAND_SAMPLES_TOO_OLD, samples=ticks, limit_samples=limits.limit_ticks
+        )
+    return None
 
 
 def standstill_s(limits: AgeLimits, slept_s: float, excused_s: float) -> float | None:

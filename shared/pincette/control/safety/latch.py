@@ -9,8 +9,10 @@ frozen keeps the part, at the voltage that holds it.
 
 from typing import TypeVar
 
-from pincette.control.replacing import replace
-from pincette.control.safety.causes import LETS_GO, Cause, cause_of
+from msgspec.structs import replace
+
+from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.safety.causes import LETS_GO, Cause, Mode
 from pincette.control.safety.freshness import standstill_s
 from pincette.control.safety.monitors import UNSEEN
 from pincette.control.safety.state import NO_STRANGERS, SafetyLimits, SafetyState
@@ -21,9 +23,9 @@ S = TypeVar("S", bound=SafetyState)
 
 def arming_objection(state: SafetyState) -> str:
     """Why the actuator may not be armed; empty where it may."""
-    if state.mode == "idle":
+    if state.mode == Mode.IDLE:
         return ""
-    hint = "reset it first" if state.mode == "latched" else "wait until it has ended"
+    hint = "reset it first" if state.mode == Mode.LATCHED else "wait until it has ended"
     return f"the actuator is {state.mode} ({state.cause or 'armed'}): {hint}"
 
 
@@ -34,8 +36,9 @@ def armed(limits: SafetyLimits, state: S, *, epoch: int, owner: int, now: float)
     """
     return replace(
         state,
-        mode="armed",
-        cause="",
+        mode=Mode.ARMED,
+        cause=Cause.NONE,
+        faults=(),
         epoch=epoch,
         owner=owner,
         taken_seq=-1,
@@ -44,53 +47,62 @@ def armed(limits: SafetyLimits, state: S, *, epoch: int, owner: int, now: float)
         since_s=0.0,
         ramp_from_V=0.0,
         limits_active=0,
-        blind="",
+        blind=None,
         watches=UNSEEN,
         excused_s=0.0,
-        refusal="",
+        refusal=None,
         strangers=NO_STRANGERS,
     )
 
 
-def trip(limits: SafetyLimits, state: S, cause: str, now: float, *, let_go: bool = False) -> S:
+def trip(
+    limits: SafetyLimits,
+    state: S,
+    cause: Cause,
+    now: float,
+    *,
+    faults: tuple[Fault, ...] = (),
+    let_go: bool = False,
+) -> S:
     """Begin the safe state, unless it has begun; the first cause is kept.
 
     A part is let go only where that is asked for, or lies in the cause: then a freeze ends in its
     ramp at once. Where no tick will come to play a ramp, the safe voltage is there at once.
     """
-    let_go = let_go or cause_of(cause) in LETS_GO
-    if state.mode == "frozen" and let_go:
+    let_go = let_go or cause in LETS_GO
+    if state.mode == Mode.FROZEN and let_go:
         return ramped(state, now)
-    tripped_before = state.mode == "latched" and state.cause != Cause.BOOT
-    if state.mode in ("frozen", "ramping") or tripped_before:
+    tripped_before = state.mode == Mode.LATCHED and state.cause != Cause.BOOT
+    if state.mode in (Mode.FROZEN, Mode.RAMPING) or tripped_before:
         return state
-    tripped = replace(state, cause=cause, since_s=now, limits_active=0)
-    if limits.lockstep and state.mode != "armed":
-        return at_safe(limits, tripped) if let_go else replace(tripped, mode="latched")
+    tripped = replace(state, cause=cause, faults=faults, since_s=now, limits_active=0)
+    if limits.lockstep and state.mode != Mode.ARMED:
+        return at_safe(limits, tripped) if let_go else replace(tripped, mode=Mode.LATCHED)
     keeps = state.part_held and not let_go
-    return replace(tripped, mode="frozen") if keeps else ramped(tripped, now)
+    return replace(tripped, mode=Mode.FROZEN) if keeps else ramped(tripped, now)
 
 
 def ramped(state: S, now: float) -> S:
     """Begin the ramp to the safe voltage from where the voltage is."""
-    return replace(state, mode="ramping", since_s=now, ramp_from_V=state.voltage_V)
+    return replace(state, mode=Mode.RAMPING, since_s=now, ramp_from_V=state.voltage_V)
 
 
 def at_safe(limits: SafetyLimits, state: S) -> S:
     """Be latched at the safe voltage, without a part."""
-    return replace(state, mode="latched", voltage_V=limits.safe_V, part_held=False)
+    return replace(state, mode=Mode.LATCHED, voltage_V=limits.safe_V, part_held=False)
 
 
-def released(state: S, words: str, now: float) -> S:
-    """End a freeze for a reason of its own, which the cause tells too."""
-    return ramped(replace(state, cause=f"{state.cause}; released: {words}"), now)
+def released(state: S, pressed: Fault, now: float) -> S:
+    """End a freeze because the part is pressed too hard, which is told beside the cause."""
+    found = Fault(FaultCode.FREEZE_RELEASED, pressed.values)
+    return ramped(replace(state, faults=(*state.faults, found)), now)
 
 
 def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: bool) -> str:
     """Why the latch is not cleared; empty where it may be."""
     if not acknowledged:
         return "a reset needs acknowledge = true"
-    if state.mode == "ramping" and not limits.lockstep:
+    if state.mode == Mode.RAMPING and not limits.lockstep:
         return f"the actuator is ramping ({state.cause}): reset it when the arm is safe"
     return ""
 
@@ -101,11 +113,11 @@ def reset(limits: SafetyLimits, state: S) -> S:
     In real time a ramp must have come to its end. In lockstep, where a program has died, no tick
     will come to end it.
     """
-    if state.mode == "ramping":
+    if state.mode == Mode.RAMPING:
         state = at_safe(limits, state)
-    if state.mode not in ("latched", "frozen"):
+    if state.mode not in (Mode.LATCHED, Mode.FROZEN):
         return state
-    return replace(state, mode="idle", cause="", unconfirmed=False)
+    return replace(state, mode=Mode.IDLE, cause=Cause.NONE, faults=(), unconfirmed=False)
 
 
 def awake(limits: SafetyLimits, state: S, now: float) -> S:
@@ -127,11 +139,11 @@ def awake(limits: SafetyLimits, state: S, now: float) -> S:
 
 def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
     """What the mere passing of time does: the age limit, the end of a freeze, the ramp."""
-    if state.mode == "armed" and now - state.fresh_s > limits.age.limit_s:
-        state = trip(limits, state, Cause.COMMAND_AGE.because(_silence(limits, state, now)), now)
-    if state.mode == "frozen" and now - state.since_s >= limits.freeze_s:
+    if state.mode == Mode.ARMED and now - state.fresh_s > limits.age.limit_s:
+        state = trip(limits, state, Cause.COMMAND_AGE, now, faults=_silence(limits, state, now))
+    if state.mode == Mode.FROZEN and now - state.since_s >= limits.freeze_s:
         state = ramped(state, now)
-    if state.mode != "ramping":
+    if state.mode != Mode.RAMPING:
         return state
     # One step ahead of its clock: the first step comes with the trip.
     share = (now - state.since_s + limits.age.wake_s) / limits.ramp_s
@@ -140,20 +152,19 @@ def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
     return replace(state, voltage_V=ramp(state.ramp_from_V, limits.safe_V, share))
 
 
-def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> str:
-    silent_ms, limit_ms = 1e3 * (now - state.fresh_s), 1e3 * limits.age.limit_s
-    words = f"no command for {silent_ms:.0f} ms, limit {limit_ms:.0f} ms"
-    return f"{words}; {state.blind}" if state.blind else words
+def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> tuple[Fault, ...]:
+    silent = fault(FaultCode.NO_COMMAND, silent_s=now - state.fresh_s, limit_s=limits.age.limit_s)
+    return (silent,) if state.blind is None else (silent, state.blind)
 
 
-def wind_down(limits: SafetyLimits, state: S, now: float) -> tuple[S, bool]:
+def shutdown(limits: SafetyLimits, state: S, now: float) -> tuple[S, bool]:
     """Ramp to the safe voltage because the program is told to end, a part held or not.
 
     True where it has come to its end.
     """
     if state.voltage_V == limits.safe_V:
         return state, True
-    if state.mode != "ramping":
-        cause = state.cause or Cause.SHUTDOWN.because()
+    if state.mode != Mode.RAMPING:
+        cause = state.cause or Cause.SHUTDOWN
         state = ramped(replace(state, cause=cause, part_held=False), now)
     return state, False

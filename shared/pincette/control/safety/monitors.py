@@ -2,12 +2,16 @@
 
 The hard limits lie beyond those that the controller's guards watch, so that its gentle reaction
 comes first; a limit acts once it has been exceeded for some samples in a row. A sample of which a
-quantity is not known neither counts nor clears. Words name value, unit and limit.
+quantity is not known neither counts nor clears.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from pincette.control.replacing import replace
+from msgspec.structs import replace
+
+from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.record import FrozenRecord
 from pincette.control.safety.causes import Cause
 
 
@@ -28,27 +32,27 @@ class MonitorLimits:
     position_samples: int
 
 
-@dataclass(frozen=True, slots=True)
-class Watch:
-    """Samples in a row beyond a limit, and the words of the newest."""
+class Watch(FrozenRecord, frozen=True):
+    """Samples in a row beyond a limit, and by how much the newest was."""
 
     count: int = 0
-    words: str = ""
+    newest: Fault | None = None
 
-    def follow(self, excess: str) -> "Watch":
-        """Count a sample; an empty excess begins anew."""
-        return Watch(self.count + 1, excess) if excess else QUIET
+    def follow(self, excess: Fault | None) -> "Watch":
+        """Count a sample; one without excess begins anew."""
+        return QUIET if excess is None else Watch(self.count + 1, excess)
 
-    def found(self, samples: int) -> str:
-        """The words of a limit that acts; empty where it does not."""
-        return f"{self.words}, {self.count} samples in a row" if self.count >= samples else ""
+    def found(self, samples: int) -> Fault | None:
+        """The limit that acts, with the number of samples; None where it does not."""
+        if self.newest is None or self.count < samples:
+            return None
+        return self.newest.with_values(samples=self.count)
 
 
 QUIET = Watch()
 
 
-@dataclass(frozen=True, slots=True)
-class Watches:
+class Watches(FrozenRecord, frozen=True):
     """What has been seen of each quantity, and where the law wanted the arm last."""
 
     seq: int = -1
@@ -64,35 +68,45 @@ class Watches:
 UNSEEN = Watches()
 
 
-def force_excess(limits: MonitorLimits, force_mN: float) -> str:
-    """Words where a force, compressive and positive, is beyond its limit."""
+class Finding(NamedTuple):
+    """Why the actuator trips by itself, with the numbers."""
+
+    cause: Cause
+    fault: Fault
+
+
+def force_excess(limits: MonitorLimits, force_mN: float) -> Fault | None:
+    """Fault where a force, compressive and positive, is beyond its limit."""
     if force_mN <= limits.force_mN:
-        return ""
-    return f"{force_mN:.1f} mN, limit {limits.force_mN:.1f} mN"
+        return None
+    return fault(FaultCode.FORCE_BEYOND_LIMIT, force_mN=force_mN, limit_mN=limits.force_mN)
 
 
 def following_excess(
     limits: MonitorLimits, x_um: float, x_d_um: float, speed_um_per_s: float
-) -> str:
-    """Words where |x - x_d| > following_um + following_s·|dx_d/dt|.
+) -> Fault | None:
+    """Fault where |x - x_d| > following_um + following_s·|dx_d/dt|.
 
     The bound grows with the commanded speed, as that of a machine tool does: a fast arm lags.
     """
     bound_um, error_um = limits.following_um + limits.following_s * speed_um_per_s, x_um - x_d_um
     if abs(error_um) <= bound_um:
-        return ""
-    return (
-        f"the arm is at {x_um:.2f} µm, wanted at {x_d_um:.2f} µm: off by {abs(error_um):.2f} µm, "
-        f"limit {bound_um:.2f} µm"
+        return None
+    return fault(
+        FaultCode.FOLLOWING_BEYOND_LIMIT,
+        x_um=x_um,
+        x_d_um=x_d_um,
+        error_um=abs(error_um),
+        limit_um=bound_um,
     )
 
 
-def position_excess(limits: MonitorLimits, x_um: float) -> str:
-    """Words where a measured position is beyond its limits, or is no number."""
+def position_excess(limits: MonitorLimits, x_um: float) -> Fault | None:
+    """Fault where a measured position is beyond its limits, or is no number."""
     low_um, high_um = limits.position_min_um, limits.position_max_um
     if low_um <= x_um <= high_um:
-        return ""
-    return f"{x_um:.2f} µm, limits {low_um:.2f} µm and {high_um:.2f} µm"
+        return None
+    return fault(FaultCode.POSITION_BEYOND_LIMITS, x_um=x_um, minimum_um=low_um, maximum_um=high_um)
 
 
 def watch_position(limits: MonitorLimits, watches: Watches, x_um: float) -> Watches:
@@ -125,12 +139,12 @@ def watch_command(
     return Watches(seq, force, following, watches.position, aim_seq, aim_um)
 
 
-def finding(limits: MonitorLimits, watches: Watches) -> str:
-    """Cause and words of the gravest limit that acts; empty where none does."""
-    if words := watches.force.found(limits.force_samples):
-        return Cause.FORCE.because(words)
-    if words := watches.position.found(limits.position_samples):
-        return Cause.POSITION.because(words)
-    if words := watches.following.found(limits.following_samples):
-        return Cause.FOLLOWING_ERROR.because(words)
-    return ""
+def finding(limits: MonitorLimits, watches: Watches) -> Finding | None:
+    """The gravest limit that acts; None where none does."""
+    if found := watches.force.found(limits.force_samples):
+        return Finding(Cause.FORCE, found)
+    if found := watches.position.found(limits.position_samples):
+        return Finding(Cause.POSITION, found)
+    if found := watches.following.found(limits.following_samples):
+        return Finding(Cause.FOLLOWING_ERROR, found)
+    return None

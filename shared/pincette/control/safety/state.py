@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.record import FrozenRecord
 from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.freshness import AgeLimits, Arrivals
 from pincette.control.safety.monitors import UNSEEN, MonitorLimits, Watches
@@ -27,29 +29,30 @@ class SafetyLimits:
     safe_V: float
 
 
-@dataclass(frozen=True, slots=True)
-class Strangers:
+class Strangers(FrozenRecord, frozen=True):
     """Commands that came without authority in this arming, and whose the newest was."""
 
     count: int = 0
-    words: str = ""
+    newest: Fault | None = None
 
-    def alarm(self) -> str:
-        """What an operator must see; empty where a message or two may have been left over."""
-        if self.count < ALARM:
-            return ""
-        return f"alarm: {self.count} commands of a stranger refused, the last a {self.words}"
+    def alarm(self) -> tuple[Fault, ...]:
+        """What an operator must see; nothing where a message or two may have been left over."""
+        if self.count < ALARM or self.newest is None:
+            return ()
+        return fault(FaultCode.SECOND_CONTROLLER, commands=self.count), self.newest
 
 
 NO_STRANGERS = Strangers()
 
 
-@dataclass(frozen=True, slots=True)
-class SafetyState:
+class SafetyState(FrozenRecord, frozen=True):
     """Authority, latch, voltage, and what the rules have seen."""
 
-    mode: Mode = "latched"
-    cause: str = Cause.BOOT.value
+    mode: Mode = Mode.LATCHED
+    cause: Cause = Cause.BOOT
+    faults: tuple[Fault, ...] = ()
+    """Behind the cause: what was found, why the commands before were not valid, why a freeze has
+    ended early."""
     epoch: int = 0
     owner: int = 0
     voltage_V: float = 0.0
@@ -63,8 +66,8 @@ class SafetyState:
     """Begin of the freeze or the ramp."""
     ramp_from_V: float = 0.0
     limits_active: int = 0
-    blind: str = ""
-    """Why the newest command is not valid; empty where it is."""
+    blind: Fault | None = None
+    """Why the newest command is not valid; None where it is, or does not say."""
     watches: Watches = UNSEEN
     ran_s: float | None = None
     """When the actuator ran last."""
@@ -72,15 +75,17 @@ class SafetyState:
     """Standstill left out since the last good command."""
     standstills: int = 0
     refused: int = 0
-    refusal: str = ""
+    refusal: Fault | None = None
     """Why a command was refused last."""
     strangers: Strangers = NO_STRANGERS
     unconfirmed: bool = False
     """The output has not confirmed what it was told last."""
 
     @property
-    def detail(self) -> str:
-        """What a person asks for first: mode, cause, alarm, last refusal, standstills."""
-        stood = f"stood still {self.standstills} times" if self.standstills else ""
-        texts = (self.mode, self.cause, self.strangers.alarm(), self.refusal, stood)
-        return "; ".join(text for text in texts if text)
+    def findings(self) -> tuple[Fault, ...]:
+        """What a person asks for first, beside the cause: alarm, last refusal, standstills."""
+        found = self.strangers.alarm()
+        if self.refusal is not None and self.refusal not in found:
+            found = (*found, self.refusal)
+        stood = self.standstills
+        return (*found, fault(FaultCode.STANDSTILLS, times=stood)) if stood else found

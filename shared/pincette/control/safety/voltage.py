@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from math import isfinite
 
+from pincette.control.faults import Fault, FaultCode, fault
+
 VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
 """Bits that say which limit has acted."""
 ABSURD_SPANS = 10.0
@@ -38,27 +40,35 @@ def limited(limits: VoltageLimits, present_V: float, wanted_V: float) -> tuple[f
     return wanted_V, flags
 
 
-def absurd(limits: VoltageLimits, wanted_V: float) -> str:
-    """Why a voltage is not even limited but refused; empty where it may be wished for."""
+def absurd(limits: VoltageLimits, wanted_V: float) -> Fault | None:
+    """Why a voltage is not even limited but refused; None where it may be wished for."""
     if not isfinite(wanted_V):
-        return f"{wanted_V} V is no voltage"
+        return fault(FaultCode.VOLTAGE_NOT_FINITE, voltage_V=wanted_V)
     room_V = ABSURD_SPANS * (limits.max_V - limits.min_V)
     if limits.min_V - room_V <= wanted_V <= limits.max_V + room_V:
-        return ""
-    return f"{wanted_V:g} V is absurd, the range is {limits.min_V} V to {limits.max_V} V"
+        return None
+    return fault(
+        FaultCode.VOLTAGE_ABSURD,
+        voltage_V=wanted_V,
+        minimum_V=limits.min_V,
+        maximum_V=limits.max_V,
+    )
 
 
-def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> str:
-    """Why a sweep is not played; empty where it may be."""
+def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> Fault | None:
+    """Why a sweep is not played; None where it may be."""
     if not amplitude_V <= limits.sweep_V:
-        return f"sweep of ±{amplitude_V} V, limit ±{limits.sweep_V} V"
+        return fault(FaultCode.SWEEP_TOO_WIDE, amplitude_V=amplitude_V, limit_V=limits.sweep_V)
     low_V, high_V = about_V - amplitude_V, about_V + amplitude_V
     if low_V < limits.min_V or high_V > limits.max_V:
-        return (
-            f"sweep from {low_V:.3f} V to {high_V:.3f} V, limits {limits.min_V} V and "
-            f"{limits.max_V} V"
+        return fault(
+            FaultCode.SWEEP_OUT_OF_RANGE,
+            low_V=low_V,
+            high_V=high_V,
+            minimum_V=limits.min_V,
+            maximum_V=limits.max_V,
         )
-    return ""
+    return None
 
 
 def ramp(from_V: float, safe_V: float, share: float) -> float:

@@ -5,12 +5,15 @@ rate or another gain is no mere change of a parameter. What decides is the worst
 the loop as it runs, over intervals of ω_n, K_e and delay.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from math import inf
 
-from pincette.control.force.observers import QuasiStatic
+import numpy as np
+
+from pincette.control.force.observers import ForceObserver, QuasiStatic
+from pincette.control.laws.definition import Array
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.loop_modes import counted_radii, settling_ticks
 from pincette.control.stability.sampled_arm import LoopCase
@@ -47,11 +50,6 @@ class Assessment:
         """Whether the loop may run."""
         return self.radius < self.limit_radius
 
-    @property
-    def margin(self) -> float:
-        """Limit minus radius."""
-        return self.limit_radius - self.radius
-
 
 def assess(loop: Loop, intervals: Intervals, limit_radius: float = LIMIT_RADIUS) -> Assessment:
     """Judge a loop by its worst case.
@@ -75,6 +73,46 @@ def assess(loop: Loop, intervals: Intervals, limit_radius: float = LIMIT_RADIUS)
     if not radius < limit_radius:
         reason = _reason(loop, intervals, limit_radius, case, radius)
     return Assessment(radius, limit_radius, case, settling_s, reason)
+
+
+def radius_map(
+    loop: Loop,
+    intervals: Intervals,
+    *,
+    periods_s: Sequence[float],
+    gains: Sequence[float],
+    gain: str = "K_P",
+    worst: bool = True,
+    observer_at: Callable[[float], ForceObserver] | None = None,
+) -> Array:
+    """Spectral radius over period and gain, shape (periods, gains).
+
+    Parameters
+    ----------
+    loop
+        Everything else; its own period and gain do not matter.
+    worst
+        The worst case of the intervals (some 20 to 100 ms a point), or else the worse of the
+        cases in the middle, free and in contact.
+    observer_at
+        Makes the observer for a period; without it the loop's is taken for every one.
+
+    Raises
+    ------
+    ValueError
+        Where a period is not positive or a gain negative.
+    """
+    found = np.empty((len(periods_s), len(gains)))
+    for row, period_s in enumerate(periods_s):
+        observer = loop.observer if observer_at is None else observer_at(period_s)
+        for column, value in enumerate(gains):
+            other = replace(loop, period_s=period_s, observer=observer).with_gains(**{gain: value})
+            if worst:
+                found[row, column] = worst_case(other, intervals, LIMIT_RADIUS)[1]
+            else:
+                radii = counted_radii(other, intervals.middle(), LIMIT_RADIUS)
+                found[row, column] = np.max(radii)
+    return found
 
 
 def describe(loop: Loop, case: LoopCase) -> str:
@@ -112,14 +150,15 @@ def _advice(loop: Loop, intervals: Intervals, limit_radius: float, case: LoopCas
         return radius if radius >= limit_radius else worst_case(other, intervals, limit_radius)[1]
 
     before = ""
-    if loop.law.K_S > 0.0:
-        silent = loop.with_law(K_S=0.0)
+    if loop.law.switches:
+        switching = loop.law.definition.switching
+        silent = loop.with_gains(**{switching: 0.0})
         if here(silent) < here(loop) - NOTICEABLE:
             radius = reached(silent)
             if radius < limit_radius:
-                yield f"K_S = 0 gives {radius:.3f}"
+                yield f"{switching} = 0 gives {radius:.3f}"
                 return
-            loop, before = silent, "K_S = 0 and "
+            loop, before = silent, f"{switching} = 0 and "
     for family in _families(loop):
         for text, other in family:
             radius = reached(other)
@@ -130,11 +169,9 @@ def _advice(loop: Loop, intervals: Intervals, limit_radius: float, case: LoopCas
 
 def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
     """Changes of one thing each, the gentlest first."""
-    law = loop.law
-    gains = [(law.K_P or law.K_I) * factor for factor in (2.0, 0.5, 5.0, 0.2)]
-    yield [(f"K_P = {K_P:.3g}", loop.with_law(K_P=K_P)) for K_P in gains]
-    gains = [law.K_f * factor for factor in (0.5, 0.1) if law.K_f > 0.0]
-    yield [(f"K_f = {K_f:.4g}", loop.with_law(K_f=K_f)) for K_f in gains]
+    remedies = loop.law.definition.remedies
+    for name, values in remedies(loop.law.gains) if remedies is not None else ():
+        yield [(f"{name} = {value:.4g}", loop.with_gains(**{name: value})) for value in values]
     # Any other observer is made for its period.
     if loop.observer is None or (
         isinstance(loop.observer, QuasiStatic) and loop.observer.parameters.share == 1.0

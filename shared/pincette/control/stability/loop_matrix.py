@@ -2,27 +2,42 @@
 
 A tick takes the position, lets the observer find the force from it and from x_1 = d_p·u_{k-1}, lets
 the law compute u_k, and puts that out. The arm is exact (``sampled_arm``); the other two are read
-off their code (``loop_blocks``), switching slope K_S/δ included. What no one reads is left out.
+off the code that runs each tick, switching slope K_S/δ included: with references at zero, inside
+the boundary layer and off every limit, a step is linear in what it is given and in its state, and
+column j of its matrix is what it makes of a small j-th input. States that nothing reads are left
+out.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from pincette.control.arm.plant import ArmParameters
 from pincette.control.checks import require_not_negative, require_positive
-from pincette.control.force.observers import ForceObserver, QuasiStatic, QuasiStaticParameters
-from pincette.control.laws.law import LawSettings
-from pincette.control.stability.loop_blocks import Array, law_block, observer_block
+from pincette.control.force.observers import (
+    ForceObserver,
+    QuasiStatic,
+    QuasiStaticParameters,
+    state_of,
+    with_state,
+)
+from pincette.control.laws import law as control_law
+from pincette.control.laws.definition import Array, LawSettings
+from pincette.control.laws.law import Law
+from pincette.control.record import field_names
 from pincette.control.stability.sampled_arm import LoopCase, sampled_arms
 
-FedForce = Literal["estimated", "true"]
+Value = TypeVar("Value")
+ForceOfLaw = Literal["estimated", "true"]
 ARM_STATES = 4
 X, VOLTAGE = 0, 3
 """Where x and u_{k-1} stand among the states."""
+SMALL = 2.0**-200
+"""Size of an input: inside any boundary layer, and a power of two, so that it scales exactly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,21 +58,112 @@ class Loop:
     """Time constant of the low-pass over F - F_r, which acts with planned forces."""
     output_lag_s: float = 0.0
     """First-order lag between output and arm."""
-    force: FedForce = "estimated"
-    """``true`` feeds the law K_e·x instead of the observer's force."""
+    force: ForceOfLaw = "estimated"
+    """``true`` gives the law K_e·x instead of the observer's force."""
     observer: ForceObserver | None = None
     """None: the quasi-static one."""
-    fed_force: bool = False
-    """Whether the law is fed the force of the free arm, too, instead of F = F_r = 0."""
+    force_when_free: bool = False
+    """Whether the law gets the force of the free arm, too, instead of F = F_r = 0."""
 
     def __post_init__(self) -> None:
         require_positive("period", self.period_s, "s")
         require_not_negative("force filter", self.force_filter_s, "s")
         require_not_negative("output lag", self.output_lag_s, "s")
 
-    def with_law(self, **changes: float) -> "Loop":
-        """Return the loop with other gains."""
-        return replace(self, law=replace(self.law, **changes))
+    def with_gains(self, **gains: float) -> "Loop":
+        """Return the loop with other gains; raises ValueError where the law has no such gain."""
+        return replace(self, law=self.law.with_gains(**gains))
+
+
+def flatten(state: Any) -> list[float]:
+    """Return the floats of a float or of nested dataclasses, in the order of their fields.
+
+    Raises
+    ------
+    TypeError
+        Where something else is among them, which no matrix can follow.
+    """
+    if isinstance(state, float):
+        return [state]
+    names = field_names(state)
+    if names is None:
+        raise TypeError(f"a loop's state is made of floats, not of {type(state).__name__}")
+    found: list[float] = []
+    for name in names:
+        found += flatten(getattr(state, name))
+    return found
+
+
+def refill(template: Value, values: Iterator[float]) -> Value:
+    """Return the template with other floats; the inverse of ``flatten``."""
+    whole: Any = template
+    if isinstance(whole, float):
+        found: Any = next(values)
+        return found
+    names = field_names(whole) or ()
+    return type(whole)(*(refill(getattr(whole, name), values) for name in names))
+
+
+def matrix_of(step: Callable[[list[float]], list[float]], inputs: int) -> Array:
+    """Return the matrix of a linear step that takes ``inputs`` numbers, shape (outputs, inputs)."""
+    columns: list[list[float]] = []
+    for index in range(inputs):
+        given = [0.0] * inputs
+        given[index] = SMALL
+        columns.append(step(given))
+    found = np.array(columns).T / SMALL
+    found.setflags(write=False)
+    return found
+
+
+def law_matrix(law: Law) -> Array:
+    """Return the matrix of ``law.step``: (x in µm, F in mN, u_{k-1} in V, state) to (u_k, state).
+
+    Shape (1 + n, 3 + n) with n floats of state, u_k in V. It is the law's own ``linearise`` where
+    the law brings one, which may order its n states as it likes.
+    """
+    if law.definition.linearise is not None:
+        return law.definition.linearise(law)
+    template = control_law.start(law, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)
+
+    def step(given: list[float]) -> list[float]:
+        x_um, force_mN, applied_V, *state = given
+        after, output = control_law.step(
+            law,
+            refill(template, iter(state)),
+            x_um=x_um,
+            force_mN=force_mN,
+            applied_V=applied_V,
+            x_r_um=0.0,
+            force_r_mN=0.0,
+            limited=0,
+        )
+        return [output.voltage_V, *flatten(after)]
+
+    return matrix_of(step, 3 + len(flatten(template)))
+
+
+@lru_cache(maxsize=256)
+def law_block(
+    settings: LawSettings, arm: ArmParameters, period_s: float, force_filter_s: float
+) -> Array:
+    """Return ``law_matrix`` of a law; arguments and exceptions are those of ``law.build``."""
+    return law_matrix(control_law.build(settings, arm, period_s, force_filter_s))
+
+
+@lru_cache(maxsize=64)
+def observer_block(observer: ForceObserver) -> Array:
+    """Return the matrix of ``observe``: (x, x_1 in µm, u_{k-1} in V, state) to (F̂ in mN, state).
+
+    Shape (1 + n, 3 + n) with n floats of state.
+    """
+
+    def step(given: list[float]) -> list[float]:
+        x_um, free_um, voltage_V, *state = given
+        after, force_mN = with_state(observer, tuple(state)).observe(x_um, free_um, voltage_V)
+        return [force_mN, *state_of(after)]
+
+    return matrix_of(step, 3 + len(state_of(observer)))
 
 
 def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
@@ -65,7 +171,7 @@ def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
 
     The states are (x, ẋ/ω_n in µm, y, u_{k-1} in V), the observer's, the law's. Those that reach
     the position in no case are dropped, and they are 0 in the cases in which they do not reach it:
-    such is ε without a switching term, an integrator nobody reads.
+    such is ε without a switching term, an integrator that nothing reads.
     """
     found = _closed(loop, cases)
     acts = _acting(found)
@@ -77,9 +183,9 @@ def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
 
 @lru_cache(maxsize=256)
 def _controller(loop: Loop) -> tuple[Array, Array]:
-    """From (F fed, x, u_{k-1}, observer, law) to (u_k, observer, law), and the row of F̂.
+    """From (F, x, u_{k-1}, observer, law) to (u_k, observer, law), and the row of F̂.
 
-    The law's row for F stands apart, since what it is fed depends on the case.
+    The law's row for F stands apart, since its force input depends on the case.
     """
     arm = loop.arm
     observer = loop.observer
@@ -89,7 +195,7 @@ def _controller(loop: Loop) -> tuple[Array, Array]:
     law = law_block(loop.law, arm, loop.period_s, loop.force_filter_s)
     seen, kept = watch.shape[0] - 1, law.shape[0] - 1
     size = 3 + seen + kept
-    # What the observer is fed: x, x_1 = d_p·u_{k-1}, u_{k-1}, its state.
+    # Inputs of the observer: x, x_1 = d_p·u_{k-1}, u_{k-1}, its state.
     feed = np.zeros((3 + seen, size))
     feed[0, 1], feed[1, 2], feed[2, 2] = 1.0, arm.d / arm.k, 1.0
     feed[3:, 3 : 3 + seen] = np.eye(seen)
@@ -97,10 +203,10 @@ def _controller(loop: Loop) -> tuple[Array, Array]:
     found = np.zeros((1 + seen + kept, size))
     found[1 : 1 + seen] = watched[1:]
     # The law's columns are x, F, u_{k-1}, state; its rows are u_k, state.
-    fed = np.zeros((law.shape[1], size))
-    fed[0, 1] = fed[1, 0] = fed[2, 2] = 1.0
-    fed[3:, 3 + seen :] = np.eye(kept)
-    made = law @ fed
+    inputs = np.zeros((law.shape[1], size))
+    inputs[0, 1] = inputs[1, 0] = inputs[2, 2] = 1.0
+    inputs[3:, 3 + seen :] = np.eye(kept)
+    made = law @ inputs
     found[0], found[1 + seen :] = made[0], made[1:]
     return found, watched[0]
 
@@ -110,7 +216,7 @@ def _closed(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     transition, drive = sampled_arms(loop.arm, loop.period_s, loop.output_lag_s, cases)
     rest = controller.shape[0] - 1
     size = ARM_STATES + rest
-    # What the controller is fed, of each case's states: F, x, u_{k-1}, observer and law.
+    # Inputs of the controller, of each case's states: F, x, u_{k-1}, observer and law.
     feed = np.zeros((len(cases), controller.shape[1], size))
     feed[:, 1, X] = feed[:, 2, VOLTAGE] = 1.0
     feed[:, 3:, ARM_STATES:] = np.eye(rest)
@@ -118,8 +224,8 @@ def _closed(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     if loop.force == "true":
         feed[:, 0, X] = stiffness
     else:
-        fed = (stiffness > 0.0) | loop.fed_force
-        feed[:, 0, :] = np.where(fed[:, None], reading @ feed, 0.0)
+        acts = (stiffness > 0.0) | loop.force_when_free
+        feed[:, 0, :] = np.where(acts[:, None], reading @ feed, 0.0)
     made = controller @ feed
     found = np.zeros((len(cases), size, size))
     found[:, :ARM_STATES] = drive[:, :, None] * made[:, :1]

@@ -4,7 +4,7 @@ from math import log
 
 import numpy as np
 
-from pincette.control.stability.loop_blocks import Array
+from pincette.control.laws.definition import Array
 from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, loop_matrices
 from pincette.control.stability.sampled_arm import LoopCase
 
@@ -14,11 +14,6 @@ ROUNDING = 1e-9
 """What an eigenvalue of 1 may come out above 1."""
 NEXT_TO = 1e-8
 """Shift of the inverse iteration."""
-
-
-def spectral_radii(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
-    """Largest |λ| of each case's matrix, shape (cases,)."""
-    return np.max(np.abs(np.linalg.eigvals(loop_matrices(loop, cases))), axis=1)
 
 
 def settling_ticks(radius: float) -> float:

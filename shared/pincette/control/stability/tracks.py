@@ -1,18 +1,30 @@
 """``tuning.track`` over arrays, for thousands of gains: several plans played with one law.
 
 Arrays and flat records alone, so that it can be compiled as it stands; the bits are those of
-``track``. The law's step is PBSMIC's; for DSMIFC the linker puts the other one there.
+``track``. ``law_step`` stands for the step of a law, which the linker puts there.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pincette.control.arm.mode import Mode
-from pincette.control.laws import pbsmic
-from pincette.control.laws.fed import Fed, fed_force
-from pincette.control.laws.pbsmic import PbsmicParameters, PbsmicState
-from pincette.control.response.plays import Floats, Plays, crept, yielded
+from pincette.control.laws.force_input import ForceInput, input_force
+from pincette.control.laws.sliding import LawOutput
+from pincette.control.response.play_operators import Floats, Plays, crept, yielded
 
-law_step = pbsmic.step
+
+def law_step(
+    parameters: Any,
+    state: Any,
+    *,
+    x_um: float,
+    force_mN: float,
+    applied_V: float,
+    x_r_um: float,
+    force_r_mN: float,
+    limited: int,
+) -> tuple[Any, LawOutput]:
+    """As ``LawDefinition.step``, in whose place this stands until a kernel is linked."""
+    raise NotImplementedError
 
 
 class PressedArm(NamedTuple):
@@ -36,9 +48,9 @@ class PressedArm(NamedTuple):
 
 def tracks(
     k: PressedArm,
-    parameters: PbsmicParameters,
-    begun: PbsmicState,
-    fed: Fed,
+    parameters: Any,
+    begun: Any,
+    force: ForceInput,
     model: Plays,
     begun_V: Floats,
     begun_um: Floats,
@@ -70,7 +82,7 @@ def tracks(
             k,
             parameters,
             begun,
-            fed,
+            force,
             model,
             plays_V,
             creep_um,
@@ -84,9 +96,9 @@ def tracks(
 
 def one_track(
     k: PressedArm,
-    parameters: PbsmicParameters,
-    state: PbsmicState,
-    fed: Fed,
+    parameters: Any,
+    state: Any,
+    force: ForceInput,
     model: Plays,
     plays_V: Floats,
     creep_um: Floats,
@@ -109,8 +121,8 @@ def one_track(
         x_r_um = x_e_um + force_r_mN / planned_mN_per_um
         true_mN = k.stiffness_mN_per_um * (x_um - x_e_um)
         read_mN = true_mN + force_error_mN - noise * k.arm_k_mN_per_um
-        force_mN, before_error_mN = fed_force(
-            fed, read_mN, force_r_mN, before_r_mN, before_error_mN
+        force_mN, before_error_mN = input_force(
+            force, read_mN, force_r_mN, before_r_mN, before_error_mN
         )
         before_r_mN = force_r_mN
         state, output = law_step(

@@ -5,8 +5,8 @@ in contact, with the sensor's noise and a plan that errs by what the identificat
 leaves open; what it trades is position against force.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from math import sqrt
 
@@ -14,12 +14,11 @@ from pincette.control.arm.mode import Mode, sample_mode
 from pincette.control.arm.plant import ArmParameters
 from pincette.control.checks import require_positive
 from pincette.control.laws import law as control_law
-from pincette.control.laws.law import LawSettings, Scheme
+from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.response.free_response import FreeResponse
 
-K_P_GRID = (0.1, 0.2, 0.35, 0.5, 1.0, 2.0)
-"""Of K_P with K_I = 1; without switching only K_I/(K_P + K_I) acts."""
-K_F_GRID = (0.0, 1000.0, 2000.0, 3500.0, 5000.0, 7500.0, 10000.0, 15000.0)
+Grid = Mapping[str, Sequence[float]]
+"""Values to try of each gain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,15 +91,14 @@ def track_each(
 def tune(
     rig: TuningRig,
     path: TuningPath,
-    scheme: Scheme,
+    definition: LawDefinition,
     radius: Callable[[LawSettings], float],
     *,
     radius_limit: float,
-    K_P: Sequence[float] = K_P_GRID,
-    K_f: Sequence[float] = K_F_GRID,
+    grid: Grid | None = None,
     tracks: Tracks = track_each,
 ) -> Tuning:
-    """Search K_P and K_f on a grid, the switching term off.
+    """Search the gains of a law on a grid, the others at their defaults.
 
     The balanced candidate is that of the front whose larger error, in per cent, is smallest.
 
@@ -111,19 +109,24 @@ def tune(
         the limit any that does so will do.
     radius_limit
         Candidates that reach it do not count.
+    grid
+        None: that of the law.
     tracks
         How the candidates are played; the numbers are those of ``track``.
 
     Raises
     ------
     ValueError
-        Where the path is shorter than its settling, or no candidate is within the limit.
+        Where the path is shorter than its settling, the law brings no grid, or no candidate is
+        within the limit.
     """
-    start = control_law.default_settings(scheme, "consistent")
+    searched = dict(definition.search) if grid is None else grid
+    if not searched:
+        raise ValueError(f"{definition.title} has no search for gains: give them one by one")
+    start = definition.settings()
     laws = [
-        replace(start, K_P=proportional, K_f=force_gain)
-        for proportional in K_P
-        for force_gain in K_f
+        start.with_gains(**dict(zip(searched, values, strict=True)))
+        for values in product(*searched.values())
     ]
     found = tracks(rig, path, laws, _sides(rig))
     left = [_candidate(rig, path, law, errors) for law, errors in zip(laws, found, strict=True)]
@@ -190,7 +193,7 @@ def track(
 ) -> tuple[float, float]:
     """Errors x - x_r in µm and F - F_r in mN, r.m.s. over the settled part, on x_r = x_e + F_r/K.
 
-    The force is fed with an error, and with the noise that an estimate from the position has.
+    The law gets the force with an error, and with the noise that an estimate from the position has.
     """
     samples = len(path.force_r_mN) - path.settled
     if samples < 1 or len(rig.noise_um) < len(path.force_r_mN):

@@ -13,7 +13,7 @@ import re
 from typing import Literal
 
 from pincette.instruments.icpdas.dcon import CHECKSUM_BYTES, DconModule
-from pincette.instruments.protocols import Cause, InstrumentError
+from pincette.instruments.protocols import ErrorCode, InstrumentError
 
 HEARTBEAT = b"~**"
 TICK_S = 0.1
@@ -73,20 +73,20 @@ class HostWatchdog:
         try:
             self._module.tell(HEARTBEAT)
         except InstrumentError as error:
-            self.learn(error.cause)
+            self.learn(error.code)
             raise
 
-    def learn(self, cause: Cause | None) -> None:
+    def learn(self, code: ErrorCode | None) -> None:
         """Take note of how a write went; None where it was accepted."""
         if self._state == "off":
             return
-        self._unconfirmed = cause in UNCONFIRMED
-        if cause == "tripped":
+        self._unconfirmed = code in UNCONFIRMED
+        if code == "tripped":
             self._state = "tripped"
-        elif cause is None and self._state == "tripped":
+        elif code is None and self._state == "tripped":
             # Somebody else has cleared it, and a module that has tripped is not armed.
             self._state = "waiting"
-        elif cause == "silent" and self._state == "armed":
+        elif code == "silent" and self._state == "armed":
             self._state = "unsure"
 
     def resume(self) -> bool:

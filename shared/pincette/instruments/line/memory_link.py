@@ -13,13 +13,13 @@ class MemoryLink:
     """Hands each request to a function and returns what it says; None is silence.
 
     An answer of several lines holds ``terminator`` between them; the first that ``accept`` takes
-    is returned, as over a port.
+    is returned, as over a port. Without a terminator an answer is taken whole.
     """
 
     def __init__(
         self,
         answer: Callable[[bytes], bytes | None],
-        terminator: bytes = b"\r",
+        terminator: bytes | None = b"\r",
         accept: Callable[[bytes], bool] = _every,
     ) -> None:
         self._answer = answer
@@ -37,7 +37,8 @@ class MemoryLink:
         """
         reply = self._said(request)
         if reply is not None:
-            for line in reply.split(self._terminator):
+            lines = [reply] if self._terminator is None else reply.split(self._terminator)
+            for line in lines:
                 if self._accept(line):
                     return line
         raise InstrumentError(f"memory: no answer to {request[:40]!r}; check the address", "silent")

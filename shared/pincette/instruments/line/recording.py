@@ -20,12 +20,12 @@ from pathlib import Path
 from typing import get_args
 
 from pincette.instruments.line.serial_link import escaped
-from pincette.instruments.protocols import Cause, InstrumentError, Link
+from pincette.instruments.protocols import ErrorCode, InstrumentError, Link
 
 HEAD = "# pincette dialogue 1"
 OPENED = "!open"
 MARKED = re.compile("![a-z]")
-CAUSES: dict[str, Cause] = {cause: cause for cause in get_args(Cause)}
+CAUSES: dict[str, ErrorCode] = {cause: cause for cause in get_args(ErrorCode)}
 
 _log = logging.getLogger(__name__)
 
@@ -72,7 +72,7 @@ class Recorder:
         columns = [_written(request)]
         if isinstance(outcome, InstrumentError):
             text = str(outcome).encode("unicode_escape").decode("ascii")
-            columns.append(f"!{outcome.cause} {text}")
+            columns.append(f"!{outcome.code} {text}")
         elif outcome is not None:
             columns.append(_written(outcome))
         self._note(columns)

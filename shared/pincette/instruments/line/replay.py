@@ -46,14 +46,14 @@ class ReplayLink:
         if outcome is None:
             raise self._unlike(request, "wants an answer, recorded without one")
         if isinstance(outcome, InstrumentError):
-            raise InstrumentError(str(outcome), outcome.cause)
+            raise InstrumentError(str(outcome), outcome.code)
         return outcome
 
     def tell(self, line: bytes) -> None:
         """Find the line in the recording; raises InstrumentError as ``exchange`` does."""
         outcome = self._taken(line).outcome
         if isinstance(outcome, InstrumentError):
-            raise InstrumentError(str(outcome), outcome.cause)
+            raise InstrumentError(str(outcome), outcome.code)
         if outcome is not None:
             raise self._unlike(line, f"wants no answer, recorded with {outcome[:40]!r}")
 

@@ -106,7 +106,7 @@ class Line:
             return self._converse(line, answered=answered)
         except InstrumentError as error:
             self._clean = False
-            _log.debug("%s: %s -> %s: %s", self.url, _Escaped(line), error.cause, error)
+            _log.debug("%s: %s -> %s: %s", self.url, _Escaped(line), error.code, error)
             raise
 
     def _converse(self, line: bytes, *, answered: bool) -> bytes:
@@ -157,7 +157,7 @@ class Line:
         except InstrumentError as error:
             self._drop()
             text = f"{self.url}: opened again, but the instrument cannot work on: {error}"
-            raise InstrumentError(text, error.cause) from error
+            raise InstrumentError(text, error.code) from error
         finally:
             self._opening_until_s = None
         _log.warning("%s: opened again after it had hung up", self.url)

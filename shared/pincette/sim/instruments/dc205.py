@@ -47,11 +47,7 @@ class _CommandError(Exception):
 
 @dataclass(slots=True)
 class SimulatedDC205:
-    """A source whose terminals drive the plant through ``put_out``.
-
-    It is called for each voltage that is set while the output is on, and where the output is
-    switched on or off.
-    """
+    """A source that calls ``put_out`` for each voltage while it is on, and at each switch."""
 
     put_out: Callable[[float], None]
     overloaded: bool = False

@@ -40,11 +40,7 @@ class _Channel:
 
 @dataclass(slots=True)
 class SimulatedI7024:
-    """Four channels, of which ``channel`` drives the plant through ``put_out``.
-
-    The watchdog is looked at whenever a line arrives and whenever the wire is idle, on
-    ``clock()`` in seconds.
-    """
+    """Four channels, one of which drives the plant; lines and idle times drive the watchdog."""
 
     put_out: Callable[[float], None]
     clock: Callable[[], float]

@@ -6,7 +6,7 @@ head again; KL,1 locks the panel's keys, of which ``press_zero`` is one; a setti
 answer on. It starts in measuring mode, at 20 µs without averaging.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from pincette.sim.instruments.keyence_commands import (
     CODES,
@@ -31,19 +31,9 @@ TERMINATOR = b"\r"
 class SimulatedKeyence:
     """A controller whose outputs all show ``measure()``, in µm; None is an invalid reading.
 
-    Parameters
-    ----------
-    clock
-        In seconds; only a mode change looks at it. It must go on by itself: a lockstep's does not.
-    mode_change_s
-        How long R0 and Q0 take after their answer.
-    set_averaging
-        Told the time that output 1 averages over, where a setting changes it: sampling period
-        times samples. The plant gives the average.
-    unsolicited_every
-        Before each n-th answer it sends TG,01 and the value; 0 never, as where it measures not.
-    processing_s
-        From the end of a command to the begin of its answer, by the command's main part.
+    ``clock`` measures changes of mode, and must go on by itself. ``set_averaging`` gets the time
+    that output 1 averages over when it changes. Before each n-th answer (``unsolicited_every``, 0:
+    never) TG,01 is sent.
     """
 
     def __init__(
@@ -56,7 +46,6 @@ class SimulatedKeyence:
         mode_change_s: float = 0.0,
         set_averaging: Callable[[float], None] | None = None,
         unsolicited_every: int = 0,
-        processing_s: Mapping[bytes, float] | None = None,
     ) -> None:
         self.trouble: Fault | None = None
         """Fault of its own, such as "timeout", that measuring commands are answered by."""
@@ -67,7 +56,6 @@ class SimulatedKeyence:
         self._mode_change_s = mode_change_s
         self._set_averaging = set_averaging
         self._unsolicited_every = unsolicited_every
-        self._processing_s = dict(processing_s or {})
         self._measuring = True
         self._changed_at_s = float("-inf")
         self._locked = False
@@ -89,10 +77,6 @@ class SimulatedKeyence:
 
     def idle(self) -> None:
         """Do nothing: this instrument speaks only when asked, and beside that."""
-
-    def processing_s(self, line: bytes) -> float:
-        """Time that the answer to a line waits for."""
-        return self._processing_s.get(line.strip().upper().split(b",")[0], 0.0)
 
     def answer(self, line: bytes) -> bytes | None:
         """Answer one command line; commands are case-insensitive."""

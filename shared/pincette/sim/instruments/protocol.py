@@ -1,6 +1,6 @@
 """What a simulated instrument is to the wire: a table of commands, free of I/O."""
 
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 TERMINATOR = b"\r"
 
@@ -14,13 +14,4 @@ class Instrument(Protocol):
 
     def idle(self) -> None:
         """Let the instrument look at its own clock; called while no line arrives."""
-        ...
-
-
-@runtime_checkable
-class Thinking(Instrument, Protocol):
-    """An instrument that takes its time before it answers."""
-
-    def processing_s(self, line: bytes) -> float:
-        """Time from the end of a line to the begin of its answer."""
         ...

@@ -18,10 +18,6 @@ class AmplifierParameters:
     slew_V_per_s: float = math.inf
     lag_s: float = 0.0
 
-    def limited_V(self, input_V: float) -> float:
-        """Voltage that it aims at."""
-        return limited_V(self, input_V)
-
 
 IDEAL = AmplifierParameters()
 """An amplifier whose output is its input."""

@@ -64,10 +64,7 @@ class ArmNumbers(NamedTuple):
 
 @lru_cache(maxsize=64)
 def arms_of(p: PlantParameters) -> Arms:
-    """The modes of a plant's arms; raises ValueError where a motion does not oscillate.
-
-    Plants of the same numbers have the same arms: LAPACK is asked once.
-    """
+    """The modes of a plant's arms, computed once for the same numbers; ValueError if overdamped."""
     return _arms(ArmNumbers(*(getattr(p, name) for name in ArmNumbers._fields)))
 
 

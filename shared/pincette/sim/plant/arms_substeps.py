@@ -105,7 +105,6 @@ def _presses(k: MotionConstants) -> bool:
 
 
 def _tip_um(k: MotionConstants, m: Motion) -> float:
-    """Position of the driven tip."""
     tip, (a, b, c) = k.joined.tip if m.joined else k.apart.tip, m.w
     p, q, r = tip[0], tip[1], tip[2]
     swing = p.real * a.real - p.imag * a.imag

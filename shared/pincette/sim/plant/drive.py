@@ -2,7 +2,8 @@
 
     output      τ·u̇ = u_target - u                        (first-order lag, quantised target)
     amplifier   w = amplifier(u)                            (``amplifier``; w = u by default)
-    hysteresis  ḣ = A·ẇ - b·|ẇ|·h - g·ẇ·|h|,  y = d·w·(1 + κ·w) - h          (Bouc-Wen)
+    hysteresis  y = d·w·(1 + κ·w) - h, with ḣ = A·ẇ - b·|ẇ|·h - g·ẇ·|h| after Bouc-Wen
+                                         or h = g·(w - P[w]) of relays (``relays``)
     creep       τ_i·ċ_i = γ·y - c_i,  x_f = y + Σ c_i,  τ_i a decade apart
 
 Nothing here depends on how the arm moves.
@@ -13,11 +14,14 @@ from collections.abc import MutableSequence, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters, advance_amplifier
-from pincette.sim.plant.creep import creep_gains
+from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters, advance_amplifier, limited_V
 from pincette.sim.plant.hysteresis import BoucWen, follow_voltages
 from pincette.sim.plant.parameters import PlantParameters
+from pincette.sim.plant.relays import Relays, follow_relays
 from pincette.sim.plant.state import CreepStates, PlantState
+
+CREEP_TIMES_S = (0.1, 1.0, 10.0, 100.0, 1000.0)
+NO_BOUC_WEN = BoucWen(0.0, 0.0, 0.0)
 
 
 class DriveConstants(NamedTuple):
@@ -32,6 +36,7 @@ class DriveConstants(NamedTuple):
     """Whether the amplifier's output is anything but its input."""
     amplifier: AmplifierParameters
     hysteresis: BoucWen
+    """Without effect where there are relays."""
     d: float
     kappa: float
     scale: float
@@ -84,10 +89,17 @@ def drive(
     target_V, rests_um, voltages_V = state.target_V, [0.0] * count, [0.0] * len(each_V)
     constants, before = drive_constants(p, dt_s), electrical(state)
     scratch = [0.0] * count
-    after = drive_substeps(constants, before, target_V, each_V, rests_um, voltages_V, scratch)
+    turns = state.turns
+    if isinstance(p.hysteresis, Relays):
+        put_out = _put_out(constants, before, target_V, each_V, rests_um, voltages_V)
+        turns = follow_relays(p.hysteresis, before.drive_V, turns, rests_um, scratch)
+        h = scratch[-1] if scratch else before.hysteresis_um
+        after = _bent(constants, before, put_out, h, rests_um, scratch)
+    else:
+        after = drive_substeps(constants, before, target_V, each_V, rests_um, voltages_V, scratch)
     target_V = each_V[-1] if each_V else target_V
     reached_V = (target_V, after.voltage_V, after.slewed_V, after.drive_V)
-    driven = state.driven(reached_V, after.hysteresis_um, after.creep_um, count * dt_s)
+    driven = state.driven(reached_V, after.hysteresis_um, after.creep_um, count * dt_s, turns)
     return driven, rests_um, voltages_V
 
 
@@ -107,21 +119,18 @@ def drive_substeps(
     voltages_V: MutableSequence[float],
     scratch: MutableSequence[float],
 ) -> Electrical:
-    """As many substeps as ``rests_um`` has places; fills x_f after each, and returns the end.
+    """As many substeps as ``rests_um`` has places, of a plant with Bouc-Wen hysteresis.
+
+    Fills x_f after each, and returns the end.
 
     The output goes to ``target_V``; where ``targets_V`` has a target for each substep, to those,
     and ``voltages_V`` is filled with the voltage after each. ``scratch`` is as long as
     ``rests_um``. Floats and flat records alone, so that it can be compiled as it stands.
     """
-    at = before.creep_um
-    lasting = at[0] != 0.0 or at[1] != 0.0 or at[2] != 0.0 or at[3] != 0.0 or at[4] != 0.0
     # The same place holds w, then y, then x_f of a substep.
-    u, slewed, w = _put_out(k, before, target_V, targets_V, rests_um, voltages_V)
+    put_out = _put_out(k, before, target_V, targets_V, rests_um, voltages_V)
     h = follow_voltages(k.hysteresis, before.drive_V, before.hysteresis_um, rests_um, scratch)
-    _bend(k, rests_um, scratch)
-    if k.gamma != 0.0 or k.sag_um != 0.0 or lasting:
-        at = _crept(k, at, rests_um)
-    return Electrical(u, slewed, w, h, at)
+    return _bent(k, before, put_out, h, rests_um, scratch)
 
 
 def _put_out(
@@ -154,12 +163,25 @@ def _put_out(
     return u, slewed if amplifies else u, w
 
 
-def _bend(k: DriveConstants, ways: MutableSequence[float], levels_um: Sequence[float]) -> None:
-    """Put y in the place of each w, with h after each."""
+def _bent(
+    k: DriveConstants,
+    before: Electrical,
+    put_out: tuple[float, float, float],
+    h: float,
+    ways: MutableSequence[float],
+    levels_um: Sequence[float],
+) -> Electrical:
+    """Put y, then x_f in the place of each w, with h after each; returns the end."""
     d, kappa, scale = k.d, k.kappa, k.scale
     for index in range(len(ways)):
         w = ways[index]
         ways[index] = d * w * (1.0 + kappa * w) - scale * levels_um[index]
+    at = before.creep_um
+    lasting = at[0] != 0.0 or at[1] != 0.0 or at[2] != 0.0 or at[3] != 0.0 or at[4] != 0.0
+    if k.gamma != 0.0 or k.sag_um != 0.0 or lasting:
+        at = _crept(k, at, ways)
+    u, slewed, w = put_out
+    return Electrical(u, slewed, w, h, at)
 
 
 def _crept(k: DriveConstants, at: CreepStates, rests_um: MutableSequence[float]) -> CreepStates:
@@ -189,7 +211,7 @@ def drive_constants(p: PlantParameters, dt_s: float) -> DriveConstants:
         lags=p.output_lag_s > 0.0,
         amplifies=p.amplifier != IDEAL,
         amplifier=p.amplifier,
-        hysteresis=p.hysteresis,
+        hysteresis=p.hysteresis if isinstance(p.hysteresis, BoucWen) else NO_BOUC_WEN,
         d=p.piezo_um_per_V,
         kappa=p.curvature_per_V,
         scale=p.hysteresis_scale,
@@ -209,11 +231,18 @@ def creep_alone(p: PlantParameters, state: PlantState, dt_s: float) -> PlantStat
         c + (push - c) * gain for c, gain in zip(state.creep_um, creep_gains(dt_s), strict=True)
     )
     voltages_V = state.target_V, state.voltage_V, state.slewed_V, state.drive_V
-    return state.driven(voltages_V, state.hysteresis_um, (c0, c1, c2, c3, c4), dt_s)
+    return state.driven(voltages_V, state.hysteresis_um, (c0, c1, c2, c3, c4), dt_s, state.turns)
 
 
 def settling_s(p: PlantParameters, state: PlantState) -> float:
     """Time constant of the voltage's way to the arm, and the time that the slew limit takes."""
     amplifier = p.amplifier
-    way_V = abs(amplifier.limited_V(state.target_V) - state.slewed_V)
+    way_V = abs(limited_V(amplifier, state.target_V) - state.slewed_V)
     return p.output_lag_s + amplifier.lag_s + way_V / amplifier.slew_V_per_s
+
+
+@lru_cache(maxsize=64)
+def creep_gains(dt_s: float) -> CreepStates:
+    """1 - exp(-dt/τ_i): by how much each lag approaches a constant input."""
+    g0, g1, g2, g3, g4 = (-math.expm1(-dt_s / time_s) for time_s in CREEP_TIMES_S)
+    return g0, g1, g2, g3, g4

@@ -14,14 +14,9 @@ NOT_SHORT = -1.0
 
 @dataclass(frozen=True, slots=True)
 class BoucWen:
-    """Coefficients of ḣ = A·u̇ - b±·|u̇|·h - g·u̇·|h|, with h in µm and u in V.
+    """Coefficients of ḣ = A·u̇ - b±·|u̇|·h - g·u̇·|h|, with h in µm and u in V; raises ValueError.
 
     b is b·(1 + asymmetry) while u rises, b·(1 - asymmetry) while it falls.
-
-    Raises
-    ------
-    ValueError
-        Where b of either way is below |g|: h would then not stay bounded.
     """
 
     A_um_per_V: float

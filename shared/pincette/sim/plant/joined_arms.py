@@ -21,7 +21,6 @@ from pincette.sim.plant.arms import arms_of
 from pincette.sim.plant.arms_substeps import pass_substeps
 from pincette.sim.plant.changes import change
 from pincette.sim.plant.contact import static_force_mN
-from pincette.sim.plant.fate import befall
 from pincette.sim.plant.motion import (
     Motion,
     MotionConstants,
@@ -31,8 +30,8 @@ from pincette.sim.plant.motion import (
     motion_of,
     tips_of,
 )
-from pincette.sim.plant.parameters import PlantParameters
-from pincette.sim.plant.state import PlantState
+from pincette.sim.plant.parameters import PartParameters, PlantParameters
+from pincette.sim.plant.state import Event, PlantState
 
 
 def move_arms(
@@ -144,3 +143,21 @@ def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> floa
     """Contact force with x_f at ``rest_um``; negative where the part sticks and is pulled."""
     k = motion_constants(p, p.substep_s)
     return force_mN(k, motion_of(k, tips(state), rest_um, there=touchable(p, state)))
+
+
+def befall(
+    part: PartParameters, held_s: float, force_mN: float, dt_s: float, now_s: float
+) -> tuple[float, Event | None]:
+    """For how long the force has carried the part after ``dt_s`` with it, and how it went if so.
+
+    Lifted is a part that the force has carried, F >= weight/(2µ), for ``lift_after_s``.
+    """
+    if force_mN > part.break_mN:
+        text = f"the part broke: {force_mN:.3f} mN are above {part.break_mN:.3f} mN"
+        return 0.0, Event(now_s, "broken", text)
+    if force_mN >= part.hold_mN:
+        return held_s + dt_s, None
+    if held_s < part.lift_after_s:
+        return 0.0, None
+    text = f"the part fell: {force_mN:.4f} mN are below the {part.hold_mN:.4f} mN that carry it"
+    return 0.0, Event(now_s, "lost", text)

@@ -60,13 +60,7 @@ def modal_system(
     tip: tuple[Matrix, Matrix],
     watched: tuple[Matrix, Matrix],
 ) -> ModalSystem:
-    """Modes of q̈ = -P·(q - rest) - D·q̇; ``tip`` and ``watched`` weigh (q - rest) and q̇.
-
-    Raises
-    ------
-    ValueError
-        Where a motion does not oscillate.
-    """
+    """Modes of q̈ = -P·(q - rest) - D·q̇; ``tip`` and ``watched`` weigh (q - rest) and q̇."""
     count = len(rest_by_input)
     rates, vectors, inverse = _eigen(by_position, by_speed)
 
@@ -96,10 +90,8 @@ def modal_system(
 
 
 def _eigen(by_position: Matrix, by_speed: Matrix) -> tuple[Eigen, Eigen, Eigen]:
-    """Rates above the real axis, their vectors (columns) and the rows of the inverse.
-
-    Arms that are apart are solved one by one: two alike would make one repeated eigenvalue.
-    """
+    """Rates above the real axis, their vectors (columns) and the rows of the inverse."""
+    # Arms that are apart are solved one by one: two alike would make one repeated eigenvalue.
     count = len(by_position)
     if not np.any(by_position - np.diag(np.diag(by_position))):
         sigma, squared = 0.5 * np.diag(by_speed), np.diag(by_position)

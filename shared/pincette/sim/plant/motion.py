@@ -64,10 +64,7 @@ class Motion(NamedTuple):
 
 
 class Tips(NamedTuple):
-    """Positions and speeds of both bending modes and of the passive tip, and how they are joined.
-
-    ``joined`` and ``dent_um`` are those of ``PlantState``.
-    """
+    """Positions and speeds of both bending modes and the passive tip; see ``PlantState``."""
 
     values: Components
     joined: bool

@@ -12,6 +12,7 @@ from pincette.sim.plant.contact import (
     pull_off_mN,
 )
 from pincette.sim.plant.hysteresis import BoucWen
+from pincette.sim.plant.relays import Relays, loop_of_relays
 
 FACES = 2
 """Of a part between two arms; both are pressed in alike."""
@@ -41,19 +42,13 @@ RIGID = PartParameters()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlantParameters:
-    """What the plant is; equal only to itself, so that what is derived from it is found at once.
-
-    Raises
-    ------
-    ValueError
-        Where a mode is not underdamped (ζ >= 1).
-    """
+    """What the plant is; equal only to itself, so that caches by identity hold its constants."""
 
     natural_frequency_rad_per_s: float
     damping_ratio: float
     compliance_um_per_mN: float
     piezo_um_per_V: float
-    hysteresis: BoucWen
+    hysteresis: BoucWen | Relays
     creep_per_decade: float
     output_step_V: float
     output_lag_s: float
@@ -90,27 +85,17 @@ class PlantParameters:
 
 
 def plant_parameters(simulation: Simulation) -> PlantParameters:
-    """Plant of a rig file.
-
-    Raises
-    ------
-    ValueError
-        Where the values are no plant, or step or lag of the output are still left to the driver.
-    """
+    """Plant of a rig file; raises ValueError."""
     if simulation.output_step_V is None or simulation.output_lag_s is None:
         raise ValueError("output_step_V, output_lag_s: left to the driver and not resolved")
-    shape, second = simulation.hysteresis, simulation.second_mode
+    second = simulation.second_mode
+    hysteresis, curvature_per_V = _hysteresis(simulation)
     return PlantParameters(
         natural_frequency_rad_per_s=simulation.natural_frequency_rad_per_s,
         damping_ratio=simulation.damping_ratio,
         compliance_um_per_mN=simulation.compliance_um_per_mN,
         piezo_um_per_V=simulation.piezo_um_per_V,
-        hysteresis=BoucWen(
-            A_um_per_V=shape.A_over_d * simulation.piezo_um_per_V,
-            b_per_V=shape.b_times_U / shape.full_drive_V,
-            g_per_V=shape.g_times_U / shape.full_drive_V,
-            asymmetry=shape.asymmetry,
-        ),
+        hysteresis=hysteresis,
         creep_per_decade=simulation.creep_per_decade,
         output_step_V=simulation.output_step_V,
         output_lag_s=simulation.output_lag_s,
@@ -119,7 +104,7 @@ def plant_parameters(simulation: Simulation) -> PlantParameters:
             simulation.environment_stiffness_mN_per_um if simulation.bead else 0.0
         ),
         substep_s=simulation.substep_s,
-        curvature_per_V=shape.curvature_per_V,
+        curvature_per_V=curvature_per_V,
         amplifier=_amplifier(simulation),
         second_share=second.share,
         second_frequency_ratio=second.frequency_ratio,
@@ -128,6 +113,24 @@ def plant_parameters(simulation: Simulation) -> PlantParameters:
         passive_damping_ratio=simulation.passive_damping_ratio,
         part=_part(simulation),
     )
+
+
+def _hysteresis(simulation: Simulation) -> tuple[BoucWen | Relays, float]:
+    """The shape, and the curvature of the line beside it."""
+    d, relays = simulation.piezo_um_per_V, simulation.relays
+    if relays is not None:
+        full_V = relays.full_drive_V
+        coercive_V, spread_V = relays.coercive_share * full_V, relays.spread_share * full_V
+        shares = loop_of_relays(d, relays.loop_share, full_V, coercive_V, spread_V, relays.centre_V)
+        return shares, relays.curvature_per_V
+    shape = simulation.bouc_wen
+    bouc_wen = BoucWen(
+        A_um_per_V=shape.A_over_d * d,
+        b_per_V=shape.b_times_U / shape.full_drive_V,
+        g_per_V=shape.g_times_U / shape.full_drive_V,
+        asymmetry=shape.asymmetry,
+    )
+    return bouc_wen, shape.curvature_per_V
 
 
 def _amplifier(simulation: Simulation) -> AmplifierParameters:

@@ -55,10 +55,7 @@ def move_plain_arm(
     *,
     tells: bool = False,
 ) -> tuple[PlantState, list[float]]:
-    """Substeps of equal length towards each of the free positions.
-
-    Also returns the position after each; where ``tells`` is not set, none.
-    """
+    """Substeps of equal length towards each free position; with ``tells``, also each position."""
     positions_um = [0.0] * (len(rests_um) if tells else 0)
     tip = state.x_um, state.speed_um_per_s
     constants, bead_um = plain_constants(p, dt_s), first_touch_um(p, state)

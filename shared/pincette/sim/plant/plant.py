@@ -50,7 +50,7 @@ def set_voltage(parameters: PlantParameters, state: PlantState, voltage_V: float
     """Give the output stage a target, rounded to its step."""
     target_V = quantised_V(parameters, voltage_V)
     voltages_V = target_V, state.voltage_V, state.slewed_V, state.drive_V
-    return state.driven(voltages_V, state.hysteresis_um, state.creep_um, 0.0)
+    return state.driven(voltages_V, state.hysteresis_um, state.creep_um, 0.0, state.turns)
 
 
 def contact_force_mN(parameters: PlantParameters, state: PlantState) -> float:
@@ -89,11 +89,6 @@ def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> Plan
 
     Beyond the time in which the output and the modes come to rest, one step is taken: what is
     left is creep, which is linear with a constant input, and the arm follows its equilibrium.
-
-    Raises
-    ------
-    ValueError
-        Where ``dt_s`` is negative or not finite.
     """
     if not 0.0 <= dt_s < math.inf:
         raise ValueError(f"dt_s = {dt_s} s: time runs forward and is finite")
@@ -111,14 +106,9 @@ def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> Plan
 def play(
     parameters: PlantParameters, state: PlantState, dt_s: float, voltages_V: Sequence[float]
 ) -> tuple[PlantState, list[float], list[float]]:
-    """Put out one voltage after the other, each for ``dt_s``, at most a substep.
+    """Put out one voltage after the other, each for ``dt_s``, at most a substep; raises ValueError.
 
     Also returns position in µm and voltage at the amplifier's input in V at the end of each.
-
-    Raises
-    ------
-    ValueError
-        Where ``dt_s`` is not above 0, or above the substep.
     """
     if not 0.0 < dt_s <= parameters.substep_s:
         raise ValueError(f"dt_s = {dt_s} s: above 0, up to a substep of {parameters.substep_s} s")
@@ -133,10 +123,7 @@ def _substeps(
     count: int,
     targets_V: Sequence[float] | None = None,
 ) -> tuple[PlantState, list[float], list[float]]:
-    """Substeps of equal length; the only code that runs at the substep's rate.
-
-    Where targets are given, also position and voltage at the end of each.
-    """
+    """Substeps of equal length; given targets, also position and voltage at the end of each."""
     driven, rests_um, voltages_V = drive(p, state, dt_s, count, targets_V)
     tells = targets_V is not None
     if p.elaborate:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
+from pincette.sim.plant.relays import Turns
+
 CreepStates = tuple[float, float, float, float, float]
 
 
@@ -46,6 +48,8 @@ class PlantState:
     elapsed_s: float = 0.0
     events: tuple[Event, ...] = ()
     """What has befallen the part; kept until it is taken out."""
+    turns: Turns = ()
+    """Turning points of the voltage that relays remember."""
 
     def driven(
         self,
@@ -53,11 +57,10 @@ class PlantState:
         hysteresis_um: float,
         creep_um: CreepStates,
         passed_s: float,
+        turns: Turns,
     ) -> "PlantState":
-        """With other voltages (target, input, slewed, drive), hysteresis and creep, later.
-
-        Like ``moved`` written out, since ``replace`` takes as long as twenty substeps.
-        """
+        """With other voltages (target, input, slewed, drive), hysteresis and creep, later."""
+        # Like ``moved`` written out, since ``replace`` takes as long as twenty substeps.
         target_V, voltage_V, slewed_V, drive_V = voltages_V
         return PlantState(
             target_V,
@@ -78,6 +81,7 @@ class PlantState:
             self.held_s,
             self.elapsed_s + passed_s,
             self.events,
+            turns,
         )
 
     def held(self, held_s: float, event: Event | None) -> "PlantState":
@@ -112,4 +116,5 @@ class PlantState:
             self.held_s,
             self.elapsed_s,
             self.events,
+            self.turns,
         )

@@ -34,13 +34,7 @@ class Capture:
         self._drive_V.append(drive_V)
 
     def drain(self) -> tuple[list[float], list[float]]:
-        """Give what is kept: positions in µm, drive in V.
-
-        Raises
-        ------
-        CaptureOverflowError
-            Where samples were missed since the last drain; what is kept is dropped.
-        """
+        """Give what is kept: positions in µm, drive in V; raises CaptureOverflowError."""
         drained = self._x_um, self._drive_V
         missed, self._missed = self._missed, 0
         self._x_um, self._drive_V = [], []

@@ -3,16 +3,17 @@
 import threading
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil
 
 from pincette.config import Simulation
 from pincette.sim.plant import plant
 from pincette.sim.plant.noise import GaussianNoise
 from pincette.sim.plant.state import Event
 from pincette.sim.rig.capture import Capture
-from pincette.sim.rig.orders import Orders
+from pincette.sim.rig.commands import Orders
 from pincette.sim.rig.timeline import Timeline
-from pincette.sim.rig.wave import NANOSECONDS, as_wave
+from pincette.sim.rig.wave import NANOSECONDS, Grid, Wave, checked_V
 
 TruthSink = Callable[[int, float, float, float], None]
 """Takes the number of the tick from 0, and what was true at the sample before it: position in
@@ -33,7 +34,7 @@ class Snapshot:
 
 
 class SimulatedRig(Orders):
-    """A plant in simulated time.
+    """A plant in simulated time; raises ValueError.
 
     Real time: each call first brings the plant to ``clock()``. Lockstep: time moves by
     ``put_out``, ``put_out_wave`` and ``go_on`` alone, one period at a time; the old voltage holds
@@ -41,12 +42,6 @@ class SimulatedRig(Orders):
     stands still, and looking at it changes nothing: the noise of a sample is keyed by the number
     of ticks, not of looks. A voltage is taken at once, so that whoever wrote it need not wait for
     the plant, which moves by ``pass_time`` or before anything looks at it.
-
-    Raises
-    ------
-    ValueError
-        Where the plant is impossible, or in lockstep where ``actuation_delay_s`` exceeds the
-        period.
     """
 
     def __init__(
@@ -107,17 +102,22 @@ class SimulatedRig(Orders):
                 pass
 
     def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
-        """Begin to put out one voltage each 1/rate, the last for good; in lockstep, end the tick.
+        """Begin to put out one voltage each 1/rate, or raise ValueError; in lockstep, end the tick.
 
-        Raises
-        ------
-        ValueError
-            Where there is no voltage, one is not finite, or the rate is no rate; nothing has
-            happened then.
+        While a capture runs a wave counts from its next sample, as where both share one clock, so
+        that the plant has one step between samples and not two: it is nine times as fast by that.
         """
-        as_wave(voltages_V, rate_hz, 0)
+        samples_V, grid = checked_V(voltages_V), Grid(0, rate_hz)
         with self._tick() as timeline:
-            timeline.wave = as_wave(voltages_V, rate_hz, timeline.time_ns)
+            begin_ns = _next_sample_ns(timeline.capture, timeline.time_ns, rate_hz)
+            timeline.wave = Wave(replace(grid, begin_ns=begin_ns), samples_V)
+
+    def extend_wave(self, voltages_V: Sequence[float]) -> None:
+        """Let a wave that plays go on with these voltages; raises ValueError where none plays."""
+        with self._present() as timeline:
+            if timeline.wave is None:
+                raise ValueError("the wave is over: it came to its last voltage before these came")
+            timeline.wave.voltages_V.extend(checked_V(voltages_V))
 
     def go_on(self) -> None:
         """In lockstep, end the tick without a write; in real time, nothing."""
@@ -139,13 +139,7 @@ class SimulatedRig(Orders):
             timeline.capture = Capture(timeline.time_ns, rate_hz)
 
     def drain(self) -> tuple[list[float], list[float]]:
-        """Readings in µm and voltages at the amplifier's input in V since the last drain.
-
-        Raises
-        ------
-        ValueError
-            Where no capture runs, or its buffer has overflown.
-        """
+        """Readings in µm and amplifier inputs in V since the last drain; raises ValueError."""
         with self._present() as timeline:
             if timeline.capture is None:
                 raise ValueError("no capture is running: nothing can be drained")
@@ -164,13 +158,13 @@ class SimulatedRig(Orders):
     def events(self) -> list[Event]:
         """What has befallen the rig so far, in its own time."""
         with self._present():
-            return self._told()
+            return self._dated_events()
 
     def snapshot(self) -> Snapshot:
         """What is true now."""
         with self._present() as timeline:
             present = timeline.state.part == "there"
-            voltage_V, events = timeline.state.voltage_V, tuple(self._told())
+            voltage_V, events = timeline.state.voltage_V, tuple(self._dated_events())
             time_s = self._began_s + timeline.time_ns * 1e-9
             return Snapshot(time_s, *self._look(), voltage_V, present, events)
 
@@ -199,13 +193,11 @@ class SimulatedRig(Orders):
             self._truth(seq, *sample, target_V)
 
     def _pass_delay(self, tick: int) -> None:
-        """Let the old voltage hold until the new one comes."""
         delay_s = self._simulation.actuation_delay_s
         begin_ns = round(tick * self._period_s * NANOSECONDS)
         self._timeline.pass_to(begin_ns + round(delay_s * NANOSECONDS), delay_s)
 
     def _pass_rest(self, tick: int) -> None:
-        """Let the new voltage hold to the end of the tick."""
         end_ns = round((tick + 1) * self._period_s * NANOSECONDS)
         self._timeline.pass_to(end_ns, self._period_s - self._simulation.actuation_delay_s)
 
@@ -230,6 +222,14 @@ class SimulatedRig(Orders):
                 self._timeline.pass_to(end_ns, now_s - self._reached_s)
                 self._reached_s = now_s
 
-    def _told(self) -> list[Event]:
+    def _dated_events(self) -> list[Event]:
         began_s = self._began_s
         return [event._replace(time_s=began_s + event.time_s) for event in self._timeline.events]
+
+
+def _next_sample_ns(capture: Capture | None, time_ns: int, rate_hz: float) -> int:
+    """When a capture of at least this rate samples next; now where there is none."""
+    if capture is None:
+        return time_ns
+    due = capture.instants_ns(time_ns - 1, time_ns + ceil(NANOSECONDS / rate_hz))
+    return due[0] if due else time_ns

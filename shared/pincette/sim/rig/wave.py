@@ -1,7 +1,7 @@
 """A buffered voltage output: one voltage each 1/rate, on a grid of nanoseconds; pure."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 NANOSECONDS = 1_000_000_000
@@ -9,13 +9,7 @@ NANOSECONDS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Instants begin + i/rate, each rounded to a nanosecond by itself: no error adds up.
-
-    Raises
-    ------
-    ValueError
-        Where the rate is not above 0 and up to 1 MHz.
-    """
+    """Instants begin + i/rate, each rounded to a nanosecond by itself; raises ValueError."""
 
     begin_ns: int
     rate_hz: float
@@ -38,25 +32,23 @@ class Grid:
         return index
 
 
+def checked_V(voltages_V: Iterable[float]) -> list[float]:
+    """Voltages as floats; raises ValueError where there is none or one is not finite."""
+    checked = [float(voltage_V) for voltage_V in voltages_V]
+    if not checked:
+        raise ValueError("a wave has at least one voltage, and all of them finite")
+    for index, voltage_V in enumerate(checked):
+        if not math.isfinite(voltage_V):
+            raise ValueError(f"voltage {index} of the wave is {voltage_V} V: not finite")
+    return checked
+
+
 @dataclass(frozen=True, slots=True)
 class Wave:
-    """Voltages on a grid; the last one stays.
-
-    Raises
-    ------
-    ValueError
-        Where there is no voltage, or one is not finite.
-    """
+    """Voltages on a grid, to which more may be added while it plays; the last one stays."""
 
     grid: Grid
-    voltages_V: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        if not self.voltages_V:
-            raise ValueError("a wave has at least one voltage")
-        for index, voltage_V in enumerate(self.voltages_V):
-            if not math.isfinite(voltage_V):
-                raise ValueError(f"voltage {index} of the wave is {voltage_V} V: not finite")
+    voltages_V: list[float]
 
     def at_V(self, time_ns: int) -> float:
         """Voltage put out from ``time_ns`` on."""
@@ -71,8 +63,3 @@ class Wave:
         first = max(0, self.grid.index_at(after_ns) + 1)
         last = min(self.grid.index_at(before_ns - 1), len(self.voltages_V) - 1)
         return [self.grid.instant_ns(index) for index in range(first, last + 1)]
-
-
-def as_wave(voltages_V: Sequence[float], rate_hz: float, begin_ns: int) -> Wave:
-    """A wave that begins at ``begin_ns``."""
-    return Wave(Grid(begin_ns, rate_hz), tuple(float(value) for value in voltages_V))

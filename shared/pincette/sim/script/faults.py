@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from hashlib import blake2b
 from math import copysign, inf
 
-from pincette.messages import Order
+from pincette.core.messages import SimCommand
 
 OVER_RANGE_UM = 1e12
 """Beyond what any instrument can show."""
@@ -49,7 +49,7 @@ class Faults:
         return bool(self.held)
 
 
-def fault_of(order: Order, now_s: float, default: float) -> Fault:
+def fault_of(order: SimCommand, now_s: float, default: float) -> Fault:
     """An order as a fault on the rig's clock."""
     begin_s = now_s + order.after_s
     end_s = inf if order.for_s is None else begin_s + order.for_s
@@ -58,10 +58,7 @@ def fault_of(order: Order, now_s: float, default: float) -> Fault:
 
 
 def holding(faults: Iterable[Fault], target: str, now_s: float) -> Faults:
-    """Faults of a target that hold now; a ``heal`` ends those that began before it.
-
-    Of those that begin at the same time, the order in which they were ordered decides.
-    """
+    """Faults of a target that hold now; a ``heal`` ends the earlier ones, ties go by order."""
     held: list[Fault] = []
     for fault in sorted(faults, key=lambda fault: fault.begin_s):
         if fault.target != target or fault.begin_s > now_s + EDGE_S:
@@ -127,10 +124,7 @@ class Past:
 
 
 def misread_um(faults: Faults, past: Past, now_s: float) -> float:
-    """What the sensor takes for the position; ``past`` holds its right readings.
-
-    While it is stuck, nothing is added to them.
-    """
+    """What the sensor takes for the position, given its right readings while it was not stuck."""
     delay_s = faults.value("delayed")
     x_um = past.newest if delay_s is None else past.at(now_s - delay_s)
     x_um += faults.value("wrong") or 0.0
@@ -139,10 +133,7 @@ def misread_um(faults: Faults, past: Past, now_s: float) -> float:
 
 
 def misput_V(faults: Faults, past: Past, now_s: float) -> float:
-    """What the output puts out; ``past`` holds the voltages asked for.
-
-    While it is stuck, nothing is added to them.
-    """
+    """What the output puts out, given the voltages asked for while it was not stuck."""
     delay_s = faults.value("delayed")
     asked_V = past.newest if delay_s is None else past.at(now_s - delay_s)
     return asked_V + (faults.value("wrong") or 0.0)

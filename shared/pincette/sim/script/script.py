@@ -11,9 +11,10 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 
 from pincette.config import RigFile
-from pincette.config.script import LONGEST_DELAY_S, ScriptedOrder, deed_of, objection
-from pincette.messages import Order
+from pincette.config.script import LONGEST_DELAY_S, ScriptedOrder, objection, operation_of
+from pincette.core.messages import SimCommand
 from pincette.sim.instruments.protocol import Instrument
+from pincette.sim.rig.commands import Orders
 from pincette.sim.script.faults import (
     EDGE_S,
     Fault,
@@ -25,7 +26,6 @@ from pincette.sim.script.faults import (
     misput_V,
     misread_um,
 )
-from pincette.sim.script.operated import Operated, carry_out
 from pincette.sim.script.scripted_line import ScriptedLine
 
 FORBIDDEN = (
@@ -37,10 +37,7 @@ log = logging.getLogger(__name__)
 
 
 class Script:
-    """Orders of the rig file, at their time since the first write, and orders as they come.
-
-    Safe in threads: each wire and the bus call from their own.
-    """
+    """Orders of the rig file, at their time since the first write, and of callers in any thread."""
 
     def __init__(
         self,
@@ -55,18 +52,18 @@ class Script:
         self._seed = seed
         self._allowed = allowed
         self._timeouts_s = dict(timeouts_s or {})
-        self._rig: Operated | None = None
+        self._rig: Orders | None = None
         self._waiting = [entry.order() for entry in orders]
         self._faults: list[Fault] = []
-        self._deeds: list[tuple[float, Order]] = []
+        self._operations: list[tuple[float, SimCommand]] = []
         self._readings, self._voltages = Past(LONGEST_DELAY_S), Past(LONGEST_DELAY_S)
         self._lock = threading.Lock()
 
-    def operate(self, rig: Operated) -> None:
+    def operate(self, rig: Orders) -> None:
         """Work on this rig from here on."""
         self._rig = rig
 
-    def order(self, order: Order) -> str:
+    def order(self, order: SimCommand) -> str:
         """Take an order; returns why it is refused, empty where it is not."""
         if not self._allowed:
             return FORBIDDEN
@@ -78,24 +75,24 @@ class Script:
             self._take(self._rig.now_s(), order)
         return self._act(self._rig)
 
-    def _take(self, now_s: float, order: Order) -> None:
-        deed = deed_of(order.target, order.what)
-        if deed is not None and (deed.lasts or deed.what == "heal"):
+    def _take(self, now_s: float, order: SimCommand) -> None:
+        operation = operation_of(order.target, order.what)
+        if operation is not None and (operation.lasts or operation.what == "heal"):
             self._faults = left(self._faults, now_s)
-            self._faults.append(fault_of(order, now_s, deed.default or 0.0))
+            self._faults.append(fault_of(order, now_s, operation.default or 0.0))
         else:
-            self._deeds.append((now_s + order.after_s, order))
+            self._operations.append((now_s + order.after_s, order))
 
-    def _act(self, rig: Operated) -> str:
+    def _act(self, rig: Orders) -> str:
         """Do what is due; returns what could not be done."""
-        if not self._deeds:
+        if not self._operations:
             return ""
         now_s = rig.now_s() + EDGE_S
         with self._lock:
             due = sorted(
-                (deed for deed in self._deeds if deed[0] <= now_s), key=lambda deed: deed[0]
+                (one for one in self._operations if one[0] <= now_s), key=lambda one: one[0]
             )
-            self._deeds = [deed for deed in self._deeds if deed[0] > now_s]
+            self._operations = [one for one in self._operations if one[0] > now_s]
         trouble = ""
         for _, order in due:
             try:
@@ -165,3 +162,21 @@ def script_of(rig_file: RigFile) -> Script:
         lockstep=rig_file.lockstep,
         timeouts_s={"sensor": rig_file.sensor.timeout_s, "output": rig_file.output.timeout_s},
     )
+
+
+def carry_out(rig: Orders, order: SimCommand) -> None:
+    """Do what is ordered; raises ValueError where the rig cannot bear it."""
+    value = order.value
+    match order.target, order.what:
+        case "part", "remove":
+            rig.remove_part()
+        case "part", "place":
+            rig.place_part(value)
+        case "part", _:
+            rig.lose_part()
+        case "weight", _:
+            rig.hang(value or 0.0)
+        case _, "stiffen":
+            rig.scale_stiffness(1.0 if value is None else value)
+        case _:
+            rig.scale_hysteresis(1.0 if value is None else value)

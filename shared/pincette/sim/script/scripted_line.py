@@ -4,22 +4,15 @@ import time
 from collections.abc import Callable
 
 from pincette.config.script import LONGEST_DELAY_S
-from pincette.sim.instruments.protocol import Instrument, Thinking
+from pincette.sim.instruments.protocol import Instrument
 from pincette.sim.script.faults import Faults, HungUpError, chance, garbage, lost
 
 
 class ScriptedLine:
     """Stands for an instrument, and does to its answers what its faults ask for.
 
-    Parameters
-    ----------
-    faults
-        Those that hold on it now.
-    key
-        Of its chance, which goes by the number of the exchange.
-    patience_s
-        In lockstep: how long the driver waits, so that a later answer is none. In real time None:
-        a late answer then comes late.
+    ``key`` seeds its chance. In lockstep an answer later than ``patience_s`` is none; in real time
+    (None) it comes late.
     """
 
     def __init__(
@@ -38,11 +31,6 @@ class ScriptedLine:
         """Let time pass, for the script too; an instrument without a line lives on."""
         self._faults()
         self._instrument.idle()
-
-    def processing_s(self, line: bytes) -> float:
-        """Time that the instrument itself takes before it answers."""
-        instrument = self._instrument
-        return instrument.processing_s(line) if isinstance(instrument, Thinking) else 0.0
 
     def answer(self, line: bytes) -> bytes | None:
         """Answer one line, if it arrives; raises HungUpError where the socket is pulled out."""

@@ -107,10 +107,7 @@ class _PtyLine:
 
 
 class PtyPort:
-    """A pseudo-terminal under a path of one's own; one conversation for its whole life.
-
-    The far end is kept open here too, so that a client may come and go.
-    """
+    """A pseudo-terminal under a path; its far end is open here too, so that clients come and go."""
 
     def __init__(self, path: Path) -> None:
         self.url = str(path)
@@ -147,13 +144,7 @@ class PtyPort:
 
 
 def open_port(url: str) -> Port:
-    """Port for a driver's url: ``socket://host:port`` (port 0: any), else a path.
-
-    Raises
-    ------
-    WireError
-        Where it cannot be offered there.
-    """
+    """Port for a driver's url: ``socket://host:port`` (port 0: any), else a path; or WireError."""
     if "://" not in url:
         return PtyPort(Path(url))
     try:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from pincette.sim.instruments.protocol import TERMINATOR, Instrument, Thinking
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument
 from pincette.sim.wires.ports import Line, Port, open_port
 
 BITS_PER_BYTE = 10
@@ -46,7 +46,6 @@ class Wire:
         self._afterwards = afterwards
         self._garble = garble
         self._instrument = instrument
-        self._thinking = instrument if isinstance(instrument, Thinking) else None
         self._terminator = terminator
         self._byte_s = BITS_PER_BYTE / baud if baud else 0.0
         self._wake, self._waker = os.pipe()
@@ -104,8 +103,6 @@ class Wire:
             for request in requests:
                 self._pass(self._byte_s * (len(request) + len(self._terminator)))
                 reply = self._instrument.answer(request)
-                if self._thinking is not None:
-                    self._pass(self._thinking.processing_s(request))
                 if reply is not None:
                     self._deliver(line, self._garble(reply + self._terminator))
                 self._afterwards()
@@ -138,22 +135,5 @@ def serve(
     garble: Garble = _untouched,
     afterwards: Afterwards = _nothing,
 ) -> Wire:
-    """Offer an instrument at a driver's url.
-
-    Parameters
-    ----------
-    baud
-        Each byte takes ten bits at this rate, in both directions; None takes no time.
-    terminator
-        Ends each line, in both directions.
-    garble
-        What arrives of an answer: a part of a frame, or something else.
-    afterwards
-        Called when a line has been answered, from the wire's own thread.
-
-    Raises
-    ------
-    WireError
-        Where the port is taken, or is none.
-    """
+    """Offer an instrument at a url, at once or at ``baud``; raises WireError."""
     return Wire(open_port(url), instrument, baud, terminator, garble, afterwards)

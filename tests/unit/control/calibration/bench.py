@@ -9,9 +9,9 @@ import numpy as np
 
 from pincette.config import Simulation, read_rig
 from pincette.control.planning.program import Segment
-from pincette.sim.drawn.random_rigs import random_simulation
-from pincette.sim.drawn.true_values import TrueValues, true_values
 from pincette.sim.rig.rig import SimulatedRig
+from tests.support.drawn.random_rigs import random_simulation
+from tests.support.drawn.true_values import TrueValues, true_values
 
 PERIOD_S = 0.02
 DEMO = read_rig(Path(__file__).parents[4] / "deploy" / "rigs" / "demo.toml")

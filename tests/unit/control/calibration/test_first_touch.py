@@ -37,6 +37,22 @@ def test_the_uncertainty_is_that_of_many_approaches() -> None:
     assert surely.uncertainty_um == pytest.approx(np.hypot(stated, 0.1), rel=0.05)
 
 
+def test_the_uncertainty_knows_errors_that_neighbours_share() -> None:
+    """A free response that wanders by 0.03 µm over some ten samples, as those of rigs do."""
+    random = np.random.default_rng(7)
+    errors_um: list[float] = []
+    stated_um: list[float] = []
+    for seed in range(100):
+        x, force_mN = approach(0.03, seed=seed)
+        wander_um = np.convolve(random.normal(size=len(x) + 9), np.ones(10) / 10**0.5, "valid")
+        found = first_touch(x, force_mN + 0.03 * wander_um / S_P, S_P)
+        errors_um.append(found.contact_um - X_E)
+        stated_um.append(found.uncertainty_um)
+    within = np.abs(errors_um) <= 2.0 * np.array(stated_um)
+    assert 0.85 <= float(np.mean(within)) <= 0.99
+    assert float(np.median(2.0 * np.array(stated_um) / np.abs(errors_um))) < 4.0
+
+
 def test_an_approach_that_met_nothing_is_refused() -> None:
     with pytest.raises(ValueError, match="no touch stands within the approach"):
         first_touch(*approach(0.05, to_um=30.0), S_P)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pincette.control.calibration.frequency_response import locked_in, swept_response
+from pincette.control.calibration.frequency_response import swept_response
 from pincette.control.calibration.resonance import fit_second_order
 
 OMEGA_N, ZETA, D_P = 2437.8, 0.026, 19.0
@@ -75,19 +75,6 @@ def test_a_recorded_sweep_gives_the_mode() -> None:
     assert found.natural_frequency_rad_per_s == pytest.approx(OMEGA_N, rel=0.005)
     assert found.damping_ratio == pytest.approx(ZETA, rel=0.1)
     assert found.gain_um_per_V == pytest.approx(D_P, rel=0.02)
-
-
-def test_steps_of_a_sweep_are_locked_in() -> None:
-    t = np.arange(0.0, 0.5, 1.0 / RATE_HZ)
-    f_hz = 250.0
-    true = complex(gain(np.array([f_hz]))[0])
-    u = 1.0 + 0.2 * np.sin(2 * pi * f_hz * t)
-    x = 7.0 + 0.5 * t + np.imag(true * 0.2 * np.exp(2j * pi * f_hz * t))
-    assert locked_in(u.tolist(), x.tolist(), RATE_HZ, f_hz) == pytest.approx(true, rel=1e-4)
-    with pytest.raises(ValueError, match="must be driven there"):
-        locked_in([1.0] * len(t), x.tolist(), RATE_HZ, f_hz)
-    with pytest.raises(ValueError, match="two periods"):
-        locked_in(u[:30].tolist(), x[:30].tolist(), RATE_HZ, f_hz)
 
 
 @pytest.mark.parametrize(

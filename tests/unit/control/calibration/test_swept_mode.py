@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pincette.control.calibration.resonance import fit_second_order
-from pincette.control.calibration.swept_mode import SweptMode, swept_mode
+from pincette.control.calibration.swept_mode import SweptMode, require_even_swing, swept_mode
 from pincette.control.planning.sweep import Sweep
 from pincette.control.planning.swept_voltages import SweptVoltages
 
@@ -122,3 +122,17 @@ def test_a_sweep_too_short_for_its_resonance_is_refused() -> None:
     record = recorded(0, short)
     with pytest.raises(ValueError, match="record a longer sweep"):
         mode_of(record)
+
+
+@pytest.mark.parametrize(("place_um", "side"), [(6.0, "above"), (2.0, "above"), (-2.0, "below")])
+def test_a_swing_that_something_stands_in_is_refused(place_um: float, side: str) -> None:
+    """Half of what would go beyond a place is missing."""
+    rate_hz = 10_000.0
+    t_s = np.arange(round(4.0 * rate_hz)) / rate_hz
+    swing_um = 10.0 * np.exp(-(((t_s - 2.0) / 0.4) ** 2)) * np.sin(2.0 * np.pi * 380.0 * t_s)
+    x_um = 5.0 + swing_um + np.random.default_rng(1).normal(0.0, 0.03, len(t_s))
+    require_even_swing(x_um, rate_hz)
+    wall = 5.0 + place_um
+    beyond = np.maximum(0.0, np.sign(place_um) * (x_um - wall))
+    with pytest.raises(ValueError, match=f"a part seems to be in the way {side} it"):
+        require_even_swing(x_um - 0.5 * np.sign(place_um) * beyond, rate_hz)

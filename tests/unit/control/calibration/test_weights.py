@@ -100,3 +100,15 @@ def test_weighings_that_tell_nothing_are_refused() -> None:
         weighed_compliance(
             [0.0, 1.0, 2.0, 1.0], [0.0, float("inf"), 0.8, 0.4], [0.0, 1.0, 2.0, 3.0]
         )
+
+
+@pytest.mark.parametrize("leaves_at_mN", [2.0, 4.0, 8.0])
+def test_an_arm_that_a_part_holds_up_is_refused(leaves_at_mN: float) -> None:
+    """Until the weight has lifted it off, a part of 2.17 mN/µm bears with it."""
+    F = np.array(there_and_back(WEIGHTS_MN))
+    free_um, borne_mN = -S_P * F, np.minimum(F, leaves_at_mN)
+    x_um = free_um + S_P * borne_mN * (1.0 - 1.0 / (1.0 + S_P * 2.17))
+    times_s = [2.5 * step for step in range(len(F))]
+    weighed_compliance(F.tolist(), free_um.tolist(), times_s, noise_um=0.005)
+    with pytest.raises(ValueError, match=r"gives way by 0\.\d+ µm/mN up to 5 mN .* a part at"):
+        weighed_compliance(F.tolist(), x_um.tolist(), times_s, noise_um=0.005)

@@ -2,11 +2,12 @@
 
 import pytest
 
-from pincette.control.force.touch import Touch
+from pincette.control.force.contact_detector import DetectedContact
 from pincette.control.force.zeroing import ZeroLimits, zero_refusal
 from pincette.control.response.free_response import FreeSample, nominal_response
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.identified_response import identified_response
+from pincette.core.wording import fault_text
 
 D_P = 19.0
 MODEL = nominal_response(D_P, FreeSample(0.0, 0.0))
@@ -24,11 +25,11 @@ def refusal(
     *,
     part_held: bool = False,
     creep_um: float = 0.0,
-    touch: Touch | None = None,
+    touch: DetectedContact | None = None,
     zeroed: bool = True,
 ) -> str:
     samples = [FreeSample(voltage_V, x_um) for x_um in positions_um]
-    return zero_refusal(
+    found = zero_refusal(
         MODEL.follow(voltage_V, 0.02),
         samples,
         part_held=part_held,
@@ -37,6 +38,7 @@ def refusal(
         touch=touch,
         zeroed=zeroed,
     )
+    return fault_text(found)
 
 
 def test_zero_of_a_settled_free_arm_is_allowed() -> None:
@@ -59,7 +61,7 @@ def test_zero_is_refused_while_the_arm_moves() -> None:
 
 def test_zero_is_refused_while_the_voltage_works_against_something() -> None:
     samples = [FreeSample(0.01 * index, 0.0) for index in range(5)]
-    text = zero_refusal(MODEL, samples, part_held=False, limits=LIMITS)
+    text = fault_text(zero_refusal(MODEL, samples, part_held=False, limits=LIMITS))
     assert "spread over 0.760 µm" in text
 
 
@@ -81,7 +83,8 @@ def test_a_better_model_tolerates_less_except_where_the_memory_is_unknown(known:
     model = identified_response(HysteresisModel((0.0,), (D_P,)), D_P, 0.1).follow(1.0, 0.02)
     samples = [model.sample(D_P - 3.0)] * 5
     assert model.zero_tolerance_um(0.0) < 1.0
-    text = zero_refusal(model, samples, part_held=False, limits=LIMITS, memory_known=known)
+    found = zero_refusal(model, samples, part_held=False, limits=LIMITS, memory_known=known)
+    text = fault_text(found)
     assert ("the offset would change by -3.000 µm" in text) == known
     assert (text == "") == (not known)
 
@@ -99,7 +102,7 @@ def test_zero_is_refused_where_the_arm_may_touch_the_part() -> None:
 
 
 def test_zero_is_refused_where_the_arm_was_pushed_back_since_a_touch() -> None:
-    touch = Touch(x_um=12.0, nominal_um=15.0, slope=0.75)
+    touch = DetectedContact(x_um=12.0, nominal_um=15.0, slope=0.75)
     text = refusal([14.0] * 5, voltage_V=1.0, touch=touch)
     assert "touched something at 12.000 µm" in text
     assert "by 1.000 µm since, limit 0.920 µm" in text

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pincette.control.arm.plant import ArmParameters, DifferenceEquation, consistent_arm, discretize
-from pincette.control.laws.law import Law, LawSettings, LawState, build, rebase, start, step
+from pincette.control.laws.definition import LawSettings
+from pincette.control.laws.law import Law, LawState, build, rebase, start, step
 from pincette.control.laws.sliding import LawOutput
 
 ARM = consistent_arm(2437.8, 0.026, 19.0, 0.46)

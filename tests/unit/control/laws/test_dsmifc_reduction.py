@@ -1,16 +1,16 @@
 """What DSMIFC reduces to, in numbers and at low frequency, and what ζ does."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.arm.plant import discretize
-from pincette.control.laws.dsmifc import DsmifcParameters, DsmifcState, start, step
+from pincette.control.laws.dsmifc import DsmifcState, start, step
 from pincette.control.laws.history import rest
 from pincette.control.laws.impedance import ImpedanceParameters, discretize_impedance
-from pincette.control.laws.law import LawSettings
-from pincette.control.laws.sliding import LawOutput, saturation
+from pincette.control.laws.sliding import LawOutput, SlidingParameters, saturation
+from tests.support.laws import law_settings
 
 from .model_loop import ARM, Loop, law_of, resting_arm
 
@@ -19,8 +19,8 @@ K = 1.9901e4
 
 def law(
     period_s: float = 0.02, K_P: float = 1.0, K_S: float = 0.0, K_f: float = 5e3
-) -> DsmifcParameters:
-    return DsmifcParameters(
+) -> SlidingParameters:
+    return SlidingParameters(
         plant=discretize(ARM, period_s),
         impedance=discretize_impedance(ImpedanceParameters(1e-3, 8.9221, K, K_f), period_s),
         K_P=K_P,
@@ -33,7 +33,8 @@ def law(
 def resting(x_r_um: float, force_mN: float, force_r_mN: float) -> DsmifcState:
     """At rest at 30 µm and 1.4 V."""
     history = rest(x_um=30.0, force_mN=force_mN, applied_V=1.4)
-    return start(history, x_um=30.0, x_r_um=x_r_um, force_mN=force_mN, force_r_mN=force_r_mN)
+    error_mN = force_mN - force_r_mN
+    return start(law(K_P=1.0), history, x_um=30.0, x_r_um=x_r_um, force_error_mN=error_mN)
 
 
 def test_one_tick_in_numbers() -> None:
@@ -92,8 +93,9 @@ def test_low_frequency_law(period_s: float, K_P: float) -> None:
 @pytest.mark.parametrize("K_S", [0.0, 0.5])
 def test_without_impedance_and_force_it_is_pbsmic(K_S: float) -> None:
     """M = B = K_f = 0: x_d = x_r and ε = K̄ e, so that with δ̃ = K̄ δ both laws are one."""
-    pbsmic = LawSettings("pbsmic", K_P=2.0, K_S=K_S, delta=0.4, M=0.0, B=0.0, K_f=0.0)
-    dsmifc = replace(pbsmic, scheme="dsmifc", delta=0.4 * K)
+    pbsmic = law_settings("pbsmic", K_P=2.0, K_S=K_S, delta=0.4, M=0.0, B=0.0, K_f=0.0)
+    gains = {**pbsmic.gains, "delta": 0.4 * K}
+    dsmifc = law_settings("dsmifc", "consistent", "planned", **gains)
     runs: list[list[LawOutput]] = []
     for settings in (pbsmic, dsmifc):
         loop = Loop(law_of(settings), resting_arm(10.0, K_e=2.0, x_e_um=8.0))
@@ -106,7 +108,7 @@ def test_without_impedance_and_force_it_is_pbsmic(K_S: float) -> None:
 
 def test_an_error_left_at_the_start_keeps_its_share_from_step_to_step() -> None:
     """ẽ = -1 µm as the segment begins: ε_k = K̃_P/(K̃_P + K̃_I) ε_{k-1}."""
-    loop = Loop(law_of(LawSettings("dsmifc", K_P=2.0)), resting_arm(30.0))
+    loop = Loop(law_of(law_settings("dsmifc", K_P=2.0)), resting_arm(30.0))
     loop.x_r_um = 31.0
     loop.change(loop.law)
     errors = [loop.tick(31.0).error_um for _ in range(12)]
@@ -115,7 +117,7 @@ def test_an_error_left_at_the_start_keeps_its_share_from_step_to_step() -> None:
         assert after == pytest.approx(before * 2.0 / 3.0, rel=1e-9)
 
 
-def one_step(parameters: DsmifcParameters, integral_mN: float, limited: int) -> LawOutput:
+def one_step(parameters: SlidingParameters, integral_mN: float, limited: int) -> LawOutput:
     """At rest with ẽ = -0.7 µm: below its target, the arm asks for more voltage."""
     _, output = step(
         parameters,

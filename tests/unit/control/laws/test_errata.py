@@ -4,18 +4,22 @@ Q. Xu, IEEE T-ASE 10(3), 2013; the arm of (54) and (55), T = 20 ms.
 """
 
 import random
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from math import cos, pi, sqrt
 
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.arm.mode import sample_mode
 from pincette.control.arm.plant import consistent_arm, printed_arm
 from pincette.control.force.observers import QuasiStatic, QuasiStaticParameters
-from pincette.control.laws.law import LawSettings, LawState, ParameterSet, build, start, step
+from pincette.control.laws.definition import LawSettings
+from pincette.control.laws.law import LawState, build, start, step
+from pincette.control.laws.parameters import ParameterSet
 from pincette.control.laws.pbsmic import PbsmicState
 from pincette.control.laws.sliding import LawOutput
+from tests.support.laws import law_settings
 
 OMEGA_N = sqrt(5.943e6)
 ZETA, D_P, S_P, T = 63.4 / OMEGA_N, 19.0, 0.46, 0.02
@@ -69,7 +73,7 @@ class Bench:
 
 def as_fed(K_P: float, set_: ParameterSet = "printed", K_f: float = 5000.0) -> LawSettings:
     """PBSMIC with the newest force, as the paper has it."""
-    return LawSettings("pbsmic", set_, K_P=K_P, K_f=K_f, force_age="newest")
+    return law_settings("pbsmic", set_, K_P=K_P, K_f=K_f, force_age="newest")
 
 
 def growth(bench: Bench) -> float:

@@ -2,11 +2,11 @@
 
 import pytest
 
+from pincette.control.laws.dsmifc import impedance_residual
 from pincette.control.laws.impedance import (
     ImpedanceParameters,
     desired_position,
     discretize_impedance,
-    impedance_residual,
 )
 from pincette.control.laws.steady import steady_state_errors
 

@@ -5,8 +5,10 @@ from math import pi, sin
 import pytest
 
 from pincette.control.arm.plant import printed_arm
-from pincette.control.laws.law import ForceAge, LawSettings, ParameterSet, Scheme
+from pincette.control.laws.definition import LawSettings
+from pincette.control.laws.parameters import ForceAge, ParameterSet
 from pincette.control.laws.steady import steady_state_errors
+from tests.support.laws import law_settings
 
 from .model_loop import ARM, SCHEMES, Loop, law_of, resting_arm
 
@@ -23,10 +25,10 @@ def in_contact(settings: LawSettings, x_um: float = 25.0, filter_s: float = 0.0)
 @pytest.mark.parametrize("age", ["planned", "newest"])
 @pytest.mark.parametrize("K_f", [0.0, 1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0])
 def test_steady_state_is_51_and_52(
-    scheme: Scheme, set_: ParameterSet, age: ForceAge, K_f: float
+    scheme: str, set_: ParameterSet, age: ForceAge, K_f: float
 ) -> None:
     """A plan that is 1 µm and 4 mN off the part, as in Fig. 7(d), and one that fits it."""
-    loop = in_contact(LawSettings(scheme, set_, K_f=K_f, force_age=age), filter_s=0.03)
+    loop = in_contact(law_settings(scheme, set_, K_f=K_f, force_age=age), filter_s=0.03)
     for x_r_um, force_r_mN in ((27.0, K_E * (26.0 - X_E_UM) - 4.0), (27.0, K_E * 7.0)):
         error_um = [loop.tick(x_r_um, force_r_mN).error_um for _ in range(400)]
         E_x, E_f = loop.arm.x_um - x_r_um, loop.arm.force_mN - force_r_mN
@@ -59,18 +61,18 @@ def track(loop: Loop, settled: int = 0) -> tuple[float, float]:
 @BOTH
 @pytest.mark.parametrize("filter_s", [0.0, 0.03])
 def test_with_the_planned_force_a_moving_plan_that_fits_has_no_error(
-    scheme: Scheme, filter_s: float
+    scheme: str, filter_s: float
 ) -> None:
-    worst = track(in_contact(LawSettings(scheme), filter_s=filter_s))
+    worst = track(in_contact(law_settings(scheme), filter_s=filter_s))
     assert worst == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
 @BOTH
 @pytest.mark.parametrize("K_f", [2000.0, 5000.0])
-def test_with_the_newest_force_a_ramp_has_a_known_error(scheme: Scheme, K_f: float) -> None:
+def test_with_the_newest_force_a_ramp_has_a_known_error(scheme: str, K_f: float) -> None:
     """F̂ is one period old, so that the law sees K_e·v·T too little: E = K_f K_e v T/(K + K_f K_e)
     ahead of the plan, where (14), or ε = 0, holds with that force."""
-    loop = in_contact(LawSettings(scheme, K_f=K_f, force_age="newest"))
+    loop = in_contact(law_settings(scheme, K_f=K_f, force_age="newest"))
     for tick in range(1, 301):
         x_r_um = 25.0 + 0.1 * tick
         loop.tick(x_r_um, K_E * (x_r_um - X_E_UM))
@@ -80,16 +82,16 @@ def test_with_the_newest_force_a_ramp_has_a_known_error(scheme: Scheme, K_f: flo
 
 
 @BOTH
-def test_the_known_error_is_what_the_planned_force_saves(scheme: Scheme) -> None:
+def test_the_known_error_is_what_the_planned_force_saves(scheme: str) -> None:
     """The paper's sinusoid: at K_f = 5000 the age alone costs a third of v·T at its steepest."""
-    worst_um, worst_mN = track(in_contact(LawSettings(scheme, force_age="newest")), settled=50)
+    worst_um, worst_mN = track(in_contact(law_settings(scheme, force_age="newest")), settled=50)
     steepest_um = 4.225 * pi * T
     assert worst_um == pytest.approx(5e3 * K_E / (K + 5e3 * K_E) * steepest_um, rel=0.05)
     assert worst_mN == pytest.approx(K_E * worst_um, rel=0.01)
 
 
 @BOTH
-def test_without_the_force_term_a_step_in_contact_is_half_done(scheme: Scheme) -> None:
+def test_without_the_force_term_a_step_in_contact_is_half_done(scheme: str) -> None:
     """The printed set's d̄ makes ΔF/d̄ nothing: the incremental gain is 1/(1 + s_p K_e) of d_p.
 
     The true set, told of ΔF, makes the whole step.
@@ -97,7 +99,7 @@ def test_without_the_force_term_a_step_in_contact_is_half_done(scheme: Scheme) -
     gains: dict[str, float] = {}
     for set_ in ("consistent", "printed"):
         name: ParameterSet = "printed" if set_ == "printed" else "consistent"
-        loop = in_contact(LawSettings(scheme, name, K_P=1.0))
+        loop = in_contact(law_settings(scheme, name, K_P=1.0))
         loop.tick(25.0, K_E * 5.0)
         loop.tick(26.0, K_E * 6.0)
         gains[set_] = loop.arm.x_um - 25.0
@@ -112,17 +114,17 @@ def test_without_the_force_term_a_step_in_contact_is_half_done(scheme: Scheme) -
 
 
 @BOTH
-def test_the_printed_set_lags_a_moving_plan_in_contact(scheme: Scheme) -> None:
-    printed = track(in_contact(LawSettings(scheme, "printed", force_age="planned")))[0]
+def test_the_printed_set_lags_a_moving_plan_in_contact(scheme: str) -> None:
+    printed = track(in_contact(law_settings(scheme, "printed", force_age="planned")))[0]
     assert printed > 0.05
 
 
 @BOTH
-def test_the_low_pass_takes_noise_off_the_voltage(scheme: Scheme) -> None:
+def test_the_low_pass_takes_noise_off_the_voltage(scheme: str) -> None:
     """F̂ to and fro by 0.3 mN: the share bounds what of it reaches the voltage."""
     swings: list[float] = []
     for filter_s in (0.0, 0.1):
-        loop = in_contact(LawSettings(scheme), filter_s=filter_s)
+        loop = in_contact(law_settings(scheme), filter_s=filter_s)
         noise = (0.3, -0.3)
         found = [
             loop.tick(25.0, K_E * 5.0, noise_mN=noise[tick % 2]).voltage_V for tick in range(200)

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from pincette.control.arm.plant import ArmParameters
-from pincette.control.laws.law import LawSettings, Scheme
+from tests.support.laws import law_settings
 
 from .model_loop import ARM, SCHEMES, Loop, law_of, resting_arm
 
@@ -19,11 +19,11 @@ PERIODS = pytest.mark.parametrize("period_s", [0.02, 0.001])
     ("K_P", "K_I", "share"), [(5.0, 1.0, 1 / 6), (0.5, 1.0, 2 / 3), (1.0, 1.0, 1 / 2)]
 )
 def test_each_sample_takes_its_share_off_the_error(
-    scheme: Scheme, period_s: float, K_P: float, K_I: float, share: float
+    scheme: str, period_s: float, K_P: float, K_I: float, share: float
 ) -> None:
     """A step of p at a steady reference: e (ε) = -p̃/k̄, and from there (1 - share) a sample."""
     loop = Loop(
-        law_of(LawSettings(scheme, K_P=K_P, K_I=K_I), period_s), resting_arm(10.0, period_s)
+        law_of(law_settings(scheme, K_P=K_P, K_I=K_I), period_s), resting_arm(10.0, period_s)
     )
     loop.tick(10.0)
     errors = [loop.tick(10.0, p_mN=1.5).error_um for _ in range(12)]
@@ -38,12 +38,10 @@ def test_each_sample_takes_its_share_off_the_error(
 @BOTH
 @pytest.mark.parametrize("set_", ["consistent", "printed"])
 @pytest.mark.parametrize("factor", [0.8, 1.25])
-def test_a_steady_reference_is_held_with_zero_error(
-    scheme: Scheme, set_: str, factor: float
-) -> None:
+def test_a_steady_reference_is_held_with_zero_error(scheme: str, set_: str, factor: float) -> None:
     """The arm's d_p is 20 % below or 25 % above the law's, and p is 4 mN; the law knows neither."""
     own = ArmParameters(ARM.m, ARM.b, ARM.k, factor * ARM.d)
-    settings = LawSettings(scheme, "printed" if set_ == "printed" else "consistent", K_P=2.0)
+    settings = law_settings(scheme, "printed" if set_ == "printed" else "consistent", K_P=2.0)
     loop = Loop(law_of(settings), resting_arm(0.0, arm=own))
     for tick in range(150):
         loop.tick(25.0 * min(1.0, tick / 30.0), p_mN=4.0)
@@ -53,8 +51,8 @@ def test_a_steady_reference_is_held_with_zero_error(
 
 @BOTH
 @PERIODS
-def test_a_steady_arm_at_its_reference_keeps_its_voltage(scheme: Scheme, period_s: float) -> None:
-    law = law_of(LawSettings(scheme, K_S=0.5, delta=0.5), period_s)
+def test_a_steady_arm_at_its_reference_keeps_its_voltage(scheme: str, period_s: float) -> None:
+    law = law_of(law_settings(scheme, K_S=0.5, delta=0.5), period_s)
     loop = Loop(law, resting_arm(12.5, period_s, K_e=2.0, x_e_um=11.0))
     before_V = loop.arm.voltage_V
     for _ in range(10):
@@ -65,9 +63,9 @@ def test_a_steady_arm_at_its_reference_keeps_its_voltage(scheme: Scheme, period_
 
 
 @BOTH
-def test_residual_is_of_the_voltage_really_applied(scheme: Scheme) -> None:
+def test_residual_is_of_the_voltage_really_applied(scheme: str) -> None:
     """An arm that is the model: no residual and no p̃, though the voltage is clipped at 1 V."""
-    loop = Loop(law_of(LawSettings(scheme)), resting_arm(0.0), high_V=1.0)
+    loop = Loop(law_of(law_settings(scheme)), resting_arm(0.0), high_V=1.0)
     clipped = 0
     for tick in range(40):
         output = loop.tick(30.0 * min(1.0, tick / 20.0))
@@ -80,9 +78,9 @@ def test_residual_is_of_the_voltage_really_applied(scheme: Scheme) -> None:
 
 
 @BOTH
-def test_p_shows_where_it_acts(scheme: Scheme) -> None:
+def test_p_shows_where_it_acts(scheme: str) -> None:
     """p steps by 1.5 mN: p̂ has it one sample later, p̃ = p_{k-1} - p_k is -1.5 mN once."""
-    loop = Loop(law_of(LawSettings(scheme, force_age="newest")), resting_arm(10.0))
+    loop = Loop(law_of(law_settings(scheme, force_age="newest")), resting_arm(10.0))
     outputs = [loop.tick(10.0, p_mN=1.5 * (tick >= 3)) for tick in range(8)]
     assert [o.perturbation_mN for o in outputs] == pytest.approx([0.0] * 4 + [1.5] * 4, abs=1e-9)
     wanted = [0.0] * 4 + [-1.5] + [0.0] * 3
@@ -90,7 +88,7 @@ def test_p_shows_where_it_acts(scheme: Scheme) -> None:
 
 
 @BOTH
-def test_a_limit_winds_nothing_up(scheme: Scheme) -> None:
+def test_a_limit_winds_nothing_up(scheme: str) -> None:
     """Held at 1 V, 11 µm below its reference, for 60 samples, then sent back to 10 µm.
 
     Frozen, ε brings nothing along: s is at most K_P e, which the switching term takes off within
@@ -98,7 +96,7 @@ def test_a_limit_winds_nothing_up(scheme: Scheme) -> None:
     on, s is 60 times that, and the switching term still pushes the arm off.
     """
     delta = 0.5 if scheme == "pbsmic" else 1e4
-    law = law_of(LawSettings(scheme, K_S=0.2, delta=delta))
+    law = law_of(law_settings(scheme, K_S=0.2, delta=delta))
     found: list[tuple[float, float]] = []
     for frozen in (True, False):
         loop = Loop(law, resting_arm(10.0), high_V=1.0)

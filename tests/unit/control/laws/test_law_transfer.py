@@ -5,21 +5,22 @@ from math import sin
 
 import pytest
 
-from pincette.control.laws.law import Law, LawSettings, Scheme, rebase, start, step
+from pincette.control.laws.law import Law, rebase, start, step
+from tests.support.laws import law_settings
 
 from .model_loop import ARM, SCHEMES, Loop, law_of, resting_arm
 
 BOTH = pytest.mark.parametrize("scheme", SCHEMES)
 PERIODS = pytest.mark.parametrize("period_s", [0.02, 0.001])
 K_E, X_E_UM = 2.17, 20.0
-ORDER: tuple[Scheme, ...] = ("pbsmic", "dsmifc", "pbsmic")
+ORDER: tuple[str, ...] = ("pbsmic", "dsmifc", "pbsmic")
 
 
 @BOTH
 @PERIODS
-def test_rebase_into_contact_keeps_the_voltage(scheme: Scheme, period_s: float) -> None:
+def test_rebase_into_contact_keeps_the_voltage(scheme: str, period_s: float) -> None:
     """The law was fed no force while it pressed with 2.3 mN; from here on it is."""
-    law = law_of(LawSettings(scheme, K_S=0.5, delta=0.5), period_s)
+    law = law_of(law_settings(scheme, K_S=0.5, delta=0.5), period_s)
     state = start(law, x_um=30.0, x_r_um=30.7, force_mN=0.0, applied_V=1.0)
 
     def tick(force_mN: float, x_r_um: float) -> float:
@@ -47,14 +48,14 @@ def test_rebase_into_contact_keeps_the_voltage(scheme: Scheme, period_s: float) 
 
 
 @BOTH
-def test_rebase_keeps_what_was_measured_and_applied(scheme: Scheme) -> None:
+def test_rebase_keeps_what_was_measured_and_applied(scheme: str) -> None:
     """The residual right after it is still of the samples before."""
-    law = law_of(LawSettings(scheme), 0.001)
+    law = law_of(law_settings(scheme), 0.001)
     loop = Loop(law, resting_arm(5.0, 0.001))
     for tick in range(20):
         loop.tick(5.0 + 0.05 * tick)
     history = loop.state.law.history
-    other = law_of(LawSettings("dsmifc" if scheme == "pbsmic" else "pbsmic"), 0.001)
+    other = law_of(law_settings("dsmifc" if scheme == "pbsmic" else "pbsmic"), 0.001)
     loop.change(other)
     after = loop.state.law.history
     assert (after.x_2_um, after.x_3_um) == (history.x_2_um, history.x_3_um)
@@ -89,7 +90,7 @@ def voltages(
 
     The arm's d is ``d_share`` of what the laws know.
     """
-    laws = [law_of(LawSettings(scheme, K_P=2.0), period_s, 0.03) for scheme in ORDER]
+    laws = [law_of(law_settings(scheme, K_P=2.0), period_s, 0.03) for scheme in ORDER]
     loop = Loop(laws[0], resting_arm(25.0, period_s, K_e=K_e, x_e_um=X_E_UM))
     plant = loop.arm.plant
     loop.arm.plant = type(plant)(plant.m_bar, plant.b_bar, plant.k_bar, d_share * plant.d_bar)
@@ -152,11 +153,11 @@ def test_a_hard_restart_in_free_motion_forgets_the_momentum() -> None:
 
 @BOTH
 def test_in_contact_at_the_steady_state_of_a_plan_that_does_not_fit_nothing_moves(
-    scheme: Scheme,
+    scheme: str,
 ) -> None:
     """E_x and E_f of (51), (52) stand, and no other law finds anything to do about them."""
-    other = law_of(LawSettings("dsmifc" if scheme == "pbsmic" else "pbsmic", K_P=3.0))
-    loop = Loop(law_of(LawSettings(scheme)), resting_arm(25.0, K_e=K_E, x_e_um=X_E_UM))
+    other = law_of(law_settings("dsmifc" if scheme == "pbsmic" else "pbsmic", K_P=3.0))
+    loop = Loop(law_of(law_settings(scheme)), resting_arm(25.0, K_e=K_E, x_e_um=X_E_UM))
     for _ in range(300):
         loop.tick(26.0, 9.0)
     before_V, error_um = loop.arm.voltage_V, loop.arm.x_um - 26.0

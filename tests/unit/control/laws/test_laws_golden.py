@@ -14,8 +14,9 @@ from itertools import pairwise
 import pytest
 
 from pincette.control.arm.plant import consistent_arm, predict_position
-from pincette.control.laws.law import Law, LawSettings, build, start, step
+from pincette.control.laws.law import Law, build, start, step
 from pincette.control.laws.sliding import LawOutput
+from tests.support.laws import in_order, law_settings
 
 from .transcription import (
     ARMS,
@@ -47,7 +48,7 @@ ARM = consistent_arm(2437.8, 0.026, 19.0, 0.46)
 def law_of(case: Case) -> Law:
     M, B, K, K_f = IMPEDANCE
     gains = (case.K_P, case.K_I, case.K_S, case.delta)
-    settings = LawSettings(case.scheme, case.set, *gains, M, B, K, K_f, force_age="newest")
+    settings = law_settings(case.scheme, case.set, "newest", **in_order((*gains, M, B, K, K_f)))
     return build(settings, ARM, case.period_s, 0.0)
 
 

@@ -1,23 +1,23 @@
 """What PBSMIC reduces to, in numbers and at low frequency, and what ε does."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.arm.plant import discretize
 from pincette.control.laws.history import rest
 from pincette.control.laws.impedance import ImpedanceParameters, discretize_impedance
-from pincette.control.laws.pbsmic import PbsmicParameters, PbsmicState, start, step
-from pincette.control.laws.sliding import LawOutput, saturation
+from pincette.control.laws.pbsmic import PbsmicState, start, step
+from pincette.control.laws.sliding import LawOutput, SlidingParameters, saturation
 
 from .model_loop import ARM
 
 
 def law(
     period_s: float = 0.02, K_P: float = 1.0, K_S: float = 0.0, K_f: float = 5e3
-) -> PbsmicParameters:
-    return PbsmicParameters(
+) -> SlidingParameters:
+    return SlidingParameters(
         plant=discretize(ARM, period_s),
         impedance=discretize_impedance(ImpedanceParameters(1e-3, 8.9221, 1.9901e4, K_f), period_s),
         K_P=K_P,
@@ -29,7 +29,7 @@ def law(
 
 def resting(x_um: float, x_r_um: float, force_mN: float, applied_V: float) -> PbsmicState:
     history = rest(x_um=x_um, force_mN=force_mN, applied_V=applied_V)
-    return start(history, x_um=x_um, x_r_um=x_r_um)
+    return start(law(K_P=1.0), history, x_um=x_um, x_r_um=x_r_um, force_error_mN=0.0)
 
 
 def test_one_tick_in_numbers() -> None:
@@ -127,7 +127,7 @@ def test_start_takes_up_a_distance_with_the_impedance() -> None:
     assert desired[-1] == pytest.approx(31.0, abs=1e-6)
 
 
-def one_step(parameters: PbsmicParameters, integral_um: float, limited: int) -> LawOutput:
+def one_step(parameters: SlidingParameters, integral_um: float, limited: int) -> LawOutput:
     """At rest with e = -0.7 µm: below its target, the arm asks for more voltage."""
     state = replace(resting(30.0, 30.7, 0.0, 1.0), x_d_um=30.7, integral_um=integral_um)
     _, output = step(

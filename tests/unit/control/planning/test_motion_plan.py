@@ -5,11 +5,10 @@ from typing import Any
 
 import pytest
 
-from pincette.control.planning.contact_plan import PlannedRig
+from pincette.control.planning.contact_plan import MotionPlan, PlannedRig
 from pincette.control.planning.feasibility import PlanLimits
 from pincette.control.planning.motion_plan import (
     Cycles,
-    MotionPlan,
     MoveRequest,
     Stand,
     plan_hold,

@@ -1,14 +1,13 @@
 """Paths: rest at both ends, derivatives, full amplitude, bounds, and the way over the wire."""
 
-from dataclasses import replace
 from itertools import pairwise
 from math import pi
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
-from pincette.codec import decode, encode
 from pincette.control.planning.path_shapes import (
     peaks,
     ring_um,
@@ -19,7 +18,8 @@ from pincette.control.planning.path_shapes import (
 )
 from pincette.control.planning.paths import Knot, Path
 from pincette.control.planning.program import Guards, Program, Segment
-from pincette.messages import Load
+from pincette.core.codec import decode, encode
+from pincette.core.messages import Load
 
 SINE = sinusoid("force", 12.0, 20.0, 0.5, 3)
 TRIANGLE = triangle("force", 12.0, 20.0, 0.5, 3, 400.0)

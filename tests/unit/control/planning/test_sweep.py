@@ -1,10 +1,10 @@
 """Swept sines: frequency, amplitude, rest at both ends, and what is refused."""
 
-from dataclasses import replace
 from math import log, pi
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.planning.sweep import Sweep
 from pincette.control.planning.swept_voltages import SweptVoltages

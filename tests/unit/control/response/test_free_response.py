@@ -6,7 +6,6 @@ from pincette.control.response.free_response import (
     FreeSample,
     free_position,
     nominal_response,
-    relinearize,
 )
 
 MODEL = nominal_response(19.0, FreeSample(0.0, 2.0))
@@ -28,7 +27,7 @@ def test_nominal_line() -> None:
 
 
 def test_line_goes_through_the_rest_with_the_slope_of_the_branch() -> None:
-    model = relinearize(MODEL, rest(ramp(0.0, 1.2, 2.0, 22.0)), rest_samples=8)
+    model = MODEL.rezero(rest(ramp(0.0, 1.2, 2.0, 22.0)), 8)
     assert model.gain_um_per_V == pytest.approx(22.0)
     assert free_position(model, 1.2) == pytest.approx(2.0 + 26.4)
     assert free_position(model, 1.7) == pytest.approx(2.0 + 37.4)
@@ -38,7 +37,7 @@ def test_line_goes_through_the_rest_with_the_slope_of_the_branch() -> None:
 def test_slope_is_that_of_the_end_of_a_bent_branch() -> None:
     bent = ramp(0.0, 0.9, 0.0, 16.0)
     bent += ramp(0.9, 1.2, bent[-1].x_um, 21.0)
-    assert relinearize(MODEL, rest(bent), rest_samples=8).gain_um_per_V == pytest.approx(21.0)
+    assert MODEL.rezero(rest(bent), 8).gain_um_per_V == pytest.approx(21.0)
 
 
 def test_noise_of_the_sensor_averages_out() -> None:
@@ -47,26 +46,26 @@ def test_noise_of_the_sensor_averages_out() -> None:
         FreeSample(sample.voltage_V, sample.x_um + (0.03 if index % 2 else -0.03))
         for index, sample in enumerate(samples)
     ]
-    assert relinearize(MODEL, noisy, rest_samples=20).gain_um_per_V == pytest.approx(20.0, rel=0.01)
+    assert MODEL.rezero(noisy, 20).gain_um_per_V == pytest.approx(20.0, rel=0.01)
 
 
 def test_the_branch_before_a_turn_is_left_out() -> None:
     up = ramp(0.0, 1.0, 0.0, 20.0)
     down = ramp(1.0, 0.85, up[-1].x_um, 14.0)
-    model = relinearize(MODEL, rest([*up, *down]), rest_samples=8)
+    model = MODEL.rezero(rest([*up, *down]), 8)
     assert model.gain_um_per_V == pytest.approx(14.0, rel=0.01)
 
 
 @pytest.mark.parametrize("slope", [19.0 * 1.5, 19.0 * 0.5, -19.0])
 def test_implausible_slope_gives_way_to_the_nominal_one(slope: float) -> None:
-    model = relinearize(MODEL, rest(ramp(0.0, 1.0, 0.0, slope)), rest_samples=8)
+    model = MODEL.rezero(rest(ramp(0.0, 1.0, 0.0, slope)), 8)
     assert model.gain_um_per_V == 19.0
     assert free_position(model, 1.0) == pytest.approx(slope)
 
 
 def test_too_little_travel_keeps_the_nominal_slope() -> None:
-    before = relinearize(MODEL, rest(ramp(0.0, 1.0, 0.0, 22.0)), rest_samples=8)
-    model = relinearize(before, rest(ramp(1.0, 1.09, 5.0, 24.0)), rest_samples=8)
+    before = MODEL.rezero(rest(ramp(0.0, 1.0, 0.0, 22.0)), 8)
+    model = before.rezero(rest(ramp(1.0, 1.09, 5.0, 24.0)), 8)
     assert model.gain_um_per_V == 19.0
     assert free_position(model, 1.09) == pytest.approx(5.0 + 24.0 * 0.09)
 
@@ -74,7 +73,7 @@ def test_too_little_travel_keeps_the_nominal_slope() -> None:
 @pytest.mark.parametrize("rest_samples", [0, 3])
 def test_a_rest_that_is_not_there_is_refused(rest_samples: int) -> None:
     with pytest.raises(ValueError, match=f"2 samples, where a rest of {rest_samples}"):
-        relinearize(MODEL, [FreeSample(0.0, 0.0)] * 2, rest_samples=rest_samples)
+        MODEL.rezero([FreeSample(0.0, 0.0)] * 2, rest_samples)
 
 
 def test_its_tolerance_of_a_zero_grows_with_travel_and_creep() -> None:

@@ -4,8 +4,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pincette.control.response.free_voltage import REACH_V, TOLERANCE_UM, free_voltages
-from pincette.control.response.hysteresis import HysteresisModel, displacement_um, start, step
+from pincette.control.response.hysteresis import (
+    REACH_V,
+    TOLERANCE_UM,
+    HysteresisModel,
+    displacement_um,
+    free_voltages,
+    start,
+    step,
+)
 
 MODEL = HysteresisModel(
     thresholds_V=(0.0, 0.3, 0.6, 1.2),

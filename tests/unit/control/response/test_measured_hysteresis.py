@@ -5,21 +5,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pincette.control.response.hysteresis_motion import simulate
 from pincette.control.response.identification import Candidates, identify_free_response
 
 PERIOD_S = 0.02
 PLAIN = Candidates(families=((0.0,),), ridges=(1e-6,))
-EVERY = 4
-"""Rows are 5 ms apart."""
+ROW_S, EVERY = 0.005, 4
+HELD_OUT = 0.25
 MEASURED = Path(__file__).parents[4].parent / "shared/data/piezo-stack-hysteresis/Model_Vi_Do.dat"
 
 
-def measured(lag: int) -> tuple[list[float], list[float]]:
+def measured(lag: int, every: int = EVERY) -> tuple[list[float], list[float]]:
     """Voltage in V, and displacement in µm that many samples later."""
     # The record is another's, and the project must not contain it.
     if not MEASURED.exists():
         pytest.skip("the measured hysteresis of a piezo stack is not beside this checkout")
-    rows = np.loadtxt(MEASURED)[::EVERY]
+    rows = np.loadtxt(MEASURED)[::every]
     return rows[: len(rows) - lag, 0].tolist(), rows[lag:, 4].tolist()
 
 
@@ -51,3 +52,30 @@ def test_a_measured_piezo_stack_gives_no_reason_for_fading() -> None:
     )
     print(found, plain)
     assert found.model.fadings_per_V == ()
+
+
+@pytest.mark.parametrize("lag", [0, 1])
+@pytest.mark.parametrize("every", [1, 2, 4], ids=["5 ms", "10 ms", "20 ms"])
+def test_the_model_returned_leaves_what_is_stated_at_every_period(every: int, lag: int) -> None:
+    voltage_V, x_um = (np.array(values) for values in measured(lag, every))
+    period_s = every * ROW_S
+    found = identify_free_response(
+        voltage_V.tolist(), x_um.tolist(), period_s, unpoled=False, held_out=HELD_OUT
+    )
+    left_um = x_um - simulate(found.model, voltage_V, period_s)
+    own_um = float(np.std(left_um[int(len(x_um) * (1.0 - HELD_OUT)) :]))
+    print(f"own residual {100.0 * own_um / np.ptp(x_um):.2f} % of the range")
+    assert found.residual_um == pytest.approx(own_um, rel=1e-9)
+    assert own_um < 0.008 * np.ptp(x_um)
+    assert min(found.model.creep_fractions) >= 0.0
+
+
+@pytest.mark.parametrize("lead_s", [4.0, 40.0])
+@pytest.mark.parametrize("unpoled", [True, False])
+def test_a_measured_stack_that_rests_first_is_followed(lead_s: float, unpoled: bool) -> None:
+    voltage_V, x_um = (np.array(values) for values in measured(0))
+    rest = round(lead_s / PERIOD_S)
+    u, x = np.pad(voltage_V, (rest, 0), "edge"), np.pad(x_um, (rest, 0), "edge")
+    found = identify_free_response(u.tolist(), x.tolist(), PERIOD_S, unpoled=unpoled)
+    left_um = (x - simulate(found.model, u, PERIOD_S))[len(u) // 2 :]
+    assert float(np.std(left_um)) < 0.015 * np.ptp(x_um)

@@ -1,16 +1,18 @@
 """A state of the safety module, and the events that befall it, without messages."""
 
-from dataclasses import replace
-
-from pincette.control.safety.admission import Offer, judged, sampled, turned_away, unheard
+from pincette.control.faults import FaultCode, fault
+from pincette.control.record import replace
+from pincette.control.safety.admission import CommandFacts, judged, sampled, turned_away, unheard
 from pincette.control.safety.freshness import AgeLimits
 from pincette.control.safety.latch import armed, reset
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.state import SafetyLimits, SafetyState
 from pincette.control.safety.voltage import VoltageLimits
+from pincette.core.wording import cause_text, faults_text
 
 T = 0.02
 EPOCH, OWNER = 11, 5
+OFF = fault(FaultCode.INSTRUMENT_SILENT, "laser off")
 MONITORS = MonitorLimits(
     period_s=T,
     force_mN=50.0,
@@ -33,7 +35,7 @@ LIMITS = SafetyLimits(
     safe_V=0.0,
 )
 LOCKSTEP = replace(LIMITS, lockstep=True)
-GOOD = Offer(EPOCH, OWNER, 0, 0.5, part_held=False, final=False, valid=True)
+GOOD = CommandFacts(EPOCH, OWNER, 0, 0.5, part_held=False, final=False, valid=True)
 
 
 def ready(limits: SafetyLimits = LIMITS) -> SafetyState:
@@ -42,12 +44,12 @@ def ready(limits: SafetyLimits = LIMITS) -> SafetyState:
 
 
 def offered(
-    state: SafetyState, offer: Offer, now: float, limits: SafetyLimits = LIMITS
+    state: SafetyState, command: CommandFacts, now: float, limits: SafetyLimits = LIMITS
 ) -> SafetyState:
     """A command that comes and does not wait for its sample."""
-    if why := unheard(state, offer):
-        return turned_away(state, offer, why)
-    return judged(limits, state, offer, now)
+    if why := unheard(state, command):
+        return turned_away(state, command, why)
+    return judged(limits, state, command, now)
 
 
 def ticked(
@@ -65,3 +67,14 @@ def ticked(
 def held(voltage_V: float = 0.5) -> SafetyState:
     """Armed, with a part, after the first tick."""
     return ticked(ready(), 0, part_held=True, voltage_V=voltage_V)
+
+
+def cause_words(state: SafetyState) -> str:
+    """Why it has tripped, for people."""
+    return cause_text(state.cause, state.faults)
+
+
+def detail_words(state: SafetyState) -> str:
+    """What a person asks for first."""
+    parts = (state.mode, cause_words(state), faults_text(state.findings))
+    return "; ".join(part for part in parts if part)

@@ -15,6 +15,7 @@ from pincette.control.safety.freshness import (
     too_old,
     with_sample,
 )
+from pincette.core.wording import fault_text
 
 from .bench import LIMITS, T
 
@@ -42,23 +43,23 @@ def test_an_older_or_equal_sample_changes_nothing(seq: int) -> None:
 
 def test_the_clock_refuses_what_is_late() -> None:
     sample = SEEN[3]
-    assert too_old(AGE, SEEN, sample, sample.at_s + 0.0499) == ""
-    assert too_old(AGE, SEEN, sample, sample.at_s + 0.051) == "51 ms old, limit 50 ms"
+    assert too_old(AGE, SEEN, sample, sample.at_s + 0.0499) is None
+    assert fault_text(too_old(AGE, SEEN, sample, sample.at_s + 0.051)) == "51 ms old, limit 50 ms"
 
 
 def test_an_age_is_told_to_the_millisecond() -> None:
     slow = replace(AGE, limit_s=2.0)
-    assert too_old(slow, SEEN, SEEN[3], 3.06) == "3000 ms old, limit 2000 ms"
+    assert fault_text(too_old(slow, SEEN, SEEN[3], 3.06)) == "3000 ms old, limit 2000 ms"
 
 
 def test_an_age_of_just_the_limit_is_none() -> None:
-    assert too_old(AGE, (Arrival(0, 0.0, 1.0),), Arrival(0, 0.0, 1.0), 0.05) == ""
+    assert too_old(AGE, (Arrival(0, 0.0, 1.0),), Arrival(0, 0.0, 1.0), 0.05) is None
 
 
 def test_the_numbers_refuse_what_comes_out_of_a_queue() -> None:
     burst = tuple(Arrival(seq, 1.0, 1.0) for seq in range(4))
-    assert too_old(AGE, burst, burst[1], 1.001) == ""
-    assert too_old(AGE, burst, burst[0], 1.001) == "3 samples old, limit 2"
+    assert too_old(AGE, burst, burst[1], 1.001) is None
+    assert fault_text(too_old(AGE, burst, burst[0], 1.001)) == "3 samples old, limit 2"
 
 
 @pytest.mark.parametrize(

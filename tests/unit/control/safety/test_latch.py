@@ -1,10 +1,10 @@
 """Which modes lead where: arming, trip, freeze, ramp, latch, reset, and the end of the program."""
 
-from dataclasses import replace
-
 import pytest
 
-from pincette.control.safety.causes import Cause
+from pincette.control.faults import FaultCode, fault
+from pincette.control.record import replace
+from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.latch import (
     armed,
     arming_objection,
@@ -13,23 +13,34 @@ from pincette.control.safety.latch import (
     released,
     reset,
     reset_objection,
+    shutdown,
     trip,
-    wind_down,
 )
 from pincette.control.safety.monitors import Watch, Watches
 from pincette.control.safety.state import SafetyState, Strangers
 
-from .bench import EPOCH, LIMITS, LOCKSTEP, OWNER, held, ready, ticked
+from .bench import (
+    EPOCH,
+    LIMITS,
+    LOCKSTEP,
+    OFF,
+    OWNER,
+    cause_words,
+    detail_words,
+    held,
+    ready,
+    ticked,
+)
 
 FREE = ticked(ready(), 0)
 HELD = held()
-FORCE = Cause.FORCE.because("55.0 mN, limit 50.0 mN")
+PRESSED = fault(FaultCode.FORCE_BEYOND_LIMIT, force_mN=55.0, limit_mN=50.0)
 
 
 def test_it_boots_latched_without_authority() -> None:
     state = SafetyState()
     assert (state.mode, state.cause, state.epoch, state.owner) == ("latched", "boot", 0, 0)
-    assert (state.voltage_V, state.part_held, state.refused, state.refusal) == (0.0, False, 0, "")
+    assert (state.voltage_V, state.part_held, state.refused, state.refusal) == (0.0, False, 0, None)
     assert (state.taken_seq, state.fresh_s, state.arrivals, state.ran_s) == (-1, 0.0, (), None)
     assert state.unconfirmed is False
 
@@ -51,24 +62,25 @@ def test_only_an_idle_actuator_is_armed(mode: str, cause: str, words: str) -> No
 def test_an_arming_begins_anew_but_for_voltage_part_and_counters() -> None:
     used = replace(
         HELD,
-        mode="idle",
-        cause="left",
+        mode=Mode.IDLE,
+        cause=Cause.ESTOP,
         since_s=3.0,
         ramp_from_V=2.0,
         limits_active=5,
-        blind="sensor: off",
-        watches=Watches(4, Watch(2, "x"), Watch(1, "y"), Watch(1, "z"), 4, 1.0),
+        faults=(PRESSED,),
+        blind=OFF,
+        watches=Watches(4, Watch(2, PRESSED), Watch(1, OFF), Watch(1, OFF), 4, 1.0),
         excused_s=0.1,
         standstills=2,
         refused=7,
-        refusal="why",
-        strangers=Strangers(9, "who"),
+        refusal=OFF,
+        strangers=Strangers(9, OFF),
         ran_s=4.0,
     )
     state = armed(LIMITS, used, epoch=12, owner=6, now=5.0)
     fresh = SafetyState(
-        mode="armed",
-        cause="",
+        mode=Mode.ARMED,
+        cause=Cause.NONE,
         epoch=12,
         owner=6,
         voltage_V=used.voltage_V,
@@ -83,7 +95,7 @@ def test_an_arming_begins_anew_but_for_voltage_part_and_counters() -> None:
 
 @pytest.mark.parametrize(("state", "mode"), [(FREE, "ramping"), (HELD, "frozen")])
 def test_a_trip_does_what_was_decided_before(state: SafetyState, mode: str) -> None:
-    tripped = trip(LIMITS, replace(state, limits_active=3), "estop", 0.01)
+    tripped = trip(LIMITS, replace(state, limits_active=3), Cause.ESTOP, 0.01)
     assert (tripped.mode, tripped.cause, tripped.since_s) == (mode, "estop", 0.01)
     assert tripped.limits_active == 0
     assert tripped.voltage_V == state.voltage_V
@@ -91,34 +103,34 @@ def test_a_trip_does_what_was_decided_before(state: SafetyState, mode: str) -> N
         assert tripped.ramp_from_V == state.voltage_V
 
 
-@pytest.mark.parametrize(("cause", "asked"), [("estop", True), (FORCE, False)])
-def test_letting_go_ramps_with_a_part(cause: str, asked: bool) -> None:
+@pytest.mark.parametrize(("cause", "asked"), [(Cause.ESTOP, True), (Cause.FORCE, False)])
+def test_letting_go_ramps_with_a_part(cause: Cause, asked: bool) -> None:
     tripped = trip(LIMITS, HELD, cause, 0.01, let_go=asked)
     assert (tripped.mode, tripped.cause, tripped.part_held) == ("ramping", cause, True)
-    frozen = trip(LIMITS, HELD, "estop", 0.01)
+    frozen = trip(LIMITS, HELD, Cause.ESTOP, 0.01)
     let_go = trip(LIMITS, frozen, cause, 0.3, let_go=asked)
     assert (let_go.mode, let_go.cause, let_go.since_s) == ("ramping", "estop", 0.3)
 
 
 @pytest.mark.parametrize("mode", ["frozen", "ramping", "latched"])
 def test_the_first_cause_is_kept(mode: str) -> None:
-    before = replace(HELD, mode=mode, cause="estop", since_s=1.0)
-    assert trip(LIMITS, before, "abort", 2.0) is before
+    before = replace(HELD, mode=mode, cause=Cause.ESTOP, since_s=1.0)
+    assert trip(LIMITS, before, Cause.ABORT, 2.0) is before
 
 
 @pytest.mark.parametrize("cause", ["boot", "estop"])
 def test_letting_go_moves_a_latched_arm_only_after_a_boot(cause: str) -> None:
-    before = replace(HELD, mode="latched", cause=cause)
-    after = trip(LIMITS, before, "abort", 2.0, let_go=True)
+    before = replace(HELD, mode=Mode.LATCHED, cause=cause)
+    after = trip(LIMITS, before, Cause.ABORT, 2.0, let_go=True)
     assert after.mode == ("ramping" if cause == "boot" else "latched")
 
 
 @pytest.mark.parametrize("mode", ["idle", "latched"])
 def test_in_lockstep_without_an_arming_nothing_will_play_a_ramp(mode: str) -> None:
-    before = replace(HELD, mode=mode, cause="boot")
-    kept = trip(LOCKSTEP, before, "estop", 1.0)
+    before = replace(HELD, mode=mode, cause=Cause.BOOT)
+    kept = trip(LOCKSTEP, before, Cause.ESTOP, 1.0)
     assert (kept.mode, kept.voltage_V, kept.part_held) == ("latched", 0.5, True)
-    gone = trip(LOCKSTEP, before, "estop", 1.0, let_go=True)
+    gone = trip(LOCKSTEP, before, Cause.ESTOP, 1.0, let_go=True)
     assert (gone.mode, gone.voltage_V, gone.part_held, gone.cause) == (
         "latched",
         0.0,
@@ -128,20 +140,22 @@ def test_in_lockstep_without_an_arming_nothing_will_play_a_ramp(mode: str) -> No
 
 
 def test_in_lockstep_an_arming_ends_as_in_real_time() -> None:
-    assert trip(LOCKSTEP, HELD, "estop", 1.0).mode == "frozen"
-    assert trip(LOCKSTEP, FREE, "estop", 1.0).mode == "ramping"
+    assert trip(LOCKSTEP, HELD, Cause.ESTOP, 1.0).mode == "frozen"
+    assert trip(LOCKSTEP, FREE, Cause.ESTOP, 1.0).mode == "ramping"
 
 
-def test_a_freeze_that_is_released_says_so_in_its_cause() -> None:
-    frozen = trip(LIMITS, HELD, "estop", 0.01)
-    state = released(frozen, "55.0 mN", 0.2)
+def test_a_freeze_that_is_released_says_so_beside_its_cause() -> None:
+    frozen = trip(LIMITS, HELD, Cause.ESTOP, 0.01)
+    state = released(frozen, PRESSED, 0.2)
     assert (state.mode, state.since_s, state.ramp_from_V) == ("ramping", 0.2, 0.5)
-    assert state.cause == "estop; released: 55.0 mN"
+    assert cause_words(state) == (
+        "estop: an emergency stop was asked for; released: 55.0 mN, limit 50.0 mN"
+    )
 
 
 @pytest.mark.parametrize("mode", ["latched", "idle", "armed", "frozen", "ramping"])
 def test_a_reset_needs_a_person_and_an_arm_that_is_safe(mode: str) -> None:
-    state = replace(HELD, mode=mode, cause="estop")
+    state = replace(HELD, mode=mode, cause=Cause.ESTOP)
     refused = "a reset needs acknowledge = true"
     assert reset_objection(LIMITS, state, acknowledged=False) == refused
     assert reset_objection(LOCKSTEP, state, acknowledged=True) == ""
@@ -152,8 +166,9 @@ def test_a_reset_needs_a_person_and_an_arm_that_is_safe(mode: str) -> None:
 
 @pytest.mark.parametrize("mode", ["latched", "frozen"])
 def test_a_reset_clears_the_latch_and_keeps_part_and_voltage(mode: str) -> None:
-    state = reset(LIMITS, replace(HELD, mode=mode, cause="estop", unconfirmed=True))
-    assert (state.mode, state.cause, state.unconfirmed) == ("idle", "", False)
+    tripped = replace(HELD, mode=mode, cause=Cause.ESTOP, faults=(OFF,), unconfirmed=True)
+    state = reset(LIMITS, tripped)
+    assert (state.mode, state.cause, state.faults, state.unconfirmed) == ("idle", "", (), False)
     assert (state.voltage_V, state.part_held) == (0.5, True)
 
 
@@ -164,7 +179,7 @@ def test_there_is_nothing_to_reset_where_nothing_has_tripped(mode: str) -> None:
 
 
 def test_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> None:
-    state = reset(LOCKSTEP, trip(LOCKSTEP, FREE, "estop", 0.01))
+    state = reset(LOCKSTEP, trip(LOCKSTEP, FREE, Cause.ESTOP, 0.01))
     assert (state.mode, state.voltage_V, state.part_held) == ("idle", 0.0, False)
 
 
@@ -194,15 +209,16 @@ def test_silence_trips_beyond_the_age_limit(state: SafetyState, mode: str) -> No
     assert pass_time(LIMITS, state, limit_s) is state
     tripped = pass_time(LIMITS, state, limit_s + 0.012)
     assert tripped.mode == mode
-    assert tripped.cause == "command_age: no command for 62 ms, limit 50 ms"
-    blind = pass_time(LIMITS, replace(state, blind="sensor: off"), limit_s + 0.012)
-    assert blind.cause == "command_age: no command for 62 ms, limit 50 ms; sensor: off"
+    assert cause_words(tripped) == "command_age: no command for 62 ms, limit 50 ms"
+    assert [fault.code for fault in tripped.faults] == [FaultCode.NO_COMMAND]
+    blind = pass_time(LIMITS, replace(state, blind=OFF), limit_s + 0.012)
+    assert cause_words(blind) == "command_age: no command for 62 ms, limit 50 ms; sensor: laser off"
 
 
 def test_a_silence_is_told_to_the_millisecond() -> None:
     limits = replace(LIMITS, age=replace(LIMITS.age, limit_s=0.9))
     tripped = pass_time(limits, replace(FREE, fresh_s=0.25), 2.75)
-    assert tripped.cause == "command_age: no command for 2500 ms, limit 900 ms"
+    assert cause_words(tripped) == "command_age: no command for 2500 ms, limit 900 ms"
 
 
 @pytest.mark.parametrize("mode", ["idle", "latched"])
@@ -212,7 +228,7 @@ def test_where_nothing_is_awaited_silence_is_no_fault(mode: str) -> None:
 
 
 def test_a_freeze_ends_in_its_ramp() -> None:
-    frozen = trip(LIMITS, HELD, "estop", 1.0)
+    frozen = trip(LIMITS, HELD, Cause.ESTOP, 1.0)
     assert pass_time(LIMITS, frozen, 1.4999) is frozen
     state = pass_time(LIMITS, frozen, 1.5)
     assert (state.mode, state.since_s) == ("ramping", 1.5)
@@ -221,7 +237,7 @@ def test_a_freeze_ends_in_its_ramp() -> None:
 
 def test_the_ramp_begins_with_the_trip_and_ends_at_the_safe_voltage() -> None:
     limits = replace(LIMITS, safe_V=-0.5)
-    ramping = trip(limits, FREE, "estop", 1.0)
+    ramping = trip(limits, FREE, Cause.ESTOP, 1.0)
     voltages = [pass_time(limits, ramping, 1.0 + step * 0.005).voltage_V for step in range(7)]
     expected = [0.5 - 1.0 * (step * 0.005 + 0.005) / 0.035 for step in range(6)]
     assert voltages == pytest.approx([*expected, -0.5])
@@ -232,15 +248,15 @@ def test_the_ramp_begins_with_the_trip_and_ends_at_the_safe_voltage() -> None:
 
 def test_the_last_step_of_the_ramp_is_the_safe_voltage_itself() -> None:
     limits = replace(LIMITS, ramp_s=0.03 + LIMITS.age.wake_s)
-    ramping = trip(limits, FREE, "estop", 0.0)
+    ramping = trip(limits, FREE, Cause.ESTOP, 0.0)
     assert pass_time(limits, ramping, 0.029).mode == "ramping"
     assert pass_time(limits, ramping, 0.03).mode == "latched"
 
 
 def test_told_to_end_it_lets_go_and_ramps_once() -> None:
     at_safe = replace(FREE, voltage_V=0.0)
-    assert wind_down(LIMITS, at_safe, 1.0) == (at_safe, True)
-    state, done = wind_down(LIMITS, HELD, 1.0)
+    assert shutdown(LIMITS, at_safe, 1.0) == (at_safe, True)
+    state, done = shutdown(LIMITS, HELD, 1.0)
     assert (done, state.mode, state.cause, state.part_held) == (
         False,
         "ramping",
@@ -248,24 +264,24 @@ def test_told_to_end_it_lets_go_and_ramps_once() -> None:
         False,
     )
     assert (state.since_s, state.ramp_from_V) == (1.0, 0.5)
-    assert wind_down(LIMITS, state, 1.01) == (state, False)
-    again, _ = wind_down(LIMITS, replace(HELD, mode="frozen", cause="estop"), 1.0)
+    assert shutdown(LIMITS, state, 1.01) == (state, False)
+    again, _ = shutdown(LIMITS, replace(HELD, mode=Mode.FROZEN, cause=Cause.ESTOP), 1.0)
     assert (again.mode, again.cause) == ("ramping", "estop")
 
 
 def test_the_detail_says_what_a_person_asks_for_first() -> None:
-    assert SafetyState().detail == "latched; boot"
+    assert detail_words(SafetyState()) == "latched; boot"
     state = replace(
         HELD,
-        cause="",
-        refusal="command 3 after 3",
+        cause=Cause.NONE,
+        refusal=fault(FaultCode.COMMAND_REPEATED, seq=3, taken_seq=3),
         standstills=2,
-        strangers=Strangers(3, "command of owner 7, armed for 5"),
+        strangers=Strangers(3, fault(FaultCode.OTHER_OWNER, owner=7, armed_owner=5)),
     )
-    assert state.detail == (
-        "armed; alarm: 3 commands of a stranger refused, the last a command of owner 7, armed "
+    assert detail_words(state) == (
+        "armed; alarm: 3 commands of a stranger refused; command of owner 7, armed "
         "for 5; command 3 after 3; stood still 2 times"
     )
-    quiet = replace(state, strangers=Strangers(2, "x"), refusal="", standstills=0)
-    assert quiet.detail == "armed"
+    quiet = replace(state, strangers=Strangers(2, OFF), refusal=None, standstills=0)
+    assert detail_words(quiet) == "armed"
     assert (state.epoch, state.owner) == (EPOCH, OWNER)

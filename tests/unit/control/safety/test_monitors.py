@@ -1,12 +1,13 @@
 """Hard limits of force, following error and position, at their edges and over samples in a row."""
 
-from dataclasses import replace
 from math import nan
 
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.safety.monitors import (
     UNSEEN,
+    MonitorLimits,
     Watches,
     finding,
     following_excess,
@@ -15,8 +16,15 @@ from pincette.control.safety.monitors import (
     watch_command,
     watch_position,
 )
+from pincette.core.wording import cause_text, fault_text
 
 from .bench import MONITORS, T
+
+
+def found(limits: MonitorLimits, watches: Watches) -> str:
+    """What acts, for people."""
+    finds = finding(limits, watches)
+    return "" if finds is None else cause_text(finds.cause, (finds.fault,))
 
 
 def commanded(
@@ -31,10 +39,10 @@ def commanded(
 
 
 def test_the_force_limit_is_exceeded_above_its_value_alone() -> None:
-    assert force_excess(MONITORS, 50.0) == ""
-    assert force_excess(MONITORS, -60.0) == ""
-    assert force_excess(MONITORS, 50.04) == "50.0 mN, limit 50.0 mN"
-    assert force_excess(MONITORS, 60.0) == "60.0 mN, limit 50.0 mN"
+    assert force_excess(MONITORS, 50.0) is None
+    assert force_excess(MONITORS, -60.0) is None
+    assert fault_text(force_excess(MONITORS, 50.04)) == "50.0 mN, limit 50.0 mN"
+    assert fault_text(force_excess(MONITORS, 60.0)) == "60.0 mN, limit 50.0 mN"
 
 
 @pytest.mark.parametrize(
@@ -56,7 +64,7 @@ def test_the_following_bound_grows_with_the_speed(
 
 
 def test_a_following_error_is_told_with_its_numbers() -> None:
-    assert following_excess(MONITORS, -2.0, 10.0, 20.0) == (
+    assert fault_text(following_excess(MONITORS, -2.0, 10.0, 20.0)) == (
         "the arm is at -2.00 µm, wanted at 10.00 µm: off by 12.00 µm, limit 4.00 µm"
     )
 
@@ -67,34 +75,36 @@ def test_the_position_limits_are_exceeded_beyond_their_values(x_um: float, beyon
 
 
 def test_a_position_is_told_with_its_limits() -> None:
-    assert position_excess(MONITORS, 79.014) == "79.01 µm, limits -29.00 µm and 79.00 µm"
-    assert position_excess(MONITORS, nan) == "nan µm, limits -29.00 µm and 79.00 µm"
+    assert (
+        fault_text(position_excess(MONITORS, 79.014)) == "79.01 µm, limits -29.00 µm and 79.00 µm"
+    )
+    assert fault_text(position_excess(MONITORS, nan)) == "nan µm, limits -29.00 µm and 79.00 µm"
 
 
 def test_a_force_acts_at_its_third_sample_in_a_row() -> None:
     watches = UNSEEN
     for seq, force_mN in enumerate((51.0, 52.0, 49.0, 53.0, 54.0)):
         watches = commanded(watches, seq, force_mN=force_mN)
-        assert finding(MONITORS, watches) == ""
+        assert finding(MONITORS, watches) is None
     watches = commanded(watches, 5, force_mN=55.5)
-    assert finding(MONITORS, watches) == "force: 55.5 mN, limit 50.0 mN, 3 samples in a row"
+    assert found(MONITORS, watches) == "force: 55.5 mN, limit 50.0 mN, 3 samples in a row"
 
 
 def test_a_sample_of_unknown_force_neither_counts_nor_clears() -> None:
     watches = commanded(commanded(UNSEEN, 0, force_mN=60.0), 1, force_mN=60.0)
     watches = commanded(watches, 2)
     assert watches.force.count == 2
-    assert finding(MONITORS, commanded(watches, 3, force_mN=60.0)).startswith("force: ")
+    assert found(MONITORS, commanded(watches, 3, force_mN=60.0)).startswith("force: ")
 
 
 def test_a_following_error_acts_at_its_sixth_sample_in_a_row() -> None:
     watches = UNSEEN
     for seq in range(5):
         watches = commanded(watches, seq, x_um=0.0, x_d_um=4.0)
-        assert finding(MONITORS, watches) == ""
+        assert finding(MONITORS, watches) is None
     caught = commanded(watches, 5, x_um=3.0, x_d_um=4.0)
     assert caught.following.count == 0
-    words = finding(MONITORS, commanded(watches, 5, x_um=0.0, x_d_um=4.0))
+    words = found(MONITORS, commanded(watches, 5, x_um=0.0, x_d_um=4.0))
     assert words.startswith("following_error: the arm is at 0.00 µm")
     assert words.endswith("6 samples in a row")
 
@@ -134,8 +144,8 @@ def test_a_position_acts_at_its_third_sample_in_a_row() -> None:
     watches = UNSEEN
     for x_um in (80.0, 80.0, 79.0, 80.0, 80.0):
         watches = watch_position(MONITORS, watches, x_um)
-        assert finding(MONITORS, watches) == ""
-    words = finding(MONITORS, watch_position(MONITORS, watches, 80.0))
+        assert finding(MONITORS, watches) is None
+    words = found(MONITORS, watch_position(MONITORS, watches, 80.0))
     expected = "position: 80.00 µm, limits -29.00 µm and 79.00 µm, 3 samples in a row"
     assert words == expected
 
@@ -149,8 +159,8 @@ def test_the_force_is_the_gravest() -> None:
     for seq in range(6):
         watches = watch_position(MONITORS, watches, 90.0)
         watches = commanded(watches, seq, x_um=90.0, x_d_um=0.0, force_mN=90.0)
-    assert finding(MONITORS, watches).startswith("force: ")
+    assert found(MONITORS, watches).startswith("force: ")
     watches = commanded(watches, 6, x_um=90.0, x_d_um=0.0, force_mN=0.0)
-    assert finding(MONITORS, watches).startswith("position: ")
+    assert found(MONITORS, watches).startswith("position: ")
     watches = watch_position(MONITORS, watches, 0.0)
-    assert finding(MONITORS, watches).startswith("following_error: ")
+    assert found(MONITORS, watches).startswith("following_error: ")

@@ -5,11 +5,11 @@ What is left after an interleaving is what the first one alone leaves, but for w
 
 import random
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
-from pincette.control.safety.admission import Offer, sampled
+from pincette.control.safety.admission import CommandFacts, sampled
 from pincette.control.safety.latch import pass_time
 from pincette.control.safety.state import NO_STRANGERS, SafetyState
 
@@ -18,7 +18,7 @@ from .bench import EPOCH, GOOD, LIMITS, OWNER, T, offered, ready
 TICKS = 6
 WORLDS = 64
 """Runs of the first controller that interleavings are made of."""
-Event = tuple[float, Offer | None, int]
+Event = tuple[float, CommandFacts | None, int]
 """Time, a command (None: the sample arrives), number."""
 
 
@@ -27,7 +27,7 @@ def first(chance: random.Random) -> list[Event]:
     events: list[Event] = []
     for seq in range(TICKS):
         events.append((seq * T, None, seq))
-        offer = replace(
+        command = replace(
             GOOD,
             seq=seq - chance.choice((0, 0, 0, 0, 1)),
             voltage_V=chance.choice((0.25, 0.5, 9.0, -0.5)),
@@ -37,14 +37,14 @@ def first(chance: random.Random) -> list[Event]:
             x_d_um=chance.choice((None, 1.0, 9.0)),
         )
         if chance.random() < 0.9:
-            events.append((seq * T + chance.choice((0.004, 0.019)), offer, seq))
+            events.append((seq * T + chance.choice((0.004, 0.019)), command, seq))
     return events
 
 
-def second(chance: random.Random) -> Offer:
+def second(chance: random.Random) -> CommandFacts:
     """A command of somebody else: another owner, another epoch, or a record of the last one."""
     owner, epoch = chance.choice(((OWNER + 1, EPOCH), (OWNER, EPOCH - 1), (OWNER + 1, EPOCH + 1)))
-    return Offer(
+    return CommandFacts(
         epoch,
         owner,
         chance.choice((*range(-1, TICKS + 2), 2**62)),
@@ -59,16 +59,16 @@ def second(chance: random.Random) -> Offer:
 
 
 def befallen(state: SafetyState, event: Event) -> SafetyState:
-    at_s, offer, seq = event
-    if offer is None:
+    at_s, command, seq = event
+    if command is None:
         return sampled(LIMITS, state, seq, 1.0, at_s)
-    return offered(state, offer, at_s)
+    return offered(state, command, at_s)
 
 
 def ending(state: SafetyState) -> SafetyState:
     """As it is once time has passed, without what is only counted."""
     state = pass_time(LIMITS, state, TICKS * T)
-    return replace(state, refused=0, refusal="", strangers=NO_STRANGERS)
+    return replace(state, refused=0, refusal=None, strangers=NO_STRANGERS)
 
 
 def interleaved(count: int, seed: int) -> Iterator[int]:

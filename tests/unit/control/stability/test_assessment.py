@@ -8,24 +8,25 @@ import pytest
 
 from pincette.control.arm.plant import consistent_arm
 from pincette.control.force.inverse_dynamics import inverse_dynamics
-from pincette.control.laws.law import LawSettings, default_settings
+from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.assessment import LIMIT_RADIUS, assess
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.worst_case import Intervals, around
+from tests.support.laws import default_settings, law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
 
 ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
 PART = around(2.17, 0.3)
-DEFAULT = Loop(LawSettings(), ARM, 0.02, force_filter_s=0.03)
+DEFAULT = Loop(law_settings(), ARM, 0.02, force_filter_s=0.03)
 
 
 @pytest.mark.parametrize(
     "law",
     [
-        LawSettings(),
-        LawSettings(K_P=5.0),
-        LawSettings(K_P=0.5),
-        LawSettings("dsmifc", K_P=2.0, delta=1e6),
+        law_settings(),
+        law_settings(K_P=5.0),
+        law_settings(K_P=0.5),
+        law_settings("dsmifc", K_P=2.0, delta=1e6),
         default_settings("pbsmic", "printed"),
         default_settings("dsmifc", "printed"),
     ],
@@ -34,7 +35,7 @@ def test_the_laws_may_run_at_the_period_of_the_paper(law: LawSettings) -> None:
     found = assess(replace(DEFAULT, law=law), PART)
     assert found.stable
     assert found.reason == ""
-    assert found.margin == pytest.approx(0.97 - found.radius)
+    assert found.limit_radius == 0.97
     assert 0.7 < found.radius < 0.9
     assert found.radius ** (found.settling_s / 0.02) == pytest.approx(0.02)
 
@@ -42,7 +43,7 @@ def test_the_laws_may_run_at_the_period_of_the_paper(law: LawSettings) -> None:
 def test_a_refusal_names_radius_limit_case_and_change() -> None:
     found = assess(replace(DEFAULT, period_s=0.005), PART)
     assert not found.stable
-    assert found.margin < 0.0
+    assert found.radius > found.limit_radius
     assert found.settling_s == inf
     omega_n = OMEGA_N * found.case.frequency_factor
     for part in (
@@ -64,19 +65,19 @@ def proposed(loop: Loop, text: str) -> tuple[Loop, str]:
             loop = replace(loop, period_s=1e-3 * float(change.split()[3]))
         else:
             name, value = change.split(" = ")
-            loop = loop.with_law(**{name: float(value)})
+            loop = loop.with_gains(**{name: float(value)})
     return loop, match[2]
 
 
 @pytest.mark.parametrize(
     ("law", "period_s"),
     [
-        (LawSettings(), 0.005),
-        (LawSettings(), 0.001),
-        (LawSettings(K_P=5.0), 0.004),
-        (LawSettings(K_P=50.0), 0.02),
-        (LawSettings(K_S=1.0, delta=1.0), 0.02),
-        (LawSettings(K_S=1.0, delta=1.0), 0.005),
+        (law_settings(), 0.005),
+        (law_settings(), 0.001),
+        (law_settings(K_P=5.0), 0.004),
+        (law_settings(K_P=50.0), 0.02),
+        (law_settings(K_S=1.0, delta=1.0), 0.02),
+        (law_settings(K_S=1.0, delta=1.0), 0.005),
         (default_settings("dsmifc", "printed"), 0.005),
     ],
 )
@@ -94,7 +95,7 @@ def test_the_advice_holds(law: LawSettings, period_s: float) -> None:
 
 
 def test_a_loop_that_nothing_helps_says_so() -> None:
-    found = assess(replace(DEFAULT, law=LawSettings(K_P=50.0), period_s=0.001), PART)
+    found = assess(replace(DEFAULT, law=law_settings(K_P=50.0), period_s=0.001), PART)
     assert found.reason.endswith("no change of one gain or of the period that was tried suffices")
 
 
@@ -105,13 +106,13 @@ def test_a_switching_term_that_does_nothing_is_not_blamed() -> None:
 
 def test_an_observer_made_for_a_period_is_not_carried_to_another() -> None:
     observer = inverse_dynamics(OMEGA_N, ZETA, S_P, period_s=0.004, filter_s=1e-3)
-    loop = Loop(LawSettings(K_P=5.0), ARM, 0.004, 0.03, observer=observer)
+    loop = Loop(law_settings(K_P=5.0), ARM, 0.004, 0.03, observer=observer)
     assert "a period of 4 ms" in assess(loop, PART).reason
     assert "a period of 5 ms" not in assess(loop, PART).reason
 
 
 def test_a_slow_loop_is_refused_for_being_slow() -> None:
-    found = assess(replace(DEFAULT, law=LawSettings(K_P=50.0)), PART)
+    found = assess(replace(DEFAULT, law=law_settings(K_P=50.0)), PART)
     assert found.reason.startswith("the loop settles too slowly: spectral radius 0.98")
     assert 2.6 < found.settling_s < 10.0
 
@@ -127,7 +128,7 @@ def test_the_limit_is_an_argument() -> None:
 
 def test_the_delay_decides() -> None:
     """A loop for a short delay is not one for a delay of nearly a period."""
-    loop = Loop(LawSettings(), ARM, 0.008, force_filter_s=0.03)
+    loop = Loop(law_settings(), ARM, 0.008, force_filter_s=0.03)
     at_once = assess(loop, around(2.17, 0.3, delay_periods=(0.0, 0.0)))
     late = assess(loop, around(2.17, 0.3, delay_periods=(0.0, 1.0)))
     assert at_once.stable

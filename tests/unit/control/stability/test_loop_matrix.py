@@ -11,11 +11,13 @@ from pincette.control.force.inverse_dynamics import inverse_dynamics
 from pincette.control.force.kalman import augmented_kalman
 from pincette.control.force.observers import ForceObserver, QuasiStatic, QuasiStaticParameters
 from pincette.control.laws import law as control_law
-from pincette.control.laws.law import LawSettings
+from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.loop_matrix import Loop, loop_matrices
-from pincette.control.stability.loop_modes import spectral_radii
 from pincette.control.stability.sampled_arm import LoopCase
+from tests.support.laws import law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA, exponential
+
+from .margins import spectral_radii
 
 D_P = 19.0
 ARM = consistent_arm(OMEGA_N, ZETA, D_P, S_P)
@@ -28,18 +30,18 @@ ROUNDED_TWICE = 0.0055
 
 def friendliest(period_s: float, K_P: float) -> Loop:
     """K_f = 0, and the true force."""
-    law = LawSettings(K_P=K_P, K_f=0.0, force_age="newest")
+    law = law_settings(K_P=K_P, K_f=0.0, force_age="newest")
     return Loop(law, ARM, period_s, force="true")
 
 
 def as_run_by_the_list(period_s: float, K_P: float) -> Loop:
     """With the impedance (14), and the estimated force, free as well as in contact."""
-    return Loop(LawSettings(K_P=K_P, force_age="newest"), ARM, period_s, fed_force=True)
+    return Loop(law_settings(K_P=K_P, force_age="newest"), ARM, period_s, force_when_free=True)
 
 
 def as_controlled(period_s: float, K_P: float) -> Loop:
     """With the force that is planned, its error low-passed, and none fed where the arm is free."""
-    return Loop(LawSettings(K_P=K_P), ARM, period_s, force_filter_s=0.03)
+    return Loop(law_settings(K_P=K_P), ARM, period_s, force_filter_s=0.03)
 
 
 def radii(make: Callable[[float, float], Loop], period_s: float, case: LoopCase) -> list[float]:
@@ -92,12 +94,12 @@ def test_a_shorter_period_is_not_simply_worse(period_s: float, radius: float) ->
 @pytest.mark.parametrize("period_s", [0.02, 0.008, 0.005, 0.002])
 def test_without_a_force_the_free_loop_is_the_position_loop(period_s: float) -> None:
     """Unless the law is fed a force where nothing is touched, neither filter nor estimate acts."""
-    law = LawSettings(M=0.0, B=0.0, force_age="newest")
-    alone = replace(friendliest(period_s, 1.0), law=replace(law, K_f=0.0))
+    law = law_settings(M=0.0, B=0.0, force_age="newest")
+    alone = replace(friendliest(period_s, 1.0), law=law.with_gains(K_f=0.0))
     run = Loop(law, ARM, period_s)
     expected = spectral_radii(alone, (FREE,))
     assert spectral_radii(run, (FREE,)) == pytest.approx(expected, rel=1e-9)
-    fed = replace(run, fed_force=True)
+    fed = replace(run, force_when_free=True)
     assert abs(float(spectral_radii(fed, (FREE,))[0] - expected[0])) > 0.01
 
 
@@ -105,7 +107,7 @@ def test_a_stiff_arm_leaves_the_law_alone() -> None:
     """Where G ≈ 1, each sample takes K_I/(K_P + K_I) off the error, in units of the real d_p."""
     stiff = consistent_arm(1e6, 0.5, D_P, S_P)
     for K_P in (5.0, 1.0, 0.5):
-        loop = Loop(LawSettings(K_P=K_P, M=0.0, B=0.0), stiff, 0.02)
+        loop = Loop(law_settings(K_P=K_P, M=0.0, B=0.0), stiff, 0.02)
         for gain in (0.5, 1.0, 3.0):
             found = spectral_radii(loop, (LoopCase(gain_factor=gain),))[0]
             assert found == pytest.approx(abs(1.0 - gain / (K_P + 1.0)), abs=1e-3)
@@ -115,8 +117,8 @@ def test_the_switching_slope_acts() -> None:
     """s_k = (1 - slope)·s_{k-1} on an arm that is as the law knows it."""
     stiff = consistent_arm(1e6, 0.5, D_P, S_P)
     for slope in (0.3, 1.5, 2.5):
-        law = LawSettings(M=0.0, B=0.0, delta=1.0)
-        law = replace(law, K_S=slope * stiff.k / (law.K_P + law.K_I))
+        law = law_settings(M=0.0, B=0.0, delta=1.0)
+        law = law.with_gains(K_S=slope * stiff.k / (law.gains["K_P"] + law.gains["K_I"]))
         found = spectral_radii(Loop(law, stiff, 0.02), (FREE,))[0]
         assert found == pytest.approx(max(abs(1.0 - slope), 0.5), abs=1e-3)
 
@@ -124,8 +126,8 @@ def test_the_switching_slope_acts() -> None:
 def test_an_integral_nobody_reads_is_left_out() -> None:
     """ε acts through K_S alone; otherwise its eigenvalue 1 is none of the loop's."""
     cases = (FREE, CONTACT)
-    off = loop_matrices(Loop(LawSettings(), ARM, 0.02), cases)
-    on = loop_matrices(Loop(LawSettings(K_S=1e-9), ARM, 0.02), cases)
+    off = loop_matrices(Loop(law_settings(), ARM, 0.02), cases)
+    on = loop_matrices(Loop(law_settings(K_S=1e-9), ARM, 0.02), cases)
     assert on.shape[1] == off.shape[1] + 1
     assert np.all(np.abs(np.linalg.eigvals(off)) < 0.9)
     assert np.max(np.abs(np.linalg.eigvals(on)), axis=1) == pytest.approx([1.0, 1.0], abs=1e-9)
@@ -159,7 +161,7 @@ class Reality:
     def tick(self) -> float:
         x_um, applied_V = float(self.arm[0]), float(self.arm[3])
         self.observer, force_mN = self.observer.observe(x_um, D_P * applied_V, applied_V)
-        if self.case.K_e_mN_per_um == 0.0 and not self.loop.fed_force:
+        if self.case.K_e_mN_per_um == 0.0 and not self.loop.force_when_free:
             force_mN = 0.0
         self.state, output = control_law.step(
             self.law,
@@ -177,22 +179,22 @@ class Reality:
         return float(self.arm[0])
 
 
-@pytest.mark.parametrize("fed_force", [False, True])
+@pytest.mark.parametrize("force_when_free", [False, True])
 @pytest.mark.parametrize(
     "case", [LoopCase(0.0, 1.03, 0.2, 1.1), LoopCase(2.17, 0.97, 0.4), LoopCase(2.8, 1.0, 0.01)]
 )
 @pytest.mark.parametrize(
     ("law", "observer"),
     [
-        (LawSettings(), QuasiStatic(QuasiStaticParameters(S_P, 0.5))),
-        (LawSettings(force_age="newest", K_S=0.5, delta=50.0), None),
-        (LawSettings("dsmifc", K_P=2.0, K_S=10.0, delta=1e6), None),
-        (LawSettings(), inverse_dynamics(OMEGA_N, ZETA, S_P, period_s=0.008, filter_s=1e-3)),
-        (LawSettings(), augmented_kalman(OMEGA_N, ZETA, S_P, period_s=0.008, noise_um=0.03)),
+        (law_settings(), QuasiStatic(QuasiStaticParameters(S_P, 0.5))),
+        (law_settings(force_age="newest", K_S=0.5, delta=50.0), None),
+        (law_settings("dsmifc", K_P=2.0, K_S=10.0, delta=1e6), None),
+        (law_settings(), inverse_dynamics(OMEGA_N, ZETA, S_P, period_s=0.008, filter_s=1e-3)),
+        (law_settings(), augmented_kalman(OMEGA_N, ZETA, S_P, period_s=0.008, noise_um=0.03)),
     ],
 )
 def test_the_matrix_is_the_loop_in_time(
-    law: LawSettings, observer: ForceObserver | None, case: LoopCase, fed_force: bool
+    law: LawSettings, observer: ForceObserver | None, case: LoopCase, force_when_free: bool
 ) -> None:
     """From 1 µm off, tick by tick, against the powers of the matrix."""
     loop = Loop(
@@ -202,7 +204,7 @@ def test_the_matrix_is_the_loop_in_time(
         force_filter_s=0.03,
         output_lag_s=0.002,
         observer=observer,
-        fed_force=fed_force,
+        force_when_free=force_when_free,
     )
     matrix = loop_matrices(loop, (FREE, case))[1]
     reality = Reality(loop, observer or QuasiStatic(QuasiStaticParameters(S_P)), case)
@@ -230,8 +232,8 @@ def test_impossible_loops_are_refused(change: dict[str, float], text: str) -> No
 
 def test_a_change_of_gain_keeps_the_rest() -> None:
     loop = as_controlled(0.02, 1.0)
-    other = loop.with_law(K_P=3.0)
-    assert other.law == replace(loop.law, K_P=3.0)
+    other = loop.with_gains(K_P=3.0)
+    assert other.law == loop.law.with_gains(K_P=3.0)
     assert replace(other, law=loop.law) == loop
 
 

@@ -1,16 +1,16 @@
 """Which slow mode counts: what creeps after the position has settled does not, all else does."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from pincette.control.arm.plant import consistent_arm, discretize
-from pincette.control.laws.law import LawSettings, default_settings
 from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, loop_matrices
-from pincette.control.stability.loop_modes import counted_radii, settling_ticks, spectral_radii
+from pincette.control.stability.loop_modes import counted_radii, settling_ticks
 from pincette.control.stability.sampled_arm import LoopCase
+from tests.support.laws import default_settings, law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
+
+from .margins import spectral_radii
 
 ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
 CASES = (LoopCase(), LoopCase(K_e_mN_per_um=2.17))
@@ -19,9 +19,9 @@ LIMIT = 0.97
 
 def sloped(slope: float, period_s: float = 0.02) -> Loop:
     """PBSMIC with slope G_a·K_S/(k̄·δ) inside the boundary layer."""
-    law = LawSettings(delta=1.0)
-    K_S = slope * discretize(ARM, period_s).k_bar / (law.K_P + law.K_I)
-    return Loop(replace(law, K_S=K_S), ARM, period_s, force_filter_s=0.03)
+    law = law_settings(delta=1.0)
+    K_S = slope * discretize(ARM, period_s).k_bar / (law.gains["K_P"] + law.gains["K_I"])
+    return Loop(law.with_gains(K_S=K_S), ARM, period_s, force_filter_s=0.03)
 
 
 def test_settling_is_to_two_percent() -> None:
@@ -36,7 +36,7 @@ def test_the_printed_switching_creeps_and_does_not_count(scheme: str) -> None:
     loop = Loop(law, ARM, 0.02)
     assert np.all(spectral_radii(loop, CASES) > 0.9999)
     assert counted_radii(loop, CASES, LIMIT) == pytest.approx(
-        spectral_radii(loop.with_law(K_S=0.0), CASES), abs=1e-4
+        spectral_radii(loop.with_gains(K_S=0.0), CASES), abs=1e-4
     )
 
 
@@ -64,7 +64,7 @@ def test_a_slow_mode_counts_by_what_it_leaves(
 
 
 def test_what_rings_or_grows_always_counts() -> None:
-    ringing = Loop(LawSettings(K_P=5.0), ARM, 0.002)
+    ringing = Loop(law_settings(K_P=5.0), ARM, 0.002)
     growing = sloped(2.5)
     for loop in (ringing, growing):
         found = counted_radii(loop, CASES, 0.9)
@@ -76,13 +76,13 @@ def test_one_switching_mode_does_not_hide_another() -> None:
     """A printed law whose arm rings at 5 ms has the ring's radius, not that of ε."""
     loop = Loop(default_settings("pbsmic", "printed"), ARM, 0.004)
     found = counted_radii(loop, CASES[:1], LIMIT)
-    assert found == pytest.approx(spectral_radii(loop.with_law(K_S=0.0), CASES[:1]), abs=1e-6)
+    assert found == pytest.approx(spectral_radii(loop.with_gains(K_S=0.0), CASES[:1]), abs=1e-6)
     assert found[0] > LIMIT
 
 
 @pytest.mark.parametrize("size", [1e9, 1e100, 1e200])
 def test_a_loop_beyond_all_measure_is_beyond_the_limit(size: float) -> None:
     """By chance, which goes by the processor, its slow mode's share cannot be reckoned."""
-    law = LawSettings(M=size, K=1.0 / size, K_S=1.0, delta=1.0)
+    law = law_settings(M=size, K=1.0 / size, K_S=1.0, delta=1.0)
     found = counted_radii(Loop(law, ARM, 0.02, force_filter_s=0.03), CASES, LIMIT)
     assert np.max(found) > LIMIT

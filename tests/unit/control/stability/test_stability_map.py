@@ -8,25 +8,25 @@ import pytest
 from pincette.control.arm.plant import consistent_arm
 from pincette.control.force.kalman import augmented_kalman
 from pincette.control.force.observers import ForceObserver
-from pincette.control.laws.law import LawSettings
-from pincette.control.stability.assessment import assess
+from pincette.control.stability.assessment import assess, radius_map
 from pincette.control.stability.loop_matrix import Loop
-from pincette.control.stability.loop_modes import spectral_radii
 from pincette.control.stability.sampled_arm import LoopCase
-from pincette.control.stability.stability_map import FARTHEST, gain_margin, radius_map
 from pincette.control.stability.worst_case import Intervals, around
+from tests.support.laws import law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
+
+from .margins import FARTHEST, gain_margin, spectral_radii
 
 ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
 PART = around(2.17, 0.3)
-DEFAULT = Loop(LawSettings(), ARM, 0.02, force_filter_s=0.03)
+DEFAULT = Loop(law_settings(), ARM, 0.02, force_filter_s=0.03)
 
 
 @pytest.mark.parametrize("K_P", [0.5, 1.0, 5.0])
 def test_the_margin_of_a_stiff_arm(K_P: float) -> None:
     """|1 - g·K_I/(K_P + K_I)| < 1 up to g = 2(K_P + K_I)/K_I, and downwards without end."""
     stiff = consistent_arm(1e6, 0.5, 19.0, S_P)
-    loop = Loop(LawSettings(K_P=K_P, M=0.0, B=0.0), stiff, 0.02)
+    loop = Loop(law_settings(K_P=K_P, M=0.0, B=0.0), stiff, 0.02)
     found = gain_margin(loop, (LoopCase(),))
     assert found.highest == pytest.approx(2.0 * (K_P + 1.0), rel=2e-3)
     assert found.lowest == pytest.approx(1.0 / FARTHEST)
@@ -42,7 +42,7 @@ def test_the_margin_is_where_the_radius_is_one() -> None:
 
 def test_a_margin_can_end_below() -> None:
     """With a switching slope the voltage moves by more than a weak arm shows: it swings."""
-    loop = replace(DEFAULT, law=LawSettings(K_S=1.0, delta=1.0))
+    loop = replace(DEFAULT, law=law_settings(K_S=1.0, delta=1.0))
     case = (LoopCase(2.17, delay_periods=0.25),)
     found = gain_margin(loop, case)
     assert 1.0 / FARTHEST < found.lowest < 1.0
@@ -61,7 +61,7 @@ def test_a_map_is_made_of_assessments() -> None:
     assert found.shape == (2, 2)
     for row, period_s in enumerate(periods_s):
         for column, K_P in enumerate(gains):
-            other = replace(DEFAULT, period_s=period_s).with_law(K_P=K_P)
+            other = replace(DEFAULT, period_s=period_s).with_gains(K_P=K_P)
             assert found[row, column] == assess(other, PART).radius
 
 
@@ -69,7 +69,7 @@ def test_a_map_over_the_force_gain_of_what_is_identified() -> None:
     gains, pressed = (0.0, 2500.0, 5000.0), replace(PART, free=False)
     found = radius_map(DEFAULT, pressed, periods_s=(0.005,), gains=gains, gain="K_f", worst=False)
     loop = replace(DEFAULT, period_s=0.005)
-    expected = [spectral_radii(loop.with_law(K_f=K_f), pressed.middle())[0] for K_f in gains]
+    expected = [spectral_radii(loop.with_gains(K_f=K_f), pressed.middle())[0] for K_f in gains]
     assert found[0] == pytest.approx(expected)
     assert found[0, 2] != pytest.approx(found[0, 0], abs=1e-3)
 

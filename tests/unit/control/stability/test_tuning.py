@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pincette.control.laws.law import LawSettings, Scheme, default_settings
+from pincette.control.laws.definition import LawSettings
 from pincette.control.response.free_response import FreeSample, nominal_response
 from pincette.control.stability.tuning import (
     Candidate,
@@ -17,6 +17,7 @@ from pincette.control.stability.tuning import (
     track,
     tune,
 )
+from tests.support.laws import DSMIFC, LAWS, PBSMIC, default_settings, law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, ZETA
 from tests.unit.control.laws.model_loop import ARM, SCHEMES
 
@@ -25,6 +26,7 @@ SWING = TuningPath(tuple(10.0 * (1.0 - cos(pi * tick * PERIOD_S)) for tick in ra
 """Two cycles of 0.5 Hz and 20 mN that count."""
 REST = TuningPath((10.0,) * 400, 300)
 K_P, K_F = (0.2, 0.5, 2.0), (0.0, 2000.0, 5000.0, 10000.0)
+GRID = {"K_P": K_P, "K_f": K_F}
 RIG = TuningRig(
     arm=ARM,
     natural_frequency_rad_per_s=OMEGA_N,
@@ -41,7 +43,7 @@ RIG = TuningRig(
 
 percent = st.integers(0, 12).map(float)
 points = st.lists(
-    st.builds(Candidate, st.just(LawSettings()), percent, percent), min_size=1, max_size=40
+    st.builds(Candidate, st.just(law_settings()), percent, percent), min_size=1, max_size=40
 )
 
 
@@ -66,9 +68,9 @@ def test_the_front_is_what_no_other_equals_or_beats(candidates: list[Candidate])
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_the_balanced_candidate_has_the_smallest_larger_error(scheme: Scheme) -> None:
-    found = tune(RIG, SWING, scheme, lambda _: 0.5, radius_limit=0.97, K_P=K_P, K_f=K_F)
-    tried = {(item.settings.K_P, item.settings.K_f) for item in found.candidates}
+def test_the_balanced_candidate_has_the_smallest_larger_error(scheme: str) -> None:
+    found = tune(RIG, SWING, LAWS[scheme], lambda _: 0.5, radius_limit=0.97, grid=GRID)
+    tried = {(item.settings.gains["K_P"], item.settings.gains["K_f"]) for item in found.candidates}
     assert tried == {(proportional, gain) for proportional in K_P for gain in K_F}
     assert {item.settings.scheme for item in found.candidates} == {scheme}
     assert found.front == pareto_front(found.candidates)
@@ -89,19 +91,19 @@ class Radius:
 
     def __call__(self, law: LawSettings) -> float:
         self.asked.append(law)
-        return self.of[law.K_P]
+        return self.of[law.gains["K_P"]]
 
 
 def test_what_reaches_the_limit_neither_counts_nor_is_judged_again() -> None:
-    free = tune(RIG, SWING, "pbsmic", lambda _: 0.5, radius_limit=0.97, K_P=K_P, K_f=K_F)
-    best = free.chosen.settings.K_P
+    free = tune(RIG, SWING, PBSMIC, lambda _: 0.5, radius_limit=0.97, grid=GRID)
+    best = free.chosen.settings.gains["K_P"]
     radius = Radius({gain: 0.97 if gain == best else 0.9 for gain in K_P})
-    found = tune(RIG, SWING, "pbsmic", radius, radius_limit=0.97, K_P=K_P, K_f=K_F)
-    assert best not in {item.settings.K_P for item in found.front}
+    found = tune(RIG, SWING, PBSMIC, radius, radius_limit=0.97, grid=GRID)
+    assert best not in {item.settings.gains["K_P"] for item in found.front}
     assert found.chosen in found.front
     assert found.radius == 0.9
     left = {item.settings for item in found.candidates}
-    refused = [law.K_P for law in radius.asked if law not in left]
+    refused = [law.gains["K_P"] for law in radius.asked if law not in left]
     assert refused
     assert set(refused) == {best}
     assert len(set(radius.asked)) == len(radius.asked)
@@ -112,7 +114,7 @@ def test_what_reaches_the_limit_neither_counts_nor_is_judged_again() -> None:
 
 def test_gains_that_are_all_unstable_are_no_gains() -> None:
     with pytest.raises(ValueError, match=r"below 0.97 at a period of 20 ms: take a longer period"):
-        tune(RIG, SWING, "dsmifc", lambda _: 1.2, radius_limit=0.97, K_P=(0.5,), K_f=K_F)
+        tune(RIG, SWING, DSMIFC, lambda _: 1.2, radius_limit=0.97, grid={"K_P": (0.5,), "K_f": K_F})
 
 
 @pytest.mark.parametrize(
@@ -124,13 +126,13 @@ def test_gains_that_are_all_unstable_are_no_gains() -> None:
 )
 def test_a_path_without_an_end_to_count_is_refused(rig: TuningRig, path: TuningPath) -> None:
     with pytest.raises(ValueError, match=r"300 references and .* too few"):
-        track(rig, path, LawSettings(), K_E, 0.0)
+        track(rig, path, law_settings(), K_E, 0.0)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_perfect_plan_leaves_the_share_that_k_p_gives_away(scheme: Scheme) -> None:
+def test_a_perfect_plan_leaves_the_share_that_k_p_gives_away(scheme: str) -> None:
     law = default_settings(scheme, "consistent")
-    found = [track(RIG, SWING, replace(law, K_P=gain), K_E, 0.0) for gain in (0.0, 0.5, 2.0, 5.0)]
+    found = [track(RIG, SWING, law.with_gains(K_P=gain), K_E, 0.0) for gain in (0.0, 0.5, 2.0, 5.0)]
     position = [x_um for x_um, _ in found]
     # 20 mN and 9 µm peak to peak.
     assert position[0] < 1e-3
@@ -145,20 +147,22 @@ def test_a_perfect_plan_leaves_the_share_that_k_p_gives_away(scheme: Scheme) -> 
 @pytest.mark.parametrize("error_mN", [-0.5, 0.0, 0.5])
 @pytest.mark.parametrize("planned", [K_E, 2.4])
 def test_a_resting_law_errs_as_51_says_with_the_force_that_it_is_fed(
-    scheme: Scheme, gain: float, error_mN: float, planned: float
+    scheme: str, gain: float, error_mN: float, planned: float
 ) -> None:
-    law = replace(default_settings(scheme, "consistent"), K_f=gain)
+    law = default_settings(scheme, "consistent").with_gains(K_f=gain)
     x_um, force_mN = track(RIG, REST, law, planned, error_mN)
     # (51), x_r - x_e = F_r/planned; the law takes F + b for F, so that b comes off F_r.
     mismatch_mN = 10.0 - K_E * 10.0 / planned
-    stiffness = K_E + law.K / gain if gain else float("inf")
+    stiffness = K_E + law.gains["K"] / gain if gain else float("inf")
     moved_um = (mismatch_mN - error_mN) / stiffness
     assert x_um == pytest.approx(abs(moved_um), abs=1e-9)
     assert force_mN == pytest.approx(abs(K_E * moved_um - mismatch_mN), abs=1e-9)
 
 
 def test_a_candidate_is_the_mean_square_of_plans_and_readings_that_err_either_way() -> None:
-    found = tune(RIG, SWING, "pbsmic", lambda _: 0.5, radius_limit=0.97, K_P=(0.5,), K_f=(5000.0,))
+    found = tune(
+        RIG, SWING, PBSMIC, lambda _: 0.5, radius_limit=0.97, grid={"K_P": (0.5,), "K_f": (5000.0,)}
+    )
     (candidate,) = found.candidates
     runs = [
         track(RIG, SWING, candidate.settings, K_E * (1.0 + side), read)
@@ -174,7 +178,7 @@ def test_a_candidate_is_the_mean_square_of_plans_and_readings_that_err_either_wa
 
 def test_noise_of_the_sensor_is_seen_by_the_law_and_not_counted_as_an_error() -> None:
     noise = tuple(0.03 if tick % 2 else -0.03 for tick in range(400))
-    x_um, _ = track(replace(RIG, noise_um=noise), REST, LawSettings(K_f=0.0), K_E, 0.0)
-    quiet_um, _ = track(RIG, REST, LawSettings(K_f=0.0), K_E, 0.0)
+    x_um, _ = track(replace(RIG, noise_um=noise), REST, law_settings(K_f=0.0), K_E, 0.0)
+    quiet_um, _ = track(RIG, REST, law_settings(K_f=0.0), K_E, 0.0)
     assert quiet_um < 1e-9
     assert 0.003 < x_um < 0.06

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from pincette.control.arm.plant import consistent_arm
-from pincette.control.laws.law import LawSettings, default_settings
+from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.loop_matrix import Loop
-from pincette.control.stability.loop_modes import counted_radii, spectral_radii
+from pincette.control.stability.loop_modes import counted_radii
 from pincette.control.stability.sampled_arm import LoopCase
 from pincette.control.stability.worst_case import Intervals, around, worst_case
+from tests.support.laws import default_settings, law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
+
+from .margins import spectral_radii
 
 ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
 PART = around(2.17, 0.3)
@@ -35,10 +38,10 @@ def drawn(count: int, seed: int) -> tuple[LoopCase, ...]:
 @pytest.mark.parametrize(
     "law",
     [
-        LawSettings(),
-        LawSettings(K_P=0.5, force_age="newest"),
+        law_settings(),
+        law_settings(K_P=0.5, force_age="newest"),
         default_settings("pbsmic", "printed"),
-        LawSettings("dsmifc", K_P=2.0, delta=1e6),
+        law_settings("dsmifc", K_P=2.0, delta=1e6),
     ],
 )
 def test_a_blind_search_finds_no_worse(law: LawSettings, period_s: float) -> None:
@@ -50,7 +53,7 @@ def test_a_blind_search_finds_no_worse(law: LawSettings, period_s: float) -> Non
 
 
 def test_the_worst_case_is_within_the_intervals() -> None:
-    case, _ = worst_case(Loop(LawSettings(), ARM, 0.005, force_filter_s=0.03), PART, LIMIT)
+    case, _ = worst_case(Loop(law_settings(), ARM, 0.005, force_filter_s=0.03), PART, LIMIT)
     assert case.K_e_mN_per_um == 0.0 or 0.7 * 2.17 <= case.K_e_mN_per_um <= 1.3 * 2.17
     assert 0.95 <= case.frequency_factor <= 1.05
     assert 0.0 <= case.delay_periods <= 0.5
@@ -58,7 +61,7 @@ def test_the_worst_case_is_within_the_intervals() -> None:
 
 def test_five_percent_of_the_resonance_decide() -> None:
     """At 5 ms the default law passes as identified, and fails nearby."""
-    loop = Loop(LawSettings(), ARM, 0.005, force_filter_s=0.03)
+    loop = Loop(law_settings(), ARM, 0.005, force_filter_s=0.03)
     assert np.max(spectral_radii(loop, PART.middle())) < LIMIT
     case, radius = worst_case(loop, PART, LIMIT)
     assert radius > 1.05
@@ -67,7 +70,7 @@ def test_five_percent_of_the_resonance_decide() -> None:
 
 @pytest.mark.parametrize("force_gain", np.linspace(0.0, 15000.0, 9).tolist())
 def test_a_search_for_enough_refuses_what_the_whole_one_refuses(force_gain: float) -> None:
-    loop = Loop(LawSettings("dsmifc", K_f=force_gain, delta=1e6), ARM, 0.02, force_filter_s=0.03)
+    loop = Loop(law_settings("dsmifc", K_f=force_gain, delta=1e6), ARM, 0.02, force_filter_s=0.03)
     case, radius = worst_case(loop, PART, LIMIT, enough=LIMIT)
     whole, worst = worst_case(loop, PART, LIMIT)
     assert (radius >= LIMIT) == (worst >= LIMIT)
@@ -78,7 +81,7 @@ def test_a_search_for_enough_refuses_what_the_whole_one_refuses(force_gain: floa
 
 
 def test_intervals_of_no_width_are_one_case() -> None:
-    loop = Loop(LawSettings(), ARM, 0.01, force_filter_s=0.03)
+    loop = Loop(law_settings(), ARM, 0.01, force_filter_s=0.03)
     point = Intervals((2.0, 2.0), False, (1.01, 1.01), (0.2, 0.2))
     case = LoopCase(2.0, 1.01, 0.2)
     assert point.middle() == (case,)
@@ -86,14 +89,14 @@ def test_intervals_of_no_width_are_one_case() -> None:
 
 
 def test_a_wider_interval_is_no_better() -> None:
-    loop = Loop(LawSettings(), ARM, 0.005, force_filter_s=0.03)
+    loop = Loop(law_settings(), ARM, 0.005, force_filter_s=0.03)
     radii = [worst_case(loop, around(2.17, share), LIMIT)[1] for share in (0.0, 0.1, 0.3)]
     assert radii[0] <= radii[1] + 0.01
     assert radii[1] <= radii[2] + 0.01
 
 
 def test_free_motion_alone_needs_no_contact() -> None:
-    loop = Loop(LawSettings(), ARM, 0.004, force_filter_s=0.03)
+    loop = Loop(law_settings(), ARM, 0.004, force_filter_s=0.03)
     case, radius = worst_case(loop, Intervals(None), LIMIT)
     assert case.K_e_mN_per_um == 0.0
     assert radius > 1.0

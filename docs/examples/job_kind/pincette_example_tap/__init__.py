@@ -1,0 +1,52 @@
+"""``tap``: touch the part lightly, and say where it is and how stiff."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pincette.api import example
+from pincette.api.job_kinds import FieldSpec, JobKind, number
+from pincette.api.plans import Plan
+from pincette.api.requests import ContactJobRequest
+from pincette.api.results import JobResult
+
+
+class TapRequest(ContactJobRequest, frozen=True):
+    """Touch the part with a small force, and let go of it at once."""
+
+    model_config = example(kind="tap", autostart=True, force_mN=8.0)
+
+    kind: Literal["tap"]
+    force_mN: Annotated[float, Field(ge=5, le=20)] = 8.0
+    """Force to touch with; a lighter touch does not tell the stiffness."""
+
+
+class TapResult(JobResult):
+    """Where the part is and how stiff; null where none was met."""
+
+    contact_x_um: float | None
+    contact_x_error_um: float | None
+    contact_stiffness_mN_per_um: float | None
+    contact_stiffness_error_mN_per_um: float | None
+
+
+KIND = JobKind(
+    name="tap",
+    label="Tap the part",
+    summary="Touch the part lightly, and say where it is and how stiff.",
+    request=TapRequest,
+    plan=Plan,
+    result=TapResult,
+    functions="pincette_example_tap.functions:FUNCTIONS",
+    form=(FieldSpec(name="force_mN", label="Touch with"),),
+    figures=(
+        number("contact_x_um", "part at", uncertainty="contact_x_error_um", main=True),
+        number(
+            "contact_stiffness_mN_per_um",
+            "stiffness",
+            digits=3,
+            uncertainty="contact_stiffness_error_mN_per_um",
+        ),
+    ),
+    predicted=True,
+)

@@ -1,0 +1,120 @@
+"""What the controller sends: a command that keeps the hard limits, or none, and its telemetry.
+
+The guards end a program gently; where what they did is not enough, or the law has gone astray, the
+controller commands no more. It checks each command by the actuator's own rules: one that breaks
+them is sent as invalid, with its fault and what is known of the sample, by which the actuator finds
+the same and trips. Without it the actuator's age limit would act, since no valid command follows.
+"""
+
+from msgspec.structs import replace
+
+from pincette.control.laws.law import LawState
+from pincette.control.laws.sliding import LawOutput
+from pincette.control.safety.admission import nonsense
+from pincette.control.safety.monitors import Watches, finding, watch_command, watch_position
+from pincette.core.codec.refusals import largest_floats
+from pincette.core.faults import Acted, Fault, FaultCode, fault
+from pincette.core.messages import Command, Estimate, Telemetry
+from pincette_controller.config import ControllerConfig
+from pincette_controller.player_state import Player
+
+NUMBERS = largest_floats(Telemetry)
+"""Of telemetry, each with the largest magnitude that a decoder takes."""
+
+
+def zeroed_force_mN(estimate: Estimate) -> float | None:
+    """The force, where there is a valid zero."""
+    return estimate.force_mN if estimate.valid and estimate.zero_age_s is not None else None
+
+
+def no_command(estimate: Estimate, epoch: int, owner: int, silenced: Fault | None) -> Command:
+    """An invalid command with the force, by which the actuator watches a frozen part."""
+    return Command(
+        epoch=epoch,
+        seq=estimate.seq,
+        owner=owner,
+        voltage_V=estimate.applied_V,
+        part_held=False,
+        zero=False,
+        final=False,
+        valid=False,
+        fault=estimate.fault or silenced,
+        force_mN=zeroed_force_mN(estimate),
+    )
+
+
+def telemetry_of(
+    estimate: Estimate,
+    before: Player,
+    memory: LawState,
+    player: Player,
+    output: LawOutput,
+    acted: tuple[Acted, ...],
+) -> Telemetry:
+    """Telemetry of sample k: its references are those that the tick before set for it."""
+    return Telemetry(
+        epoch=estimate.epoch,
+        seq=estimate.seq,
+        playing=not player.ended,
+        phase=player.segment.phase,
+        segment=player.index,
+        segment_tick=player.ticks,
+        x_r_um=before.x_r_um,
+        x_d_um=memory.x_d_um,
+        force_r_mN=before.force_r_mN,
+        sliding_um=output.sliding_um,
+        band_um=output.band_um,
+        perturbation_mN=output.perturbation_mN,
+        perturbation_error_mN=output.perturbation_error_mN,
+        residual_um=output.residual_um,
+        outcome=player.outcome,
+        contact_x_um=player.contact_x_um,
+        contact_stiffness_mN_per_um=player.K_e_mN_per_um,
+        held=player.held,
+        acted=acted,
+        paused=player.paused,
+    )
+
+
+def number_out_of_bounds(telemetry: Telemetry) -> Fault | None:
+    """Fault of a law that has made a number that a decoder would refuse; None without one."""
+    for name, most in NUMBERS:
+        number = getattr(telemetry, name)
+        if number is not None and not -most <= number <= most:
+            return fault(FaultCode.LAW_NUMBER, **{name: number})
+    return None
+
+
+def check_command(
+    config: ControllerConfig, watches: Watches, command: Command, estimate: Estimate
+) -> tuple[Watches, Command]:
+    """A command as it may leave; one that is refused keeps the voltage that is applied."""
+    if why := nonsense(config.voltage, command.voltage_V, command.force_mN, command.x_d_um):
+        return watches, invalid_command(command, estimate, why, known=False)
+    watches = watch_command(
+        config.monitors,
+        watch_position(config.monitors, watches, estimate.x_um),
+        seq=command.seq,
+        x_um=estimate.x_um,
+        x_d_um=command.x_d_um,
+        force_mN=command.force_mN,
+    )
+    found = finding(config.monitors, watches)
+    if found is None:
+        return watches, command
+    return watches, invalid_command(command, estimate, found.fault, known=True)
+
+
+def invalid_command(command: Command, estimate: Estimate, why: Fault, *, known: bool) -> Command:
+    """A command that keeps the applied voltage; ``known``: whether force and x_d are finite."""
+    return replace(
+        command,
+        voltage_V=estimate.applied_V,
+        zero=False,
+        final=False,
+        valid=False,
+        fault=why,
+        sweep=None,
+        force_mN=command.force_mN if known else None,
+        x_d_um=command.x_d_um if known else None,
+    )

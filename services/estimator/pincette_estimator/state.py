@@ -1,0 +1,112 @@
+"""What the estimator takes in each step, and what it keeps from one to the next.
+
+``StuckWatch`` finds a sensor that shows the same reading while the voltage moves. Noise makes a
+laser's readings differ even at rest, but a coarse display may hide it, so a constant reading alone
+says nothing. It does where the arm was meant to move by much more than the noise.
+"""
+
+from typing import NamedTuple
+
+from msgspec import field
+
+from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.force.contact_detector import ContactDetector
+from pincette.control.force.observers import ForceObserver
+from pincette.control.force.reversal_memory import ReversalMemory
+from pincette.control.record import FrozenRecord
+from pincette.control.response.free_response import FreeResponse, FreeSample
+from pincette.control.response.unknown_past import UnknownPast
+from pincette.control.response.voltage_memory import VoltageMemory
+from pincette.core.messages import Applied, Position
+
+SAMPLES = 8
+"""Equal readings in a row; with the age limit of a command the actuator trips at the tenth."""
+LATE_SAMPLES = 2
+"""The newest voltages, which output, arm and averaging may not have made visible yet."""
+NOISES = 10.0
+"""Motion that cannot stay unseen, in standard deviations of the sensor's noise."""
+
+
+def moved_V(noise_um: float, piezo_um_per_V: float) -> float:
+    """Change of the voltage, in V, that moves a free arm by ``NOISES``; infinite without noise."""
+    return NOISES * noise_um / piezo_um_per_V if noise_um > 0.0 else float("inf")
+
+
+class StuckWatch(FrozenRecord, frozen=True):
+    """The last reading, and the voltages applied since it has been the same."""
+
+    x_um: float | None = None
+    voltages_V: tuple[float, ...] = ()
+    """At most ``SAMPLES``, for creep: a loop that holds the arm still moves the voltage slowly."""
+    stuck: bool = False
+
+    def follow(self, x_um: float, voltage_V: float, moved_V: float) -> "StuckWatch":
+        """Take a sample and the voltage behind it; once stuck, until the reading differs."""
+        if x_um != self.x_um:
+            return StuckWatch(x_um, (voltage_V,))
+        voltages_V = (*self.voltages_V[1 - SAMPLES :], voltage_V)
+        settled_V = voltages_V[:-LATE_SAMPLES]
+        stuck = self.stuck or (
+            len(voltages_V) == SAMPLES and max(settled_V) - min(settled_V) > moved_V
+        )
+        return StuckWatch(x_um, voltages_V, stuck)
+
+    @property
+    def fault(self) -> Fault | None:
+        """The sensor's fault; None where all is well."""
+        if not self.stuck or self.x_um is None:
+            return None
+        return fault(FaultCode.SENSOR_STUCK, x_um=self.x_um, samples=SAMPLES)
+
+
+class Inputs(NamedTuple):
+    """``applied`` is that of the sample before; None where it did not come in time."""
+
+    position: Position | None
+    applied: Applied | None
+
+
+class State(FrozenRecord, frozen=True):
+    """The free response in use, the samples behind it, and the past that a force needs."""
+
+    response: FreeResponse
+    """Its memory outlives an arming, as the arm's does."""
+    model: FreeResponse
+    """What ``response`` began as, unpoled."""
+    observer: ForceObserver
+    unknown: UnknownPast
+    """What the arm may have been through before the start."""
+    epoch: int = 0
+    followed_seq: int = -1
+    """The sample up to which ``response`` has followed the voltage."""
+    observed_seq: int | None = None
+    """The last sample that ``observer`` has seen; None before the first of an epoch."""
+    samples: tuple[FreeSample, ...] = ()
+    contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
+    """Since the zero, or the first sample of the epoch."""
+    zero_s: float | None = None
+    zero_refusal: Fault | None = None
+    x_2_um: float = 0.0
+    x_3_um: float = 0.0
+    reversal_memory: ReversalMemory = field(default_factory=lambda: ReversalMemory(0.0))
+    """Of the voltage, since the zero."""
+    highest_V: float = 0.0
+    """Highest voltage that ``response`` has ever followed."""
+    known_V: float = 0.0
+    """``highest_V`` as this epoch began: up to there ``response`` has the arm's memory."""
+    refused: int = 0
+    stuck: StuckWatch = field(default_factory=StuckWatch)
+    """Whether the sensor follows the voltage at all."""
+    past: VoltageMemory = field(default_factory=VoltageMemory)
+    """The voltage since the start, for another model to be led through."""
+
+    @property
+    def findings(self) -> tuple[Fault, ...]:
+        """Faults of this program that people see."""
+        stuck = self.stuck.fault
+        found = () if stuck is None else (stuck,)
+        if not self.unknown.matters(self.response):
+            return found
+        error_um, highest_V = self.unknown.worst_um(self.response), self.highest_V
+        unknown = fault(FaultCode.MEMORY_UNKNOWN, error_um=error_um, highest_V=highest_V)
+        return (*found, unknown)

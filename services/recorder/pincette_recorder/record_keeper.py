@@ -1,0 +1,246 @@
+"""Begins, writes and finishes records, one at a time, in one thread and so without a lock."""
+
+import json
+import logging
+import re
+import shutil
+from collections.abc import Callable, Mapping
+from time import monotonic
+from typing import Any, cast
+
+from msgspec.structs import replace
+
+from pincette.control.checks import require_positive
+from pincette.core.messages import Ack, Finish, Message, Record, Recorded
+from pincette.core.topics import TOPIC_OF
+from pincette.records import folder as files
+from pincette.records import mcap_reading
+from pincette.records.mcap_file import NAME
+from pincette_recorder import record_repair
+from pincette_recorder.config import BYTES_PER_MB, RecorderConfig
+from pincette_recorder.intake import Intake
+from pincette_recorder.open_record import OpenRecord
+from pincette_recorder.wall_clock import WallClock
+
+log = logging.getLogger(__name__)
+LAST_S, LAST_QUIET_S = 2.0, 0.3
+"""Limits of the wait for a loop's last samples: in all, and of silence."""
+QUIET_S = 1.0
+"""A loop that has not played for so long does not keep another job from being recorded."""
+JOB_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,79}")
+MOST_TEXT = 380
+"""Length of a reply's detail; see ``codec.MAX_TEXT``."""
+Reply = Callable[[Message | str], None]
+
+
+class Keeper:
+    """The records of one rig."""
+
+    def __init__(
+        self,
+        config: RecorderConfig,
+        intake: Intake,
+        wall: WallClock,
+        clock_s: Callable[[], float] = monotonic,
+    ) -> None:
+        self._config, self._intake = config, intake
+        self._wall, self._clock_s = wall, clock_s
+        self._finishing: tuple[Finish, Reply, float] | None = None
+        self.record: OpenRecord | None = None
+        self.written = self.dropped = 0
+        """Messages of all records since the start."""
+        self.finished = 0
+        """Records closed since the start."""
+
+    def begin(self, request: Record) -> Ack | str:
+        """Open a record, or make the tables of the one that is open; a text is a refusal."""
+        if not JOB_NAME.fullmatch(request.job):
+            return f"job = {request.job[:90]!r}: no name of a folder"
+        if request.epoch == 0:
+            return "epoch = 0 is that of an idle loop: nothing to record"
+        try:
+            about = _texts(json.loads(request.about))
+            period_s = float(about.get("period_s", self._config.period_s))
+            require_positive("period_s", period_s, "s")
+        except (TypeError, ValueError) as error:
+            return f"about: {error}"
+        digest = about.get("rig_file_digest", self._config.digest)
+        if digest != self._config.digest:
+            return (
+                f"runs with rig file {self._config.digest}, the supervisor with {digest}: "
+                "start all programs with the same file"
+            )
+        record = self.record
+        if record is not None:
+            if (record.job, record.epoch) == (request.job, request.epoch):
+                self.take()
+                wrong = record.tables()
+                return "; ".join(wrong)[:MOST_TEXT] if wrong else Ack(0)
+            self.take()  # the last sample of the arming may have come, and wait its turn
+            if self.record is record:
+                playing = record.over_seq is None
+                if playing and self._clock_s() - record.alive_at_s < QUIET_S:
+                    return f"job {record.job} is being recorded, and its loop plays"
+                self._close(f"job {request.job} began before anybody had finished this one")
+        try:
+            return self._open(request, about, period_s)
+        except OSError as error:
+            return f"no record can be begun in {self._config.records}: {error}"
+
+    def _open(self, request: Record, about: Mapping[str, str], period_s: float) -> Ack | str:
+        config = self._config
+        config.records.mkdir(parents=True, exist_ok=True)
+        free = shutil.disk_usage(config.records).free
+        if free < config.min_free_bytes:
+            return (
+                f"{free / BYTES_PER_MB:.0f} MB are free in {config.records}, must be at least "
+                f"{config.min_free_bytes / BYTES_PER_MB:.0f} MB ([recorder] min_free_MB)"
+            )
+        self._wall.begin()
+        now_ns = self._wall.now_ns()
+        record = OpenRecord(
+            config.records / request.job,
+            config.rig,
+            epoch=request.epoch,
+            about={key: value for key, value in about.items() if key != "request"},
+            period_s=period_s,
+            start_ns=now_ns,
+            now_s=self._clock_s(),
+        )
+        for name, content in self._documents(about).items():
+            record.file.attach(name, "application/json", content.encode(), now_ns)
+        self.record = record
+        self._intake.open(request.job, request.epoch)
+        return Ack(0)
+
+    def _documents(self, about: Mapping[str, str]) -> dict[str, str]:
+        """Documents that the record's file holds besides samples: request, rig file and model."""
+        found = {"rig.json": self._config.rig_file}
+        if "request" in about:
+            found[files.REQUEST] = about["request"]
+        digest = about.get("model_digest", "")
+        if digest.isalnum():
+            for path in sorted(self._config.models.glob(f"*-{digest}.json")):
+                found["model.json"] = path.read_text(encoding="utf-8")
+        return found
+
+    def take(self) -> None:
+        """Write what has come; with nothing to do, notice that a loop has fallen silent."""
+        record = self.record
+        if record is None:
+            return
+        now_s = self._clock_s()
+        self._wall.look()
+        for arrival_ns, message in self._intake.drain():
+            record.put(TOPIC_OF[type(message)].name, message, arrival_ns, now_s)
+            self.written += 1
+        record.flush_aged(self._wall.now_ns())
+        if self._finishing is not None:
+            request, _, until_s = self._finishing
+            reached = record.reached(request.last_seq)
+            quiet = reached and now_s - record.heard_at_s >= LAST_QUIET_S
+            if quiet or record.has(request.last_seq):
+                self._close("")
+            elif now_s >= until_s:
+                late = f"sample {request.last_seq} did not come within {LAST_S:g} s"
+                self._close("" if reached else late)
+        elif now_s - record.alive_at_s > self._config.silence_s:
+            if record.over_seq is None:
+                self._close(f"the loop was silent for {self._config.silence_s:g} s")
+            else:
+                self._close("nobody finished it: did the supervisor end?")
+
+    def finish(self, request: Finish, reply: Reply) -> None:
+        """Close a record as soon as its last samples are there; the reply may come later."""
+        record = self.record
+        if record is None or (record.job, record.epoch) != (request.job, request.epoch):
+            reply(self._finished_before(request))
+            return
+        self._finishing = (request, reply, self._clock_s() + LAST_S)
+        self.take()
+
+    def _close(self, why: str) -> None:
+        """Make the tables of the record that is open and close it; ``why`` it is not complete."""
+        record = cast(OpenRecord, self.record)
+        self.record = None
+        self._intake.close()
+        dropped = self._intake.dropped + record.refused
+        wrong = [text for text in (why, record.trouble) if text]
+        wrong += [
+            f"{count} of {topic} could not be kept" for topic, count in sorted(dropped.items())
+        ]
+        wrong += record.tables()
+        stepped = self._wall.words()
+        recorded = Recorded(
+            job=record.job,
+            messages=record.file.counts.total(),
+            dropped=dropped.total() + record.missing,
+            complete=not wrong,
+            detail="; ".join([*wrong, stepped] if stepped else wrong)[:MOST_TEXT],
+        )
+        closing = {
+            "messages": str(recorded.messages),
+            "dropped": str(recorded.dropped),
+            "complete": "false" if wrong else "true",
+            "detail": recorded.detail,
+            **{f"messages_{topic}": str(n) for topic, n in sorted(record.file.counts.items())},
+            **{f"dropped_{topic}": str(count) for topic, count in sorted(dropped.items())},
+        }
+        trouble = record.finish(closing)
+        if trouble and recorded.complete:
+            recorded = replace(recorded, complete=False, detail=trouble[:MOST_TEXT])
+            closing |= {"complete": "false", "detail": recorded.detail}
+        if not recorded.complete:
+            log.warning("%s: %s", record.job, recorded.detail, extra={"job": record.job})
+        self.finished += 1
+        self.dropped += recorded.dropped
+        self._write_manifest(record, closing)
+        if self._finishing is not None:
+            _, reply, _ = self._finishing
+            self._finishing = None
+            reply(recorded)
+
+    def _write_manifest(self, record: OpenRecord, closing: Mapping[str, str]) -> None:
+        """Say in the folder itself how it ended, since the supervisor may be gone."""
+        try:
+            about = mcap_reading.read_closing(record.folder / NAME)[0]
+            record_repair.write_manifest(record.folder, about, closing)
+        except OSError as error:
+            log.error("%s: %s", record.job, error, extra={"job": record.job})
+
+    def _finished_before(self, request: Finish) -> Recorded | str:
+        """What became of a record that was closed without being asked, or broke off."""
+        folder = self._config.records / request.job
+        if not JOB_NAME.fullmatch(request.job) or not (folder / NAME).is_file():
+            return f"there is no record of job {request.job[:90]!r}"
+        try:
+            about, closing = mcap_reading.read_closing(folder / NAME)
+            if closing is None or not mcap_reading.is_closed(folder / NAME):
+                closing = record_repair.mend(folder, record_repair.KILLED)
+        except OSError as error:
+            return f"the record of job {request.job} cannot be read: {error}"
+        if about.get("epoch", str(request.epoch)) != str(request.epoch):
+            return f"the record of job {request.job} is of epoch {about['epoch']}"
+        return Recorded(
+            job=request.job,
+            messages=int(closing["messages"]),
+            dropped=int(closing["dropped"]),
+            complete=closing["complete"] == "true",
+            detail=closing["detail"][:MOST_TEXT],
+        )
+
+    def close(self) -> None:
+        """End: close the record that is open."""
+        self.take()
+        if self.record is not None:
+            self._close("the recorder was ended")
+
+
+def _texts(tree: Any) -> dict[str, str]:
+    if not isinstance(tree, dict):
+        raise TypeError("not a map of names and texts")
+    pairs = cast("dict[str, Any]", tree)
+    odd = [name for name, value in pairs.items() if not isinstance(value, str)]
+    if odd:
+        raise ValueError(f"no text: {', '.join(odd)[:90]}")
+    return pairs

@@ -1,0 +1,120 @@
+"""Closes records whose writer was killed, or whose disk was full."""
+
+import json
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, cast
+
+import mcap.records as mcap
+from mcap.writer import Writer
+
+from pincette import __version__
+from pincette.records import folder as files
+from pincette.records import mcap_reading
+from pincette.records.mcap_file import CHUNK_BYTES, CLOSING, NAME, PROFILE, Unbuffered
+from pincette.records.tables import lost, write_tables
+
+log = logging.getLogger(__name__)
+KILLED = "the recorder ended while this was being recorded"
+
+
+def unclosed(records: Path) -> Iterator[Path]:
+    """Folders of jobs whose record has no end, the oldest first; raises OSError."""
+    for path in sorted(records.glob(f"*/{NAME}")):
+        if not mcap_reading.is_closed(path):
+            yield path.parent
+
+
+def mend(folder: Path, why: str) -> dict[str, str]:
+    """Close a record that broke off, with tables and manifest; returns its end; raises OSError."""
+    path = folder / NAME
+    try:
+        recording = mcap_reading.read(path)
+        wrong = write_tables(folder, recording)
+        missing = sum(lost(recording.messages).values())
+    except ValueError as error:  # of another version; the file itself can be closed all the same
+        wrong, missing = [f"no table: {error}"], 0
+    why = _manifest(folder).get("detail") or why
+    closing = {
+        "dropped": str(missing),
+        "complete": "false",
+        "detail": "; ".join([why, *wrong]),
+    }
+    closing["messages"] = str(repair(path, closing))
+    write_manifest(folder, mcap_reading.read_closing(path)[0], closing)
+    log.info("%s: closed with %s messages: %s", folder.name, closing["messages"], why)
+    return closing
+
+
+def write_manifest(folder: Path, about: Mapping[str, str], closing: Mapping[str, str]) -> None:
+    """Write a manifest that keeps what the supervisor has written in its own; raises OSError."""
+    kept: dict[str, Any] = {name: text for name, text in about.items() if name != "request"}
+    kept |= _manifest(folder)
+    kept.pop("files", None)
+    complete = closing["complete"] == "true"
+    files.write_manifest(folder, {**kept, "complete": complete, "detail": closing["detail"]})
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    """The manifest; empty where there is none that can be read."""
+    with suppress(OSError, ValueError):
+        tree: Any = json.loads((folder / files.MANIFEST).read_text(encoding="utf-8"))
+        if isinstance(tree, dict):
+            return cast("dict[str, Any]", tree)
+    return {}
+
+
+def repair(path: Path, closing: Mapping[str, str]) -> int:
+    """Close a record that broke off; returns how many messages were kept; raises OSError."""
+    # The file is replaced only once the copy of it is complete and on the disk.
+    draft = path.with_name(path.name + ".part")
+    stream = Unbuffered(draft, "wb")
+    try:
+        kept = _copy(path, stream, closing)
+        stream.sync()
+    except BaseException:
+        stream.close()
+        draft.unlink(missing_ok=True)
+        raise
+    stream.close()
+    draft.replace(path)
+    return kept
+
+
+def _copy(path: Path, stream: Unbuffered, closing: Mapping[str, str]) -> int:
+    writer = Writer(cast("IO[bytes]", stream), chunk_size=CHUNK_BYTES)
+    writer.start(PROFILE, f"pincette {__version__}")
+    schemas: dict[int, int] = {0: 0}
+    channels: dict[int, int] = {}
+    kept = 0
+    for entry in mcap_reading.entries(path):
+        match entry:
+            case mcap.Schema() if entry.id not in schemas:
+                number = writer.register_schema(entry.name, entry.encoding, entry.data)
+                schemas[entry.id] = number
+            case mcap.Channel() if entry.id not in channels:
+                channels[entry.id] = writer.register_channel(
+                    entry.topic, entry.message_encoding, schemas[entry.schema_id], entry.metadata
+                )
+            case mcap.Message():
+                writer.add_message(
+                    channels[entry.channel_id],
+                    entry.log_time,
+                    entry.data,
+                    entry.publish_time,
+                    entry.sequence,
+                )
+                kept += 1
+            case mcap.Metadata() if entry.name != CLOSING:
+                writer.add_metadata(entry.name, entry.metadata)
+            case mcap.Attachment():
+                writer.add_attachment(
+                    entry.create_time, entry.log_time, entry.name, entry.media_type, entry.data
+                )
+            case _:
+                pass
+    writer.add_metadata(CLOSING, {**closing, "messages": str(kept)})
+    writer.finish()
+    return kept

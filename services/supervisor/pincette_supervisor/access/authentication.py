@@ -1,0 +1,216 @@
+"""Who calls, by key or session, and whether the scope suffices."""
+
+import hashlib
+import hmac
+import secrets
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Literal, TypeVar
+
+from pincette.api.access import MEANINGS, SCOPES, Scope, covers
+from pincette_supervisor.journal.access_rows import KeyRepository, SessionRow
+from pincette_supervisor.journal.key_file import KeyRow
+from pincette_supervisor.journal.tables import utc_now, utc_text
+from pincette_supervisor.problems import ProblemError
+
+REALM = 'Bearer realm="pincette"'
+IDLE_H = 12.0
+"""A session ends when its page has not asked for so long; an open page asks every second."""
+BYTES = 32
+# Nobody guesses one of 256 random bits, so a plain SHA-256 is kept: a slow hash protects words that
+# people choose, and would let a flood of wrong keys cost more than a flood of requests.
+PREFIX = "pincette_"
+"""By which a key that was published by mistake is found and recognised."""
+LONGEST = 200
+"""Characters of the longest key or cookie that is examined."""
+R = TypeVar("R", KeyRow, SessionRow)
+
+
+def new_key() -> str:
+    """Make a key; it is shown once and not stored."""
+    return PREFIX + secrets.token_urlsafe(BYTES)
+
+
+def new_cookie() -> str:
+    """Make the cookie of a signed-in page."""
+    return secrets.token_urlsafe(BYTES)
+
+
+def digest_of(secret: str) -> str:
+    """The SHA-256 of a key or a cookie, in hexadecimal digits; nothing else of it is stored."""
+    return hashlib.sha256(secret.encode(errors="replace")).hexdigest()
+
+
+def _found(rows: Sequence[R], secret: str) -> R | None:
+    """The row with a secret's digest."""
+    if len(secret) > LONGEST:
+        return None
+    digest, found = digest_of(secret), None
+    for row in rows:  # all of them, so that the time tells nothing
+        if hmac.compare_digest(row.digest, digest):
+            found = row
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """Who calls, from where, and what they may do."""
+
+    address: str
+    name: str | None = None
+    """Of the key; None if none is in force or none valid was shown."""
+    scope: Scope | None = None
+    """None: nothing is allowed."""
+    way: Literal["open", "key", "session", "none"] = "none"
+    showed: bool = False
+    """Whether a key or a cookie was shown, valid or not."""
+
+    def signed(self, label: str) -> str:
+        """The name an action is stored under: the key and the label, or without keys the label."""
+        if self.name is None:
+            return (label if self.way == "open" else "") or self.address
+        return f"{self.name} ({label})" if label else self.name
+
+
+@dataclass(frozen=True, slots=True)
+class KeySnapshot:
+    """Keys and sessions as the journal had them when last read."""
+
+    keys: Sequence[KeyRow] = ()
+    sessions: Sequence[SessionRow] = ()
+
+    def key(self, text: str, now: str) -> KeyRow | None:
+        """The key that a caller shows; None if it is not valid at that time."""
+        found = _found(self.keys, text)
+        return found if found is not None and found.usable(now) else None
+
+    def session(self, cookie: str, now: str) -> tuple[SessionRow, KeyRow] | None:
+        """The session of a cookie and its key; None if either is not valid at that time."""
+        found = _found(self.sessions, cookie)
+        if found is None or found.used_at < hours_before(now, IDLE_H):
+            return None
+        for key in self.keys:
+            if key.name == found.key and key.usable(now):
+                return found, key
+        return None
+
+
+class Authenticator:
+    """Identifies callers from memory: an emergency stop waits for no disk and no lock."""
+
+    # Keys are required once there is, or was, one: with the last one revoked nobody comes in.
+
+    def __init__(self, *, always: bool = False, now: Callable[[], str] = utc_now) -> None:
+        self._always, self._now = always, now
+        self._snapshot = KeySnapshot()
+        self._turn = threading.Lock()
+        self._keys_used: dict[str, str] = {}
+        self._sessions_used: dict[str, str] = {}
+
+    @property
+    def keys_wanted(self) -> bool:
+        """Whether a caller must show a key."""
+        return self._always or bool(self._snapshot.keys)
+
+    @property
+    def has_usable_key(self) -> bool:
+        """Whether any key is valid now."""
+        now = self._now()
+        return any(row.usable(now) for row in self._snapshot.keys)
+
+    def refresh(self, repository: KeyRepository) -> None:
+        """Read keys that another program may have changed, and store uses; raises StoreError."""
+        with self._turn:
+            rows = repository.all()
+            # Never open again while it runs, whatever becomes of the files.
+            self._always = self._always or bool(rows)
+            # A key that was revoked opens nothing, also while the journal cannot be used.
+            self._snapshot = KeySnapshot(rows, self._snapshot.sessions)
+            repository.copy(rows)
+            self._snapshot = KeySnapshot(rows, repository.sessions())
+            keys, sessions = _drained(self._keys_used), _drained(self._sessions_used)
+            if keys or sessions:
+                repository.note_use(keys, sessions)
+
+    def identify(self, address: str, shown: str | None, cookie: str | None) -> Caller:
+        """The caller, by the key shown, valid or not, else by a cookie."""
+        if not self.keys_wanted:
+            return Caller(address, scope=SCOPES[-1], way="open")
+        now = self._now()
+        if shown is not None:
+            key = self._snapshot.key(shown, now)
+            if key is None:
+                return Caller(address, showed=True)
+            self._note_use(key, now)
+            return Caller(address, key.name, key.scope, "key", showed=True)
+        found = None if cookie is None else self._snapshot.session(cookie, now)
+        if found is None:
+            return Caller(address, showed=cookie is not None)
+        session, key = found
+        self._note_use(key, now)
+        if not _same_minute(session.used_at, now):
+            self._sessions_used[session.digest] = now
+        return Caller(address, key.name, key.scope, "session", showed=True)
+
+    def _note_use(self, key: KeyRow, now: str) -> None:
+        if not _same_minute(key.used_at, now):
+            self._keys_used[key.name] = now
+
+    def sign_in(self, repository: KeyRepository, caller: Caller, cookie: str) -> None:
+        """Let a cookie stand for the key that a caller has shown."""
+        assert caller.name is not None
+        repository.sign_in(digest_of(cookie), caller.name, self._now())
+        self.refresh(repository)
+
+    def sign_out(self, repository: KeyRepository, cookie: str) -> None:
+        """End the session of a cookie."""
+        repository.sign_out(digest_of(cookie))
+        self.refresh(repository)
+
+
+def _same_minute(used_at: str | None, now: str) -> bool:
+    return used_at is not None and used_at[:16] == now[:16]
+
+
+def _drained(used: dict[str, str]) -> dict[str, str]:
+    """The entries so far; those that other threads add meanwhile stay for the next time."""
+    found = dict(used)
+    for name in found:
+        used.pop(name, None)
+    return found
+
+
+def hours_before(now: str, hours: float) -> str:
+    """A UTC time in the journal's form, some hours before another."""
+    return utc_text(datetime.fromisoformat(now) - timedelta(hours=hours))
+
+
+def require_scope(caller: Caller, needed: Scope) -> None:
+    """Raise ProblemError with the remedy: 401 for an unknown caller, 403 for a small scope."""
+    if caller.scope is None:
+        why = (
+            "what was shown opens nothing: it is wrong, revoked, expired or signed out"
+            if caller.showed
+            else "this supervisor wants a key: Authorization: Bearer KEY"
+        )
+        raise ProblemError(
+            401,
+            "no-key",
+            "A key is wanted",
+            f"{why}; `pincette key add` makes one on the supervisor's machine",
+            headers={"WWW-Authenticate": REALM + (', error="invalid_token"' * caller.showed)},
+            needed_scope=needed,
+        )
+    if not covers(caller.scope, needed):
+        raise ProblemError(
+            403,
+            "scope-too-small",
+            "The key may not do this",
+            f"this needs scope {needed} ({MEANINGS[needed]}); key {caller.name!r} has "
+            f"{caller.scope}",
+            headers={"WWW-Authenticate": f'{REALM}, error="insufficient_scope", scope="{needed}"'},
+            needed_scope=needed,
+            scope=caller.scope,
+        )

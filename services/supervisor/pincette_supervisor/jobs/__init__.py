@@ -1,0 +1,1 @@
+"""Jobs: created, queued, run, acted on, ended, and recovered after a crash."""

@@ -1,0 +1,104 @@
+"""Actions of a person on a job, passed on to the rig."""
+
+from typing import cast
+
+from pincette.api.states import HOLDS, ActionType, JobState, TransitionError, allowed_actions
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.core.faults import ActionCode
+from pincette.core.messages import Ack, Action
+from pincette.core.topics import ACTION, TRIP
+from pincette_supervisor.jobs import policies, refusals
+from pincette_supervisor.jobs.job import LiveJob
+from pincette_supervisor.jobs.job_queue import Entry, JobQueue
+from pincette_supervisor.jobs.refusals import invalid_action, unanswered
+from pincette_supervisor.journal.store import ActionRow, JobRow, utc_now
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.rigs.rig_context import RigContext
+
+ARMED: tuple[JobState, ...] = (
+    "running",
+    "pausing",
+    "paused",
+    "resuming",
+    "stopping",
+    "stopped",
+)
+"""States in which an abort is asked of the actuator."""
+ENDS: dict[ActionType, JobState] = {"stop": "stopped", "abort": "aborted"}
+
+FREED_S = 1.0
+"""Within this time after its job's end a rig is free."""
+KEPT_S = 15.0
+"""Within this time a job that only holds a part hands it over, and its record is closed."""
+
+
+class JobActions:
+    """Takes actions on jobs; each is stored with its requester before anything is done."""
+
+    def __init__(self, context: RigContext) -> None:
+        self._context = context
+
+    def on_queued(self, queue: JobQueue, entry: Entry, action: ActionType, by: str) -> None:
+        """Take a job out of the queue; raises ProblemError for another action."""
+        allowed = allowed_actions("queued", held=False)
+        if action not in allowed:
+            raise invalid_action(action, "queued", allowed)
+        now, name = utc_now(), entry.row.id
+        with self._context.events.transaction(
+            "action", name, type=action, by=by, applied=True, seq=None
+        ):
+            self._context.store.add_action(name, ActionRow(action, now, by, applied_at=now))
+        queue.remove(entry, ENDS[action])
+
+    def on_ended(self, row: JobRow, action: ActionType) -> bool:
+        """True where an ended job has the state of the action; raises ProblemError otherwise."""
+        if row.state in HOLDS[action]:
+            return True
+        raise invalid_action(action, row.state, [])
+
+    def on_live(self, live: LiveJob, action: ActionType, by: str) -> bool:
+        """Act on a live job; true where it has the action's state already; raises ProblemError."""
+        state, waiting = live.state, live.waiting
+        allowed = allowed_actions(state, held=live.held, waiting=waiting is not None)
+        if state in HOLDS[action] and action not in allowed:
+            return True
+        if action not in allowed:
+            raise invalid_action(action, state, allowed)
+        trips = action == "abort" and state in ARMED
+        if not trips:
+            live.record_action(action, by)
+        try:
+            if action in ("release", "continue"):
+                self._context.bus.call(ACTION, Action(ActionCode(action)))
+                if action == "continue" and waiting is not None:
+                    live.confirm_wait(waiting)
+            elif not live.terminal and not live.move(action, only_from=state):
+                raise TransitionError(f"the job has just become {live.state}")
+            if trips:  # before anything is written
+                trip = policies.abort_trip(live.request, "")
+                try:
+                    reply = self._context.bus.call(TRIP, trip, 1.0)
+                finally:
+                    live.record_action(action, by)
+                live.record_effect("abort", cast(Ack, reply).seq)
+        except (RefusalError, TransitionError) as error:
+            raise invalid_action(action, live.state, allowed, str(error)) from error
+        except BusError as error:
+            raise unanswered(error) from error
+        return False
+
+
+def await_end(active: LiveJob | None) -> None:
+    """Give a job that has ended, and holds nothing, a moment to free the rig."""
+    if active is not None and active.terminal and not active.held:
+        active.done.wait(FREED_S)
+
+
+def hand_over(context: RigContext, active: LiveJob | None, planned: Planned) -> None:
+    """End a job that only holds a part where the next one begins held; raises ProblemError."""
+    if active is not None and active.terminal and active.held and planned.begins_held:
+        try:
+            context.bus.call(ACTION, Action(ActionCode.KEEP))
+        except BusError as error:
+            raise refusals.unanswered(error) from error
+        active.done.wait(KEPT_S)

@@ -1,0 +1,67 @@
+"""Recovery at start from an earlier supervisor's end."""
+
+from collections.abc import Sequence
+
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.core.faults import ActionCode, Mode
+from pincette.core.messages import Action, Applied
+from pincette.core.topics import ACTION
+from pincette_supervisor.jobs import policies
+from pincette_supervisor.jobs.job_recorder import NO_SAMPLE, finish_record
+from pincette_supervisor.jobs.lease import ended_text
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.results.documents import completeness
+from pincette_supervisor.rigs.rig_context import RigContext
+
+ASK_S = 1.0
+
+
+def recover_from_crash(context: RigContext, jobs: Sequence[str]) -> None:
+    """Stop a program that still plays, and close the record of the newest interrupted job."""
+    # The program is asked once. A held part stays held until a person holds or releases it by a
+    # job; a free arm comes to rest, and what a calibration presses is let go. No job is continued.
+    row = context.store.get(jobs[-1]) if jobs else None
+    how = policies.interruption("" if row is None else row.kind)
+    stopped = _stop(context, how) or _stopped_by_itself(context)
+    if stopped:
+        name = None if row is None else row.id
+        with context.events.transaction("rig", name, found="a program played", did=stopped):
+            if row is not None:
+                context.store.change(row.id, cause=f"{row.cause}; {stopped}")
+    if row is not None and row.epoch is not None:
+        # Making its tables takes its time, and an emergency stop must be taken meanwhile.
+        context.archivist.submit(_close_record, context, row, row.epoch)
+
+
+def _stop(context: RigContext, how: ActionCode) -> str:
+    actuator = context.health.status("actuator")
+    if actuator is None or actuator.mode != Mode.ARMED:
+        return ""
+    try:
+        context.bus.call(ACTION, Action(how), ASK_S)
+    except RefusalError as error:
+        return f"the program was not stopped: {error}"
+    except BusError as error:
+        return f"the program that still plays could not be stopped: {error}"
+    part = "a held part is let go" if how == ActionCode.RETRACT else "a held part stays held"
+    return f"the program that still played was stopped after the restart; {part}"
+
+
+def _stopped_by_itself(context: RigContext) -> str:
+    """The controller's text of a lease that has ended while no supervisor ran."""
+    controller = context.health.status("controller")
+    words = "" if controller is None else ended_text(controller)
+    if not words:
+        return ""
+    context.alarms.raise_alarm("lease", words, severity="alarm", clears="acknowledge")
+    return words
+
+
+def _close_record(context: RigContext, row: JobRow, epoch: int) -> None:
+    """Have the recorder close its open record, and store whether it is complete."""
+    applied = context.observer.newest(Applied)
+    last_seq = NO_SAMPLE if applied is None or applied.epoch != epoch else applied.seq
+    recorded = finish_record(context.bus, row.id, epoch, last_seq)
+    if isinstance(recorded, str):  # it may still make the tables of an unfinished record
+        recorded = finish_record(context.bus, row.id, epoch, last_seq)
+    context.store.change(row.id, plan={**row.plan, "record": completeness(recorded)})

@@ -1,0 +1,291 @@
+"""Accepts the jobs of a rig, runs one at a time, and reports their state."""
+
+import logging
+import threading
+from typing import Literal
+
+from pincette.api.calibrations import Proposal
+from pincette.api.jobs import Job
+from pincette.api.models import ModelView
+from pincette.api.requests import JobRequest
+from pincette.api.states import ActionType
+from pincette_supervisor.alarms.alarm_monitor import AlarmMonitor
+from pincette_supervisor.jobs import planner, refusals
+from pincette_supervisor.jobs.actions import JobActions, await_end, hand_over
+from pincette_supervisor.jobs.crash_recovery import recover_from_crash
+from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
+from pincette_supervisor.jobs.job_queue import CAPACITY, JobQueue
+from pincette_supervisor.jobs.job_view import fingerprint_of, job_view, new_row
+from pincette_supervisor.jobs.run import Run
+from pincette_supervisor.journal.store import JobRow, KeyTakenError, StoreError
+from pincette_supervisor.model.model_view import use_model
+from pincette_supervisor.model.proposals import Calibrations
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.prediction import played
+from pincette_supervisor.planning.prediction_cache import Play, PredictionCache
+from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rigs.latch import LatchControl
+from pincette_supervisor.rigs.rig_context import RigContext
+
+log = logging.getLogger(__name__)
+JOIN_S = 4.0
+
+
+class JobManager:
+    """The jobs of one rig."""
+
+    def __init__(self, context: RigContext, play: Play = played) -> None:
+        self.context = context
+        self.alarms = context.alarms
+        self.calibrations = Calibrations(context.store, context.model)
+        self.changes = ChangeNotifier()
+        self.latch = LatchControl(context)
+        self.alarm_monitor = AlarmMonitor(context, lambda: self.active)
+        self.predictions = PredictionCache(play)
+        self.queue = JobQueue(context.store, context.events)
+        self._lock = threading.RLock()
+        self._acting = JobActions(context)
+        self._live: LiveJob | None = None
+        self._thread: threading.Thread | None = None
+        self._closing = False
+
+    @property
+    def name(self) -> str:
+        """Name of the rig."""
+        return self.context.rig.rig.name
+
+    @property
+    def closed(self) -> bool:
+        """Whether it accepts no more jobs: the supervisor ends, or the rig is served anew."""
+        return self._closing
+
+    @property
+    def active(self) -> LiveJob | None:
+        """The job that has the rig; a stopped job keeps it while it holds a part."""
+        live = self._live
+        return None if live is None or live.done.is_set() else live
+
+    def recover(self, unfinished: list[str]) -> None:
+        """Recover from an earlier run of the supervisor; nothing moves by itself."""
+        recover_from_crash(self.context, unfinished)
+        with self._lock:
+            self.queue.load(self.name)
+
+    def plan(self, request: JobRequest) -> Planned:
+        """Plan a job; raises ProblemError where the rig is another or the numbers make no plan."""
+        live = self.active
+        return planner.plan(self.context, request, moving=live is not None and not live.terminal)
+
+    def create(
+        self,
+        request: JobRequest,
+        key: str | None = None,
+        *,
+        predict: bool = True,
+        by: str | None = None,
+    ) -> tuple[Job, bool]:
+        """Take a job; the flag: its key has created it already; raises ProblemError."""
+        fingerprint = fingerprint_of(request)
+        known = None if key is None else self.context.store.created(key)
+        if known is not None:
+            return self._replayed(known.job, known.fingerprint, fingerprint), True
+        request = planner.with_version(self.context, request)
+        planned = refusals.require_feasible(self.plan(request))
+        if predict and (self.active is None or request.queue):
+            refusals.require_feasible(self.predictions.checked(planned))
+        await_end(self.active)
+        hand_over(self.context, self.active, planned)
+        try:
+            with self._lock:
+                name = self._accept(request, planned, key, fingerprint, by)
+        except KeyTakenError as error:
+            return self._replayed(error.job, error.fingerprint, fingerprint), True
+        return self.job(name), False
+
+    def _replayed(self, job: str, fingerprint: str, sent: str) -> Job:
+        if fingerprint != sent:
+            raise refusals.key_reused(job)
+        return self.job(job)
+
+    def _accept(
+        self,
+        request: JobRequest,
+        planned: Planned,
+        key: str | None,
+        fingerprint: str,
+        by: str | None,
+    ) -> str:
+        if self._closing:
+            raise refusals.unready(["the supervisor ends, or takes the rig up anew: ask again"])
+        waits = request.queue and (self.active is not None or len(self.queue) > 0)
+        if waits and len(self.queue) >= CAPACITY:
+            raise refusals.queue_full(len(self.queue))
+        if not waits:
+            if self.active is not None:
+                raise refusals.job_active(self.active)
+            refusals.require_ready(self.context, planned)
+            if planned.model is not self.context.model.in_use:
+                raise refusals.model_changed()
+        row = new_row(request, planned, self.name, by)
+        with self.context.events.transaction(
+            "state", row.id, state="queued", cause="", kind=row.kind
+        ):
+            row = self.context.store.add(row, key, fingerprint)
+        if waits:
+            self.queue.add(row, request)
+        else:
+            self._begin(row, request, planned)
+        return row.id
+
+    def _begin(self, row: JobRow, request: JobRequest, planned: Planned | None) -> None:
+        completed = planner.with_recipe(self.context, request)
+        live = LiveJob(row, completed, planned, self.context, self.changes)
+        self._live = live
+        self._thread = threading.Thread(target=self._run_job, args=[live], name=row.id)
+        self._thread.start()
+
+    def _run_job(self, live: LiveJob) -> None:
+        try:
+            Run(
+                self.context, live, lambda asked: refusals.require_feasible(self.plan(asked))
+            ).main()
+        finally:
+            with self._lock:
+                try:
+                    again = live.next_request if live.state == "failed" else None
+                    if live.state != "succeeded" and not self._closing and again is None:
+                        self.queue.halt(f"job {live.id} {live.state}: {live.cause}".rstrip(": "))
+                    live.finish()
+                    if again is not None and not self._closing:
+                        self._go_on(live, again)
+                    self._start_next()
+                except StoreError as error:
+                    log.error("%s", error)
+                finally:
+                    live.finish()
+
+    def _go_on(self, live: LiveJob, request: JobRequest) -> None:
+        """Begin the job that goes on; what stands in its way is told, and waits for a person."""
+        by = f"job {live.id}"
+        try:
+            self.latch.reset(by)
+            planned = refusals.require_feasible(self.plan(request))
+            name = self._accept(request, planned, None, fingerprint_of(request), by)
+        except ProblemError as error:
+            self.queue.halt(f"job {live.id} failed: {live.cause}")
+            live.append_cause(f"it did not begin by itself: {error}")
+            return
+        live.append_cause(f"as job {name}")
+
+    def _start_next(self) -> None:
+        """Start the next queued job if the rig is free."""
+        if self._closing or self.active is not None:
+            return
+        entry = self.queue.next()
+        if entry is not None:
+            # Active before it leaves the queue, so that no waiting request misses it.
+            self._begin(entry.row, entry.request, None)
+            self.queue.take(entry)
+
+    def control_queue(self, order: Literal["resume", "clear"], by: str) -> None:
+        """Resume a halted queue, or stop all queued jobs; raises ProblemError if not ready."""
+        with self._lock:
+            if order == "clear":
+                self.queue.clear()
+            elif len(self.queue):
+                if self.active is None:
+                    refusals.require_ready(self.context, None)
+                self.queue.resume()
+                self._start_next()
+        self.context.events.append("queue", action=order, by=by, length=len(self.queue))
+        self.changes.notify_all()
+
+    def perform(self, name: str, action: ActionType, by: str) -> tuple[Job, bool]:
+        """Perform an action on a job; the flag: nothing was left to do; raises ProblemError."""
+        with self._lock:
+            entry = self.queue.entry(name)
+            if entry is not None:
+                self._acting.on_queued(self.queue, entry, action, by)
+                self.changes.notify_all()
+                return self.job(name), False
+        live = self.active
+        if live is None or live.id != name:
+            holds = self._acting.on_ended(refusals.require_job(self.context.store, name), action)
+        else:
+            holds = self._acting.on_live(live, action, by)
+        return self.job(name), holds
+
+    def decide_proposal(self, name: str, action: Literal["accept", "discard"]) -> Proposal:
+        """Accept or discard the proposal of a calibration; raises ProblemError."""
+        await_end(self.active)
+        with self._lock:
+            self._require_free()
+            return self.calibrations.act(name, action)
+
+    def use_model(self, version: int) -> ModelView:
+        """Use a version of the model; raises ProblemError."""
+        await_end(self.active)
+        with self._lock:
+            self._require_free()
+            return use_model(self.context.model, version)
+
+    def _require_free(self) -> None:
+        if self.active is not None:
+            raise refusals.job_active(self.active)
+
+    def job(self, name: str) -> Job:
+        """One job; raises ProblemError if there is none of this name."""
+        return self.view(refusals.require_job(self.context.store, name))
+
+    def is_over(self, name: str) -> bool:
+        """Whether a job has ended, without reading the journal."""
+        if self.queue.entry(name) is not None:
+            return False
+        live = self._live
+        return live is None or live.id != name or live.terminal
+
+    def changed_since(self, name: str, revision: int) -> bool:
+        """Whether a job has changed since a revision, without reading the journal."""
+        entry = self.queue.entry(name)
+        if entry is not None:
+            return entry.revision != revision
+        live = self._live
+        if live is None or live.id != name or live.done.is_set():
+            return True
+        return live.revision != revision
+
+    def has_job(self, name: str) -> bool:
+        """Whether a job is queued or was started last, without reading the journal."""
+        live = self._live
+        return self.queue.entry(name) is not None or (live is not None and live.id == name)
+
+    def view(self, row: JobRow) -> Job:
+        """One job of this rig."""
+        live = self._live if self._live is not None and self._live.id == row.id else None
+        return job_view(row, live, self.queue.position(row.id), self.context.records)
+
+    def retire(self) -> bool:
+        """Accept no more jobs; returns False, without effect, if one is active or queued."""
+        with self._lock:
+            if self.active is not None or len(self.queue):
+                return False
+            self._closing = True
+            return True
+
+    def close(self) -> None:
+        """End: a job that runs becomes ``interrupted`` and the rig is asked to stop."""
+        self._closing = True
+        live, thread = self._live, self._thread
+        if live is not None and thread is not None:
+            live.interrupted = True
+            live.wake.set()
+            thread.join(JOIN_S)
+        self.latch.close()
+        self.alarm_monitor.close()
+
+    def release(self) -> None:
+        """Release threads and bus, once no request needs them."""
+        self.latch.threads.shutdown()
+        self.context.archivist.shutdown(cancel_futures=True)
+        self.context.health.close()
+        self.context.bus.close()

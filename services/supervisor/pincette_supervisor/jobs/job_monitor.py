@@ -1,0 +1,294 @@
+"""Follows the samples of a job to their end, and passes its actions on to the rig."""
+
+from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.core.faults import Acted, ActionCode, Cause, Outcome
+from pincette.core.messages import Ack, Action, Applied
+from pincette.core.topics import ACTION, TELEMETRY, TRIP
+from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.jobs import policies
+from pincette_supervisor.jobs.job import LiveJob
+from pincette_supervisor.jobs.job_recorder import JobRecorder
+from pincette_supervisor.jobs.lease import ended_words
+from pincette_supervisor.jobs.resumption import resumption
+from pincette_supervisor.jobs.stalls import stall_words
+from pincette_supervisor.jobs.tracker import Tracker, gone_words, outcome_words, silent_words
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.rigs.observer import MessageBuffer
+from pincette_supervisor.rigs.rig_context import RigContext
+
+LOOK_S = 0.02
+"""How often the run takes new messages."""
+LATE_S = 0.5
+"""How long the last samples of a run may come after the one that ended it."""
+PROGRESS_S = 0.2
+"""How often progress is published at most."""
+TRIPPABLE: tuple[JobState, ...] = ("running", "pausing", "paused", "resuming", "stopping")
+
+
+class JobMonitor:
+    """One job from its first sample to its last."""
+
+    def __init__(
+        self,
+        context: RigContext,
+        job: LiveJob,
+        planned: Planned,
+        recorder: JobRecorder,
+        collection: MessageBuffer,
+    ) -> None:
+        self._context, self._job, self._planned, self._recorder = context, job, planned, recorder
+        self._collection = collection
+        self._rig = planned.model.rig
+        self._tracker = Tracker(
+            job.epoch, self._rig.rig.period_s, planned.planned_s, lockstep=self._rig.lockstep
+        )
+        self._last_message_at = context.observer.awake_clock()
+        self._applied: Applied | None = None
+        """The actuator's newest sample."""
+        self._over_at: float | None = None
+        self._progress_sent_at = float("-inf")
+        self._asked_in = -1
+        """Count of the job's moves when the controller was last asked for something."""
+        self._effective_seq: int | None = None
+        """The seq at which the action takes effect; None where it was refused."""
+        self._trip_asked = self._pause_asked = self._trip_reported = False
+
+    def follow(self) -> None:
+        """Return when the arming is over by the actuator's sample, or all programs are silent."""
+        tracker, job = self._tracker, self._job
+        while True:
+            moved = tracker.update(self._collection.drain())
+            if moved if self._rig.lockstep else self._actuator_published():
+                self._last_message_at = self._context.observer.awake_clock()
+            if moved:
+                self._share()
+            if tracker.over and not self._awaits_last_samples():
+                self._finish()
+                return
+            if job.interrupted:
+                self._interrupt()
+                return
+            if self._poll_state():
+                return
+            job.wait(LOOK_S)
+
+    def _actuator_published(self) -> bool:
+        """Whether a sample of the actuator came since this was last called."""
+        before, self._applied = self._applied, self._context.observer.newest(Applied)
+        return self._applied is not before
+
+    def _awaits_last_samples(self) -> bool:
+        """Whether samples of the last tick are on their way; in lockstep none of them is lost."""
+        if self._tracker.trip or self._tracker.complete:
+            return False
+        now = self._context.observer.awake_clock()
+        if self._over_at is None:
+            self._over_at = now
+        if now - self._over_at < (self._context.guard_s if self._rig.lockstep else LATE_S):
+            return True
+        # A busy link loses samples, and how a program ended is told once.
+        self._tracker.update(self._context.observer.fetch_latest(TELEMETRY))
+        return False
+
+    def _share(self) -> None:
+        """Update the progress of the run for requests and listeners."""
+        job, tracker = self._job, self._tracker
+        wait = self._planned.waits.get(tracker.segment)
+        held = tracker.held and not tracker.over and tracker.trip is None
+        waiting = None if wait is None else tracker.segment
+        progress = tracker.progress(wait)
+        job.update_progress(progress, phase=tracker.phase, held=held, waiting=waiting)
+        now = self._context.clock()
+        if now - self._progress_sent_at >= PROGRESS_S:
+            self._progress_sent_at = now
+            self._context.events.publish_progress(job.id, progress.model_dump(mode="json"))
+        for action, seq in tracker.effects:
+            if action == Acted.LEASE:
+                self._lease_ended(seq)
+            else:
+                job.record_effect(action, seq)
+        tracker.effects.clear()
+        state = job.state
+        if tracker.trip is None:
+            return
+        if not self._trip_reported:
+            self._trip_reported = True
+            words = self._context.trip_words(tracker.trip)
+            self._context.alarms.raise_trip(tracker.trip, words, job.id)
+        if state in TRIPPABLE:
+            job.move("trip", self._trip_words(tracker.trip), only_from=state)
+
+    def _trip_words(self, trip: TripReason) -> str:
+        return f"actuator tripped: {self._context.trip_words(trip)}"
+
+    def _lease_ended(self, seq: int) -> None:
+        """Stop the job whose lease has ended at the controller."""
+        context, job = self._context, self._job
+        words = ended_words(context.bus, policies.lease_s(job.request, self._rig))
+        context.alarms.raise_alarm(
+            "lease", words, severity="alarm", clears="acknowledge", job=job.id
+        )
+        state = job.state
+        if "stop" in STATES[state].events and job.move("stop", words, only_from=state):
+            # It acts already: asked again, it would begin anew.
+            self._asked_in, self._effective_seq = job.moves, seq
+
+    def _poll_state(self) -> bool:
+        """Act on the state; true where nothing more is to be expected of the rig."""
+        job, tracker = self._job, self._tracker
+        lasts_s = self._context.observer.awake_clock() - self._last_message_at
+        # Once it is over, what comes late has a limit of its own.
+        silence = "" if tracker.over else silent_words(self._context, tracker, lasts_s)
+        state, moves = job.snapshot
+        if STATES[state].terminal:  # stopped, with a part in the gripper
+            if silence:
+                self._recorder.store(tracker, self._collection, over=True)
+            return bool(silence)
+        if state == "aborting":
+            return self._abort(silence)
+        if self._overdue():
+            silence = f"{state} took too long: {tracker.lagging_program()} lags"
+        if silence:
+            event: Event = "overdue" if "overdue" in STATES[state].events else "trip"
+            job.move(event, silence, only_from=state)
+        elif state == "stopping":
+            self._stop(moves)
+        elif state == "pausing":
+            self._pause(moves)
+        elif state == "resuming":
+            self._resume(moves)
+        elif state == "paused" and not tracker.paused:
+            # A guard or a release has ended the pause.
+            job.move("go_on", only_from="paused")
+        return False
+
+    def _ask_once(self, action: ActionCode, state: JobState, moves: int) -> bool:
+        """Ask the controller once in a state; false where it refuses or does not answer."""
+        job = self._job
+        if self._asked_in == moves:
+            return self._effective_seq is not None
+        self._asked_in, self._effective_seq = moves, None
+        try:
+            reply = self._context.bus.call(ACTION, Action(action))
+        except RefusalError:
+            return False  # the program has just ended; its last sample is on its way
+        except BusError as error:
+            job.move("overdue", str(error), only_from=state)
+            return False
+        self._effective_seq = reply.seq if isinstance(reply, Ack) else self._tracker.telemetry_seq
+        return True
+
+    def _took_effect(self) -> bool:
+        """Whether the action has taken effect by the controller's newest sample."""
+        return (
+            self._effective_seq is not None and self._tracker.telemetry_seq >= self._effective_seq
+        )
+
+    def _stop(self, moves: int) -> None:
+        """Ask the controller once; a part that a stop keeps makes the stop complete."""
+        tracker, request = self._tracker, self._job.request
+        self._ask_once(ActionCode(policies.lease_end(request)), "stopping", moves)
+        if tracker.stop_took_effect and tracker.held and policies.on_stop(request) == "hold":
+            self._close("confirm", over=False)
+
+    def _pause(self, moves: int) -> None:
+        self._pause_asked = True
+        self._ask_once(ActionCode.PAUSE, "pausing", moves)
+        if self._took_effect() and self._tracker.paused:
+            self._job.move("rest", only_from="pausing")
+
+    def _resume(self, moves: int) -> None:
+        """Go on where the pause began, or give up a pause that has not begun."""
+        taken = not self._pause_asked or self._ask_once(ActionCode.RESUME, "resuming", moves)
+        if taken and self._pause_asked and not (self._took_effect() and not self._tracker.paused):
+            return
+        self._pause_asked = False
+        self._job.move("go_on", only_from="resuming")
+
+    def _abort(self, silence: str) -> bool:
+        """Ask the actuator once; where it does not answer, or in time, the job has failed."""
+        job = self._job
+        if not self._trip_asked and self._tracker.trip is None:
+            self._trip_asked = True
+            self._last_message_at = self._context.observer.awake_clock()
+            try:
+                self._context.bus.call(TRIP, policies.abort_trip(job.request, job.cause[:200]), 1.0)
+            except BusError as error:
+                job.note_cause(str(error))
+                self._close("fail")
+                return True
+            return False
+        if silence or self._overdue():
+            job.note_cause(silence or "the actuator did not say in time that it is safe")
+            self._close("fail")
+            return True
+        return False
+
+    def _overdue(self) -> bool:
+        job = self._job
+        on_stop = policies.on_stop(job.request)
+        limit_s = policies.deadline_s(job.state, self._planned, self._rig, on_stop)
+        spent_s = self._context.clock() - job.entered_at
+        if job.state == "running":
+            # In lockstep a machine may take as long as it likes for what is played.
+            lockstep = self._rig.lockstep
+            spent_s = self._tracker.played_s if lockstep else spent_s + job.played_s
+        return limit_s is not None and spent_s > limit_s
+
+    def _finish(self) -> None:
+        """End a run after its last sample."""
+        job, tracker = self._job, self._tracker
+        if job.terminal:
+            # The job was stopped with a part held, which has now been let go.
+            self._recorder.store(tracker, self._collection, over=True)
+            if tracker.trip is not None:
+                job.append_cause(self._trip_words(tracker.trip))
+            self._recorder.publish_result()
+        elif tracker.trip is not None:
+            self._close("confirm" if tracker.trip.cause == Cause.ABORT else "fail")
+        elif job.state in ("stopping", "aborting"):
+            self._close("confirm")
+        elif tracker.final_outcome() == Outcome.STOPPED:
+            job.move("stop", only_from=job.state)
+            self._close("confirm")
+        else:
+            self._close("done" if tracker.final_outcome() in GOOD_OUTCOMES else "fail")
+
+    def _close(self, event: Event, *, over: bool = True) -> None:
+        """Write the record, then move the job to its terminal state."""
+        job, tracker = self._job, self._tracker
+        gone = gone_words(self._context)
+        if event == "fail":
+            if tracker.trip is not None and not self._trip_asked:
+                words = self._trip_words(tracker.trip)
+                more = gone or stall_words(self._context, tracker.trip)
+                job.cause = f"{words}; {more}" if more else words
+            job.note_cause(outcome_words(tracker.final_outcome()))
+        fault = self._recorder.store(tracker, self._collection, over=over)
+        if fault and event == "done":
+            job.note_cause(fault)
+            event = "fail"
+        if event == "fail" and tracker.trip is not None and not gone and not self._trip_asked:
+            self._prepare_resumption(tracker.trip)
+        job.end(event)
+        self._recorder.publish_result()
+
+    def _prepare_resumption(self, trip: TripReason) -> None:
+        """Find how a calibration goes on that a stall has tripped, and say so."""
+        job, run = self._job, self._recorder.run
+        found = None if run is None else resumption(job.request, run, trip)
+        if found is not None:
+            job.cause = f"{job.cause}; {found.words}"
+            job.next_request = found.request
+
+    def _interrupt(self) -> None:
+        """The supervisor ends: leave the rig stopped, a part held but for a calibration's."""
+        job = self._job
+        try:
+            self._context.bus.call(ACTION, Action(policies.interruption(job.kind)), 0.5)
+        except BusError as error:
+            job.note_cause(str(error))
+        self._recorder.store(self._tracker, self._collection, over=True)
+        if not job.terminal:
+            job.end("interrupt", "the supervisor ended")

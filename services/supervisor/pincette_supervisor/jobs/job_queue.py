@@ -1,0 +1,115 @@
+"""The queue of a rig's jobs: stored in the journal, in order, halted by a failure."""
+
+import json
+from dataclasses import dataclass
+
+from pydantic import ValidationError
+
+from pincette.api.requests import JobRequest
+from pincette.api.states import JobState
+from pincette_supervisor.journal.events import EventLog
+from pincette_supervisor.journal.store import JobRow, Store, utc_now
+from pincette_supervisor.kinds.bodies import REQUEST
+
+CAPACITY = 16
+RESTARTED = "the supervisor was started anew"
+
+
+@dataclass(slots=True)
+class Entry:
+    """A queued job."""
+
+    row: JobRow
+    request: JobRequest
+    revision: int
+
+
+class JobQueue:
+    """The queued jobs of one rig; the caller holds the manager's lock."""
+
+    def __init__(self, store: Store, events: EventLog) -> None:
+        self._store, self._events = store, events
+        self._entries: list[Entry] = []
+        self.halted = ""
+        """Why no job starts by itself; empty if the next one does."""
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def load(self, rig: str) -> None:
+        """Load the jobs that an earlier supervisor has queued; a person must resume them."""
+        for row in self._store.queued(rig):
+            try:
+                request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))
+            except ValidationError as error:
+                cause = f"its request is not understood any more: {error.errors()[0]['msg']}"
+                self._end(row, "failed", cause)
+            else:
+                self._entries.append(Entry(row, request, row.revision))
+        self.halt(RESTARTED)
+
+    def add(self, row: JobRow, request: JobRequest) -> None:
+        """Append a job."""
+        self._entries.append(Entry(row, request, row.revision))
+        self.publish()
+
+    def halt(self, why: str) -> None:
+        """Let no job start by itself; has no effect on an empty queue."""
+        if self._entries and not self.halted:
+            self.halted = why
+            self.publish()
+
+    def resume(self) -> None:
+        """Let the next job start when the rig is free."""
+        self.halted = ""
+        self.publish()
+
+    def next(self) -> Entry | None:
+        """The next job; None if the queue is empty or halted."""
+        return None if self.halted or not self._entries else self._entries[0]
+
+    def take(self, entry: Entry) -> None:
+        """Remove a job that starts."""
+        self._entries.remove(entry)
+        self._moved_up()
+
+    def entry(self, name: str) -> Entry | None:
+        """A queued job."""
+        return next((entry for entry in self._entries if entry.row.id == name), None)
+
+    def position(self, name: str) -> int | None:
+        """Place of a job in the queue, from 1; None if it is not queued."""
+        places = (place for place, entry in enumerate(self._entries, 1) if entry.row.id == name)
+        return next(places, None)
+
+    def remove(self, entry: Entry, state: JobState) -> None:
+        """Remove a job that ends as ``stopped`` or ``aborted``."""
+        self._entries.remove(entry)
+        self._end(entry.row, state, "")
+        self._moved_up()
+
+    def clear(self) -> list[str]:
+        """Stop all queued jobs; returns their names."""
+        names = [entry.row.id for entry in self._entries]
+        for entry in self._entries:
+            self._end(entry.row, "stopped", "the queue was cleared")
+        self._entries.clear()
+        self._moved_up()
+        return names
+
+    def _end(self, row: JobRow, state: JobState, cause: str) -> None:
+        with self._events.transaction("state", row.id, state=state, cause=cause):
+            self._store.change(row.id, state=state, cause=cause, ended_at=utc_now())
+
+    def _moved_up(self) -> None:
+        """Raise the revision of every job whose place has changed."""
+        for entry in self._entries:
+            entry.revision = self._store.change(entry.row.id)
+        if not self._entries:
+            self.halted = ""
+        self.publish()
+
+    def publish(self) -> None:
+        """Append a queue event."""
+        jobs = [entry.row.id for entry in self._entries]
+        self._events.append("queue", length=len(jobs), halted=self.halted, jobs=jobs)

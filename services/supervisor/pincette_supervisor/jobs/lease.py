@@ -1,0 +1,100 @@
+"""The lease of a job's program: granted with its arming, and renewed by a thread of its own."""
+
+# A thread, so that neither a slow disk nor a long look at the samples lets it run out. In lockstep
+# there is none: there a machine may be as slow as it is, and the time of a renewal would change
+# results.
+
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+from time import monotonic
+
+from pincette.api.requests import JobRequest
+from pincette.bus.protocol import Bus, BusError, RefusalError
+from pincette.config import RigFile
+from pincette.core.faults import FaultCode
+from pincette.core.messages import Lease, Status
+from pincette.core.topics import LEASE
+from pincette.core.wording import faults_text
+from pincette.engine.arming import status
+from pincette_supervisor.jobs import policies
+
+RENEWALS = 5.0
+"""Within the length of a lease; all but one of them may fail."""
+ASK_S, JOIN_S = 1.0, 2.0
+
+
+def lease_of(rig: RigFile, request: JobRequest, epoch: int) -> Lease | None:
+    """The lease of a job's arming; None where the rig has none."""
+    length_s = policies.lease_s(request, rig)
+    if rig.lockstep or not length_s:
+        return None
+    return Lease(epoch, length_s, policies.lease_end(request))
+
+
+def ended_words(bus: Bus, length_s: float) -> str:
+    """Why the controller has stopped by itself, by its status where it answers."""
+    text = ""
+    with suppress(BusError):
+        text = ended_text(status(bus, "controller", ASK_S))
+    return text or f"lease: nothing heard from the supervisor, limit {length_s:g} s"
+
+
+def ended_text(controller: Status) -> str:
+    """The controller's text of a lease that has ended; empty where none has."""
+    return faults_text([one for one in controller.findings if one.code is FaultCode.LEASE_ENDED])
+
+
+class Renewal:
+    """Renews one lease until it is ended or the program has come to its end."""
+
+    def __init__(self, bus: Bus, lease: Lease, clock: Callable[[], float] = monotonic) -> None:
+        self.lease = lease
+        self._bus, self._clock = bus, clock
+        self._heard_s = clock()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._work, name=f"lease-{lease.epoch}", daemon=True)
+
+    @property
+    def age_s(self) -> float:
+        """Time since the controller took it last."""
+        return self._clock() - self._heard_s
+
+    def begin(self) -> None:
+        """Start renewing in a thread."""
+        self._thread.start()
+
+    def end(self) -> None:
+        """Stop renewing."""
+        self._ended.set()
+        self._thread.join(JOIN_S)
+
+    def _work(self) -> None:
+        every_s = self.lease.length_s / RENEWALS
+        while not self._ended.wait(every_s) and self.renew(every_s):
+            pass
+
+    def renew(self, timeout_s: float) -> bool:
+        """Grant it anew; false where the controller does not take it any more."""
+        asked_s = self._clock()
+        try:
+            self._bus.call(LEASE, self.lease, timeout_s)
+        except RefusalError:
+            return False  # the program has ended, or was stopped without a lease
+        except BusError:
+            return True
+        self._heard_s = asked_s
+        return True
+
+
+@contextmanager
+def renewing(renewal: Renewal | None) -> Generator[None]:
+    """Renew a lease, where there is one, within the block."""
+    if renewal is None:
+        yield
+        return
+    renewal.begin()
+    try:
+        yield
+    finally:
+        renewal.end()

@@ -1,0 +1,45 @@
+"""Plans jobs with the model in use, from where the arm stands."""
+
+from pincette.api.requests import JobRequest
+from pincette_supervisor import problems
+from pincette_supervisor.journal.recipes import RecipeRepository
+from pincette_supervisor.kinds.functions import kind_of
+from pincette_supervisor.planning.errors import FaultyRequestError, UnsupportedError
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.recipes import completed, pinned, plan_with_recipe
+from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rigs.part import present
+from pincette_supervisor.rigs.rig_context import RigContext
+
+
+def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
+    """Plan a job, from an unknown position if a job moves the arm; raises ProblemError."""
+    rig = context.rig
+    if request.rig is not None and request.rig != rig.rig.name:
+        raise problems.not_found("rig", request.rig, [rig.rig.name])
+    try:
+        stands = None if moving and not kind_of(request).from_present else present(context)
+        return plan_with_recipe(
+            request, context.model.in_use, stands, RecipeRepository(context.store).find
+        )
+    except FaultyRequestError as error:
+        fault = {"pointer": error.pointer, "message": str(error)}
+        raise ProblemError(
+            422, "invalid-request", "The request cannot be used", str(error), errors=[fault]
+        ) from error
+    except UnsupportedError as error:
+        raise problems.unsupported(error) from error
+    except ValueError as error:
+        raise ProblemError(
+            422, "invalid-request", "No plan can be made of this", str(error)
+        ) from error
+
+
+def with_version(context: RigContext, request: JobRequest) -> JobRequest:
+    """The request with the version of the recipe that it names, so that it stays the same."""
+    return pinned(request, RecipeRepository(context.store).find)
+
+
+def with_recipe(context: RigContext, request: JobRequest) -> JobRequest:
+    """The request completed by its recipe; raises FaultyRequestError without that recipe."""
+    return completed(request, RecipeRepository(context.store).find)

@@ -1,0 +1,127 @@
+"""Why a job or an action is not taken, as problem documents."""
+
+from pincette.api.states import ActionType, allowed_actions
+from pincette.bus.protocol import BusError
+from pincette.core.faults import Cause
+from pincette_supervisor.jobs.job import LiveJob
+from pincette_supervisor.journal.store import JobRow, Store
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.problems import ProblemError, not_found
+from pincette_supervisor.rigs.part import held_words, reset_words
+from pincette_supervisor.rigs.rig_context import RigContext
+
+
+def require_job(store: Store, name: str) -> JobRow:
+    """A job of the journal; raises ProblemError where there is none of this name."""
+    row = store.get(name)
+    if row is None:
+        raise not_found("job", name)
+    return row
+
+
+def require_feasible(planned: Planned) -> Planned:
+    """Raise ProblemError where a plan breaks a limit of the rig."""
+    if planned.plan.feasible:
+        return planned
+    violations = [item.model_dump() for item in planned.plan.violations]
+    raise ProblemError(
+        422,
+        "limit-violation",
+        "The plan breaks a limit of the rig",
+        "; ".join(item.message for item in planned.plan.violations),
+        violations=violations,
+    )
+
+
+def require_ready(context: RigContext, planned: Planned | None) -> None:
+    """Raise ProblemError where the rig cannot start a job; without a plan, any job."""
+    context.health.refresh()
+    latched = context.health.latched()
+    if latched is not None:
+        code = "estop-engaged" if latched.cause == Cause.ESTOP else "rig-latched"
+        words = reset_words(context, latched)
+        raise ProblemError(409, code, "Nothing may move", words, cause=str(latched.cause))
+    if reasons := context.lasting_reasons():
+        raise unready(reasons)
+    words = held_words(context)
+    if words and planned is not None and not planned.begins_held:
+        raise ProblemError(409, "part-held", "The gripper holds a part", words)
+
+
+def unready(reasons: list[str]) -> ProblemError:
+    """503 with the reasons."""
+    return ProblemError(
+        503, "rig-not-ready", "The rig is not ready", "; ".join(reasons), reasons=reasons
+    )
+
+
+def unanswered(error: BusError) -> ProblemError:
+    """503 because a program of the rig does not answer."""
+    return ProblemError(
+        503, "rig-not-ready", "The rig does not answer", str(error), reasons=[str(error)]
+    )
+
+
+def job_active(active: LiveJob) -> ProblemError:
+    """409 because another job has the rig."""
+    doing = f"is {active.state}"
+    if active.terminal:
+        doing += (
+            ", holds a part: release it, or start a job that holds or releases it"
+            if active.held
+            else ", the arm is not at rest yet or its record is being closed"
+        )
+    return ProblemError(
+        409,
+        "job-active",
+        "Another job has the rig",
+        f"job {active.id} {doing}",
+        job=active.id,
+        allowed_actions=allowed_actions(active.state, held=active.held),
+    )
+
+
+def queue_full(length: int) -> ProblemError:
+    """409 because too many jobs wait."""
+    return ProblemError(
+        409,
+        "queue-full",
+        "The queue is full",
+        f"{length} jobs wait, which is the most; wait until one has ended, or stop one",
+    )
+
+
+def model_changed() -> ProblemError:
+    """409 because the plan rests on a model that is not in use any more."""
+    return ProblemError(
+        409,
+        "model-changed",
+        "Another model has come into use",
+        "the job was planned with the model before; send it again",
+    )
+
+
+def key_reused(job: str) -> ProblemError:
+    """422 because an ``Idempotency-Key`` came with another request."""
+    return ProblemError(
+        422,
+        "idempotency-key-reused",
+        "The Idempotency-Key was used for another request",
+        f"it has created job {job} from a request that differs; use a new key for a new request",
+        job=job,
+    )
+
+
+def invalid_action(
+    action: str, state: str, allowed: list[ActionType], why: str = ""
+) -> ProblemError:
+    """409 because the state does not allow an action."""
+    detail = why or f"a job that is {state} cannot {action}"
+    return ProblemError(
+        409,
+        "invalid-transition",
+        "The job's state does not allow this action",
+        detail,
+        state=state,
+        allowed_actions=allowed,
+    )

@@ -1,0 +1,151 @@
+"""One job from its preparation to its end, in a thread of its own; never inside the loop."""
+
+import secrets
+from collections.abc import Callable
+
+from pincette.api.requests import JobRequest
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.core.faults import ActionCode
+from pincette.core.messages import Action
+from pincette.core.topics import ACTION
+from pincette.engine.arming import arm
+from pincette_supervisor.jobs import policies
+from pincette_supervisor.jobs.job import LiveJob
+from pincette_supervisor.jobs.job_monitor import JobMonitor
+from pincette_supervisor.jobs.job_recorder import JobRecorder
+from pincette_supervisor.jobs.lease import Renewal, lease_of, renewing
+from pincette_supervisor.journal.store import StoreError
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rigs.part import held_words, is_playing, reset_words
+from pincette_supervisor.rigs.rig_context import RigContext
+
+KEEP_S, LOOK_S = 2.0, 0.02
+"""How long a program may take to hand its part over."""
+
+
+class Run:
+    """Prepares and arms one job, and has it followed."""
+
+    def __init__(
+        self, context: RigContext, job: LiveJob, plan: Callable[[JobRequest], Planned]
+    ) -> None:
+        self._context, self._job, self._plan = context, job, plan
+
+    def main(self) -> None:
+        """Run the job; nothing of it moves any more when this returns."""
+        job, observer = self._job, self._context.observer
+        try:
+            planned = self._prepare()
+            if planned is None or not self._await_start():
+                return
+            job.epoch = secrets.randbits(48) | 1
+            recorder = JobRecorder(self._context, job, planned, job.epoch)
+            collection = observer.start_buffering()
+            if self._arm(planned, recorder):
+                with renewing(job.renewal):
+                    JobMonitor(self._context, job, planned, recorder, collection).follow()
+        except (BusError, ProblemError, StoreError) as error:
+            job.end("fail", str(error))
+        finally:
+            observer.stop_buffering()
+            job.end("fail", "the supervisor has a fault; its log says more")
+
+    def _prepare(self) -> Planned | None:
+        job = self._job
+        job.move("prepare", only_from="queued")
+        if job.planned is None and job.state == "preparing":
+            job.set_plan(self._plan(job.request))
+        planned = job.planned
+        if planned is not None and job.state == "preparing":
+            reasons = self._reasons(planned)
+            if reasons:
+                job.end("fail", "; ".join(reasons))
+                return None
+            self._see_deadline(planned)
+        if planned is None or not job.move("prepared", only_from="preparing"):
+            self._give_up()
+            return None
+        return planned
+
+    def _reasons(self, planned: Planned) -> list[str]:
+        """Why the rig cannot start; a latch of switching on is cleared."""
+        context = self._context
+        context.health.refresh(force=True)
+        if reasons := context.lasting_reasons():
+            return reasons
+        context.health.clear_boot()
+        if latched := context.health.latched():
+            return [reset_words(context, latched)]
+        if not planned.begins_held:
+            words = held_words(context)
+            return [words] if words else []
+        return self._take_over()
+
+    def _take_over(self) -> list[str]:
+        """End a program that only holds a part, which stays held; returns why that fails."""
+        context = self._context
+        if not is_playing(context):
+            return []
+        context.bus.call(ACTION, Action(ActionCode.KEEP))
+        asked_at = context.clock()
+        while is_playing(context):
+            if context.clock() - asked_at > KEEP_S:
+                return [f"the program that holds the part did not end within {KEEP_S:g} s"]
+            self._job.wait(LOOK_S)
+        return []
+
+    def _see_deadline(self, planned: Planned) -> None:
+        job = self._job
+        limit_s = policies.deadline_s("preparing", planned, planned.model.rig, "hold")
+        spent_s = self._context.clock() - job.entered_at
+        if limit_s is not None and spent_s > limit_s:
+            words = f"preparing took {spent_s:.1f} s, limit {limit_s:g} s"
+            if job.move("overdue", words, only_from="preparing"):
+                job.end("fail")
+
+    def _await_start(self) -> bool:
+        job = self._job
+        if job.request.autostart:
+            job.move("start", only_from="ready")
+        while job.state == "ready" and not job.interrupted:
+            job.wait(0.2)
+        if job.state == "ready":
+            job.end("interrupt", "the supervisor ended")
+        return job.state == "running" or self._give_up()
+
+    def _give_up(self) -> bool:
+        """End a job that was stopped or aborted before it moved."""
+        self._job.end("confirm")
+        return False
+
+    def _arm(self, planned: Planned, recorder: JobRecorder) -> bool:
+        context, job, model = self._context, self._job, planned.armed
+        row = context.store.get(job.id)
+        if row is None:
+            return False
+        if trouble := recorder.begin(row):
+            job.end("fail", f"recorder: {trouble}")
+            return False
+        job.set_epoch(job.epoch)
+        lease = lease_of(planned.model.rig, job.request, job.epoch)
+        try:
+            arm(
+                context.bus,
+                planned.program,
+                epoch=job.epoch,
+                digest=model.rig_file_digest,
+                calibration=model.calibration.text(),
+                lease=lease,
+            )
+        except BusError as error:
+            recorder.discard(row)
+            # An abort that came while the rig was being armed has latched the actuator.
+            ending = isinstance(error, RefusalError) and job.state in ("stopping", "aborting")
+            job.end("confirm" if ending else "fail", str(error))
+            return False
+        if lease is not None:
+            job.renewal = Renewal(context.bus, lease)
+        context.health.note_armed(job.epoch, model.digest)
+        job.record_effect("start", 0)
+        return True

@@ -1,0 +1,205 @@
+"""Follows the samples of a run: its progress, its end, and programs that have gone silent."""
+
+from collections.abc import Iterable
+from typing import cast
+
+from pincette.api.jobs import Progress
+from pincette.api.states import OUTCOMES
+from pincette.core.faults import TRIPPED, Acted, Outcome
+from pincette.core.messages import (
+    Applied,
+    Estimate,
+    GroundTruth,
+    Message,
+    Position,
+    Sample,
+    Telemetry,
+)
+from pincette.core.topics import APPLIED, LOOP, TOPIC_OF, TOPICS, Topic
+from pincette_supervisor.alarms.trips import TripReason, reason_of
+from pincette_supervisor.planning.planned import Wait
+from pincette_supervisor.rigs.rig_context import RigContext
+
+EVERY_TICK = [topic for topic in TOPICS if topic.per_tick and topic.producer in LOOP]
+PROGRAMS = (*LOOP, "rig")
+STALE_S, STALE_PERIODS = 1.0, 10.0
+GONE_S = 1.0
+"""Lockstep: how long the loop may stand still once a program's token has vanished."""
+
+
+class Tracker:
+    """Takes the messages of one epoch in order of arrival."""
+
+    def __init__(
+        self, epoch: int, period_s: float, planned_s: float | None, *, lockstep: bool
+    ) -> None:
+        self.messages: list[Message] = []
+        self.trip: TripReason | None = None
+        self.outcome = Outcome.NONE
+        self.released = False
+        self.held = False
+        self.phase = ""
+        self.segment = -1
+        """Number of the program's segment."""
+        self.stop_took_effect = False
+        self.paused = False
+        self.telemetry_seq = -1
+        """Number of the controller's newest sample."""
+        self.effects: list[tuple[Acted, int]] = []
+        """Actions that have taken effect since this list was last emptied, with their seq."""
+        self._final_seq: int | None = None
+        """Number of the sample that ended the arming; an idle loop in real time goes on."""
+        self._paused_ticks = 0
+        """Samples that were paused."""
+        self._lockstep = lockstep
+        self._epoch, self._period_s, self._planned_s = epoch, period_s, planned_s
+        self._seqs: dict[Topic, int] = dict.fromkeys(EVERY_TICK, -1)
+        self._position: Position | None = None
+        self._estimate: Estimate | None = None
+        self._applied: Applied | None = None
+        self._telemetry: Telemetry | None = None
+
+    def update(self, messages: Iterable[Message]) -> bool:
+        """Follow new messages; False where none of them belongs to this epoch."""
+        before = len(self.messages)
+        for message in messages:
+            if isinstance(message, GroundTruth):
+                # In real time a truth of the idle rig may still be on its way.
+                if self._lockstep or self._position is not None:
+                    self.messages.append(message)
+            elif cast(Sample, message).epoch == self._epoch:
+                self.messages.append(message)
+                self._follow(cast(Sample, message))
+        return len(self.messages) > before
+
+    def _follow(self, sample: Sample) -> None:
+        topic = TOPIC_OF[type(sample)]
+        if topic in self._seqs:
+            self._seqs[topic] = max(self._seqs[topic], sample.seq)
+        if isinstance(sample, Position):
+            self._position = sample
+        elif isinstance(sample, Estimate):
+            self._estimate = sample
+        elif isinstance(sample, Applied):
+            self._applied = sample
+            if sample.state in TRIPPED and self.trip is None:
+                self.trip = reason_of(sample)
+            if sample.final and self._final_seq is None:
+                self._final_seq = sample.seq
+        elif isinstance(sample, Telemetry):
+            self._view(sample)
+
+    def _view(self, sample: Telemetry) -> None:
+        self._telemetry = sample
+        self.phase, self.held, self.segment = sample.phase, sample.held, sample.segment
+        self.paused, self.telemetry_seq = sample.paused, sample.seq
+        self._paused_ticks += sample.paused
+        self.outcome = sample.outcome or self.outcome
+        for acted in sample.acted:
+            self.effects.append((acted, sample.seq))
+            self.stop_took_effect = self.stop_took_effect or acted == Acted.STOP
+            self.released = self.released or acted == Acted.RELEASE
+
+    @property
+    def played_s(self) -> float:
+        """Time that the program has played, by the newest sample, without its pauses."""
+        seq = -1 if self._position is None else self._position.seq
+        return (seq + 1 - self._paused_ticks) * self._period_s
+
+    def lagging_program(self) -> str:
+        """The program whose number lags: the first, in the order of a tick."""
+        seqs = [
+            max(seq for topic, seq in self._seqs.items() if topic.producer == program)
+            for program in LOOP
+        ]
+        return next(
+            (program for program, seq in zip(LOOP, seqs, strict=True) if seq < seqs[0]), LOOP[0]
+        )
+
+    @property
+    def over(self) -> bool:
+        """Whether the arming is over by the actuator's sample."""
+        return self._final_seq is not None
+
+    @property
+    def complete(self) -> bool:
+        """Whether all samples of the last tick have come; each topic has a link of its own."""
+        return self._final_seq is not None and min(self._seqs.values()) >= self._final_seq
+
+    @property
+    def last_seq(self) -> int:
+        """Number of the newest sample whose tick has ended; -1 before the first."""
+        return self._seqs[APPLIED]
+
+    def final_outcome(self) -> Outcome:
+        """How the program ended; ``Outcome.NONE`` where it has not come to its end."""
+        return self.outcome or (Outcome.RELEASED if self.released else Outcome.NONE)
+
+    def progress(self, wait: Wait | None = None) -> Progress:
+        """The progress by the newest samples, with what the run waits for."""
+        position, applied, telemetry = self._position, self._applied, self._telemetry
+        seq = -1 if position is None else position.seq
+        x_um = position.x_um if position is not None and position.valid else None
+        force_mN, uncertainty_mN = self._force()
+        played_s, planned_s = self.played_s, self._planned_s
+        pressing = self.held and force_mN is not None
+        x_r_um = None if telemetry is None else telemetry.x_r_um
+        force_r_mN = None if telemetry is None else telemetry.force_r_mN
+        return Progress(
+            phase=self.phase,
+            seq=seq,
+            elapsed_s=(seq + 1) * self._period_s,
+            planned_s=planned_s,
+            paused=self.paused,
+            percent=None if not planned_s else min(100.0, 100.0 * played_s / planned_s),
+            remaining_s=None if planned_s is None else max(0.0, planned_s - played_s),
+            x_r_um=x_r_um,
+            x_um=x_um,
+            force_r_mN=force_r_mN,
+            force_mN=force_mN,
+            force_uncertainty_mN=uncertainty_mN,
+            voltage_V=None if applied is None else applied.voltage_V,
+            held=self.held,
+            target=force_r_mN if pressing else x_r_um,
+            current=force_mN if pressing else x_um,
+            unit="mN" if pressing else "µm",
+            instruction="" if wait is None else wait.instruction,
+            weight_mN=None if wait is None else wait.weight_mN,
+        )
+
+    def _force(self) -> tuple[float | None, float | None]:
+        """The newest force and its uncertainty, once it has a zero."""
+        estimate = self._estimate
+        if estimate is None or not estimate.valid or estimate.zero_age_s is None:
+            return None, None
+        return estimate.force_mN, estimate.force_uncertainty_mN
+
+
+def outcome_words(outcome: Outcome) -> str:
+    """An outcome code with its meaning."""
+    return f"{outcome}: {OUTCOMES[outcome]}" if outcome else "unfinished"
+
+
+def gone_words(context: RigContext) -> str:
+    """Programs whose token has vanished, in words."""
+    gone = context.observer.gone(PROGRAMS)
+    return f"killed or hung: {', '.join(gone)}" if gone else ""
+
+
+def silent_words(context: RigContext, tracker: Tracker, lasts_s: float) -> str:
+    """The silent program, in words; empty where all go on."""
+    # In lockstep the whole loop stands still when one program does; in real time the actuator
+    # stands for the loop, since it notices by itself when the others are silent.
+    killed = gone_words(context)
+    if context.rig.lockstep:
+        if killed and lasts_s > min(GONE_S, context.guard_s):
+            return killed
+        if lasts_s > context.guard_s:
+            silent = context.rig.program_of(tracker.lagging_program())
+            return f"{silent} is silent: no progress for {context.guard_s:g} s"
+        return ""
+    limit_s = max(STALE_S, STALE_PERIODS * context.rig.rig.period_s)
+    if lasts_s > limit_s:
+        silent = f"actuator: silent for more than {limit_s:g} s"
+        return f"{killed}; {silent}" if killed else silent
+    return ""

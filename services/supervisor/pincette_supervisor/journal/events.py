@@ -1,0 +1,135 @@
+"""Events of a rig: stored and numbered in the journal, and passed to all listeners."""
+
+import asyncio
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from typing import Any
+
+from pincette.api.events import Event, EventKind
+from pincette_supervisor.journal.listeners import Listeners
+from pincette_supervisor.journal.store import Store, utc_now
+
+PAGE = 200
+"""Events that are read from the journal at once."""
+LIFE_S = 10.0
+"""Interval of keep-alives to a listener that gets no event."""
+
+
+class EventLog:
+    """The events of one rig and its jobs; rigs that share a journal share ``listeners`` too."""
+
+    def __init__(self, store: Store, rig: str, listeners: Listeners | None = None) -> None:
+        self._store, self.rig = store, rig
+        self.listeners = Listeners() if listeners is None else listeners
+
+    def append(self, kind: EventKind, /, job: str | None = None, **body: Any) -> None:
+        """Store an event, then pass it on; never from the event loop; raises StoreError."""
+        with self.transaction(kind, job, **body):
+            pass
+
+    @contextmanager
+    def transaction(
+        self, kind: EventKind, /, job: str | None = None, **body: Any
+    ) -> Generator[list[Callable[[], None]]]:
+        """Change the journal and store an event; yields callbacks for before it is passed on."""
+        with self.listeners.order:
+            callbacks: list[Callable[[], None]] = []
+            with self._store.writing():
+                yield callbacks
+                at = utc_now()
+                number = self._store.add_event(at, self.rig, job, kind, body)
+            for callback in callbacks:
+                callback()
+            self.listeners.put(
+                Event(number=number, at=at, rig=self.rig, job=job, kind=kind, body=body)
+            )
+
+    def publish_progress(self, job: str, body: dict[str, Any]) -> None:
+        """Pass the progress of a job to current listeners, without storing it."""
+        self.listeners.put(
+            Event(number=None, at=utc_now(), rig=self.rig, job=job, kind="progress", body=body)
+        )
+
+    def subscribe(
+        self, after: int | None = None, job: str | None = None, *, every_rig: bool = False
+    ) -> "EventSubscription":
+        """Begin to listen; see ``EventSubscription``; raises TooManyListenersError."""
+        return EventSubscription(self, self._store, after, job, None if every_rig else self.rig)
+
+
+class EventSubscription:
+    """One listener: past events beyond ``after`` (None: none), then new ones, without a gap."""
+
+    # A slow listener reads the journal again; the progress events it misses meanwhile are counted,
+    # and reported as ``dropped``.
+
+    def __init__(
+        self, log: EventLog, store: Store, after: int | None, job: str | None, rig: str | None
+    ) -> None:
+        self._log, self._store, self._after = log, store, after
+        self._job, self._rig = job, rig
+        self._box = log.listeners.open(rig, job)
+        self._given_up = 0
+        """Number of past events that the journal has given up."""
+        self._begun = self._reading = self._ended = False
+
+    @property
+    def caught_up(self) -> bool:
+        """Whether all past events have been returned."""
+        return self._begun and not self._reading
+
+    async def begin(self) -> None:
+        """Find the number to begin at; later events will be returned."""
+        if self._begun:
+            return
+        oldest, newest = await asyncio.to_thread(self._store.event_span)
+        # A number beyond the newest is of an earlier journal.
+        after = newest if self._after is None else self._after if self._after <= newest else 0
+        self._given_up = max(oldest - 1 - after, 0)
+        _, _, self._reading = self._box.take()
+        self._after, self._begun = after, True
+
+    async def next(self, timeout_s: float = LIFE_S) -> list[Event] | None:
+        """New events, an empty list on timeout, or None at the end."""
+        if self._ended:
+            return None
+        await self.begin()
+        self._ended = self._box.closed
+        if self._given_up:
+            gone, self._given_up = self._given_up, 0
+            return [self._lost(numbered=gone)]
+        if self._reading:
+            return await self._read()
+        if not self._ended:
+            await self._box.wait(timeout_s)
+        rows, dropped, self._reading = self._box.take()
+        last = self._after or 0
+        fresh = [row for row in rows if row.number is None or row.number > last]
+        lost = [self._lost(progress=dropped)] if dropped else []
+        return lost + self._passed(fresh)
+
+    async def _read(self) -> list[Event]:
+        rows = await asyncio.to_thread(
+            self._store.events_after, self._after or 0, rig=self._rig, job=self._job, limit=PAGE
+        )
+        self._reading = len(rows) == PAGE
+        return self._passed(rows)
+
+    def _passed(self, events: list[Event]) -> list[Event]:
+        """Note that events are passed on."""
+        self._after = max((event.number or 0 for event in events), default=0) or self._after
+        return events
+
+    def _lost(self, **counts: int) -> Event:
+        return Event(
+            number=None,
+            at=utc_now(),
+            rig=self._rig or self._log.rig,
+            job=self._job,
+            kind="dropped",
+            body={"progress": 0, "numbered": 0, **counts},
+        )
+
+    def close(self) -> None:
+        """End the subscription."""
+        self._log.listeners.leave(self._box)

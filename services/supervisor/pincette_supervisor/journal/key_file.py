@@ -1,0 +1,143 @@
+"""Keys of the REST interface in a file of their own, so that a lost journal opens no gate."""
+
+import fcntl
+import json
+import os
+import tempfile
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
+
+from pincette.api.access import Scope
+from pincette_supervisor.journal.database import KEY_FILE, StoreError
+from pincette_supervisor.journal.tables import utc_now
+
+
+class KeyNameTakenError(Exception):
+    """There is, or was, a key of this name."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeyRow:
+    """A key without itself: its name, what it may, and its times in UTC."""
+
+    name: str
+    digest: Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
+    scope: Scope
+    made_at: str
+    expires_at: str | None = None
+    revoked_at: str | None = None
+    used_at: str | None = None
+
+    def usable(self, now: str) -> bool:
+        """Whether it opens anything at a time."""
+        return self.revoked_at is None and (self.expires_at is None or now < self.expires_at)
+
+
+class _Content(BaseModel):
+    """What the file holds; a key more or less of it is damage."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    version: int
+    keys: list[KeyRow]
+
+
+class KeyFile:
+    """The keys of a data folder, readable by their owner alone; raises StoreError."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / KEY_FILE
+
+    def read(self) -> list[KeyRow] | None:
+        """Every key there is or was, by name; None without a file."""
+        try:
+            content = _Content.model_validate_json(self._path.read_bytes())
+            if content.version != 1:
+                raise ValueError(f"its version is {content.version}, this program knows 1")
+        except FileNotFoundError:
+            return None
+        except ValidationError as error:
+            raise self._damaged(str(error.errors(include_url=False)[0]["msg"])) from error
+        except (OSError, ValueError) as error:
+            raise self._damaged(str(error)) from error
+        return sorted(content.keys, key=lambda row: row.name)
+
+    def all(self) -> list[KeyRow]:
+        """Every key there is or was, by name; none without a file."""
+        return self.read() or []
+
+    def add(self, name: str, digest: str, scope: Scope, expires_at: str | None = None) -> KeyRow:
+        """Keep a key; raises KeyNameTakenError: what the audit log names stays the same key."""
+        row = KeyRow(name, digest, scope, utc_now(), expires_at)
+        with self._changed() as keys:
+            if name in keys:
+                raise KeyNameTakenError(name)
+            keys[name] = row
+        return row
+
+    def revoke(self, name: str) -> bool:
+        """Take a key out of force; false where there is none to be."""
+        with self._changed() as keys:
+            row = keys.get(name)
+            if row is None or row.revoked_at is not None:
+                return False
+            keys[name] = replace(row, revoked_at=utc_now())
+        return True
+
+    def note_use(self, used_at: dict[str, str]) -> None:
+        """Keep when keys, by name, were last used."""
+        with self._changed() as keys:
+            for name in used_at.keys() & keys.keys():
+                keys[name] = replace(keys[name], used_at=used_at[name])
+
+    def restore(self, rows: Sequence[KeyRow]) -> None:
+        """Write keys where there is no file."""
+        with self._changed() as keys:
+            if not keys:
+                keys.update({row.name: row for row in rows})
+
+    @contextmanager
+    def _changed(self) -> Generator[dict[str, KeyRow]]:
+        """The keys by name, written as they are left; one program at a time."""
+        folder = os.open(self._path.parent, os.O_RDONLY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            before = {row.name: row for row in self.all()}
+            keys = dict(before)
+            yield keys
+            if keys != before:
+                self._write(list(keys.values()))
+                os.fsync(folder)
+        finally:
+            os.close(folder)
+
+    def _write(self, rows: Sequence[KeyRow]) -> None:
+        """Replace the file whole; another program reads the old one or the new one."""
+        text = json.dumps({"version": 1, "keys": [asdict(row) for row in rows]}, indent=1)
+        draft = None
+        try:
+            # Its mode is 0600 from the first byte on.
+            number, draft = tempfile.mkstemp(prefix=KEY_FILE, dir=self._path.parent)
+            with os.fdopen(number, "w", encoding="utf-8") as stream:
+                stream.write(text + "\n")
+                stream.flush()
+                os.fsync(stream.fileno())
+            Path(draft).replace(self._path)
+        except OSError as error:
+            if draft is not None:
+                with suppress(OSError):
+                    Path(draft).unlink()
+            raise StoreError(
+                f"the key file {self._path} cannot be written: {error.strerror}; look at the "
+                "disk's room and rights"
+            ) from error
+
+    def _damaged(self, why: str) -> StoreError:
+        return StoreError(
+            f"the key file {self._path} cannot be used: {why}; bring it back from a copy, or move "
+            "it away: the keys are then those that the journal knew last"
+        )

@@ -1,0 +1,28 @@
+"""Requests and plans of all installed kinds as types, for REST and for the journal."""
+
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import TypeAdapter
+
+from pincette.api.job_kinds import discriminated, job_kinds, union
+from pincette.api.plans import JobPlan
+from pincette.api.requests import JobRequest
+from pincette_supervisor.kinds.calibrate import KIND as CALIBRATE
+
+_KINDS = list(job_kinds().values())
+
+if TYPE_CHECKING:
+    Body = CalibrationBody = TrajectoryBody = JobRequest
+    AnyPlan = JobPlan
+    KindName = str
+else:
+    Body = discriminated([kind.body for kind in _KINDS], "kind")
+    """A request for a job; ``kind`` says which."""
+    CalibrationBody = CALIBRATE.body
+    """A request for a calibration; ``calibration`` says which."""
+    TrajectoryBody = discriminated([kind.body for kind in _KINDS if kind.predicted], "kind")
+    """A request of a kind whose course is predicted."""
+    AnyPlan = union(kind.plan for kind in _KINDS)
+    KindName = Literal[tuple(kind.name for kind in _KINDS)]
+
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)

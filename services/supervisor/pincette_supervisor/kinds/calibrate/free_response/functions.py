@@ -1,0 +1,204 @@
+"""Program, analysis and plot of the free response: gain, loop, creep, and the model of both."""
+
+import numpy as np
+
+from pincette.api.calibrations import Identified
+from pincette.config import IdentifiedFreeResponse, RigFile, derived
+from pincette.control.planning.calibration_programs import full_cycles
+from pincette.control.planning.free_response_program import (
+    GAIN_CYCLES,
+    PRESS_CYCLES,
+    free_response_program,
+)
+from pincette.control.response.error_growth import ErrorGrowth, error_growth
+from pincette.control.response.free_calibration import (
+    FreeCalibration,
+    FreeMotion,
+    calibrate_free_response,
+)
+from pincette.control.response.identification import HELD_OUT
+from pincette_supervisor.calibration.findings import (
+    Analysis,
+    figure,
+    identified,
+    path_of,
+    residuals,
+    sure,
+)
+from pincette_supervisor.calibration.samples import samples
+from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
+from pincette_supervisor.kinds.calibrate.free_response import FreeResponseRequest
+from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
+from pincette_supervisor.kinds.functions import Run
+from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.model.quantities import UNITS
+from pincette_supervisor.planning.motion_plans import GAIN_GROWTH, SPEED_FACTOR
+from pincette_supervisor.results import drawing
+from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
+
+BELOW_REST = 0.1
+"""How far the free motion goes below rest, as a share of its height above."""
+GAIN_DIFFERENCE = 0.01
+"""Share by which the model's own gain may differ from the measured one before it is said."""
+
+
+def program(request: FreeResponseRequest, model: ModelInUse) -> CalibrationProgram:
+    """Over the voltages that a grip needs, within the limits, where the request names no range."""
+    rig = model.rig
+    limits, d_p, rest_V = rig.limits, rig.model.piezo_um_per_V, rig.safety.safe_V
+    high_V = request.high_V
+    if high_V is None:
+        most_V = rest_V + limits.position_max_um / (GAIN_GROWTH * d_p)
+        high_V = min(limits.voltage_max_V, most_V, rest_V + _pressed_um(rig) / d_p)
+    low_V = request.low_V
+    if low_V is None:
+        least_V = rest_V + limits.position_min_um / (GAIN_GROWTH * d_p)
+        lowest_V = max(limits.voltage_min_V, least_V)
+        low_V = max(lowest_V, rest_V - BELOW_REST * (high_V - rest_V))
+    rate = request.rate_V_per_s or SPEED_FACTOR * rig.grip.approach_um_per_s / d_p
+    made = free_response_program(
+        derived.planned_rig(rig), from_V=low_V, to_V=high_V, rate_V_per_s=rate, rest_V=rest_V
+    )
+    return made, {"low_V": low_V, "high_V": high_V, "rate_V_per_s": rate}, {}
+
+
+def _pressed_um(rig: RigFile) -> float:
+    """Free travel that the grip's force on the softest and furthest part admitted takes up.
+
+    The arm presses with F at x_e + F/K_e where, free, it would be s_p·F further.
+    """
+    part, force_mN = rig.part, rig.grip.force_mN
+    softest = part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance)
+    pressed_um = part.contact_um + part.contact_tolerance_um + force_mN / softest
+    return pressed_um + rig.model.compliance_um_per_mN * force_mN
+
+
+def analyse(run: Run) -> Analysis:
+    """Analyse the free motion; raises ValueError where it admits no model."""
+    taken, planned = samples(run.table, run.period_s), run.planned
+    cycles, path = taken.of("cycles"), path_of(planned, "cycles")
+    whole = full_cycles(path, taken.period_s, GAIN_CYCLES)
+    presses, press_path = taken.of("presses"), path_of(planned, "presses")
+    pressing = full_cycles(press_path, taken.period_s, PRESS_CYCLES)
+    course, everything = taken.of("teach"), slice(0, taken.of("creep").stop)
+    motion = FreeMotion(
+        voltage_V=taken.filled(taken.voltage_V, everything, "free motion"),
+        x_um=taken.filled(taken.x_um, everything, "free motion"),
+        period_s=taken.period_s,
+        course=slice(0, course.stop),
+        cycles=slice(cycles.start + whole.start, cycles.start + whole.stop),
+        presses=slice(presses.start + pressing.start, presses.start + pressing.stop),
+        before_step=taken.of("before step"),
+        after_step=taken.of("creep"),
+    )
+    found = calibrate_free_response(motion, path.cycle_s / taken.period_s)
+    require_like_in_use(planned.model, "model.piezo_um_per_V", found.gain.gain_um_per_V)
+    s_p = planned.model.rig.model.compliance_um_per_mN
+    residual_um = max(found.model_residual_um, found.cycles_residual_um)
+    table = IdentifiedFreeResponse.from_model(
+        found.model, residual_um, found.press_gain, _growth(found, motion, run)
+    )
+    gain, off = found.gain, found.model_gain.gain_um_per_V / found.gain.gain_um_per_V - 1.0
+    warnings = ()
+    if abs(off) > GAIN_DIFFERENCE:
+        warnings = (f"the model's own gain differs by {100.0 * off:+.1f} % from the measured one",)
+    left = (found.x_um - found.model_um)[motion.cycles]
+    return Analysis(
+        values=(
+            identified("model.piezo_um_per_V", gain.gain_um_per_V, gain.uncertainty_um_per_V),
+            Identified(
+                quantity="model.free_response",
+                value=table.model_dump(mode="json"),
+                unit=UNITS["model.free_response"],
+                uncertainty=residual_um,
+            ),
+            identified("model.hysteresis_fraction", *found.line_error),
+            identified(
+                "model.creep_mN_per_decade",
+                found.unknown_creep_um.value / s_p,
+                found.unknown_creep_um.uncertainty / s_p,
+            ),
+        ),
+        figures=(
+            figure("loop", gain.loop_percent, "%", "width, of the stroke"),
+            figure("stroke", gain.stroke_um, "µm", f"at {gain.voltage_pp_V:.2f} V peak to peak"),
+            figure(
+                "creep", found.creep.percent_per_decade, "%/decade", "of a step, per decade of time"
+            ),
+            figure(
+                "press gain",
+                found.press_gain,
+                "1",
+                "stroke over that of the model, where parts are pressed",
+            ),
+            figure(
+                "model residual",
+                residual_um,
+                "µm",
+                "r.m.s. of motion that the model was not fitted to",
+            ),
+        ),
+        residuals=residuals("position about the model", "µm", left - np.mean(left)),
+        statement=sure(
+            gain.gain_um_per_V,
+            gain.uncertainty_um_per_V,
+            "µm/V",
+            "of the scatter about settled cycles",
+        ),
+        drawn=found,
+        warnings=warnings,
+    )
+
+
+def _growth(found: FreeCalibration, motion: FreeMotion, run: Run) -> ErrorGrowth:
+    """Of all that the model was not fitted to: the end of the course, and what comes after it."""
+    unseen = slice(int(motion.course.stop * (1.0 - HELD_OUT)), None)
+    left_um = (found.x_um - found.model_um)[unseen]
+    noise_um = run.planned.model.rig.sensor.noise_um
+    return error_growth(found.voltage_V[unseen], left_um, motion.period_s, noise_um)
+
+
+def draw(sheet: Sheet, found: FreeCalibration) -> None:
+    """Draw the motion beside the model, the loop and the creep."""
+    course, loop, left, creep = drawing.grid(sheet, 2, 2)
+    drawing.prepare(course, "position / µm", "time / s")
+    drawing.line(course, found.t_s, found.x_um, MEASURED, "measured", width=0.9)
+    drawing.line(course, found.t_s, found.model_um, REFERENCE, "model", width=0.9, dashed=True)
+    drawing.legend(course)
+    drawing.make_room(course)
+    drawing.prepare(loop, "position / µm", "voltage / V")
+    for gain, color, label in (
+        (found.gain, MEASURED, "measured"),
+        (found.model_gain, REFERENCE, "model"),
+    ):
+        about_um = gain.x_cycle_um - float(np.mean(gain.x_cycle_um))
+        dashed = label == "model"
+        drawing.line(loop, gain.voltage_cycle_V, about_um, color, label, dashed=dashed)
+    drawing.legend(loop)
+    drawing.prepare(left, "measured less model / µm", "time / s")
+    drawing.line(left, found.t_s, found.x_um - found.model_um, MEASURED, "", width=0.7)
+    drawing.zero_line(left)
+    drawing.prepare(creep, "creep: residual of the line / µm", "sample after the step")
+    drawing.line(
+        creep,
+        np.arange(len(found.creep.line.residuals), dtype=np.float64),
+        np.asarray(found.creep.line.residuals, dtype=np.float64),
+        MEASURED,
+        "",
+        width=0.7,
+    )
+    drawing.zero_line(creep)
+
+
+FUNCTIONS = CalibrationFunctions(
+    program=program,
+    analyse=analyse,
+    draw=draw,
+    assumes=("model.compliance_um_per_mN",),
+    finds=(
+        "model.piezo_um_per_V",
+        "model.free_response",
+        "model.hysteresis_fraction",
+        "model.creep_mN_per_decade",
+    ),
+)

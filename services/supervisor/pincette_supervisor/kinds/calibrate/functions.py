@@ -1,0 +1,170 @@
+"""Plan, result and plot of a calibration, whichever it is."""
+
+from textwrap import shorten
+
+from msgspec.structs import replace
+
+from pincette.api.calibrations import Assumption, CalibrationPlan, CalibrationResult
+from pincette.api.predictions import Violation
+from pincette.api.states import GOOD_OUTCOMES
+from pincette.config import RigFile, derived
+from pincette.control.planning.course import require_bounded
+from pincette.control.planning.program import Program
+from pincette.records.columns import Columns
+from pincette_supervisor.kinds.calibrate.calibration import functions_of
+from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
+from pincette_supervisor.kinds.calibrate.voltages import planned_phases
+from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
+from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
+from pincette_supervisor.planning.laws import rig_law
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.results import drawing
+from pincette_supervisor.results.drawing import LEFT, MEASURED, Sheet
+from pincette_supervisor.results.figures import Series, series
+from pincette_supervisor.results.result import course, outcome_of
+
+WIDEST = 150
+"""Letters of a statement that have room."""
+
+
+def plan(request: CalibrationRequest, model: ModelInUse, _present: Present) -> Planned:
+    """Plan a calibration.
+
+    Raises
+    ------
+    UnsupportedError
+        Where the instruments are too slow.
+    ValueError
+        Where the numbers make no program, or one that a limit of the rig forbids.
+    """
+    functions = functions_of(request.calibration)
+    made, values, waits = functions.program(request, model)
+    rig = model.rig
+    program = _guarded(made, rig)
+    require_bounded([(segment.phase, segment.duration_s or 0.0) for segment in program.segments])
+    phases, low_V, high_V = planned_phases(
+        program, derived.planned_rig(rig), rig.part.contact_um, rig.safety.safe_V
+    )
+    for number, wait in waits.items():
+        phases[number] = phases[number].model_copy(update={"instruction": wait.instruction})
+    violations = _violations(program, rig.limits.sweep_V)
+    law = rig_law(rig) if functions.meets_part else None
+    if law is not None and not law.assessment.stable:
+        violations.append(law.violation())
+    view = CalibrationPlan(
+        kind=request.kind,
+        calibration=request.calibration,
+        rig=rig.rig.name,
+        feasible=not violations,
+        duration_s=phases[-1].start_s + (phases[-1].duration_s or 0.0),
+        waits=len(waits),
+        phases=phases,
+        voltage_min_V=low_V,
+        voltage_max_V=high_V,
+        violations=violations,
+        assumptions=assumptions(request.calibration, model),
+        law=None if law is None else law.view(),
+    )
+    values = {"calibration": request.calibration, **values}
+    return Planned(view, program, values, model, waits, meets_part=functions.meets_part)
+
+
+def _guarded(program: Program, rig: RigFile) -> Program:
+    """Add the limits of position, which no law keeps while the voltage alone moves the arm."""
+    limits = rig.limits
+    guards = replace(
+        program.guards,
+        position_min_um=limits.position_min_um,
+        position_max_um=limits.position_max_um,
+    )
+    return replace(program, guards=guards)
+
+
+def assumptions(calibration: str, model: ModelInUse) -> list[Assumption]:
+    """Quantities that a calibration takes for granted, and where they come from."""
+    return [
+        Assumption(
+            quantity=quantity,
+            value=value_of(model.rig, quantity),
+            unit=UNITS[quantity],
+            source=model.calibration.sources.get(quantity, ASSUMED),
+        )
+        for quantity in functions_of(calibration).assumes
+    ]
+
+
+def _violations(program: Program, sweep_limit_V: float) -> list[Violation]:
+    """A sweep that is too wide; every other limit has refused the program as it was made."""
+    widest_V = max((s.sweep.amplitude_V for s in program.segments if s.sweep), default=0.0)
+    if widest_V <= sweep_limit_V:
+        return []
+    return [
+        Violation(
+            pointer="/amplitude_V",
+            quantity="amplitude of the sweep",
+            value=widest_V,
+            limit=sweep_limit_V,
+            unit="V",
+            at_s=0.0,
+            message=f"amplitude_V = {widest_V:g} V is above the limit of {sweep_limit_V:g} V",
+        )
+    ]
+
+
+def evaluate(run: Run) -> Evaluation:
+    """Analyse the samples of a motion that was played to its end."""
+    name = run.planned.values["calibration"]
+    analysis, fault = None, ""
+    if outcome_of(run.table) in GOOD_OUTCOMES:
+        try:
+            analysis = functions_of(name).analyse(run)
+        except ValueError as error:
+            fault = f"no values: {error}"
+    resting = assumptions(name, run.planned.model)
+    result = CalibrationResult(
+        **course(run.table, period_s=run.period_s, dropped=run.dropped),
+        calibration=name,
+        values=[] if analysis is None else list(analysis.values),
+        figures=[] if analysis is None else list(analysis.figures),
+        residuals=None if analysis is None else analysis.residuals,
+        statement=fault if analysis is None else analysis.statement,
+        warnings=[
+            *(() if analysis is None else analysis.warnings),
+            *(
+                f"rests on {item.quantity}, which is assumed: calibrate it first"
+                for item in resting
+                if item.source == ASSUMED
+            ),
+        ],
+        assumptions=resting,
+    )
+    return Evaluation(result, fault, analysis)
+
+
+def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
+    """Draw what was measured, what was fitted, and what the fit leaves."""
+    result, analysis = evaluation.result, evaluation.analysis
+    assert isinstance(result, CalibrationResult)
+    sheet, title = Sheet(), result.calibration.replace("_", " ")
+    if analysis is None:
+        _draw_course(sheet, run.table)
+        title += ": no values"
+    else:
+        functions_of(result.calibration).draw(sheet, analysis.drawn)
+    sheet.head(LEFT, title, shorten(result.statement or result.outcome, WIDEST), name)
+    return sheet.png()
+
+
+def _draw_course(sheet: Sheet, table: Columns) -> None:
+    """Position and voltage over time, of a calibration that gave no values."""
+    position, voltage = drawing.grid(sheet, 2)
+    t_s: Series = series(table, "t_s")
+    drawing.prepare(position, "position / µm")
+    drawing.line(position, t_s, series(table, "x_um"), MEASURED, "$x$ measured")
+    drawing.prepare(voltage, "voltage / V", "time / s")
+    drawing.line(voltage, t_s, series(table, "voltage_V"), MEASURED, "$u$ applied")
+
+
+FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot)

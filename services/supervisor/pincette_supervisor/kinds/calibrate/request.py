@@ -1,0 +1,18 @@
+"""What all calibrations may say."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pincette.api.requests import JobRequest
+
+TRIES = 3
+
+
+class CalibrationRequest(JobRequest, frozen=True):
+    """What every calibration may say."""
+
+    kind: Literal["calibrate"] = "calibrate"
+    calibration: str
+    tries: Annotated[int, Field(ge=1, le=10)] = TRIES
+    """How often it begins in all where a stall trips it; that trip is acknowledged beforehand."""

@@ -1,0 +1,81 @@
+"""Form fields and figures that several kinds of job show."""
+
+from pincette.api.job_kinds import FieldSpec, ResultField, choices, number
+from pincette.config.laws import installed_laws
+
+RECIPE = FieldSpec(name="recipe", label="Recipe", widget="recipe", placeholder="none")
+RELEASE = FieldSpec(name="release_s", label="Let go over")
+POLICIES = (
+    FieldSpec(
+        name="on_stop",
+        label="A stop",
+        choices=choices(
+            ("", "keeps the part held"),
+            ("release", "lets the part go"),
+            ("retract", "lets it go and retreats"),
+        ),
+        advanced=True,
+    ),
+    FieldSpec(
+        name="on_abort",
+        label="An abort",
+        choices=choices(("", "keeps the part for a while"), ("ramp", "lets go at once")),
+        advanced=True,
+    ),
+)
+LAW = (
+    FieldSpec(name="load_s", label="Load over", advanced=True),
+    FieldSpec(name="approach_um_per_s", label="Approach at", advanced=True),
+    FieldSpec(name="seek_um_per_s", label="Seek contact at", advanced=True),
+    FieldSpec(
+        name="scheme",
+        label="Law",
+        widget="choice",
+        choices=choices(
+            ("", "as in the rig file"),
+            *((law.name, law.title) for law in installed_laws().values()),
+        ),
+        advanced=True,
+    ),
+    FieldSpec(
+        name="gains",
+        label="Gains",
+        widget="choice",
+        choices=choices(("", "as in the rig file"), ("tuned", "tuned on the model")),
+        advanced=True,
+    ),
+    *(
+        FieldSpec(
+            name=f"{law.name}-{gain.name}",
+            label=gain.name,
+            widget="number",
+            placeholder=f"{gain.default:g}",
+            sent_as=gain.name,
+            within="gains",
+            own_unit=gain.unit,
+            meaning=gain.meaning,
+            when={"scheme": (law.name,), "gains": ("",)},
+            advanced=True,
+        )
+        for law in installed_laws().values()
+        for gain in law.parameters
+    ),
+)
+CONTACT: tuple[ResultField, ...] = (
+    number("contact_x_um", "contact position", uncertainty="contact_x_error_um"),
+    number(
+        "contact_stiffness_mN_per_um",
+        "contact stiffness",
+        digits=3,
+        uncertainty="contact_stiffness_error_mN_per_um",
+    ),
+)
+MOTION: tuple[ResultField, ...] = (
+    number("ends_at.x_um", "rests at", main=True),
+    number("ends_at.voltage_V", "voltage kept", digits=3),
+    number("target_um", "target", optional=True),
+    number("target_error_um", "target error", digits=3, optional=True),
+    number("drift_um", "drift while held", digits=3, optional=True),
+    ResultField(name="teach", label="taught as", optional=True),
+    ResultField(name="held_at_end", label="part still held"),
+)

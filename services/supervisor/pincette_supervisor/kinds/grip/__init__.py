@@ -1,0 +1,102 @@
+"""``grip``: grip the part, hold it, let it go."""
+
+from typing import Literal
+
+from pydantic import model_validator
+
+from pincette.api import example
+from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, number
+from pincette.api.plans import Plan
+from pincette.api.requests import ContactJobRequest, Duration, Positive
+from pincette.api.results import COMMON, ClosedLoopResult
+from pincette_supervisor.kinds import fields
+
+
+class GripJobRequest(ContactJobRequest, frozen=True):
+    """Grip a part; what is left out comes from the rig file."""
+
+    model_config = example(kind="grip", autostart=True, force_mN=20.0, labels={"part": "bead 12"})
+
+    kind: Literal["grip"]
+    force_mN: Positive | None = None
+    """Force to hold."""
+    hold_s: Duration | None = None
+    """Time to hold it."""
+    until_released: bool = False
+    """Hold until the action ``release``; excludes ``hold_s``."""
+
+    @model_validator(mode="after")
+    def _one_hold(self) -> "GripJobRequest":
+        if self.until_released and self.hold_s is not None:
+            raise ValueError(
+                f"hold_s = {self.hold_s} s and until_released = true exclude each other: "
+                "leave one out"
+            )
+        return self
+
+
+class GripResult(ClosedLoopResult):
+    """Figures of a grip; a figure is null where the grip did not come that far."""
+
+    model_config = example(
+        outcome="gripped",
+        phases=[{"phase": "hold", "start_s": 8.9, "duration_s": 4.0}],
+        **COMMON,
+        force_target_mN=20.0,
+        force_held_mN=19.99,
+        force_error_mN=-0.01,
+        rmse_position_um=0.031,
+        rmse_force_mN=0.11,
+        true_force_held_mN=19.8,
+    )
+
+    force_target_mN: float
+    force_held_mN: float | None
+    """Mean of the estimate over the hold, its first half second left out."""
+    force_error_mN: float | None
+    """Mean of the estimate less F_r over the same time."""
+    rmse_position_um: float | None
+    """Over the hold."""
+    rmse_force_mN: float | None
+    """Over the hold."""
+    true_force_held_mN: float | None
+    """Known to a simulated rig alone; null on a real one."""
+
+
+FIGURES: tuple[ResultField, ...] = (
+    *fields.CONTACT,
+    number(
+        "force_held_mN",
+        "force held",
+        uncertainty="force_uncertainty_mN",
+        assumed="force_assumed",
+        main=True,
+    ),
+    number("force_target_mN", "force asked for"),
+    number("force_error_mN", "force error"),
+    number("peak_force_mN", "peak force"),
+    number("rmse_position_um", "RMSE of the position, over the hold", digits=3),
+    number("rmse_force_mN", "RMSE of the force, over the hold", digits=3),
+    number("true_force_held_mN", "true force held, by the simulation", optional=True),
+)
+KIND = JobKind(
+    name="grip",
+    label="Grip",
+    summary="Grip the part of the rig file, hold it and let it go.",
+    request=GripJobRequest,
+    plan=Plan,
+    result=GripResult,
+    functions="pincette_supervisor.kinds.grip.functions:FUNCTIONS",
+    form=(
+        fields.RECIPE,
+        FieldSpec(name="force_mN", label="Force", limit="force_max", planned="load.force_mN"),
+        FieldSpec(name="hold_s", label="Hold", planned="hold.duration_s"),
+        FieldSpec(name="until_released", label="Hold until released", excludes="hold_s"),
+        *fields.LAW,
+        *fields.POLICIES,
+    ),
+    figures=FIGURES,
+    predicted=True,
+    recipe=RecipeRules(exclusive=(("hold_s", "until_released"),)),
+    place=10,
+)

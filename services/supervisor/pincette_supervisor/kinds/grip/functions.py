@@ -1,0 +1,131 @@
+"""Plan, result and plot of a grip."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pincette.config import derived
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.planning.grip_plan import GripRequest, plan_grip
+from pincette.records.columns import Columns
+from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
+from pincette_supervisor.kinds.grip import GripJobRequest, GripResult
+from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.planning.contact_plans import (
+    CONTACT_FIELDS,
+    contact_job,
+    contact_pointer,
+    contact_values,
+    part_values,
+)
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.results import drawing, figures
+from pincette_supervisor.results.drawing import FAINT, MEASURED, Sheet
+from pincette_supervisor.results.figures import Mask, series
+from pincette_supervisor.results.result import common, force_error, position_error
+
+PRESSING = ("load", "hold", "unload")
+SETTLE_S = 0.5
+"""Left out at the begin of the hold, or a quarter of it where it is shorter than 2 s."""
+
+
+def plan(request: GripJobRequest, model: ModelInUse, _present: Present) -> Planned:
+    """Plan a grip."""
+    rig = model.rig
+    values = contact_values(request, ("force_mN", "hold_s", *CONTACT_FIELDS), rig)
+    if request.until_released:
+        values["hold_s"] = None
+    made = plan_grip(GripRequest(**values, **part_values(rig)), derived.planned_rig(rig))
+    return contact_job(request, model, made, (0.0, values["force_mN"]), values)
+
+
+def pointer(quantity: str, phase: str) -> str:
+    """Member of a request that leads beyond a limit; empty where none can be named."""
+    return "/force_mN" if phase in PRESSING else contact_pointer(quantity, phase)
+
+
+def evaluate(run: Run) -> Evaluation:
+    """Work out the figures of a grip."""
+    result = grip_result(
+        run.table,
+        plant=run.plant,
+        period_s=run.period_s,
+        target_mN=run.planned.values["force_mN"],
+        dropped=run.dropped,
+        force_assumed=run.force_assumed,
+    )
+    return Evaluation(result)
+
+
+def grip_result(
+    table: Columns,
+    *,
+    plant: DifferenceEquation,
+    period_s: float,
+    target_mN: float,
+    dropped: int,
+    force_assumed: Sequence[str] = (),
+) -> GripResult:
+    """Figures of a grip; ``plant`` is the arm as the law's parameter set has it."""
+    hold = _settled_hold(table["phase"], period_s)
+    force, error_mN = series(table, "force_mN"), force_error(table)
+    return GripResult(
+        **common(
+            table,
+            plant=plant,
+            period_s=period_s,
+            dropped=dropped,
+            force_assumed=force_assumed,
+        ),
+        force_target_mN=target_mN,
+        force_held_mN=figures.mean(force, hold),
+        force_error_mN=figures.mean(error_mN, hold),
+        force_uncertainty_mN=figures.mean(series(table, "force_uncertainty_mN"), hold),
+        zero_age_s=figures.last_of(table, "zero_age_s", hold),
+        rmse_position_um=figures.rms(position_error(table), hold),
+        rmse_force_mN=figures.rms(error_mN, hold),
+        true_force_held_mN=figures.mean(series(table, "true_force_mN"), hold),
+    )
+
+
+def _settled_hold(phase: Sequence[str | None], period_s: float) -> Mask:
+    hold = np.array([name == "hold" for name in phase], dtype=np.bool_)
+    places = np.flatnonzero(hold)
+    skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
+    hold[places[:skipped]] = False
+    return hold
+
+
+def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
+    """Draw position, force, voltage and sliding function over one time."""
+    table, result = run.table, evaluation.result
+    assert isinstance(result, GripResult)
+    sheet = Sheet()
+    ratios = (3.0, 3.0, 1.6, 1.6)
+    axes = drawing.contact_over_time(sheet, table, result, run.period_s, ratios, "sliding / µm")
+    t_s = series(table, "t_s")
+    drawing.line(axes[3], t_s, series(table, "sliding_um"), MEASURED, "s", width=0.9)
+    axes[3].axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
+    sheet.head(0.085, _title(result), _subtitle(result), name)
+    return sheet.png()
+
+
+def _title(result: GripResult) -> str:
+    outcome = result.outcome.replace("_", " ")
+    if result.force_held_mN is None:
+        return f"{outcome}: no force was held"
+    spread = "" if result.force_uncertainty_mN is None else f" ± {result.force_uncertainty_mN:.2f}"
+    return f"{outcome}: {result.force_held_mN:.2f}{spread} mN held"
+
+
+def _subtitle(result: GripResult) -> str:
+    words = [f"asked for {result.force_target_mN:g} mN", *drawing.contact_words(result)]
+    if result.peak_force_mN is not None:
+        words.append(f"peak {result.peak_force_mN:.2f} mN")
+    if result.true_force_held_mN is not None:
+        words.append(f"true force held {result.true_force_held_mN:.2f} mN")
+    return "   ·   ".join(words)
+
+
+FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot, pointer=pointer)

@@ -1,0 +1,204 @@
+"""``track``: grip the part and let position and force follow a path."""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from pincette.api import Model, example
+from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, choices, number
+from pincette.api.plans import Plan
+from pincette.api.requests import ContactJobRequest, Duration, NotNegative, Positive, Speed
+from pincette.api.results import COMMON, ClosedLoopResult
+from pincette.control.planning.paths import Shape
+from pincette_supervisor.kinds import fields
+
+LEVELS_MAX, POINTS_MAX = 100, 200
+SWING = ("force_mean_mN", "force_pp_mN", "frequency_hz", "cycles")
+MEMBERS = {
+    "sinusoid": SWING,
+    "triangle": SWING,
+    "step": ("levels_mN", "dwell_s"),
+    "waypoints": ("points",),
+}
+"""What a shape is made of; ``x_pp_um`` may take the place of ``force_pp_mN``."""
+PATH = frozenset(("shape", "x_pp_um", *(name for names in MEMBERS.values() for name in names)))
+
+
+class TrackPoint(Model):
+    """A force at a time since the begin of the path."""
+
+    model_config = example(t_s=1.0, force_mN=12.0)
+
+    t_s: NotNegative
+    force_mN: NotNegative
+
+
+class TrackJobRequest(ContactJobRequest, frozen=True):
+    """Grip a part and let position and force follow a path; what is left out is as in the rig file.
+
+    A sinusoid and a triangle have a mean, a height, a frequency and cycles; steps have levels and
+    a dwell; waypoints have points.
+    """
+
+    model_config = example(
+        kind="track", autostart=True, shape="sinusoid", force_pp_mN=20.0, frequency_hz=0.5, cycles=5
+    )
+
+    kind: Literal["track"]
+    shape: Shape | None = None
+    """Of the path."""
+    force_mean_mN: Positive | None = None
+    """Mean force of a swing."""
+    force_pp_mN: Positive | None = None
+    """Peak to peak."""
+    x_pp_um: Positive | None = None
+    """Instead of ``force_pp_mN``, which is then K_e of the rig file's part times it."""
+    frequency_hz: Positive | None = None
+    """Its frequency."""
+    cycles: int | None = Field(default=None, ge=1, le=1000)
+    """At full amplitude; one more before and one after blend in and out."""
+    levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
+    """Forces of a step path."""
+    dwell_s: Duration | None = None
+    """Time to stay at each level."""
+    points: list[TrackPoint] | None = Field(default=None, min_length=2, max_length=POINTS_MAX)
+    """The first at 0 s."""
+    rate_um_per_s: Speed | None = None
+    """Highest speed of x_r along the path; steps use it up."""
+    acceleration_um_per_s2: Positive | None = None
+    """Highest acceleration of x_r along the path; steps and corners use it up."""
+
+    @model_validator(mode="after")
+    def _one_height(self) -> "TrackJobRequest":
+        if self.force_pp_mN is not None and self.x_pp_um is not None:
+            raise ValueError(
+                f"force_pp_mN = {self.force_pp_mN} mN and x_pp_um = {self.x_pp_um} µm exclude "
+                "each other: one follows from the other, leave one out"
+            )
+        return self
+
+
+class Tracking(Model):
+    """Errors along a path: actual less reference, in the unit of the name above."""
+
+    model_config = example(rmse=0.087, rmse_percent=0.95, maximum=0.29)
+
+    rmse: float
+    rmse_percent: float | None
+    """Of the reference, peak to peak; null where the reference rests."""
+    maximum: float
+    """Of the magnitude."""
+
+
+class TrackResult(ClosedLoopResult):
+    """Figures of a tracked path, over its part at full amplitude: whole cycles where it swings."""
+
+    model_config = example(
+        outcome="tracked",
+        phases=[{"phase": "track", "start_s": 12.1, "duration_s": 14.0}],
+        **COMMON,
+        shape="sinusoid",
+        x_pp_um=9.5,
+        force_pp_mN=20.0,
+        tracked_samples=500,
+        position_um={"rmse": 0.087, "rmse_percent": 0.92, "maximum": 0.29},
+        force_mN={"rmse": 0.19, "rmse_percent": 0.95, "maximum": 0.61},
+        true_force_mN={"rmse": 0.3, "rmse_percent": 1.5, "maximum": 0.8},
+    )
+
+    shape: Shape
+    x_pp_um: float | None
+    """Of x_r, peak to peak."""
+    force_pp_mN: float | None
+    """Of F_r, peak to peak."""
+    tracked_samples: int
+    """At full amplitude."""
+    position_um: Tracking | None
+    """x less x_r."""
+    force_mN: Tracking | None
+    """The estimate less F_r."""
+    true_force_mN: Tracking | None
+    """The true force less F_r; known to a simulated rig alone, null on a real one."""
+
+
+SWINGS = {"shape": ("sinusoid", "triangle")}
+FIGURES: tuple[ResultField, ...] = (
+    *fields.CONTACT,
+    ResultField(name="shape", label="shape"),
+    number(
+        "peak_force_mN",
+        "peak force",
+        uncertainty="force_uncertainty_mN",
+        assumed="force_assumed",
+        main=True,
+    ),
+    number("x_pp_um", "position, peak to peak"),
+    number("force_pp_mN", "force, peak to peak"),
+    number("position_um.rmse", "RMSE of the position", "µm", digits=3),
+    number("position_um.rmse_percent", "the same, of its height"),
+    number("position_um.maximum", "largest error of the position", "µm", digits=3),
+    number("force_mN.rmse", "RMSE of the force", "mN", digits=3),
+    number("force_mN.rmse_percent", "the same, of its height"),
+    number("force_mN.maximum", "largest error of the force", "mN", digits=3),
+    number("force_uncertainty_mN", "uncertainty of the force"),
+    number(
+        "true_force_mN.rmse",
+        "RMSE of the true force, by the simulation",
+        "mN",
+        digits=3,
+        optional=True,
+    ),
+    number(
+        "true_force_mN.maximum",
+        "largest error of the true force, by the simulation",
+        "mN",
+        digits=3,
+        optional=True,
+    ),
+)
+KIND = JobKind(
+    name="track",
+    label="Track a path",
+    summary="Grip the part of the rig file and let position and force follow a path.",
+    request=TrackJobRequest,
+    plan=Plan,
+    result=TrackResult,
+    functions="pincette_supervisor.kinds.track.functions:FUNCTIONS",
+    form=(
+        fields.RECIPE,
+        FieldSpec(
+            name="shape",
+            label="Shape",
+            choices=choices(
+                ("sinusoid", "sinusoid"),
+                ("triangle", "triangle"),
+                ("step", "steps"),
+                ("waypoints", "waypoints"),
+            ),
+        ),
+        FieldSpec(name="force_mean_mN", label="Mean", limit="force_max", when=SWINGS),
+        FieldSpec(name="force_pp_mN", label="Height, peak to peak", when=SWINGS),
+        FieldSpec(name="frequency_hz", label="Frequency", when=SWINGS),
+        FieldSpec(name="cycles", label="Cycles", when=SWINGS),
+        FieldSpec(
+            name="levels_mN",
+            label="Levels",
+            when={"shape": ("step",)},
+            placeholder="as in the rig file; e.g. 5, 10",
+        ),
+        FieldSpec(name="dwell_s", label="Stay at each", when={"shape": ("step",)}),
+        FieldSpec(
+            name="points",
+            label="Points, one a line: time in s, force in mN",
+            when={"shape": ("waypoints",)},
+            placeholder="0 5\n2 10\n4 5",
+        ),
+        FieldSpec(name="rate_um_per_s", label="Path at most at", advanced=True),
+        *fields.LAW,
+        *fields.POLICIES,
+    ),
+    figures=FIGURES,
+    predicted=True,
+    recipe=RecipeRules(exclusive=(("force_pp_mN", "x_pp_um"),), dependent={"shape": PATH}),
+    place=20,
+)

@@ -1,0 +1,125 @@
+"""Plan and result of a tracked path."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pincette.config import derived
+from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.planning.path_shapes import peaks
+from pincette.control.planning.paths import Path
+from pincette.control.planning.track_plan import TrackRequest, plan_track
+from pincette.records.columns import Columns
+from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
+from pincette_supervisor.kinds.track import Tracking, TrackJobRequest, TrackResult
+from pincette_supervisor.kinds.track.path import path_values, requested_path
+from pincette_supervisor.kinds.track.plot import plot
+from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.planning.contact_plans import (
+    CONTACT_FIELDS,
+    contact_job,
+    contact_pointer,
+    contact_values,
+    part_values,
+)
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.results import figures
+from pincette_supervisor.results.figures import Mask, Series, series, within
+from pincette_supervisor.results.result import common, force_error, position_error
+
+
+def plan(request: TrackJobRequest, model: ModelInUse, _present: Present) -> Planned:
+    """Plan a tracked path."""
+    rig = model.rig
+    contact = contact_values(request, CONTACT_FIELDS, rig)
+    values = path_values(request, rig)
+    path, pointer = requested_path(request, values, rig.part.stiffness_mN_per_um)
+    track = TrackRequest(
+        **contact,
+        **part_values(rig),
+        path=path,
+        rate_um_per_s=values["rate_um_per_s"],
+        acceleration_um_per_s2=values["acceleration_um_per_s2"],
+        pointer=pointer,
+    )
+    made = plan_track(track, derived.planned_rig(rig))
+    found = peaks(path)
+    return contact_job(request, model, made, (found.lowest, found.highest), {**values, **contact})
+
+
+def evaluate(run: Run) -> Evaluation:
+    """Work out the figures of a tracked path."""
+    path = run.planned.path
+    if path is None:
+        raise ValueError("the program of a track has no path")
+    result = track_result(
+        run.table,
+        plant=run.plant,
+        path=path,
+        period_s=run.period_s,
+        dropped=run.dropped,
+        force_assumed=run.force_assumed,
+    )
+    return Evaluation(result)
+
+
+def track_result(
+    table: Columns,
+    *,
+    plant: DifferenceEquation,
+    path: Path,
+    period_s: float,
+    dropped: int,
+    force_assumed: Sequence[str] = (),
+) -> TrackResult:
+    """Figures of a track job; ``plant`` is the arm as the law's parameter set has it."""
+    full, track = full_amplitude(table, path, period_s), within(table, ["track"])
+    force_r = series(table, "force_r_mN")
+    x_pp_um = figures.peak_to_peak(series(table, "x_r_um"), full)
+    force_pp_mN = figures.peak_to_peak(force_r, full)
+    position = _tracking(position_error(table), full, x_pp_um)
+    force = _tracking(force_error(table), full, force_pp_mN)
+    true_force = _tracking(series(table, "true_force_mN") - force_r, full, force_pp_mN)
+    return TrackResult(
+        **common(
+            table,
+            plant=plant,
+            period_s=period_s,
+            dropped=dropped,
+            force_assumed=force_assumed,
+        ),
+        shape=path.shape,
+        x_pp_um=x_pp_um,
+        force_pp_mN=force_pp_mN,
+        tracked_samples=int(full.sum()),
+        position_um=position,
+        force_mN=force,
+        true_force_mN=true_force,
+        force_uncertainty_mN=figures.mean(series(table, "force_uncertainty_mN"), full),
+        zero_age_s=figures.last_of(table, "zero_age_s", track),
+    )
+
+
+def full_amplitude(table: Columns, path: Path, period_s: float) -> Mask:
+    """Samples whose references are on the path at full amplitude, whole cycles where it swings.
+
+    The references of a sample are those of the tick before it, hence of ``segment_tick`` - 1.
+    """
+    t_s = (series(table, "segment_tick") - 1.0) * period_s
+    slack_s = 1e-6 * period_s
+    since, until = t_s > path.full_from_s - slack_s, t_s < path.full_to_s - slack_s
+    return within(table, ["track"]) & (t_s >= 0.0) & since & until
+
+
+def _tracking(error: Series, full: Mask, pp: float | None) -> Tracking | None:
+    """Errors over the samples chosen; None without one."""
+    rmse = figures.rms(error, full)
+    most = figures.largest(np.abs(error), full)
+    if rmse is None or most is None:
+        return None
+    percent = 100.0 * rmse / pp if pp else None
+    return Tracking(rmse=rmse, rmse_percent=percent, maximum=most)
+
+
+FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot, pointer=contact_pointer)

@@ -1,0 +1,204 @@
+"""Counters of one rig, updated with every sample in threads of the bus."""
+
+import threading
+from bisect import bisect_left
+from collections import Counter
+from dataclasses import dataclass
+from itertools import accumulate
+
+from pincette.core.faults import CAUSES, TRIPPED, Cause, Mode
+from pincette.core.messages import (
+    Applied,
+    Command,
+    Estimate,
+    Message,
+    Position,
+    Status,
+    Telemetry,
+    Timing,
+)
+from pincette.core.topics import LOOP, TOPIC_OF, Topic
+from pincette.latency.histogram import Distribution, Histogram
+from pincette.records.timings import QUANTITIES
+from pincette_supervisor.alarms.trips import TripReason, reason_of
+from pincette_supervisor.metrics.monotonic_counter import (
+    MonotonicCounter,
+    MonotonicHistogram,
+)
+
+FORCE_BOUNDS_MN = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+OBSERVED = (*LOOP, "recorder")
+"""Services whose status is requested."""
+
+
+@dataclass(frozen=True, slots=True)
+class Durations:
+    """A cumulative histogram of durations over ``BOUNDS_S``, and their sum."""
+
+    counts: tuple[int, ...]
+    sum_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Peaks:
+    """Peak forces: of the newest arming with a force, and of finished ones."""
+
+    newest_mN: float | None
+    counts: tuple[int, ...]
+    """Cumulative counts of armings over ``FORCE_BOUNDS_MN``, the last without a bound."""
+    sum_mN: float
+
+
+class RigCounters:
+    """Counters of one rig since this supervisor has served it; none ever falls."""
+
+    def __init__(self, applied: Applied | None = None) -> None:
+        """``applied`` is the actuator's last message, if any; a trip in it is not counted."""
+        self._lock = threading.Lock()
+        self._trips: Counter[Cause] = Counter()
+        self._trip: TripReason | None = None if applied is None else _trip_of(applied)
+        self._armed = False
+        self.unanswered = self.degraded = 0
+        """Ticks of an armed actuator without a command; estimates made of incomplete inputs."""
+        self._ages = Histogram()
+        self._ages_s = 0.0
+        self._numbers: dict[str, tuple[int, int]] = {}
+        self._gaps: Counter[str] = Counter()
+        self._peak: tuple[int, float] | None = None
+        """Epoch and highest force of the newest arming that had any."""
+        self._arming = -1
+        """Epoch in which the actuator was last heard to be armed."""
+        self._over = -1
+        """Epoch of the newest arming whose peak is counted."""
+        self._peaks = [0] * (len(FORCE_BOUNDS_MN) + 1)
+        self._peaks_mN = 0.0
+        self._missed = {service: MonotonicCounter() for service in LOOP}
+        self._durations = {
+            (service, quantity): MonotonicHistogram() for service in LOOP for quantity in QUANTITIES
+        }
+        self._refused = {service: MonotonicCounter() for service in OBSERVED}
+        self.lost = MonotonicCounter()
+        """Messages missing from records."""
+
+    def take(self, topic: Topic, message: Message) -> None:
+        """Count a sample, or a program's timing statistics."""
+        with self._lock:
+            if isinstance(message, Position | Estimate | Command | Telemetry | Applied):
+                self._check_seq(topic, message.epoch, message.seq)
+            if isinstance(message, Applied):
+                self._take_applied(message)
+            elif isinstance(message, Estimate):
+                self._take_estimate(message)
+            elif isinstance(message, Timing):
+                self._take_timing(message)
+
+    def _check_seq(self, topic: Topic, epoch: int, seq: int) -> None:
+        """Count missing sequence numbers while the loop is armed."""
+        before = self._numbers.get(topic.name)
+        if self._armed and before is not None and before[0] == epoch and seq > before[1] + 1:
+            self._gaps[topic.name] += seq - before[1] - 1
+        if before is None or before[0] != epoch or seq > before[1]:
+            self._numbers[topic.name] = epoch, seq
+
+    def _take_applied(self, applied: Applied) -> None:
+        trip = _trip_of(applied)
+        if trip and trip != self._trip:
+            self._trips[trip.cause or Cause.ASKED] += 1
+        self._trip, self._armed = trip, applied.state == Mode.ARMED
+        if self._armed:
+            self._arming = applied.epoch
+        if applied.answered:
+            self._ages.add(applied.command_age_s)
+            self._ages_s += max(0.0, applied.command_age_s)
+        elif self._armed:
+            self.unanswered += 1
+        if applied.final and self._peak is not None and self._peak[0] == applied.epoch:
+            self._count_peak()
+
+    def _take_estimate(self, estimate: Estimate) -> None:
+        if estimate.degraded:
+            self.degraded += 1
+        if not estimate.valid or estimate.epoch != self._arming or estimate.epoch == self._over:
+            return  # an idle loop goes on estimating, without contact
+        if self._peak is None or self._peak[0] != estimate.epoch:
+            self._count_peak()  # of an arming whose last sample was lost
+            self._peak = estimate.epoch, estimate.force_mN
+        elif estimate.force_mN > self._peak[1]:
+            self._peak = estimate.epoch, estimate.force_mN
+
+    def _count_peak(self) -> None:
+        if self._peak is None or self._peak[0] == self._over:
+            return
+        self._over, peak_mN = self._peak
+        self._peaks[bisect_left(FORCE_BOUNDS_MN, peak_mN)] += 1
+        self._peaks_mN += max(0.0, peak_mN)
+
+    def _take_timing(self, timing: Timing) -> None:
+        service = timing.service
+        if service not in self._missed:
+            return
+        self._missed[service].update(timing.missed, timing.epoch)
+        for quantity in QUANTITIES:
+            counted: Distribution = getattr(timing, quantity)
+            self._durations[service, quantity].update(counted, timing.epoch)
+
+    def update_status(self, status: Status) -> None:
+        """Take a program's status."""
+        with self._lock:
+            if status.service in self._refused:
+                self._refused[status.service].update(status.refused, status.instance)
+            if status.service == "recorder":
+                self.lost.update(status.missed, status.instance)
+
+    def trips(self) -> dict[Cause, int]:
+        """Trips of the actuator, by cause."""
+        with self._lock:
+            return {cause: self._trips[cause] for cause in CAUSES}
+
+    def gaps(self) -> dict[str, int]:
+        """Missing sequence numbers, per topic."""
+        with self._lock:
+            return {topic.name: self._gaps[topic.name] for topic in NUMBERED}
+
+    def missed(self) -> dict[str, int]:
+        """Ticks that each program of the loop has missed."""
+        with self._lock:
+            return {service: count.total for service, count in self._missed.items()}
+
+    def refused(self) -> dict[str, int]:
+        """Messages that each program has refused."""
+        with self._lock:
+            return {service: count.total for service, count in self._refused.items()}
+
+    def durations(self, service: str, quantity: str) -> Durations:
+        """Lateness, age or execution time of a program of the loop."""
+        with self._lock:
+            found = self._durations[service, quantity]
+            return Durations(tuple(accumulate(found.counts())), found.sum_s)
+
+    def ages(self) -> Distribution:
+        """Age of commands when the actuator accepted them."""
+        with self._lock:
+            return self._ages.distribution()
+
+    def command_ages(self) -> Durations:
+        """The same over ``BOUNDS_S``."""
+        with self._lock:
+            counted, sum_s = self._ages.distribution(), self._ages_s
+        ages = MonotonicHistogram()
+        ages.update(counted)
+        return Durations(tuple(accumulate(ages.counts())), sum_s)
+
+    def peaks(self) -> Peaks:
+        """Peak forces."""
+        with self._lock:
+            newest = None if self._peak is None else self._peak[1]
+            return Peaks(newest, tuple(accumulate(self._peaks)), self._peaks_mN)
+
+
+NUMBERED = tuple(TOPIC_OF[kind] for kind in (Position, Estimate, Command, Telemetry, Applied))
+
+
+def _trip_of(applied: Applied) -> TripReason | None:
+    """The trip that the actuator is in; None where it is in none."""
+    return reason_of(applied) if applied.state in TRIPPED else None

@@ -1,0 +1,88 @@
+"""A plan played by the services of the loop against the arm as the model in use has it."""
+
+from dataclasses import dataclass
+
+from pincette.config import ConfigError, RigFile
+from pincette.core import plugins
+from pincette.engine.timing_budget import budget
+from pincette_supervisor.planning.identified_arm import (
+    TIME_CONSTANTS,
+    Instruments,
+    identified_arm,
+)
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.planning.rig_emulator import RigEmulator, Samples
+
+LONGEST_S, LONGEST_SAMPLES = 120.0, 30_000
+"""Of a plan, that is played: whichever is shorter."""
+ENDLESS_S = 0.3
+"""How long a segment without end is played, as its plan draws it."""
+
+
+@dataclass(frozen=True, slots=True)
+class DryRun:
+    """Samples, how the program ended, and why no more of it was played; empty: all of it was."""
+
+    samples: Samples
+    outcome: str
+    cut: str
+    instruments: Instruments
+
+
+def stated_instruments(rig: RigFile) -> Instruments:
+    """Delay and lag as the drivers of a rig state them; none where they state nothing."""
+    try:
+        timing = budget(rig)
+    except (ConfigError, plugins.PluginError):
+        return Instruments(0.0, 0.0)
+    delay_s = timing.sensor.exchange_s + timing.computing_s + timing.output.exchange_s
+    lag_s = timing.output.response_s / TIME_CONSTANTS
+    return Instruments(min(delay_s, rig.rig.period_s), lag_s)
+
+
+def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
+    """Play a plan from where the arm stands.
+
+    What waits for a person goes on after ``ENDLESS_S``, with the weight hung that is asked for;
+    what is held without end is released then.
+
+    Parameters
+    ----------
+    part
+        Whether the part is there, as the rig file or a recipe has it.
+    """
+    rig = planned.armed.rig
+    rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"time": "lockstep"})})
+    instruments, period_s = stated_instruments(rig), rig.rig.period_s
+    arm = identified_arm(rig, instruments, present.stand_V(rig), rig.part if part else None)
+    if present.x_um is not None and not planned.begins_held:
+        arm = arm.at(present.x_um)
+    emulator = RigEmulator(rig, arm, planned.program)
+    cut, released = _played(emulator, planned, period_s)
+    # The controller leaves open how a hold ends that a person ended.
+    otherwise = "released" if released and not cut else "unfinished"
+    return DryRun(emulator.samples, emulator.outcome or otherwise, cut, instruments)
+
+
+def _played(emulator: RigEmulator, planned: Planned, period_s: float) -> tuple[str, bool]:
+    """Play to the end; returns why no more was played, and whether a part was released."""
+    longest = min(int(LONGEST_S / period_s + 0.5), LONGEST_SAMPLES)
+    prompted, released = -1, False
+    for seq in range(longest):
+        cut = emulator.tick(seq)
+        if cut or emulator.ended:
+            return cut, released
+        segment, told, place = emulator.segment, emulator.told, emulator.place
+        if segment is None or told is None:
+            continue
+        wait = planned.waits.get(place)
+        if wait is not None and wait.weight_mN is not None and told.segment_tick <= 1:
+            emulator.arm = emulator.arm.hang(wait.weight_mN)
+        waited = segment.duration_s is None and told.segment_tick * period_s >= ENDLESS_S
+        if waited and place != prompted:
+            prompted, released = place, wait is None
+            cut = emulator.act("release" if released else "continue")
+            if cut:
+                return cut, False
+    return f"{longest * period_s:g} s are predicted at most", released

@@ -1,0 +1,181 @@
+"""What routes depend on: the rigs, who calls and with which scope, and the request's headers.
+
+All are coroutines, so that an emergency stop waits for no thread of the pool.
+"""
+
+import re
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from fastapi import Depends, Header, Request, Security
+from fastapi.security import (
+    APIKeyCookie,
+    HTTPAuthorizationCredentials,
+    HTTPBearer,
+    SecurityScopes,
+)
+from fastapi.security.utils import get_authorization_scheme_param
+from starlette.datastructures import Headers
+from starlette.requests import HTTPConnection
+from starlette.types import Scope as AsgiScope
+
+from pincette.api.access import MEANINGS, SCOPES, Scope
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.authentication import Authenticator, Caller, require_scope
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.rigs.rigs import Rigs
+
+COOKIE = "pincette_session"
+CALLER, NOTE = "pincette.caller", "pincette.note"
+"""Keys of an ASGI scope: the caller, and what the audit log is told of the request."""
+OPERATOR_LENGTH, KEY_LENGTH = 80, 255
+PRINTABLE = r"^[ -~]+$"
+BEARER = HTTPBearer(
+    scheme_name="key",
+    auto_error=False,
+    description="A key of `pincette key add`, wanted where the supervisor has any. Scopes: "
+    + "; ".join(f"`{name}`: {text}" for name, text in MEANINGS.items()),
+)
+SESSION = APIKeyCookie(
+    name=COOKIE,
+    scheme_name="session",
+    auto_error=False,
+    description="Of a page that was signed in with a key by `POST /api/v1/session`",
+)
+_TAG = re.compile(r'(?:W/)?"([^"]*)-([0-9]{1,18})"')
+
+
+def caller_of(scope: AsgiScope, authenticator: Authenticator) -> Caller:
+    """The sender of a request; identified once, and kept in its ASGI scope."""
+    known = scope.get(CALLER)
+    if known is None:
+        headers, client = Headers(scope=scope), scope.get("client")
+        scheme, shown = get_authorization_scheme_param(headers.get("authorization"))
+        address = "unknown" if client is None else str(client[0])
+        # Another scheme than Bearer authenticates nobody, and hides the cookie.
+        key = (shown if scheme.lower() == "bearer" else "") if scheme else None
+        known = authenticator.identify(address, key, HTTPConnection(scope).cookies.get(COOKIE))
+        scope[CALLER] = known
+    return known
+
+
+def label_of(scope: AsgiScope) -> str:
+    """The legible part of ``X-Operator``; empty if there is none."""
+    label = Headers(scope=scope).get("x-operator", "")[:OPERATOR_LENGTH]
+    return label if label.isprintable() and label.strip() else ""
+
+
+async def _access(request: Request) -> Access:
+    return request.app.state.access
+
+
+async def _rigs(request: Request) -> Rigs:
+    return request.app.state.rigs
+
+
+AccessState = Annotated[Access, Depends(_access)]
+AllRigs = Annotated[Rigs, Depends(_rigs)]
+
+
+async def _store(rigs: AllRigs) -> Store:
+    return rigs.store
+
+
+async def _manager(rig: str, rigs: AllRigs) -> JobManager:
+    return rigs.get(rig)
+
+
+async def _caller(request: Request, access: AccessState) -> Caller:
+    return caller_of(request.scope, access.authenticator)
+
+
+Journal = Annotated[Store, Depends(_store)]
+Manager = Annotated[JobManager, Depends(_manager)]
+"""The job manager of the rig that the path names."""
+AnyCaller = Annotated[Caller, Depends(_caller)]
+"""Who calls, whether or not they may do anything."""
+
+
+async def _authorized(
+    caller: AnyCaller,
+    needed: SecurityScopes,
+    _key: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)],
+    _session: Annotated[str | None, Security(SESSION)],
+) -> None:
+    for scope in SCOPES:
+        if scope in needed.scopes:
+            require_scope(caller, scope)
+
+
+def _needs(scope: Scope) -> Any:
+    return Security(_authorized, scopes=[scope])
+
+
+OBSERVE, OPERATE, ADMIN = _needs("observe"), _needs("operate"), _needs("admin")
+"""Dependencies of a route that demand a scope."""
+
+
+async def _sender(request: Request, caller: AnyCaller) -> str:
+    return caller.signed(label_of(request.scope))
+
+
+async def _operator(
+    caller: AnyCaller,
+    x_operator: Annotated[
+        str | None,
+        Header(
+            description="who asks, kept with the action; where there are keys, a label beside the "
+            "name of the key",
+            min_length=1,
+            max_length=OPERATOR_LENGTH,
+            pattern=PRINTABLE,
+        ),
+    ] = None,
+) -> str:
+    return caller.signed(x_operator or "")
+
+
+Sender = Annotated[str, Depends(_sender)]
+"""Name of the key, label or address; no label is refused, since an emergency stop is not."""
+Operator = Annotated[str, Depends(_operator)]
+"""Name of the key with the header ``X-Operator``; without either the address."""
+
+
+async def _note(request: Request) -> Callable[[str], None]:
+    def note(text: str) -> None:
+        request.scope[NOTE] = text
+
+    return note
+
+
+Note = Annotated[Callable[[str], None], Depends(_note)]
+"""Tells the audit log what a request asks for, where its path does not."""
+
+IdempotencyKey = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        description="the same key and request create one job, however often they are sent",
+        min_length=1,
+        max_length=KEY_LENGTH,
+        pattern=PRINTABLE,
+    ),
+]
+
+IfNoneMatch = Annotated[
+    str | None, Header(description="answer 304 where the job still has this ETag")
+]
+
+
+def etag(job: str, revision: int) -> str:
+    """The ETag of a job; weak, since progress does not change it."""
+    return f'W/"{job}-{revision}"'
+
+
+def matched_revision(job: str, header: str | None) -> int | None:
+    """The revision of a job that an ``If-None-Match`` names; None if it names none."""
+    for name, revision in _TAG.findall(header or ""):
+        if name == job:
+            return int(revision)
+    return None

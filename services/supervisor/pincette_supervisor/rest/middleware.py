@@ -1,0 +1,127 @@
+"""Checks of every request, and headers and audit entry of every answer, whatever the route.
+
+Each is an ASGI application around another one, so that a stream passes through as it comes.
+"""
+
+from collections.abc import Mapping
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from pincette_supervisor import problems
+from pincette_supervisor.access.audit_buffer import AuditBuffer
+from pincette_supervisor.access.authentication import Authenticator
+from pincette_supervisor.access.origin_check import is_foreign, is_ours
+from pincette_supervisor.journal.access_rows import AuditRow
+from pincette_supervisor.journal.tables import utc_now
+from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.dependencies import NOTE, caller_of, label_of
+
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+"""That change nothing (RFC 9110, 9.2.1)."""
+HEADERS: Mapping[str, str] = {
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+"""Defaults of every answer. There is no CORS header: no page of elsewhere reads anything.
+``same-origin`` lets the form of the e-stop name its origin without scripts."""
+LENGTH = 200
+DRY_RUN = "dry run"
+"""Note of a request that moves and keeps nothing, and is not audited."""
+REFUSED = (401, 403, 421)
+"""Statuses of requests refused for their sender or their ``Host``."""
+
+
+class OriginCheck:
+    """Refuses requests from foreign pages or by foreign host names, and adds default headers."""
+
+    def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
+        self._app, self._names = app, names
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def complete(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        refusal = self._refusal(scope)
+        if refusal is None:
+            await self._app(scope, receive, complete)
+        else:
+            await problems.response_of(refusal)(scope, receive, complete)
+
+    def _refusal(self, scope: Scope) -> ProblemError | None:
+        headers = Headers(scope=scope)
+        host = headers.get("host", "")
+        if not is_ours(host, self._names):
+            return ProblemError(
+                421,
+                "foreign-host",
+                "This supervisor is asked by another name",
+                f"Host = {host[:100]!r} is none of its names: use its address, or add the name to "
+                "[supervisor] names in the rig file",
+            )
+        if scope["method"] in SAFE_METHODS:
+            return None
+        site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+        if is_foreign(site, origin, host):
+            return ProblemError(
+                403,
+                "foreign-page",
+                "A page of elsewhere may change nothing here",
+                f"sent by a page of {(origin or site or '')[:100]!r}, which is not http(s)://{host}",
+            )
+        return None
+
+
+class AuditLog:
+    """Logs every request that was to change something, and every one refused for its sender."""
+
+    def __init__(
+        self, app: ASGIApp, authenticator: Authenticator, audit_buffer: AuditBuffer
+    ) -> None:
+        self._app, self._authenticator, self._buffer = app, authenticator, audit_buffer
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def logged(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                self._log(scope, message)
+            await send(message)
+
+        await self._app(scope, receive, logged)
+
+    def _log(self, scope: Scope, start: Message) -> None:
+        status, note = int(start["status"]), str(scope.get(NOTE, ""))
+        changes = scope["method"] not in SAFE_METHODS and note != DRY_RUN
+        if not changes and status not in REFUSED:
+            return
+        caller = caller_of(scope, self._authenticator)
+        created = Headers(raw=start.get("headers", [])).get("location", "").rpartition("/")[2]
+        row = AuditRow(
+            at=utc_now(),
+            who=caller.signed(label_of(scope)),
+            address=caller.address,
+            action=f"{scope['method']} {scope['path']}"[:LENGTH],
+            detail=f"{note} {created}".strip()[:LENGTH],
+            status=status,
+        )
+        if status in REFUSED:
+            self._buffer.add_refused(row)
+        else:
+            self._buffer.add(row)

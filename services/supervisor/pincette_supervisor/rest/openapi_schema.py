@@ -1,0 +1,82 @@
+"""What the OpenAPI document says beyond what FastAPI derives from the routes."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from pincette.api.job_kinds import job_kinds
+from pincette.api.problems import Problem, responses
+
+SCHEMAS = "#/components/schemas/"
+NAMES = {
+    401: "NoKey",
+    403: "NotAllowed",
+    408: "BodyTooSlow",
+    413: "BodyTooLarge",
+    421: "ForeignHost",
+    429: "TooManyRequests",
+    503: "Busy",
+}
+EVERYWHERE, WITH_KEY, WITH_BODY = (403, 421, 429, 503), (401,), (408, 413)
+
+
+def complete(document: dict[str, Any]) -> None:
+    """Add models and answers that no route names, and remove FastAPI's own error model."""
+    schemas = document["components"]["schemas"]
+    # Results are part of a job, whose schema does not say of which kind.
+    results = dict.fromkeys(kind.result for kind in job_kinds().values())
+    for model in (Problem, *results):
+        tree = model.model_json_schema(ref_template=SCHEMAS + "{model}")
+        schemas.update(tree.pop("$defs", {}))
+        schemas[model.__name__] = tree
+    for unused in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(unused, None)
+    for operation in _operations(document):
+        if _is_own_error_model(operation["responses"].get("422", {})):
+            del operation["responses"]["422"]
+        for content in operation.get("requestBody", {}).get("content", {}).values():
+            operation["responses"].update(
+                {str(status): answer for status, answer in responses(400).items()}
+            )
+            _name_inner_unions(content["schema"], schemas)
+    _add_shared_responses(document)
+
+
+def _operations(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    for operations in document["paths"].values():
+        yield from operations.values()
+
+
+def _is_own_error_model(answer: dict[str, Any]) -> bool:
+    """Whether FastAPI has added an answer by itself."""
+    schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
+    return schema.get("$ref") == f"{SCHEMAS}HTTPValidationError"
+
+
+def _name_inner_unions(schema: dict[str, Any], schemas: dict[str, Any]) -> None:
+    """Give nested unions a name, since a discriminator may map to names of schemas only."""
+    mapping = schema.get("discriminator", {}).get("mapping", {})
+    for value, choice in mapping.items():
+        if isinstance(choice, dict):
+            name = f"{value.title()}JobRequest"
+            inner = {"$ref": SCHEMAS + name}
+            place = schema["oneOf"].index(choice)
+            first = schemas[schema["oneOf"][place]["oneOf"][0]["$ref"].removeprefix(SCHEMAS)]
+            schemas[name] = {**choice, "examples": first["examples"]}
+            schema["oneOf"][place] = inner
+            mapping[value] = inner["$ref"]
+
+
+def _add_shared_responses(document: dict[str, Any]) -> None:
+    """Add to each operation the answers of the middleware before it, by reference."""
+    document["components"]["responses"] = {
+        name: responses(status)[status] for status, name in NAMES.items()
+    }
+    for operation in _operations(document):
+        wanted = EVERYWHERE
+        if "security" in operation or operation["operationId"].startswith("sign_in"):
+            wanted += WITH_KEY
+        if "requestBody" in operation:
+            wanted += WITH_BODY
+        for status in wanted:
+            reference = {"$ref": f"#/components/responses/{NAMES[status]}"}
+            operation["responses"].setdefault(str(status), reference)

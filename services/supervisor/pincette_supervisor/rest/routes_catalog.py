@@ -1,0 +1,23 @@
+"""What is installed, over REST: kinds of job and control laws."""
+
+from fastapi import APIRouter
+
+from pincette.api.job_kinds import job_kinds
+from pincette.api.kinds import KindList, described
+from pincette.api.plans import InstalledLaw, LawList
+from pincette.config.laws import installed_laws
+from pincette_supervisor.rest.dependencies import OBSERVE
+
+router = APIRouter()
+
+
+@router.get("/kinds", tags=["jobs"], dependencies=[OBSERVE])
+def kinds() -> KindList:
+    """Every kind of job that is installed: its request, form, actions and figures."""
+    return KindList(kinds=[described(kind) for kind in job_kinds().values()])
+
+
+@router.get("/laws", tags=["laws"], dependencies=[OBSERVE])
+def laws() -> LawList:
+    """The control laws that a job may choose, each with its gains."""
+    return LawList(laws=[InstalledLaw.of(law) for law in installed_laws().values()])

@@ -1,0 +1,1 @@
+"""The rigs that are served: found, watched, and what is known of each."""

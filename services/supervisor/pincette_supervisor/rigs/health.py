@@ -1,0 +1,257 @@
+"""Whether the programs of a rig can take part in a job, and if not, why, in words."""
+
+import logging
+from collections.abc import Callable
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from functools import partial
+from time import monotonic
+from typing import NamedTuple, cast
+
+from pincette.api.live import LoopTiming
+from pincette.bus.protocol import Bus, BusError
+from pincette.config import ConfigError, RigFile
+from pincette.core.faults import Cause, Mode
+from pincette.core.messages import Applied, Position, Reset, Status, Timing, TimingRequest
+from pincette.core.plugins import PluginError
+from pincette.core.topics import LOOP, RESET, TIMING_OF
+from pincette.core.wording import fault_text
+from pincette.engine.arming import status
+from pincette.engine.timing_budget import budget, lets_go_s
+from pincette.records.timings import program_timing
+from pincette_supervisor.alarms.trips import TripReason, reason_of
+from pincette_supervisor.journal.store import Store, StoreError
+from pincette_supervisor.rigs.observer import Observer
+
+log = logging.getLogger(__name__)
+ASK_S = 0.7
+FRESH_S = 0.5
+"""For how long an answer counts before the programs are asked again."""
+SENSOR_PERIODS, SENSOR_S = 10.0, 0.2
+"""The sensor may be silent, or read no position, this long, whichever is longer."""
+PROGRAMS = (*LOOP, "recorder")
+"""Those that a job needs."""
+MET, CLEARED = "actuator_met", "actuator_boot_cleared"
+
+
+class LatchState(NamedTuple):
+    """Mode of the actuator, None before its first sample, and reason of its latch."""
+
+    mode: Mode | None = None
+    reason: TripReason = TripReason(Cause.NONE)
+
+    @property
+    def shown(self) -> str:
+        """The mode as REST has it."""
+        return "unknown" if self.mode is None else str(self.mode)
+
+
+class Health:
+    """Answers of the programs, and the actuator's latch."""
+
+    # An actuator boots latched. For the first one this supervisor meets that latch means only that
+    # the rig was switched on, so it is cleared once without asking; for one that took another's
+    # place it means that the other died, and a person must have seen that.
+
+    def __init__(
+        self,
+        rig: RigFile,
+        bus: Bus,
+        observer: Observer,
+        store: Store,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._rig, self._bus, self._observer, self._store = rig, bus, observer, store
+        self.clock = clock
+        self._met, self._cleared = (f"{note}: {rig.rig.name}" for note in (MET, CLEARED))
+        self._too_slow = _too_slow(rig)
+        self.lets_go_s = lets_go_s(rig)
+        """After so long without its host the output may have let a part go."""
+        self._asked_at = float("-inf")
+        self._pool = ThreadPoolExecutor(len(PROGRAMS), thread_name_prefix="status")
+        self.statuses: dict[str, Status | str] = {}
+        """For each service its answer, or why there is none."""
+        self._armed: tuple[int, str] | None = None
+        self._trusted: int | None = None
+        self._met_before = False
+        self.changed = ""
+        """Why the served rig file differs from that of the programs, in words."""
+
+    def refresh(self, *, force: bool = False) -> None:
+        """Ask all programs side by side, unless they have just answered."""
+        if not force and self.clock() - self._asked_at < FRESH_S:
+            return
+        try:
+            answers = [*self._pool.map(self._ask, PROGRAMS)]
+        except (RuntimeError, CancelledError):
+            return  # closed meanwhile, since the rig is served anew: the last answers stay
+        self.statuses = dict(zip(PROGRAMS, answers, strict=True))
+        self._asked_at = self.clock()
+        actuator = self.status("actuator")
+        if actuator is not None and self._trusted is None:
+            self._trusted = actuator.instance
+            self._met_before = self._store.get_note(self._met) == str(actuator.instance)
+            self._note(self._met, actuator.instance)
+
+    def status(self, service: str) -> Status | None:
+        """The last status of a service; None where it did not answer."""
+        answer = self.statuses.get(service)
+        return answer if isinstance(answer, Status) else None
+
+    def _ask(self, service: str) -> Status | str:
+        try:
+            return status(self._bus, service, ASK_S)
+        except BusError as error:
+            return str(error)
+
+    @property
+    def asked_age_s(self) -> float | None:
+        """How long ago the programs were asked; None before the first time."""
+        return None if self._asked_at == float("-inf") else self.clock() - self._asked_at
+
+    def actuator_answer_age_s(self) -> float | None:
+        """How long ago the actuator answered; None where it did not, or another took its place."""
+        actuator = self.status("actuator")
+        if actuator is None or actuator.instance != self._trusted:
+            return None
+        return self.asked_age_s
+
+    def note_armed(self, epoch: int, model_digest: str) -> None:
+        """Note with which model an epoch was armed; until the next one all must work with it."""
+        self._armed = (epoch, model_digest)
+
+    def latch(self) -> LatchState:
+        """State of the actuator and reason of its latch, as far as they are known."""
+        actuator = self.status("actuator")
+        if actuator is not None and actuator.instance != self._trusted:
+            return LatchState(Mode.LATCHED, TripReason(Cause.RESTART))
+        applied = self._observer.newest(Applied)
+        return LatchState() if applied is None else LatchState(applied.state, reason_of(applied))
+
+    def _boot_may_be_cleared(self) -> bool:
+        actuator = self.status("actuator")
+        if actuator is None or actuator.instance != self._trusted:
+            return False
+        if self._store.get_note(self._cleared) == str(actuator.instance):
+            return False
+        mode, reason = self.latch()
+        if mode is None:
+            return actuator.epoch == 0 and not self._met_before
+        return mode == Mode.LATCHED and reason.cause == Cause.BOOT
+
+    def clear_boot(self) -> None:
+        """Clear the latch of a rig that was switched on; raises BusError."""
+        if self._boot_may_be_cleared():
+            self._reset()
+
+    def reset(self) -> None:
+        """Clear the latch because a person has seen the cause; raises BusError."""
+        self._reset()
+        self.refresh(force=True)
+
+    def _reset(self) -> None:
+        self._bus.call(RESET, Reset(acknowledge=True))
+        actuator = status(self._bus, "actuator")
+        self._trusted = actuator.instance
+        self._note(self._cleared, actuator.instance)
+        self._note(self._met, actuator.instance)
+
+    def _note(self, name: str, instance: int) -> None:
+        """Store a note for the next supervisor, which otherwise asks for one more reset."""
+        try:
+            self._store.set_note(name, str(instance))
+        except StoreError as error:
+            log.error("%s", error)
+
+    def latched(self) -> TripReason | None:
+        """Why a person must reset the actuator before a job; None if not needed."""
+        mode, reason = self.latch()
+        if mode != Mode.LATCHED or self._boot_may_be_cleared():
+            return None
+        if reason.cause == Cause.BOOT and self.status("actuator") is None:
+            return None  # until it answers it is not known which one it is, and that is reported
+        return reason
+
+    def troubles(self) -> dict[str, str]:
+        """For each program that cannot take part, why."""
+        found: dict[str, str] = {}
+        digest = self._rig.digest()
+        for service, answer in self.statuses.items():
+            if not isinstance(answer, Status):
+                found[service] = answer
+            elif answer.digest != digest:
+                found[service] = (
+                    f"runs with rig file {answer.digest}, the supervisor with {digest}: "
+                    "start all programs with the same file"
+                )
+            elif service in LOOP and self._armed and answer.epoch == self._armed[0]:
+                epoch_digest = self._armed[1]
+                if answer.calibration != epoch_digest:
+                    found[service] = (
+                        f"works with model {answer.calibration or 'of the rig file'}, armed with "
+                        f"{epoch_digest or 'that of the rig file'}"
+                    )
+        if not self._rig.lockstep and (trouble := self.sensor_trouble()):
+            found.setdefault("sensor", trouble)
+        return found
+
+    def sensor_limit_s(self) -> float:
+        """How long the sensor of an idle rig may be silent; it owns the clock in real time."""
+        return max(SENSOR_S, SENSOR_PERIODS * self._rig.rig.period_s)
+
+    def sensor_trouble(self) -> str:
+        """Why the sensor cannot be relied on, by its samples; empty where it can."""
+        position = self._observer.newest(Position)
+        silent_s, limit_s = self._observer.silent_s(Position), self.sensor_limit_s()
+        if position is None or silent_s is None:
+            return "no sample has come yet"
+        if silent_s > limit_s:
+            return f"silent for {1e3 * silent_s:.0f} ms, limit {1e3 * limit_s:.0f} ms"
+        blind_s = self._observer.blind_s()
+        if position.valid or (blind_s is not None and blind_s <= limit_s):
+            return ""  # one answer that an instrument owes is no trouble, as for the loop
+        return f"reads no position: {fault_text(position.fault) or 'not known why'}"
+
+    def reasons(self) -> list[str]:
+        """Why no job can start, the actuator's latch apart."""
+        found = [f"{service}: {trouble}" for service, trouble in self.troubles().items()]
+        found += [why for why in (self.changed, self._too_slow) if why]
+        mode, reason = self.latch()
+        words = self._observer.trips.words(reason, self._rig)
+        if mode == Mode.FROZEN:
+            found.append(
+                f"actuator: frozen ({words}); reset it to keep the part held, then hold or "
+                "release it by a job, or wait until it has been let go"
+            )
+        if mode == Mode.RAMPING:
+            found.append(f"actuator: ramping ({words}); wait until it is safe, then reset it")
+        return found
+
+    def close(self) -> None:
+        """End the threads that ask."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _too_slow(rig: RigFile) -> str:
+    """Why the instruments do not fit into the control period; empty where they do."""
+    try:
+        needed = budget(rig)
+    except (PluginError, ConfigError) as error:
+        return str(error)
+    return "" if needed.fits else f"the instruments are too slow: {needed.words()}"
+
+
+def loop_timing(bus: Bus) -> LoopTiming:
+    """Ask the programs of the loop, side by side, how punctual they have been."""
+    with ThreadPoolExecutor(len(LOOP), thread_name_prefix="timing") as pool:
+        answers = dict(zip(LOOP, pool.map(partial(_timing_of, bus), LOOP), strict=True))
+    return LoopTiming(
+        programs=[program_timing(one) for one in answers.values() if isinstance(one, Timing)],
+        silent={name: why for name, why in answers.items() if isinstance(why, str)},
+    )
+
+
+def _timing_of(bus: Bus, name: str) -> Timing | str:
+    try:
+        return cast(Timing, bus.call(TIMING_OF[name], TimingRequest(), ASK_S))
+    except BusError as error:
+        return str(error)

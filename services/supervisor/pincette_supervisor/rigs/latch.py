@@ -1,0 +1,71 @@
+"""The emergency stop and the reset of one rig."""
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+from pincette.api.rigs import Stopped
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.core.faults import Cause
+from pincette.core.messages import Trip
+from pincette.core.topics import TRIP
+from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.jobs.refusals import unanswered
+from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rigs.rig_context import RigContext
+
+ESTOP_THREADS = 4
+
+
+class LatchControl:
+    """Emergency stop and reset of one rig's actuator."""
+
+    def __init__(self, context: RigContext) -> None:
+        self._context = context
+        name = context.rig.rig.name
+        self.threads = ThreadPoolExecutor(ESTOP_THREADS, thread_name_prefix=f"estop-{name}")
+        """For emergency stops: no other call, and no other rig, takes them."""
+        self._aside = ThreadPoolExecutor(1, thread_name_prefix=f"aside-{name}")
+        """Writes an emergency stop down, so that no disk holds it up."""
+
+    def estop(self, by: str) -> Stopped:
+        """Trip the actuator at once; takes no lock and touches no disk."""
+        context = self._context
+        context.alarms.expect(Cause.ESTOP, by)
+        try:
+            context.bus.call(TRIP, Trip(Cause.ESTOP), 1.0)
+        except BusError as error:
+            self._aside.submit(self._raise_alarm, str(error))
+            raise ProblemError(
+                503,
+                "estop-unconfirmed",
+                "The actuator did not confirm the emergency stop",
+                f"{error}; switch the amplifier off by hand",
+            ) from error
+        self._aside.submit(self._raise_alarm)
+        return Stopped(
+            rig=context.rig.rig.name, cause=Cause.ESTOP.value, acknowledged=True, detail=""
+        )
+
+    def _raise_alarm(self, detail: str = "") -> None:
+        reason = TripReason(Cause.ESTOP)
+        self._context.alarms.raise_trip(reason, self._context.trip_words(reason), None, detail)
+
+    def reset(self, by: str) -> Stopped:
+        """Clear the latch, since a person has seen the cause; a held part stays held."""
+        cause = str(self._context.health.latch().reason.cause)
+        try:
+            self._context.health.reset()
+        except RefusalError as error:
+            raise ProblemError(
+                409, "reset-refused", "The actuator refuses to be reset", str(error)
+            ) from error
+        except BusError as error:
+            raise unanswered(error) from error
+        self._context.alarms.reset()
+        append = partial(self._context.events.append, "rig", None, reset=cause, by=by)
+        self._context.write_queue.submit(append)
+        return Stopped(rig=self._context.rig.rig.name, cause=cause, acknowledged=True, detail="")
+
+    def close(self) -> None:
+        """Wait until emergency stops are written down."""
+        self._aside.shutdown()

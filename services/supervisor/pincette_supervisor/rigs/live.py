@@ -1,0 +1,203 @@
+"""The last minute of a rig's samples for live charts, in a ring buffer."""
+
+# ``take`` runs in threads of the bus and only fills rows. A listener has a cursor in the buffer
+# and no queue: a slow one gets fewer points, and the number of those it has missed.
+
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from itertools import groupby
+from math import ceil
+from time import monotonic
+from typing import Any
+
+from pincette.api.live import LiveBatch
+from pincette.core.messages import Applied, Estimate, Message, Position, Telemetry
+from pincette.core.topics import Topic
+from pincette_supervisor.journal.listeners import TooManyListenersError
+
+KEPT_S, KEPT_PER_S = 60.0, 60.0
+"""How much is kept: this long, and of a faster rig every second, third … sample."""
+KEPT = int(KEPT_S * KEPT_PER_S)
+EVENT_POINTS, HISTORY_POINTS = 60, 1200
+"""Most points of one reading: of later ones, and of the first, which brings the past."""
+LATE_TICKS = 8
+"""A row waits so many ticks for its messages."""
+LISTENERS_MAX = 16
+
+
+@dataclass(slots=True)
+class Row:
+    """The values of one sample number of one epoch."""
+
+    epoch: int
+    seq: int
+    at_s: float
+    t_s: float
+    number: int = -1
+    """Place among all rows since the start."""
+    whole: bool = False
+    """Whether it has the controller's telemetry; without, phase and playing stay as before."""
+    armed: bool = True
+    """Whether the actuator follows commands, as far as known."""
+    playing: bool = False
+    phase: str = ""
+    x_um: float | None = None
+    x_r_um: float | None = None
+    force_mN: float | None = None
+    force_r_mN: float | None = None
+    force_uncertainty_mN: float | None = None
+    voltage_V: float | None = None
+    sliding_um: float | None = None
+
+
+COLUMNS = [field.name for field in fields(Row) if field.default is None]
+
+
+class LiveSamples:
+    """Joins the samples of a rig by number, and keeps the newest rows."""
+
+    def __init__(self, rig: str, period_s: float, clock: Callable[[], float] = monotonic) -> None:
+        self.rig, self.clock = rig, clock
+        self._stride = max(1, ceil(1.0 / (KEPT_PER_S * period_s) - 1e-9))
+        self._lock = threading.Lock()
+        self._pending: dict[int, Row] = {}
+        """Rows of the newest epoch that still wait for messages, by seq."""
+        self._epoch: int | None = None
+        self._rows: deque[Row] = deque(maxlen=KEPT)
+        self._count = 0
+        self._listeners = 0
+
+    def take(self, _topic: Topic, message: Message) -> None:
+        """Put a message into its row; called in threads of the bus."""
+        if not isinstance(message, Position | Estimate | Telemetry | Applied):
+            return
+        if message.seq % self._stride:
+            return
+        with self._lock:
+            if isinstance(message, Position):
+                self._begin(message)
+                return
+            row = self._pending.get(message.seq)
+            if row is None or row.epoch != message.epoch:
+                return
+            _fill(row, message)
+            if row.whole and row.voltage_V is not None:
+                self._close(message.seq)
+
+    def _begin(self, position: Position) -> None:
+        """Open the row of a sample, and close those of an earlier epoch."""
+        if position.epoch != self._epoch:
+            if self._pending:
+                self._close(max(self._pending))
+            self._epoch = position.epoch
+        self._close(position.seq - LATE_TICKS * self._stride)
+        row = Row(position.epoch, position.seq, self.clock(), position.t_s)
+        row.x_um = position.x_um if position.valid else None
+        self._pending[position.seq] = row
+
+    def _close(self, seq: int) -> None:
+        """Close every row up to a number, in order."""
+        for key in sorted(key for key in self._pending if key <= seq):
+            row = self._pending.pop(key)
+            before = self._rows[-1] if self._rows else row
+            if not row.whole and row.armed and before.epoch == row.epoch:
+                row.playing, row.phase = before.playing, before.phase
+            row.number = self._count
+            self._count += 1
+            self._rows.append(row)
+
+    def read(self, place: int, most: int) -> tuple[int, int, list[Row]]:
+        """The next place, the number of rows that were gone, and rows thinned to ``most``."""
+        with self._lock:
+            fresh: list[Row] = []
+            for row in reversed(self._rows):
+                if row.number < place:
+                    break
+                fresh.append(row)
+            count = self._count
+        step = max(1, ceil(len(fresh) / most))
+        return count, count - place - len(fresh), fresh[::step][::-1]
+
+    def open(self) -> "LiveCursor":
+        """Begin to listen at the oldest row; raises TooManyListenersError."""
+        with self._lock:
+            if self._listeners >= LISTENERS_MAX:
+                raise TooManyListenersError(f"{self._listeners} listen already, and no more may")
+            self._listeners += 1
+            oldest = self._rows[0].number if self._rows else self._count
+        return LiveCursor(self, oldest)
+
+    def leave(self) -> None:
+        """Make room for another listener."""
+        with self._lock:
+            self._listeners -= 1
+
+
+def _fill(row: Row, message: Estimate | Telemetry | Applied) -> None:
+    if isinstance(message, Estimate):
+        if message.valid and message.zero_age_s is not None:
+            row.force_mN = message.force_mN
+            row.force_uncertainty_mN = message.force_uncertainty_mN
+    elif isinstance(message, Applied):
+        row.voltage_V, row.armed = message.voltage_V, message.state == "armed"
+    else:
+        row.whole, row.playing = True, message.playing
+        if message.playing:
+            row.phase = message.phase
+            row.x_r_um, row.force_r_mN = message.x_r_um, message.force_r_mN
+            row.sliding_um = message.sliding_um
+
+
+class LiveCursor:
+    """One listener's place in the rows of a rig."""
+
+    def __init__(self, live: LiveSamples, place: int) -> None:
+        self.live, self._place = live, place
+        self._most = HISTORY_POINTS
+        self._sent_at: float | None = None
+
+    def batches(self, silence_s: float) -> list[LiveBatch]:
+        """Batches since the last call; an empty one after a silence, as a sign of life."""
+        self._place, dropped, rows = self.live.read(self._place, self._most)
+        self._most = EVENT_POINTS
+        now_s = self.live.clock()
+        if not rows:
+            if self._sent_at is not None and now_s - self._sent_at < silence_s:
+                return []
+            found = [_batch(self.live.rig, now_s, [])]
+        else:
+            found = [_batch(self.live.rig, now_s, group) for group in _grouped(rows)]
+        self._sent_at = now_s
+        return [found[0].model_copy(update={"dropped": dropped}), *found[1:]]
+
+
+def _grouped(rows: list[Row]) -> Iterator[list[Row]]:
+    """Rows in groups of one epoch and one phase."""
+    for _, group in groupby(rows, key=lambda row: (row.epoch, row.playing, row.phase)):
+        yield list(group)
+
+
+def _batch(rig: str, now_s: float, rows: list[Row]) -> LiveBatch:
+    first = rows[0] if rows else Row(0, 0, now_s, 0.0)
+    columns: dict[str, Any] = {
+        name: [_rounded(getattr(row, name)) for row in rows] for name in COLUMNS
+    }
+    return LiveBatch(
+        rig=rig,
+        epoch=first.epoch,
+        playing=first.playing,
+        phase=first.phase,
+        now_s=now_s,
+        dropped=0,
+        seq=[row.seq for row in rows],
+        at_s=[round(row.at_s, 4) for row in rows],
+        t_s=[round(row.t_s, 6) for row in rows],
+        **columns,
+    )
+
+
+def _rounded(value: float | None) -> float | None:
+    """A value as far as a screen can show it: to 0.1 nm, 0.1 µN and 0.1 mV."""
+    return None if value is None else round(value, 4)

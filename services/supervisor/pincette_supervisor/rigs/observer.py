@@ -1,0 +1,166 @@
+"""The newest messages of a rig, decoded once and passed on in threads of the bus."""
+
+from collections import deque
+from collections.abc import Callable
+from time import monotonic
+from typing import Protocol, TypeVar, cast
+
+from pincette.bus.protocol import BusError, LatestBus, Sink
+from pincette.core.messages import Applied, Message, Position
+from pincette.core.topics import (
+    APPLIED,
+    JOB,
+    POSITION,
+    REQUEST_LOG,
+    TELEMETRY,
+    TIMING,
+    TOPICS,
+    Topic,
+)
+from pincette_supervisor.alarms.trips import TripMonitor
+from pincette_supervisor.metrics.counters import RigCounters
+
+CAPACITY = 4_000_000
+"""Messages a buffer can hold; about three hours at 50 Hz. What comes after is counted."""
+M = TypeVar("M", bound=Message)
+FETCHED_AT_START = (POSITION, APPLIED, TELEMETRY)
+"""Topics whose last message is fetched at start, since an idle loop publishes nothing."""
+
+
+class WatchedBus(LatestBus, Protocol):
+    """A bus that tells which programs come and go."""
+
+    def watch(self, sink: Callable[[str, bool], None]) -> None:
+        """Tell ``sink`` of every program that comes (true) or goes (false)."""
+        ...
+
+
+class MessageBuffer:
+    """Messages on their way from the bus to a run, in order of arrival."""
+
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        self._queue: deque[Message] = deque()
+        self._room = capacity
+        self.dropped = 0
+
+    def put(self, message: Message) -> None:
+        """Add a message, or count it as dropped if the buffer is full."""
+        if self._room <= 0:
+            self.dropped += 1
+            return
+        self._room -= 1
+        self._queue.append(message)
+
+    def drain(self) -> list[Message]:
+        """Remove and return all messages."""
+        taken: list[Message] = []
+        while self._queue:
+            taken.append(self._queue.popleft())
+        return taken
+
+
+class Observer:
+    """The newest message of each kind, which programs are alive, and the sinks of all messages."""
+
+    def __init__(
+        self,
+        bus: WatchedBus,
+        clock: Callable[[], float] = monotonic,
+        awake_clock: Callable[[], float] | None = None,
+    ) -> None:
+        """``awake_clock`` stands still while this process is suspended; default: ``clock``."""
+        self._bus = bus
+        self.clock = clock
+        self.awake_clock = awake_clock or (lambda: self.clock())
+        self._newest: dict[type[Message], tuple[Message, tuple[float, float] | None]] = {}
+        """With the time of arrival by both clocks; None if it was fetched."""
+        self._position_read_at: float | None = None
+        self._confirmed_at: float | None = None
+        self._alive: dict[str, bool] = {}
+        self._buffer: MessageBuffer | None = None
+        self._sinks: tuple[Sink, ...] = ()
+        applied = next(iter(self.fetch_latest(APPLIED)), None)
+        self.counters = RigCounters(cast("Applied | None", applied))
+        """Counts for metrics; created with the actuator's last message, which counts as old."""
+        self.trips = TripMonitor(lambda: self.clock())
+        for topic in TOPICS:
+            if topic not in (JOB, REQUEST_LOG, TIMING):  # published by the supervisor, or below
+                bus.subscribe(topic, self._take)
+        bus.subscribe(TIMING, self.counters.take)
+        bus.watch(self._set_alive)
+        for topic in FETCHED_AT_START:
+            for message in self.fetch_latest(topic):
+                self._newest.setdefault(topic.message, (message, None))
+
+    def fetch_latest(self, topic: Topic) -> list[Message]:
+        """Ask the producer for its last message; empty if it does not answer. Blocks."""
+        try:
+            message = self._bus.latest(topic)
+        except BusError:
+            return []  # a program that hangs; its status request reports it
+        return [] if message is None else [message]
+
+    def add_sink(self, sink: Sink) -> None:
+        """Pass every decoded message on to ``sink`` from now on."""
+        self._sinks = (*self._sinks, sink)
+
+    def _take(self, topic: Topic, message: Message) -> None:
+        # Trips first: a trip that is learnt of in another way is found there.
+        self.trips.take(topic, message)
+        awake_s = self.awake_clock()
+        self._newest[type(message)] = (message, (self.clock(), awake_s))
+        if isinstance(message, Position) and message.valid:
+            self._position_read_at = awake_s
+        if isinstance(message, Applied) and message.answered:
+            self._confirmed_at = self.clock()
+        buffer = self._buffer
+        if buffer is not None:
+            buffer.put(message)
+        self.counters.take(topic, message)
+        for sink in self._sinks:
+            sink(topic, message)
+
+    def _set_alive(self, program: str, alive: bool) -> None:
+        self._alive[program] = alive
+
+    def newest(self, kind: type[M]) -> M | None:
+        """The newest message of a kind."""
+        entry = self._newest.get(kind)
+        return None if entry is None else cast(M, entry[0])
+
+    def age_s(self, kind: type[Message]) -> float | None:
+        """Seconds since the newest message of a kind came; None before the first."""
+        entry = self._newest.get(kind)
+        return None if entry is None or entry[1] is None else self.clock() - entry[1][0]
+
+    def silent_s(self, kind: type[Message]) -> float | None:
+        """The same, without the time for which this process was suspended."""
+        entry = self._newest.get(kind)
+        return None if entry is None or entry[1] is None else self.awake_clock() - entry[1][1]
+
+    def blind_s(self) -> float | None:
+        """Seconds since a valid position, without suspended time; None before the first."""
+        read_at = self._position_read_at
+        return None if read_at is None else self.awake_clock() - read_at
+
+    def confirmed_s(self) -> float | None:
+        """Seconds since the output confirmed the voltage of a command; None before the first."""
+        at = self._confirmed_at
+        return None if at is None else self.clock() - at
+
+    def alive(self, program: str) -> bool:
+        """Whether a program's liveliness token is seen."""
+        return self._alive.get(program, False)
+
+    def gone(self, programs: tuple[str, ...]) -> list[str]:
+        """Those of these programs whose token was seen and has vanished."""
+        return [program for program in programs if self._alive.get(program) is False]
+
+    def start_buffering(self) -> MessageBuffer:
+        """Begin to keep every message, for one run at a time."""
+        self._buffer = MessageBuffer()
+        return self._buffer
+
+    def stop_buffering(self) -> None:
+        """Keep the newest messages only."""
+        self._buffer = None

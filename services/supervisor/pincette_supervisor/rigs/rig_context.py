@@ -1,0 +1,84 @@
+"""Where jobs run: the rig with the model in use, its bus, and what is kept of both."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from time import monotonic
+
+from pincette.config import RigFile
+from pincette_supervisor.alarms.alarms import AlarmLog
+from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.journal.events import EventLog
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.write_queue import WriteQueue
+from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.rigs.health import Health
+from pincette_supervisor.rigs.live import LiveSamples
+from pincette_supervisor.rigs.observer import Observer, WatchedBus
+
+
+@dataclass(frozen=True)
+class RigContext:
+    """Where jobs run."""
+
+    model: RigModel
+    bus: WatchedBus
+    observer: Observer
+    health: Health
+    store: Store
+    events: EventLog
+    records: Path
+    archivist: Executor
+    """Where records are made; see ``archive.archivist``."""
+    guard_s: float = 20.0
+    """Lockstep: how long the loop may stand still by the clock on the wall, as a link of it may."""
+    clock: Callable[[], float] = monotonic
+    """What deadlines are held to."""
+
+    @property
+    def rig(self) -> RigFile:
+        """The rig file with the model in use."""
+        return self.model.rig
+
+    def reasons(self) -> list[str]:
+        """Why no job can start, the actuator's latch and a held part apart."""
+        found = self.health.reasons()
+        if self.model.trouble:
+            found.append(f"model: {self.model.trouble}")
+        if self.store.trouble:
+            found.append(f"store: {self.store.trouble}")
+        return found
+
+    def lasting_reasons(self) -> list[str]:
+        """The same, once the programs were asked anew where one was late, or has just come up."""
+        if self.reasons():
+            self.health.refresh(force=True)
+        return self.reasons()
+
+    @cached_property
+    def alarms(self) -> AlarmLog:
+        """Of the rig."""
+        return AlarmLog(self.store, self.events, self.write_queue)
+
+    @cached_property
+    def write_queue(self) -> WriteQueue:
+        """What the journal could not take yet."""
+        return WriteQueue()
+
+    @cached_property
+    def live(self) -> LiveSamples:
+        """Samples for live charts; collected from the first listener on."""
+        live = LiveSamples(self.rig.rig.name, self.rig.rig.period_s)
+        self.observer.add_sink(live.take)
+        return live
+
+    def trip_words(self, reason: TripReason) -> str:
+        """Why the actuator has tripped, for people."""
+        return self.observer.trips.words(reason, self.rig)
+
+    @property
+    def digest(self) -> str:
+        """Of the rig file, which all programs must agree on."""
+        return self.model.digest

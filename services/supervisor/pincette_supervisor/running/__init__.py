@@ -1,1 +1,0 @@
-"""Jobs at work: taken, watched, ended."""

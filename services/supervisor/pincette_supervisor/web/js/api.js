@@ -1,0 +1,112 @@
+// The supervisor's REST interface. A browser has six connections to one server: two for streams,
+// two for what is read, one for what is ordered, and one that is always free for the e-stop.
+
+/** The rig that the whole page is about: that of the address, else the first of the supervisor. */
+export const RIG = new URLSearchParams(location.search).get("rig") || document.body.dataset.rig;
+export const BASE = "/api/v1";
+export const RIG_PATH = `/rigs/${encodeURIComponent(RIG)}`;
+const OF_RIG = `rig=${encodeURIComponent(RIG)}`;
+const PATIENCE_MS = 20000;
+
+/** When the rig's state and samples last came, by the browser's own clock; and what went wrong. */
+export const heard = {
+  rig: performance.now(), sample: performance.now(), ever: false, trouble: "",
+};
+
+/** A request that was refused, or not answered. `faults` are texts by field of the request. */
+export class Problem extends Error {
+  constructor(title, detail, status = 0, body = {}) {
+    super(detail || title);
+    this.title = title;
+    this.status = status;
+    this.body = body;
+    this.faults = faultsOf([...(body.errors ?? []), ...(body.violations ?? [])]);
+  }
+}
+
+/** What is wrong, by the field that each JSON pointer leads to. */
+export function faultsOf(faults) {
+  const found = new Map();
+  for (const { pointer, message } of faults) {
+    const field = String(pointer ?? "").split("/")[1] ?? "";
+    found.set(field, found.has(field) ? `${found.get(field)}; ${message}` : message);
+  }
+  return found;
+}
+
+/** Requests of one sort, only so many of them on their way at once. */
+class Lane {
+  constructor(atOnce) {
+    this.free = atOnce;
+    this.waiting = [];
+  }
+
+  async enter() {
+    if (this.free > 0) this.free -= 1;
+    else await new Promise((go) => this.waiting.push(go));
+  }
+
+  leave() {
+    const next = this.waiting.shift();
+    if (next) next();
+    else this.free += 1;
+  }
+}
+
+const reading = new Lane(2);
+const ordering = new Lane(1);
+
+async function send(lane, path, options) {
+  await lane.enter();
+  try {
+    const signal = AbortSignal.timeout(PATIENCE_MS);
+    const response = await fetch(BASE + path, { cache: "no-store", signal, ...options });
+    const text = await response.text();
+    const body = text ? JSON.parse(text) : {};
+    if (response.status === 401) document.dispatchEvent(new CustomEvent("pincette:signed-out"));
+    if (!response.ok) {
+      throw new Problem(body.title ?? response.statusText, body.detail, response.status, body);
+    }
+    return body;
+  } catch (error) {
+    if (error instanceof Problem) throw error;
+    throw new Problem("The supervisor does not answer", `${error.message || error.name}`);
+  } finally {
+    lane.leave();
+  }
+}
+
+function written(body, headers = {}) {
+  return {
+    method: "POST",
+    headers: { "Content-Type": "application/json", ...headers },
+    body: JSON.stringify(body),
+  };
+}
+
+export const get = (path) => send(reading, path, {});
+
+/** Order something; it waits for no answer that is merely read. */
+export const post = (path, body, headers) => send(ordering, path, written(body, headers));
+
+/** Jobs of this rig, as `query` narrows them down; and what its calibrations propose. */
+export const jobsOfRig = (query) => get(`/jobs?${OF_RIG}&${query}`);
+export const checklistOfRig = () => get(`${RIG_PATH}/checklist`);
+export const calibrationsOfRig = (query) => get(`/calibrations?${OF_RIG}&${query}`);
+
+/** What a job would do; nothing moves. */
+export const planOf = (body, predict = true) => send(reading,
+  `/jobs?dry_run=true&predict=${predict}`, written({ ...body, rig: RIG }));
+
+/** Create a job of this rig that begins as soon as it may. */
+export const startJob = (body, key = freshKey()) => post("/jobs",
+  { ...body, rig: RIG, autostart: true }, { "Idempotency-Key": key });
+
+/** A key by which the same request sent twice makes one job. */
+export function freshKey() {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  return `page-${[...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join("")}`;
+}
+
+export const told = (problem) => (problem.title === problem.message ? problem.title
+  : `${problem.title}: ${problem.message}`);

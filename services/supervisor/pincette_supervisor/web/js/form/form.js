@@ -1,0 +1,164 @@
+// Starting a job: fields by kind, a dry run, and the start itself.
+
+import { may } from "../access.js";
+import { faultsOf, freshKey, get, planOf, startJob, told } from "../api.js";
+import { byId, h, setText } from "../dom.js";
+import { Fields } from "./fields.js";
+import { Jog } from "./jog.js";
+import { defaultsOf, kindOf, kinds, plannedFields } from "../kinds.js";
+import { PlanView } from "./plan.js";
+import { plain } from "../words.js";
+
+export class StartForm {
+  constructor({ refresh, started, recent }) {
+    this.refresh = refresh;
+    this.started = started;
+    this.key = freshKey();
+    this.defaults = {};
+    this.sources = { recipes: [] };
+    this.rig = null;
+    this.fields = new Fields();
+    this.plan = new PlanView();
+    this.jog = new Jog({ recent, refresh, started, take: (values) => {
+      this.fields.set(values);
+      this.forget();
+    } });
+    this.build();
+  }
+
+  build() {
+    this.kind = h("select", { id: "kind", name: "kind", "aria-describedby": "kind-hint",
+      onchange: () => this.choose(this.kind.value) });
+    this.hint = h("p", { class: "hint", id: "kind-hint" });
+    this.said = h("p", { class: "fault", id: "start-said", role: "alert" });
+    this.queue = h("input", { type: "checkbox", id: "field-queue", onchange: () => this.forget() });
+    this.button = h("button", { type: "submit", class: "main", id: "start",
+      "data-needs": "operate" }, "Start");
+    this.form = h("form", { id: "start-form", novalidate: true },
+      h("div", { class: "field" }, h("label", { for: "kind" }, "Job"), this.kind, this.hint),
+      this.fields.element, this.fields.more,
+      h("label", { class: "check", id: "queue-line", hidden: true }, this.queue,
+        h("span", {}, "Wait in the queue until the rig is free")),
+      h("div", { class: "buttons" }, this.button,
+        h("button", { type: "button", id: "dry-run", "data-needs": "operate", onclick: () => this.dryRun() }, "Dry run")),
+      this.said, this.plan.element);
+    this.form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.start();
+    });
+    this.fields.element.addEventListener("input", () => this.forget());
+    this.fields.more.addEventListener("input", () => this.forget());
+    byId("panel-start").append(this.jog.element, this.form);
+  }
+
+  /** Offer the kinds of job that the supervisor has. */
+  offer() {
+    this.kind.replaceChildren(...kinds().map(({ name, label }) => h("option", { value: name }, label)));
+    this.choose(kinds()[0].name);
+  }
+
+  choose(name) {
+    const kind = kindOf(name);
+    this.kind.value = name;
+    this.fields.show(kind.form, this.defaults[name] ?? {}, this.sources);
+    this.jog.element.hidden = !kind.jogs;
+    if (kind.jogs) this.jog.show(name);
+    this.forget();
+    this.follow(this.rig);
+  }
+
+  /** What was said about a request holds no longer once the request is another. */
+  forget() {
+    this.key = freshKey();
+    this.said.textContent = "";
+    this.plan.clear();
+    this.fields.forgive();
+    this.fields.settle();
+    this.name();
+  }
+
+  /** Take over what there is: recipes, laws, and defaults from a plan of an empty request. */
+  async prefill() {
+    try {
+      this.sources.recipes = (await get("/recipes")).recipes.map((each) => each.name);
+      if (!may("operate")) return;
+      for (const { name, form } of kinds().filter((kind) => plannedFields(kind.form).length)) {
+        this.defaults[name] = defaultsOf(await planOf({ kind: name }, false), form);
+      }
+      if (!this.form.contains(document.activeElement)) this.choose(this.kind.value);
+    } catch (problem) {
+      setText(this.said, told(problem));
+    }
+  }
+
+  /** Follow the rig: its limits, what it would take, and whether a job would have to wait. */
+  follow(rig) {
+    if (!rig) return;
+    this.rig = rig;
+    this.fields.limit(Object.fromEntries(rig.limits.map((each) => [each.quantity, each.value])));
+    const { startable } = rig;
+    const fits = !startable.length || startable.includes(this.kind.value);
+    setText(this.hint, fits ? "" : `The rig takes only ${startable.map(plain).join(" or ")} at the moment.`);
+    byId("queue-line").hidden = !(rig.queue.length
+      || (rig.active_job && !startable.includes(this.kind.value)));
+    this.jog.follow(rig);
+    this.name();
+  }
+
+  get waits() {
+    return !byId("queue-line").hidden && this.queue.checked;
+  }
+
+  name() {
+    setText(this.button, this.waits ? "Add to the queue" : "Start");
+  }
+
+  request() {
+    return { kind: this.kind.value, ...this.fields.read() };
+  }
+
+  /** Tell a problem at the fields that it is about, the rest of it below the buttons. */
+  tell(problem) {
+    const placed = this.fields.tell(problem.faults);
+    const rest = placed === 0 || problem.faults.size > placed;
+    this.said.textContent = rest ? told(problem) : problem.title;
+  }
+
+  async dryRun() {
+    this.forget();
+    const { key } = this;
+    this.plan.wait();
+    try {
+      const plan = await planOf(this.request());
+      if (key !== this.key) return;
+      this.plan.show(plan, this.rig?.limits ?? []);
+      if (plan.feasible) this.plan.reveal();
+      else {
+        this.tell({ title: "The plan breaks a limit of the rig", faults: faultsOf(plan.violations),
+          message: plan.violations.map((each) => each.message).join("; ") });
+      }
+    } catch (problem) {
+      if (key !== this.key) return;
+      this.plan.clear();
+      this.tell(problem);
+    }
+  }
+
+  async start() {
+    const { key } = this;
+    this.fields.forgive();
+    this.said.textContent = "";
+    const body = this.waits ? { ...this.request(), queue: true } : this.request();
+    try {
+      const job = await startJob(body, key);
+      this.key = freshKey();
+      this.plan.clear();
+      this.started(job);
+    } catch (problem) {
+      // Without an answer the key is kept: sent again, the same request makes no second job.
+      if (problem.status) this.key = freshKey();
+      this.tell(problem);
+    }
+    this.refresh();
+  }
+}

@@ -1,0 +1,96 @@
+// What a dry run predicts: how long, along which curves, how near to the limits, and every limit
+// that would be broken.
+
+import { drawPrediction } from "../plots/prediction.js";
+import { h } from "../dom.js";
+import { duration, number, plain, significant } from "../words.js";
+
+function verdict(plan) {
+  const waits = plan.waits ? `, and waits ${plan.waits} times for a person` : "";
+  const outcome = plan.prediction?.outcome ? `; predicted outcome: ${plain(plan.prediction.outcome)}`
+    : "";
+  return (plan.feasible ? `Feasible: takes ${duration(plan.duration_s)}${waits}`
+    : "Not feasible: it would not be started") + outcome;
+}
+
+function violations(plan) {
+  if (!plan.violations?.length) return [];
+  return [h("ul", { class: "violations" }, ...plan.violations.map((each) => h("li", {},
+    each.message, h("span", { class: "muted" }, ` at ${number(each.at_s, 2)} s`))))];
+}
+
+function notes(texts, title) {
+  if (!texts?.length) return [];
+  return [h("details", { class: "notes" }, h("summary", {}, title),
+    h("ul", { class: "dots" }, ...texts.map((text) => h("li", {}, text))))];
+}
+
+function table(caption, head, rows) {
+  return h("table", { class: "list" }, h("caption", {}, caption),
+    h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
+    h("tbody", {}, ...rows));
+}
+
+function margins(plan) {
+  const found = plan.prediction?.margins;
+  if (!found?.length) return [];
+  return [table("How near it comes to the limits", ["Limit", "Left", "Where"],
+    found.map((each) => h("tr", { class: each.distance < 0 ? "broken" : "" },
+      h("th", { scope: "row" }, `${plain(each.quantity)} ${significant(each.limit, 3)}`,
+        h("span", { class: "unit" }, each.unit)),
+      h("td", {}, `${significant(each.distance, 3)} ${each.unit}`),
+      h("td", { class: "muted" }, `${plain(each.phase)}, ${number(each.at_s, 2)} s`))))];
+}
+
+/** The law of a job, and what it errs where the part is not as expected. */
+function law(plan) {
+  const { law: chosen, steady_errors: errors } = plan;
+  if (!chosen) return [];
+  const texts = [`${chosen.scheme.toUpperCase()}, gains of ${chosen.gains_from}: spectral radius `
+    + `${number(chosen.spectral_radius, 3)} at worst, limit ${chosen.spectral_radius_limit}`];
+  if (errors) {
+    texts.push(`steady errors within the part's tolerances: position ${number(errors.position_min_um)} to `
+      + `${number(errors.position_max_um)} µm, force ${number(errors.force_min_mN)} to `
+      + `${number(errors.force_max_mN)} mN`);
+  }
+  return notes(texts, "Law and steady errors");
+}
+
+export class PlanView {
+  constructor() {
+    this.verdict = h("p", { class: "verdict", role: "status" });
+    this.body = h("div", { class: "plan-body" });
+    this.element = h("div", { id: "plan", class: "plan" }, this.verdict, this.body);
+    this.clear();
+  }
+
+  say(text, tone) {
+    this.verdict.textContent = text;
+    this.verdict.dataset.tone = tone;
+    this.element.hidden = text === "";
+  }
+
+  clear() {
+    this.say("", "muted");
+    this.body.replaceChildren();
+  }
+
+  /** Bring it into sight, for whoever has asked for it. */
+  reveal() {
+    this.element.scrollIntoView({ block: "start" });
+  }
+
+  wait() {
+    this.body.replaceChildren();
+    this.say("planning …", "muted");
+  }
+
+  show(plan, limits) {
+    this.say(verdict(plan), plan.feasible ? "good" : "bad");
+    this.body.replaceChildren(...violations(plan),
+      ...(plan.warnings ?? []).map((text) => h("p", { class: "cause warn" }, text)),
+      plan.prediction?.cut ? h("p", { class: "muted" }, plan.prediction.cut) : "",
+      ...drawPrediction(plan, limits), ...margins(plan), ...law(plan),
+      ...notes(plan.prediction?.assumptions, "What this rests on"));
+  }
+}

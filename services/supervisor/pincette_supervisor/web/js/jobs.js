@@ -1,0 +1,131 @@
+// The list of jobs, and one of them with its result, its pictures and its files.
+
+import { BASE, get, jobsOfRig } from "./api.js";
+import { outcomeOf } from "./current.js";
+import { byId, chip, h, show } from "./dom.js";
+import { figuresOf, kindOf, mainFigure } from "./kinds.js";
+import { clock, number, plain, toneOfState } from "./words.js";
+
+const PAGE = 30;
+const MOST = 480;
+
+export class Jobs {
+  constructor({ choose }) {
+    this.choose = choose;
+    this.jobs = [];
+    this.chosen = null;
+    this.artifacts = null;
+    this.limit = PAGE;
+    this.more = false;
+    byId("panel-jobs").append(h("div", { id: "job-detail" }), h("div", { id: "job-list" }));
+  }
+
+  async refresh() {
+    const { jobs, next } = await jobsOfRig(`limit=${this.limit}`);
+    this.jobs = jobs;
+    this.more = next !== null;
+    this.render();
+    await this.refreshChosen();
+    return jobs;
+  }
+
+  async open(id) {
+    this.chosen = id;
+    this.artifacts = null;
+    this.render();
+    await this.refreshChosen();
+    byId("job-title")?.focus();
+  }
+
+  /** The chosen job may be older than the list; its files come once it has ended. */
+  async refreshChosen() {
+    if (!this.chosen) return;
+    if (!this.jobs.some((job) => job.id === this.chosen)) {
+      this.jobs = [...this.jobs, await get(`/jobs/${this.chosen}`)];
+    }
+    const job = this.jobs.find((each) => each.id === this.chosen);
+    if (job?.ended_at && this.artifacts?.job !== job.id) {
+      const { artifacts } = await get(`/jobs/${job.id}/artifacts`);
+      this.artifacts = { job: job.id, list: artifacts };
+    }
+    this.render();
+  }
+
+  render() {
+    const rows = this.jobs.map((job) => [job.id, job.kind, job.state, outcomeOf(job), mainFigure(job)[1],
+      clock(job.created_at), job.position ?? null]);
+    show(byId("job-list"), [rows, this.chosen, this.more], () => this.table());
+    const job = this.jobs.find((each) => each.id === this.chosen);
+    show(byId("job-detail"), [job ? { ...job, progress: null } : null, this.artifacts],
+      () => (job ? this.detail(job) : []));
+  }
+
+  table() {
+    if (!this.jobs.length) return h("p", { class: "muted" }, "No job has been taken yet.");
+    const head = ["Time", "Job", "State", "Result"];
+    return [h("table", { class: "list jobs" },
+      h("caption", { class: "unseen" }, "Jobs, the newest first"),
+      h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
+      h("tbody", {}, ...this.jobs.map((job) => this.row(job)))),
+    this.more && this.limit < MOST ? h("button", { type: "button", class: "quiet", id: "older",
+      onclick: () => {
+        this.limit += PAGE;
+        this.refresh().catch(() => {});
+      } }, "Show older jobs") : null];
+  }
+
+  row(job) {
+    const outcome = outcomeOf(job);
+    const place = job.position ? ` ${job.position}` : "";
+    return h("tr", { class: job.id === this.chosen ? "chosen" : "" },
+      h("td", {}, h("button", { type: "button", class: "link", id: `open-${job.id}`,
+        "aria-label": `Show ${plain(job.kind)} of ${clock(job.created_at)}`,
+        "aria-pressed": String(job.id === this.chosen),
+        onclick: () => this.choose(job.id) }, clock(job.created_at))),
+      h("td", {}, plain(job.values?.[kindOf(job.kind).variant_field] ?? job.kind)),
+      h("td", {}, chip(plain(job.state) + place, toneOfState(job.state)),
+        outcome ? h("span", { class: "muted block" }, outcome) : null),
+      h("td", { class: "figures" }, mainFigure(job)[1]));
+  }
+
+  detail(job) {
+    const files = this.artifacts?.job === job.id ? this.artifacts.list : [];
+    const pictures = files.filter((file) => file.media_type === "image/png");
+    const place = (file) => `${BASE}/jobs/${job.id}/artifacts/${encodeURIComponent(file.name)}`;
+    const facts = [...figuresOf(job), ...losses(job)].map(([label, text]) => h("div", {},
+      h("dt", {}, label), h("dd", {}, text)));
+    return h("article", { class: "detail", "aria-labelledby": "job-title" },
+      h("h3", { id: "job-title", tabindex: "-1" }, `${plain(job.kind)} ${job.id}`),
+      h("p", {}, chip(plain(job.state), toneOfState(job.state)), " ", outcomeOf(job)),
+      job.by ? h("p", { class: "muted" }, `Asked for by ${job.by}`) : null,
+      job.cause ? h("p", { class: "cause" }, job.cause) : null,
+      job.record_detail ? h("p", { class: "cause" }, `Record: ${job.record_detail}`) : null,
+      facts.length ? h("dl", { class: "figures-list" }, ...facts) : null,
+      ...pictures.map((file) => h("a", { href: place(file), target: "_blank", rel: "noopener" },
+        h("img", { src: place(file), class: "picture", loading: "lazy",
+          alt: `${plain(job.kind)}: position, force and voltage over time` }))),
+      this.actions(job),
+      files.length ? h("ul", { class: "files", "aria-label": "Files of the record" },
+        ...files.map((file) => h("li", {}, h("a", { href: place(file), target: "_blank",
+          rel: "noopener" }, file.name), h("span", { class: "muted" }, size(file.bytes))))) : null);
+  }
+
+  actions(job) {
+    if (!job.actions.length) return null;
+    return h("details", { id: "job-actions" }, h("summary", {}, `Actions (${job.actions.length})`),
+      h("ul", { class: "plain" }, ...job.actions.map((each) => h("li", {},
+        `${clock(each.requested_at)} ${each.type} by ${each.by}`
+        + (each.seq === null ? "" : `, acted at sample ${each.seq}`)))));
+  }
+}
+
+/** Samples and messages that a result lacks. */
+function losses({ result }) {
+  return [["missed_ticks", "Missed ticks"], ["dropped_messages", "Dropped messages"]]
+    .filter(([name]) => typeof result?.[name] === "number")
+    .map(([name, label]) => [label, String(result[name])]);
+}
+
+function size(bytes) {
+  return bytes < 1e6 ? `${number(bytes / 1e3, 1)} kB` : `${number(bytes / 1e6, 1)} MB`;
+}

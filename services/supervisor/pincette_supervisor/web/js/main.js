@@ -1,0 +1,145 @@
+// The page: it asks for the rig once a second and whenever an event says that something changed.
+
+import { admitted } from "./access.js";
+import { Alarms } from "./alarms.js";
+import { get, heard, jobsOfRig, RIG, RIG_PATH } from "./api.js";
+import { Calibrations } from "./calibrations.js";
+import { Charts } from "./plots/charts.js";
+import { Checks } from "./checks.js";
+import { rigAnswered, watchConnection } from "./connection.js";
+import { Current } from "./current.js";
+import { Details } from "./details.js";
+import { byId } from "./dom.js";
+import { StartForm } from "./form/form.js";
+import { Jobs } from "./jobs.js";
+import { kindOf, loadKinds } from "./kinds.js";
+import { Queue } from "./queue.js";
+import { Recent } from "./plots/recent.js";
+import { installReset, showRig } from "./rig.js";
+import { followRigs } from "./rigs.js";
+import { install as installScope } from "./plots/scope.js";
+import { follow } from "./streams.js";
+import { installTabs } from "./tabs.js";
+
+const EVERY_MS = 1000;
+const RUNNING_MS = 400;
+const SOON_MS = 60;
+
+const recent = new Recent();
+const charts = new Charts(recent);
+installScope(charts);
+
+let rig = null;
+let job = null;
+let busy = false;
+let again = false;
+let timer = 0;
+let listed = "";
+
+const choose = (id) => {
+  openTab("tab-jobs");
+  jobs.open(id).catch(() => {});
+};
+const current = new Current({ refresh: soon, choose });
+const jobs = new Jobs({ choose });
+const calibrations = new Calibrations({ refresh: soon });
+const alarms = new Alarms({ refresh: soon });
+const checks = new Checks();
+const details = new Details({ refresh: soon });
+const queue = new Queue({ refresh: soon, choose });
+const form = new StartForm({ refresh: soon, started: (made) => { job = made; }, recent });
+const openTab = installTabs((id) => {
+  if (id === "tab-jobs") jobs.refresh().catch(() => {});
+  if (id === "tab-calibrations") calibrations.refresh().catch(() => {});
+  if (id === "tab-rig") {
+    alarms.refresh().catch(() => {});
+    soon();
+  }
+});
+installReset(soon);
+watchConnection();
+
+/** Which job is to be shown: the one that has the rig, else the newest. */
+async function newestJob() {
+  if (rig.active_job) return get(`/jobs/${rig.active_job}`);
+  if (job && job.ended_at === null) return get(`/jobs/${job.id}`);
+  if (job) return job;
+  return (await jobsOfRig("limit=1")).jobs[0] ?? null;
+}
+
+async function refresh() {
+  rig = await get(RIG_PATH);
+  rigAnswered();
+  showRig(rig);
+  checks.follow(rig);
+  form.follow(rig);
+  job = await newestJob();
+  current.show(job, rig);
+  await queue.follow(rig);
+  await details.follow(rig);
+  // A job that has come, ended or moved in the queue changes the lists.
+  const now = JSON.stringify([job?.id, job?.state, rig.queue?.length]);
+  if (now === listed) return;
+  listed = now;
+  form.jog.changed(job);
+  await jobs.refresh();
+  if (job && kindOf(job.kind).proposes && job.ended_at !== null) await calibrations.refresh();
+}
+
+/** One refresh at a time; what is asked for meanwhile comes after it. */
+async function run() {
+  clearTimeout(timer);
+  if (busy) {
+    again = true;
+    return;
+  }
+  busy = true;
+  again = false;
+  try {
+    await refresh();
+  } catch (problem) {
+    // The bar says that the supervisor does not answer, or what it answers instead.
+    heard.trouble = problem.status ? problem.title : "";
+  } finally {
+    busy = false;
+    const running = job && job.ended_at === null;
+    const wait = again ? SOON_MS : document.hidden ? 5 * EVERY_MS : running ? RUNNING_MS : EVERY_MS;
+    timer = setTimeout(run, wait);
+  }
+}
+
+function soon() {
+  if (busy) again = true;
+  else {
+    clearTimeout(timer);
+    timer = setTimeout(run, SOON_MS);
+  }
+}
+
+function followStreams() {
+  follow({
+    begun: () => recent.clear(),
+    samples: (batch) => recent.push(batch),
+    event: (event) => {
+      if (event.kind === "alarm" || event.kind === "rig") alarms.refresh().catch(() => {});
+      if (event.kind !== "progress") soon();
+      else if (job && event.job === job.id && job.progress) {
+        job = { ...job, progress: { ...job.progress, ...event.body } };
+        current.update(job);
+      }
+    },
+  });
+}
+
+document.title = `${RIG} · pincette`;
+byId("rig-name").textContent = RIG;
+document.addEventListener("pincette:estop", soon);
+document.addEventListener("visibilitychange", () => document.hidden || soon());
+await admitted();
+await loadKinds();
+form.offer();
+followStreams();
+run();
+alarms.refresh().catch(() => {});
+form.prefill();
+followRigs();

@@ -1,0 +1,68 @@
+// The jobs that wait for the rig, in their order; why none begins, and what a person may do.
+
+import { jobsOfRig, post, RIG_PATH, told } from "./api.js";
+import { byId, h, show } from "./dom.js";
+import { asked } from "./kinds.js";
+import { clock } from "./words.js";
+
+export class Queue {
+  constructor({ refresh, choose }) {
+    this.refreshAll = refresh;
+    this.choose = choose;
+    this.known = "";
+    this.waiting = [];
+    this.fault = h("p", { class: "fault", id: "queue-fault", role: "alert" });
+  }
+
+  /** Follow the rig; the jobs are asked for only where the queue has changed. */
+  async follow(rig) {
+    const { queue } = rig;
+    const now = JSON.stringify([queue, rig.active_job]);
+    if (now !== this.known) {
+      this.waiting = queue.length ? (await jobsOfRig("state=queued&limit=50")).jobs
+        .filter((job) => job.position !== null).sort((a, b) => a.position - b.position) : [];
+      this.known = now;
+    }
+    byId("queue").hidden = !queue.length && !queue.halted;
+    show(byId("queue"), [queue, this.waiting.map((job) => [job.id, job.position]),
+      rig.allowed_actions], () => this.panel(queue, rig.allowed_actions));
+  }
+
+  panel(queue, allowed) {
+    const order = (type, text) => h("button", { type: "button", id: `queue-${type}`,
+      "data-needs": "operate",
+      class: type === "resume" ? "main" : "",
+      onclick: () => this.ask(`${RIG_PATH}/queue/actions`, type) }, text);
+    return [
+      h("div", { class: "card-head" }, h("h2", { id: "queue-title" }, "Queue"),
+        h("span", { class: "muted" }, `${queue.length} of ${queue.capacity}`)),
+      queue.halted ? h("p", { class: "cause warn", id: "queue-halted" }, `Halted: ${queue.halted}`)
+        : null,
+      h("ol", { class: "queue" }, ...this.waiting.map((job) => this.row(job))),
+      h("div", { class: "buttons" },
+        allowed.includes("resume_queue") ? order("resume", "Resume the queue") : null,
+        allowed.includes("clear_queue") ? order("clear", "Clear the queue") : null),
+      this.fault,
+    ];
+  }
+
+  row(job) {
+    return h("li", {}, h("b", { class: "place" }, String(job.position)),
+      h("button", { type: "button", class: "link", id: `wait-${job.id}`,
+        onclick: () => this.choose(job.id) }, asked(job)),
+      h("span", { class: "muted" }, clock(job.created_at)),
+      h("button", { type: "button", class: "quiet", id: `drop-${job.id}`, "data-needs": "operate",
+        "aria-label": `Take ${asked(job)}, place ${job.position}, out of the queue`,
+        onclick: () => this.ask(`/jobs/${job.id}/actions`, "stop") }, "Remove"));
+  }
+
+  async ask(path, type) {
+    this.fault.textContent = "";
+    try {
+      await post(path, { type });
+    } catch (problem) {
+      this.fault.textContent = told(problem);
+    }
+    this.refreshAll();
+  }
+}

@@ -1,0 +1,127 @@
+// The rig in the bar at the top: whether it answers, may start, holds a part, is latched.
+
+import { post, RIG_PATH, told } from "./api.js";
+import { alarm } from "./connection.js";
+import { byId, chip, h, setText, show } from "./dom.js";
+import { duration, plain } from "./words.js";
+
+function fact(name, id, content) {
+  return h("div", { class: "fact" }, h("dt", {}, name), h("dd", { id: `fact-${id}` }, content));
+}
+
+function safeToMove(rig) {
+  const safe = rig.safe_to_move;
+  if (!safe) return null;
+  return fact("Stage", "stage", chip(safe.value ? "may move" : "must wait",
+    safe.value ? "good" : "warn"));
+}
+
+/** What is told, with its age where it is not known any more but believed. */
+function trusted(text, certainty, age_s) {
+  return certainty === "believed" ? `${text}, believed (${duration(Math.round(age_s ?? 0))} old)` : text;
+}
+
+function stands(rig) {
+  const standing = rig.standing ?? {};
+  return {
+    part: trusted(plain(rig.part), standing.part_certainty, standing.part_age_s),
+    state: trusted(plain(rig.latch.state), standing.state_certainty, standing.state_age_s),
+  };
+}
+
+function facts(rig) {
+  const tone = { none: "muted", held: "busy" }[rig.part] ?? "warn";
+  const state = rig.latch.state;
+  const standing = stands(rig);
+  const trouble = rig.allowed_actions.includes("reset") || ["frozen", "ramping"].includes(state);
+  // A latch that nobody has to clear says only that the rig was switched on.
+  const quiet = ["latched", "unknown"].includes(state) ? "muted" : "good";
+  const model = rig.model.version ? `version ${rig.model.version}` : "rig file";
+  return [
+    fact("Start", "start", chip(...start(rig))),
+    fact("Part", "part", chip(standing.part, tone)),
+    safeToMove(rig),
+    fact("Actuator", "latch", chip(standing.state, trouble ? "bad" : quiet)),
+    fact("Model", "model", h("span", { title: rig.model.digest }, model)),
+  ];
+}
+
+/** Whether the rig can start a job, in words and a tone. */
+export function start(rig) {
+  if (rig.can_start) return ["can start", "good"];
+  if (rig.startable.length) return [`only ${rig.startable.join(" or ")}`, "warn"];
+  if (rig.active_job) return ["busy", "busy"];
+  return ["cannot start", "bad"];
+}
+
+/** Why nothing can start, what the stage waits for, and what a person should see to. */
+function notices(rig) {
+  const running = rig.active_job !== null;
+  const latched = rig.allowed_actions.includes("reset");
+  const groups = [
+    [rig.startable.length ? "Not every job can start" : "No job can start",
+      running || (latched && rig.reasons.length === 1) ? [] : rig.reasons],
+    ["The stage must wait", running ? [] : rig.safe_to_move?.reasons ?? []],
+    ["See to it", rig.warnings ?? []],
+  ];
+  return groups.filter(([, reasons]) => reasons.length);
+}
+
+export function showRig(rig) {
+  show(byId("facts"), [start(rig), stands(rig), rig.safe_to_move?.value,
+    rig.latch, rig.allowed_actions, rig.model], () => facts(rig));
+  const groups = notices(rig);
+  byId("reasons").hidden = groups.length === 0;
+  show(byId("reasons"), groups, () => groups.map(([title, reasons]) => h("div", {}, h("h2", {}, title),
+    h("ul", {}, ...reasons.map((reason) => h("li", {}, reason))))));
+  showLatch(rig);
+}
+
+function showLatch(rig) {
+  const latched = rig.allowed_actions.includes("reset");
+  const before = !byId("latch").hidden;
+  byId("latch").hidden = !latched;
+  if (!latched) {
+    if (before) alarm("The latch of the actuator is cleared.");
+    openReset(false);
+    return;
+  }
+  const cause = { estop: "emergency stop", boot: "the actuator was switched on" }[rig.latch.cause];
+  setText(byId("latch-title"), `The actuator is ${plain(rig.latch.state)}`);
+  setText(byId("latch-cause"), `Cause: ${cause ?? (rig.latch.words || rig.latch.cause)}. Nothing moves until a person `
+    + `has reset the rig${rig.part === "held" ? "; a part is held" : ""}.`);
+  if (!before) alarm(`${byId("latch-title").textContent}. ${byId("latch-cause").textContent}`);
+}
+
+function openReset(open) {
+  byId("reset").hidden = !open;
+  byId("reset-open").hidden = open;
+  byId("reset-open").setAttribute("aria-expanded", String(open));
+  if (!open) {
+    byId("reset").reset();
+    setText(byId("reset-said"), "");
+  }
+}
+
+/** Reset asks for a person's word first; it covers nothing, so that E-STOP stays in reach. */
+export function installReset(refresh) {
+  byId("reset-open").addEventListener("click", () => {
+    openReset(true);
+    byId("reset-seen").focus();
+  });
+  byId("reset-cancel").addEventListener("click", () => {
+    openReset(false);
+    byId("reset-open").focus();
+  });
+  byId("reset").addEventListener("submit", async (event) => {
+    event.preventDefault();
+    try {
+      await post(`${RIG_PATH}/reset`, { acknowledge: true });
+      byId("estop-said").hidden = true;
+      openReset(false);
+    } catch (problem) {
+      setText(byId("reset-said"), told(problem));
+    }
+    refresh();
+  });
+}

@@ -1,0 +1,97 @@
+"""Who may do what over REST, who does it, and what was done."""
+
+from typing import Literal
+
+from pincette.api import Model, example
+
+Scope = Literal["observe", "operate", "admin"]
+SCOPES: tuple[Scope, ...] = ("observe", "operate", "admin")
+"""Each holds those before it: see and stop at once; move the rig; change it for everybody."""
+MEANINGS: dict[Scope, str] = {
+    "observe": "see everything, and stop at once",
+    "operate": "also plan, run and act on jobs, keep recipes, order the queue, reset",
+    "admin": "also decide which model is in use, and read the audit log",
+}
+KEY_NAME = r"[a-z0-9][a-z0-9._-]{0,39}"
+"""Of a key: without blanks and brackets, so that nothing written beside it passes for it."""
+
+
+def covers(has: Scope, needed: Scope) -> bool:
+    """Whether a scope holds another one."""
+    return SCOPES.index(has) >= SCOPES.index(needed)
+
+
+class Session(Model):
+    """Who asks, as the supervisor knows it."""
+
+    model_config = example(keys=True, name="cell-7", scope="operate", signed_in=False)
+
+    keys: bool
+    """Whether a key is wanted; without any, whoever reaches the supervisor may do everything."""
+    name: str | None
+    """Of the key; null of a caller without one."""
+    scope: Scope | None
+    """What the caller may do; null: nothing."""
+    signed_in: bool
+    """Whether the key came as the cookie of a page."""
+
+
+class AuditEntry(Model):
+    """One request that was to change something, or was refused for whose it was."""
+
+    model_config = example(
+        number=12,
+        at="2026-03-01T12:00:09.250Z",
+        who="cell-7 (Ann)",
+        address="192.168.1.20",
+        action="POST /api/v1/jobs/20260301-120000-1f0c/actions",
+        detail="stop",
+        status=202,
+        count=1,
+    )
+
+    number: int
+    at: str
+    who: str
+    """Name of the key, with the caller's own label in brackets; without a key label or address."""
+    address: str
+    action: str
+    detail: str
+    """What the body asked for, and what came of it, in a word or two."""
+    status: int
+    """Of the answer."""
+    count: int
+    """How many alike were refused within moments."""
+
+
+class AuditList(Model):
+    """The audit log, the newest first."""
+
+    model_config = example(entries=[], next=None)
+
+    entries: list[AuditEntry]
+    next: int | None = None
+    """What ``before`` must be for the entries that follow; null where there are no more."""
+
+
+class KeyView(Model):
+    """A key, without the key itself."""
+
+    model_config = example(
+        name="cell-7",
+        scope="operate",
+        made_at="2026-03-01T12:00:00.000Z",
+        expires_at=None,
+        revoked_at=None,
+        used_at="2026-03-01T12:00:09.250Z",
+        usable=True,
+    )
+
+    name: str
+    scope: Scope
+    made_at: str
+    expires_at: str | None
+    revoked_at: str | None
+    used_at: str | None
+    """To the minute; null: never."""
+    usable: bool

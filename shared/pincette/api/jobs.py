@@ -1,0 +1,186 @@
+"""What a job looks like over REST; units are in the names, unknown fields are refused."""
+
+from typing import Any
+
+from pincette.api import Model, example
+from pincette.api.states import ActionType, JobState
+
+
+class ActionRequest(Model):
+    """What a job shall do."""
+
+    model_config = example(type="stop")
+
+    type: ActionType
+
+
+class Action(Model):
+    """An action that was asked for, kept with its job."""
+
+    model_config = example(
+        type="release",
+        requested_at="2026-03-01T12:00:09.250Z",
+        by="127.0.0.1",
+        applied_at="2026-03-01T12:00:09.291Z",
+        seq=462,
+    )
+
+    type: ActionType
+    requested_at: str
+    by: str
+    """Who asked, as ``by`` of a job."""
+    applied_at: str | None = None
+    """When the supervisor learned that it has taken effect."""
+    seq: int | None = None
+    """Sample at which it took effect, once it has."""
+
+
+class Progress(Model):
+    """Where a running job is, by its newest samples."""
+
+    model_config = example(
+        phase="hold",
+        seq=445,
+        elapsed_s=8.9,
+        planned_s=16.4,
+        paused=False,
+        percent=54.3,
+        remaining_s=7.5,
+        x_r_um=39.88,
+        x_um=39.9,
+        force_r_mN=20.0,
+        force_mN=19.98,
+        force_uncertainty_mN=0.41,
+        voltage_V=2.49,
+        held=True,
+        target=20.0,
+        current=19.98,
+        unit="mN",
+        instruction="",
+        weight_mN=None,
+    )
+
+    phase: str
+    seq: int
+    elapsed_s: float
+    planned_s: float | None
+    """Without pauses; None where the hold has no end."""
+    paused: bool = False
+    percent: float | None = None
+    """Of the planned time that was played; None where the hold has no end."""
+    remaining_s: float | None = None
+    """Of the planned time; a pause leaves it as it is."""
+    x_r_um: float | None = None
+    """Reference of the position."""
+    x_um: float | None
+    force_r_mN: float | None = None
+    """Reference of the contact force."""
+    force_mN: float | None
+    force_uncertainty_mN: float | None
+    voltage_V: float | None
+    held: bool
+    target: float | None = None
+    """What the phase is about, as it should be: the force while a part is held, else x."""
+    current: float | None = None
+    """The same as it is."""
+    unit: str = ""
+    """Of ``target`` and ``current``: mN or µm."""
+    instruction: str = ""
+    """What a person is to do before the action ``continue``; empty where nothing is waited for."""
+    weight_mN: float | None = None
+    """The weight to be hung by then."""
+
+
+class Job(Model):
+    """A job: what was asked, how far it is, what came of it."""
+
+    model_config = example(
+        id="20260301-120000-1f0c",
+        kind="grip",
+        rig="demo",
+        state="running",
+        revision=5,
+        position=None,
+        cause="",
+        request={"kind": "grip", "autostart": True},
+        values={"force_mN": 20.0, "hold_s": 4.0},
+        labels={},
+        by="cell-7",
+        progress=None,
+        result=None,
+        actions=[],
+        allowed_actions=["pause", "stop", "abort", "release"],
+        created_at="2026-03-01T12:00:00.000Z",
+        started_at="2026-03-01T12:00:00.210Z",
+        ended_at=None,
+        record=None,
+        record_complete=None,
+        record_detail="",
+    )
+
+    id: str
+    kind: str
+    rig: str
+    state: JobState
+    revision: int = 0
+    """Rises with every change but progress; the ETag is made of it."""
+    position: int | None = None
+    """Place in the queue of a job that waits for another one: 1 is the next."""
+    cause: str
+    """Why a job did not succeed, in words."""
+    request: dict[str, Any]
+    """As it was sent."""
+    values: dict[str, Any]
+    """What the job works with: the request completed by the rig file; hold_s null has no end."""
+    labels: dict[str, str]
+    by: str | None = None
+    """Who asked for it: the name of a key with the caller's label in brackets; without keys the
+    header ``X-Operator``, or the address it came from."""
+    progress: Progress | None
+    result: dict[str, Any] | None
+    """Of a job that has moved: see the models of results by kind."""
+    actions: list[Action]
+    allowed_actions: list[ActionType]
+    created_at: str
+    started_at: str | None
+    ended_at: str | None
+    record: str | None
+    """Folder of the record on the supervisor's machine."""
+    record_complete: bool | None = None
+    """Whether the record has every sample of the job; None where it is not closed, or not made."""
+    record_detail: str = ""
+    """Why it is not complete."""
+
+
+class JobList(Model):
+    """Jobs, the newest first."""
+
+    model_config = example(jobs=[], next=None)
+
+    jobs: list[Job]
+    next: str | None = None
+    """What ``before`` must be for the jobs that follow; None where there are no more."""
+
+
+class Artifact(Model):
+    """A file of a record."""
+
+    model_config = example(
+        name="samples.parquet",
+        media_type="application/vnd.apache.parquet",
+        bytes=70211,
+        sha256="9f…",
+    )
+
+    name: str
+    media_type: str
+    bytes: int
+    sha256: str
+
+
+class ArtifactList(Model):
+    """Files of a record."""
+
+    model_config = example(artifacts=[])
+
+    artifacts: list[Artifact]

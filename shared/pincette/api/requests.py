@@ -1,0 +1,169 @@
+"""What requests for a job have in common, and the recipes that complete them."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from pincette.api import CONFIG, Model, example
+from pincette.control.laws.parameters import ForceAge, ParameterSet
+from pincette.control.quantities import LARGEST
+
+Positive = Annotated[float, Field(gt=0, le=LARGEST[""])]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST[""])]
+Duration = Annotated[float, Field(gt=0, le=3600)]
+Speed = Annotated[float, Field(ge=0.1, le=1000)]
+Label = Annotated[str, Field(max_length=200)]
+LabelName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}$")]
+RecipeName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}(@[1-9][0-9]{0,5})?$")]
+OnStop = Literal["hold", "release", "retract"]
+OnAbort = Literal["freeze", "ramp"]
+
+
+class JobRequest(BaseModel, frozen=True):
+    """What every job may say."""
+
+    # Descriptions of members are told over REST, and on the command line.
+    model_config = {**CONFIG, "use_attribute_docstrings": True}
+
+    kind: str
+    autostart: bool = False
+    """Begin as soon as the job is ready, without the action ``start``."""
+    dry_run: bool = False
+    """Plan and predict only; no job is made."""
+    rig: str | None = Field(default=None, max_length=40)
+    """Name of the rig; may be left out where there is one."""
+    labels: dict[LabelName, Label] = Field(default_factory=dict, max_length=16)
+    queue: bool = False
+    """Wait for the rig while another job has it, instead of being refused."""
+    recipe: RecipeName | None = None
+    """Name of a recipe, or name@version, which completes what the request leaves out."""
+
+
+class PolicyRequest(JobRequest, frozen=True):
+    """What every job that holds a part may say of its end."""
+
+    on_stop: OnStop = "hold"
+    """What a stop does with a held part: keep it, let it go, or let it go and retreat."""
+    on_abort: OnAbort = "freeze"
+    """What an abort does with a held part: keep it for the rig file's time, or ramp at once."""
+
+
+Gain = Annotated[float, Field(ge=0, le=1e9)]
+
+
+class Gains(Model):
+    """Gains by name that replace those of the rig file; names and units are under ``/laws``."""
+
+    model_config = example(K_P=0.5, K_f=4000.0) | ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Gain] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    force_age: ForceAge | None = None
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """Gains that are stated."""
+        return dict(self.__pydantic_extra__)
+
+
+def _apart(value: object) -> object:
+    """Gains by themselves, so that a fault of theirs is not told as a fault of ``tuned`` too."""
+    if isinstance(value, dict):
+        return Gains.model_validate(value)
+    if value is None or value == "tuned" or isinstance(value, Gains):
+        return value
+    raise ValueError(f'gains = {value!r:.60}: input should be "tuned", or gains by their names')
+
+
+class ContactJobRequest(PolicyRequest, frozen=True):
+    """What every job that meets a part may say; what is left out comes from the rig file."""
+
+    load_s: Duration | None = None
+    """Time to load."""
+    approach_um_per_s: Speed | None = None
+    """Speed of the free arm on its way to the part."""
+    seek_um_per_s: Speed | None = None
+    """Speed near the part, until the contact is found."""
+    contact_force_mN: Positive | None = None
+    """Force that counts as a contact."""
+    scheme: Annotated[str, Field(min_length=1, max_length=100)] | None = None
+    """Control law, one of those under ``/laws``."""
+    set: ParameterSet | None = None
+    """Whose m, b, k, d the law works with: the rig's (consistent) or the paper's (printed)."""
+    gains: Annotated[Gains | Literal["tuned"] | None, BeforeValidator(_apart)] = None
+    """What differs from the rig file's gains, or the balanced ones of a search on its model."""
+
+
+RecipeTitle = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}$")]
+VALUES = {"force_mN": 8.0, "hold_s": 2.0, "part": {"stiffness_mN_per_um": 2.1}}
+
+
+class PartExpectation(Model):
+    """What is expected of the object, in place of the rig file's part; what is left out is its."""
+
+    model_config = example(contact_um=28.5, stiffness_mN_per_um=2.1)
+
+    contact_um: float | None = None
+    """Position of the driven arm at first touch."""
+    contact_tolerance_um: Positive | None = None
+    stiffness_mN_per_um: Positive | None = None
+    stiffness_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+
+
+class RecipeRequest(Model):
+    """A recipe, or its next version."""
+
+    model_config = example(name="bead-1mm", values=VALUES, note="glass, measured on the bench")
+
+    name: RecipeTitle
+    values: dict[str, Any] = Field(min_length=1)
+    """Members of a grip or a track request, and ``part``: what is expected of the object."""
+    note: str = Field(default="", max_length=1000)
+
+
+class Recipe(Model):
+    """One version of a recipe; it never changes."""
+
+    model_config = example(
+        name="bead-1mm",
+        version=3,
+        digest="8c0f1ab2c3d4e5f6",
+        values=VALUES,
+        note="glass, measured on the bench",
+        created_at="2026-03-01T12:00:00.000Z",
+    )
+
+    name: str
+    version: int
+    digest: str
+    """Of the values."""
+    values: dict[str, Any]
+    note: str
+    created_at: str
+
+
+class RecipeHistory(Model):
+    """The newest version of a recipe, and all there are."""
+
+    model_config = example(
+        newest={
+            "name": "bead-1mm",
+            "version": 3,
+            "digest": "8c0f1ab2c3d4e5f6",
+            "values": VALUES,
+            "note": "",
+            "created_at": "2026-03-01T12:00:00.000Z",
+        },
+        versions=[],
+    )
+
+    newest: Recipe
+    versions: list[Recipe]
+    """The newest first."""
+
+
+class RecipeList(Model):
+    """The newest version of every recipe, by name."""
+
+    model_config = example(recipes=[])
+
+    recipes: list[Recipe]

@@ -1,0 +1,159 @@
+"""What comes of a job, as it is stored and sent."""
+
+from typing import Any
+
+from pincette.api import Model, example
+from pincette.api.plans import Pose
+from pincette.api.states import ActionType
+
+
+class Phase(Model):
+    """A phase as it went."""
+
+    model_config = example(phase="hold", start_s=8.9, duration_s=4.0)
+
+    phase: str
+    start_s: float
+    duration_s: float
+
+
+class Percentiles(Model):
+    """Percentiles of a magnitude, in the unit of its name."""
+
+    model_config = example(p50=0.021, p95=0.064, p99=0.091)
+
+    p50: float
+    p95: float
+    p99: float
+
+
+class LimitActed(Model):
+    """A limit of the actuator that acted."""
+
+    model_config = example(limit="slew_up", first_seq=344, samples=3)
+
+    limit: str
+    first_seq: int
+    samples: int
+
+
+class ActionTaken(Model):
+    """An action and the sample at which it took effect."""
+
+    model_config = example(type="release", seq=611)
+
+    type: ActionType
+    seq: int
+
+
+class JobResult(Model):
+    """What every result has."""
+
+    outcome: str
+    """gripped, tracked, released, moved, stopped, no_contact, wrong_stiffness, lost, overforce,
+    overtravel, contact, zero_refused, tripped, or unfinished."""
+    phases: list[Phase]
+    limits_acted: list[LimitActed]
+    actions: list[ActionTaken]
+    samples: int
+    missed_ticks: int
+    """Samples that were never taken or never came here."""
+    unanswered_ticks: int
+    """Ticks for which the actuator took no command."""
+    dropped_messages: int
+
+
+class ClosedLoopResult(JobResult):
+    """Figures of a job under a law; a figure is null where the job did not come that far."""
+
+    contact_x_um: float | None
+    contact_x_error_um: float | None
+    """Its standard error, by what the load leaves of a straight line and by the force's own."""
+    contact_stiffness_mN_per_um: float | None
+    contact_stiffness_error_mN_per_um: float | None
+    """Its standard error, by what the load leaves of a straight line."""
+    force_uncertainty_mN: float | None
+    """Mean over the hold or the path."""
+    force_assumed: list[str]
+    """Quantities that it is worked out from and no calibration has found."""
+    zero_age_s: float | None
+    """At the end of the hold or the path."""
+    peak_force_mN: float | None
+    final_force_mN: float | None
+    contact_rmse_position_um: float | None
+    """From the load to the unload."""
+    contact_rmse_force_mN: float | None
+    """From the load to the unload."""
+    sliding_um: Percentiles | None
+    """Of |s|, over all samples as the figures down to ``true_perturbation_error_mN`` are. Where
+    K_S = 0 nothing brings s back: it goes with the perturbation, and moves no voltage."""
+    sliding_in_band: float | None
+    """Share of the samples with |s| within its band, outside which |s| cannot have grown."""
+    residual_um: Percentiles | None
+    """Of the magnitude of x less its prediction (17), by the law's own force."""
+    law_perturbation_mN: Percentiles | None
+    """Of |p̂| (6), by the law's own force and its parameter set."""
+    perturbation_error_mN: Percentiles | None
+    """Of |p̃| (8), likewise: what K_S would have to exceed. Where the force is estimated from the
+    same position and voltage, model is held against model."""
+    true_perturbation_error_mN: Percentiles | None
+    """Of |p̃| (8) from position as measured, voltage as applied and the true force, by the law's
+    parameter set; known to a simulated rig alone, null on a real one."""
+
+
+COMMON: dict[str, Any] = {
+    "contact_x_um": 31.1,
+    "contact_x_error_um": 0.01,
+    "contact_stiffness_mN_per_um": 2.1,
+    "contact_stiffness_error_mN_per_um": 0.004,
+    "force_uncertainty_mN": 0.42,
+    "force_assumed": ["model.forgotten_mN"],
+    "zero_age_s": 9.1,
+    "peak_force_mN": 20.3,
+    "final_force_mN": 0.1,
+    "contact_rmse_position_um": 0.042,
+    "contact_rmse_force_mN": 0.14,
+    "sliding_um": {"p50": 0.09, "p95": 0.32, "p99": 0.41},
+    "sliding_in_band": 0.41,
+    "residual_um": {"p50": 0.021, "p95": 0.064, "p99": 0.091},
+    "law_perturbation_mN": {"p50": 1.2, "p95": 6.1, "p99": 6.4},
+    "perturbation_error_mN": {"p50": 0.1, "p95": 0.3, "p99": 0.4},
+    "true_perturbation_error_mN": {"p50": 0.1, "p95": 0.3, "p99": 0.4},
+    "limits_acted": [],
+    "actions": [],
+    "samples": 820,
+    "missed_ticks": 0,
+    "unanswered_ticks": 0,
+    "dropped_messages": 0,
+}
+"""Part of the examples."""
+
+
+class MotionResult(ClosedLoopResult):
+    """Figures of a move, a hold or a release; a figure is null where the job has none."""
+
+    model_config = example(
+        outcome="moved",
+        phases=[{"phase": "move", "start_s": 0.4, "duration_s": 1.4}],
+        **COMMON,
+        begins_at={"x_um": 0.02, "voltage_V": 0.0},
+        ends_at={"x_um": 12.51, "voltage_V": 0.64},
+        teach="beside-the-bead",
+        target_um=12.5,
+        target_error_um=0.01,
+        drift_um=None,
+        held_at_end=False,
+    )
+
+    begins_at: Pose
+    """At the first sample."""
+    ends_at: Pose
+    """Mean position over the last rest, and the voltage that is kept."""
+    teach: str | None
+    """Name that the pose was to be stated under, for a recipe to store."""
+    target_um: float | None
+    target_error_um: float | None
+    """Position less target."""
+    drift_um: float | None
+    """Of the position while a part was held, peak to peak."""
+    held_at_end: bool

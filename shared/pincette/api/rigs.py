@@ -1,0 +1,279 @@
+"""A rig over REST: its programs, its checks, its limits, its latch."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from pincette.api import Model, example
+from pincette.api.checks import Check, FaultView
+
+Certainty = Literal["known", "believed", "unknown"]
+"""Heard just now; heard some time ago, and nothing speaks against it; nothing is known."""
+PartState = Literal["none", "held", "unknown"]
+RigAction = Literal["start_job", "estop", "reset", "resume_queue", "clear_queue"]
+
+
+class Program(Model):
+    """A program of the rig, as far as it is known."""
+
+    model_config = example(
+        name="estimator",
+        alive=True,
+        version="0.1.0",
+        age_s=0.011,
+        epoch=81985529216486895,
+        missed=0,
+        refused=0,
+        detail="",
+        trouble="",
+    )
+
+    name: str
+    alive: bool
+    """Whether its liveliness token is seen."""
+    version: str | None
+    age_s: float | None
+    """Since its newest sample."""
+    epoch: int | None
+    missed: int | None
+    """Samples it had to skip since its start."""
+    refused: int | None
+    """Messages it refused since its start."""
+    detail: str
+    """How it is, for people."""
+    faults: list[FaultView] = Field(default_factory=list["FaultView"])
+    """The same, for programs."""
+    trouble: str
+    """Why it cannot be relied on; empty where it can."""
+
+
+class Interlock(Model):
+    """Something that must hold before a job may begin."""
+
+    model_config = example(
+        name="estimator_age_s", satisfied=True, value=0.011, limit=0.05, unit="s"
+    )
+
+    name: str
+    satisfied: bool
+    value: float | str | None
+    limit: float | str | None
+    unit: str
+
+
+class Latch(Model):
+    """The actuator's latch."""
+
+    model_config = example(
+        state="latched",
+        cause="estop",
+        faults=[],
+        words="estop: an emergency stop was asked for",
+        clear="POST /api/v1/rigs/demo/reset",
+    )
+
+    state: str
+    """latched, idle, armed, frozen, ramping, or unknown."""
+    cause: str
+    """Code of the cause; empty where there is none."""
+    faults: list[FaultView] = Field(default_factory=list["FaultView"])
+    """What was found, with its numbers."""
+    words: str = ""
+    """The cause for people, with the program that was silent."""
+    clear: str
+    """What clears it; empty where there is nothing to clear."""
+
+
+STANDING = {
+    "state": "armed",
+    "state_certainty": "known",
+    "state_age_s": 0.011,
+    "part": "held",
+    "part_certainty": "known",
+    "part_age_s": 0.011,
+}
+
+
+class Standing(Model):
+    """How the actuator and the part stand, and how far that can be trusted."""
+
+    model_config = example(**STANDING)
+
+    state: str
+    """Of the actuator: latched, idle, armed, frozen, ramping, or unknown."""
+    state_certainty: Certainty
+    state_age_s: float | None
+    """Since the actuator was heard; null where it never was."""
+    part: PartState
+    """Unknown also where the output may have let it go by its own watchdog."""
+    part_certainty: Certainty
+    """Of a held part at most believed while no voltage is written that could be confirmed."""
+    part_age_s: float | None
+    """Since the output confirmed the voltage of a held part; else as ``state_age_s``."""
+
+
+class LimitValue(Model):
+    """A limit of the rig."""
+
+    model_config = example(quantity="force_max", value=40.0, unit="mN")
+
+    quantity: str
+    value: float
+    unit: str
+
+
+class ModelInUse(Model):
+    """The model that jobs work with."""
+
+    model_config = example(version=3, digest="9f31c2a4550b7e66")
+
+    version: int
+    """0: the rig file alone."""
+    digest: str
+
+
+class Newest(Model):
+    """Newest samples."""
+
+    model_config = example(
+        seq=445,
+        phase="hold",
+        x_um=39.9,
+        force_mN=19.98,
+        force_uncertainty_mN=0.41,
+        zero_age_s=4.1,
+        voltage_V=2.49,
+    )
+
+    seq: int | None
+    phase: str
+    x_um: float | None
+    force_mN: float | None
+    force_uncertainty_mN: float | None
+    zero_age_s: float | None
+    voltage_V: float | None
+
+
+class Queue(Model):
+    """Jobs that wait for the one that runs."""
+
+    model_config = example(length=2, halted="job 20260301-120000-1f0c failed: lost", capacity=16)
+
+    length: int
+    halted: str
+    """Why none of them starts by itself; empty where the next one does. A person resumes it."""
+    capacity: int
+
+
+class QueueRequest(Model):
+    """What shall become of the queue."""
+
+    model_config = example(type="resume")
+
+    type: Literal["resume", "clear"]
+    """Go on with the next job, or stop all that wait."""
+
+
+class SafeToMove(Model):
+    """Whether the stage that carries the gripper may move."""
+
+    model_config = example(value=False, reasons=["the arm moves: approach"])
+
+    value: bool
+    reasons: list[str]
+    """Why not."""
+
+
+class Rig(Model):
+    """A rig: its programs, whether it can start, and if not, why."""
+
+    model_config = example(
+        name="demo",
+        time="real",
+        period_s=0.02,
+        digest="3f2a9d1c0b7e6655",
+        model={"version": 0, "digest": ""},
+        programs=[],
+        checks=[],
+        interlocks=[],
+        limits=[],
+        latch={"state": "idle", "cause": "", "clear": ""},
+        newest=None,
+        part="none",
+        standing=STANDING | {"state": "idle", "part": "none"},
+        safe_to_move={"value": True, "reasons": []},
+        active_job=None,
+        queue={"length": 0, "halted": "", "capacity": 16},
+        can_start=True,
+        startable=["grip", "track", "move", "hold", "release", "calibrate"],
+        reasons=[],
+        warnings=[],
+        allowed_actions=["start_job", "estop"],
+    )
+
+    name: str
+    time: Literal["real", "lockstep"]
+    period_s: float
+    digest: str
+    """Of the rig file; all programs must have the same."""
+    model: ModelInUse
+    programs: list[Program]
+    checks: list[Check] = Field(default_factory=list[Check])
+    """Everything that is looked at, each with value and limit."""
+    interlocks: list[Interlock]
+    limits: list[LimitValue]
+    latch: Latch
+    newest: Newest | None
+    part: PartState
+    """Whether the gripper holds a part, as the actuator was last told; see ``standing``."""
+    standing: Standing
+    safe_to_move: SafeToMove
+    active_job: str | None
+    queue: Queue
+    can_start: bool
+    """Whether any kind of job can start."""
+    startable: list[str]
+    """Kinds of job that can start: while a part is held and no job holds it, hold and release."""
+    reasons: list[str]
+    """Why a job cannot start, in words."""
+    warnings: list[str]
+    """What a person should see to, though jobs can start."""
+    allowed_actions: list[RigAction]
+
+
+class RigList(Model):
+    """The rigs this supervisor serves."""
+
+    model_config = example(rigs=[])
+
+    rigs: list[Rig]
+
+
+class ResetRequest(Model):
+    """Clear the actuator's latch; says that a person has seen the cause."""
+
+    model_config = example(acknowledge=True)
+
+    acknowledge: Literal[True]
+
+
+class Stopped(Model):
+    """How an emergency stop or a reset was taken."""
+
+    model_config = example(rig="demo", cause="estop", acknowledged=True, detail="")
+
+    rig: str
+    cause: str
+    acknowledged: bool
+    """Whether the actuator has confirmed."""
+    detail: str
+
+
+class StoppedList(Model):
+    """How an emergency stop of every rig was taken: each has confirmed."""
+
+    model_config = example(
+        rigs=[{"rig": "demo", "cause": "estop", "acknowledged": True, "detail": ""}]
+    )
+
+    rigs: list[Stopped]

@@ -1,0 +1,132 @@
+"""Sessions of a rig file's programs, with mutual TLS by its certificates; raise SecurityError."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pincette.bus.protocol import BusError
+from pincette.bus.topology import (
+    SessionConfig,
+    TlsIdentity,
+    client_session,
+    direct_session,
+    partners,
+    peer_session,
+    router_session,
+    secured,
+)
+from pincette.config import RigFile
+from pincette.core.service import Participant
+from pincette.security.access import (
+    Access,
+    beyond_rig,
+    beyond_upstream,
+    client_access,
+    neighbour_access,
+    router_access,
+    service_access,
+)
+from pincette.security.identity import OPERATOR, ROUTER, UPSTREAM, Identity, program
+
+if TYPE_CHECKING:
+    from pincette.security.folder import Folder
+
+THE_ROUTER, THE_UPSTREAM = program(ROUTER, ""), program(UPSTREAM, "")
+
+
+def router_endpoint(rig: RigFile) -> SessionConfig:
+    """The session of the router."""
+    bus = rig.bus
+    host = bus.listen or bus.host
+    config = router_session(host, bus.port, lockstep=rig.lockstep, upstream=bus.upstream_at)
+    folder = _folder(rig)
+    if folder is None:
+        return config
+    known = [facts.identity for facts in folder.all()]
+    beyond = beyond_upstream(known, rig.rig.name, apart=bus.apart)
+    none: Access = {}
+    above = none if bus.upstream is None else neighbour_access(THE_UPSTREAM, beyond)
+    access = {**router_access(known), **above}
+    return _joined(config, folder, THE_ROUTER, access)
+
+
+def upstream_endpoint(rig: RigFile) -> SessionConfig:
+    """The session of a laboratory server's router; raises BusError where the rig file has none."""
+    bus = rig.bus
+    if bus.upstream_at is None:
+        raise BusError(f"rig {rig.rig.name!r} has no [bus] upstream: HOST:PORT of this router")
+    config = router_session(*bus.upstream_at, lockstep=rig.lockstep)
+    folder = _folder(rig)
+    if folder is None:
+        return config
+    known = [facts.identity for facts in folder.all()]
+    below = beyond_rig(known, rig.rig.name, apart=bus.apart)
+    access = {**router_access(known), **neighbour_access(THE_ROUTER, below)}
+    return _joined(config, folder, THE_UPSTREAM, access)
+
+
+def service_endpoint(rig: RigFile, name: str, services: Mapping[str, Participant]) -> SessionConfig:
+    """The session of a program of the loop, which has an access list of its own."""
+    bus, lockstep = rig.bus, rig.lockstep
+    config = peer_session(
+        bus.host, bus.port, name, services, lockstep=lockstep, router_at=bus.router_at
+    )
+    folder = _folder(rig)
+    if folder is None:
+        return config
+    linked = {other: services[other] for other in partners(name, services, lockstep=lockstep)}
+    operators = [one.identity.name for one in folder.all() if one.identity.role == OPERATOR]
+    access = service_access(services[name], rig.rig.name, linked, operators)
+    return _joined(config, folder, program(name, rig.rig.name), access)
+
+
+def program_endpoint(rig: RigFile, name: str, *, lockstep: bool) -> SessionConfig:
+    """The session of a program outside the loop, at the router."""
+    return _client(
+        rig, client_session(*rig.bus.served_by, lockstep=lockstep), program(name, rig.rig.name)
+    )
+
+
+def tool_endpoint(rig: RigFile) -> SessionConfig:
+    """The session of a person's tool, at the router."""
+    return _client(rig, client_session(*rig.bus.served_by))
+
+
+def direct_endpoint(rig: RigFile, service: str) -> SessionConfig:
+    """The session of a person's tool at one service, without the router."""
+    config = direct_session(rig.bus.host, rig.bus.port, service)
+    return _client(rig, config, server=program(rig.program_of(service), rig.rig.name))
+
+
+def _client(
+    rig: RigFile,
+    config: SessionConfig,
+    identity: Identity | None = None,
+    server: Identity | None = None,
+) -> SessionConfig:
+    folder = _folder(rig)
+    if folder is None:
+        return config
+    router = THE_UPSTREAM if rig.bus.apart else THE_ROUTER
+    identity = identity or folder.named(rig.bus.identity)
+    return _joined(config, folder, identity, client_access(server or router))
+
+
+def _joined(
+    config: SessionConfig, folder: "Folder", identity: Identity, access: Access
+) -> SessionConfig:
+    from pincette.security.folder import checked
+
+    credentials = folder.credentials(identity)
+    checked(credentials, datetime.now(UTC))
+    return secured(config, TlsIdentity(credentials, access))
+
+
+def _folder(rig: RigFile) -> "Folder | None":
+    if rig.bus.pki is None:
+        return None
+    # What reads certificates is loaded where there are any: it is a tenth of a program's start.
+    from pincette.security.folder import Folder
+
+    return Folder(Path(rig.bus.pki))

@@ -1,0 +1,137 @@
+"""The links between programs, derived from the topics; none is found by multicast."""
+
+# The services of one rig are peers with one direct link wherever one consumes what the other
+# produces; each also has a link to the router, which serves the supervisor, the recorder and other
+# tools. Nothing listens beyond the host that the rig file names.
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from pincette.core.service import Participant, member_services
+from pincette.core.topics import LOOP, Topic
+from pincette.security.access import Access
+from pincette.security.identity import Credentials
+
+PLAIN, SECURE = "tcp/", "tls/"
+
+
+@dataclass(frozen=True, slots=True)
+class TlsIdentity:
+    """What a program proves itself with, and what it lets others do."""
+
+    credentials: Credentials
+    access: Access
+
+
+@dataclass(frozen=True, slots=True)
+class SessionConfig:
+    """How one program joins the bus."""
+
+    mode: str
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    patient: bool = False
+    """In lockstep: a link that stalls is waited for, so that no sample is lost on it."""
+    tls: TlsIdentity | None = None
+    """None: the links are neither encrypted nor closed to anybody."""
+
+
+def secured(config: SessionConfig, member: TlsIdentity) -> SessionConfig:
+    """The same session with mutual TLS on every link."""
+    listen, connect = (
+        tuple(SECURE + one.removeprefix(PLAIN) for one in places)
+        for places in (config.listen, config.connect)
+    )
+    return replace(config, listen=listen, connect=connect, tls=member)
+
+
+def endpoint(host: str, port: int, program: str) -> str:
+    """Where a program listens: the router at ``port``, then the services, each at its own port."""
+    offset = 0 if program == "router" else 1 + LOOP.index(member_services(program)[0])
+    return f"{PLAIN}{host}:{port + offset}"
+
+
+def address_of(endpoint: str) -> tuple[str, int]:
+    """Host and port of an endpoint; see ``endpoint``."""
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    return host.strip("[]"), int(port)
+
+
+def router_session(
+    host: str, port: int, *, lockstep: bool = False, upstream: tuple[str, int] | None = None
+) -> SessionConfig:
+    """A router's session, which may connect to an upstream router whenever that runs."""
+    above = () if upstream is None else (endpoint(*upstream, "router"),)
+    return SessionConfig("router", (endpoint(host, port, "router"),), above, patient=lockstep)
+
+
+def client_session(host: str, port: int, *, lockstep: bool = False) -> SessionConfig:
+    """A tool's session through the router."""
+    return SessionConfig("client", connect=(endpoint(host, port, "router"),), patient=lockstep)
+
+
+def direct_session(host: str, port: int, program: str) -> SessionConfig:
+    """A tool's session with one service, without the router."""
+    return SessionConfig("client", connect=(endpoint(host, port, program),))
+
+
+def producers(service: Participant, *, lockstep: bool) -> set[str]:
+    """Services whose samples a program takes; a pace is taken in lockstep only."""
+    return {item.topic.producer for item in service.inputs if item.role != "pace" or lockstep}
+
+
+def consumers(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> set[str]:
+    """Programs that take what a program produces."""
+    own = member_services(name)
+    return {
+        other
+        for other, service in services.items()
+        if not producers(service, lockstep=lockstep).isdisjoint(own)
+    }
+
+
+def partners(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> set[str]:
+    """Programs with which a program has a direct link."""
+    taken = producers(services[name], lockstep=lockstep)
+    given = consumers(name, services, lockstep=lockstep)
+    return given | {other for other in services if not taken.isdisjoint(member_services(other))}
+
+
+def awaited(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> frozenset[Topic]:
+    """Topics of a program that services of the loop in other programs take."""
+    own = member_services(name)
+    return frozenset(
+        item.topic
+        for service in services.values()
+        for item in service.inputs
+        if item.topic.producer in own and (item.role != "pace" or lockstep)
+    )
+
+
+def peer_session(
+    host: str,
+    port: int,
+    name: str,
+    services: Mapping[str, Participant],
+    *,
+    lockstep: bool,
+    router_at: tuple[str, int] | None = None,
+) -> SessionConfig:
+    """The session of a program of the loop: it listens, and connects to the partners before it."""
+    own = member_services(name)
+    linked = partners(name, services, lockstep=lockstep)
+    before = [other for other in linked if _place(other) < _place(name)]
+    return SessionConfig(
+        "peer",
+        tuple(endpoint(host, port, service) for service in own),
+        (
+            endpoint(*(router_at or (host, port)), "router"),
+            *(endpoint(host, port, other) for other in sorted(before, key=_place)),
+        ),
+        patient=lockstep,
+    )
+
+
+def _place(program: str) -> int:
+    """Where a program's first service is in a tick."""
+    return LOOP.index(member_services(program)[0])

@@ -1,0 +1,149 @@
+"""``pincette bring-up``: through the calibrations of a rig, in the order of its checklist."""
+
+import sys
+from typing import Annotated, Any
+
+from rich.console import Console
+from typer import Option
+
+from pincette.api.calibrations import Proposal
+from pincette.api.checklist import BenchNeed, Checklist, ChecklistStep, StepState
+from pincette.cli import CliError, Exit
+from pincette.cli.access import FOLLOWED_S, Target
+from pincette.cli.model import show_proposal
+from pincette.cli.results import measured
+from pincette.cli.terminal import command, group, screen, table, tree
+from pincette.cli.watch import follow
+from pincette.client import JobHandle, Supervisor
+
+COLOURS: dict[StepState, str] = {"done": "green", "next": "cyan", "unsupported": "yellow"}
+GRIP = "`pincette job grip --dry-run` predicts a grip, `pincette job grip` grips"
+
+app = group()
+
+
+@command(app, "bring-up")
+def bring_up(
+    target: Target,
+    show: Annotated[bool, Option("--list", help="only list the calibrations")] = False,
+    yes: Annotated[
+        bool,
+        Option(
+            "--yes",
+            help="the bench is as the next step needs it: make it, accept it, and go on until "
+            "something else has to be done at the bench",
+        ),
+    ] = False,
+    skip: Annotated[
+        list[str] | None,
+        Option("--skip", metavar="CALIBRATION", help="leave it out; repeatable"),
+    ] = None,
+) -> int:
+    """Lead through the calibrations of a rig: which is next, what it needs, what it has found."""
+    rig = target.rig().patient(FOLLOWED_S)
+    found = rig.checklist()
+    if show or target.json:
+        target.answer(found, lambda: show_checklist(found, screen()))
+        return Exit.DONE
+    if not (yes or sys.stdin.isatty()):
+        raise CliError("no terminal to ask at: --yes goes on by itself, --list only lists", 2)
+    console, left_out, ready = screen(), {*(skip or [])}, None
+    if unknown := left_out - {step.calibration for step in found.steps}:
+        raise CliError(f"--skip: there is no calibration {', '.join(sorted(unknown))}", Exit.USAGE)
+    show_checklist(found, console)
+    while (step := _next(rig.checklist(), left_out)) is not None:
+        needs = [need.code for need in step.needs]
+        if yes and ready not in (None, needs):
+            console.print(f"\nnext: {step.label}: {_needs(step.needs)}", soft_wrap=True)
+            console.print("then `pincette bring-up --yes` again")
+            return Exit.FAILED
+        ready = needs
+        if not _made(target, step, console, yes=yes):
+            left_out.add(step.calibration)
+    show_checklist(rig.checklist(), console)
+    console.print(f"\nleft out: {', '.join(sorted(left_out))}" if left_out else "\nall done")
+    console.print(GRIP)
+    return Exit.DONE
+
+
+def _next(found: Checklist, left_out: set[str]) -> ChecklistStep | None:
+    """The first step that is to be made and not left out."""
+    return next(
+        (
+            step
+            for step in found.steps
+            if step.state in ("next", "later") and step.calibration not in left_out
+        ),
+        None,
+    )
+
+
+def _made(target: Target, step: ChecklistStep, console: Console, *, yes: bool) -> bool:
+    """Make a step, or decide about what it has proposed; false where a person leaves it out."""
+    console.print(f"\n[bold]{step.label}[/bold]: {step.summary}", soft_wrap=True)
+    for reason in step.reasons:
+        console.print(f"  {reason.text}", markup=False, soft_wrap=True)
+    if any(reason.code == "refused" for reason in step.reasons):
+        raise CliError("it would be refused: mend what is named, or leave it out with --skip")
+    name = step.proposal
+    if name is None:
+        if not yes and not _agreed(
+            f"{_needs(step.needs)}, then press Enter (or s to leave it out)"
+        ):
+            return False
+        fields = {name: value for name, value in step.request.items() if name != "rig"}
+        handle = target.rig().patient(FOLLOWED_S).start(fields.pop("kind"), **fields)
+        _run(handle, console)
+        name = handle.id
+    supervisor = target.supervisor().patient(FOLLOWED_S)
+    return _decided(supervisor, supervisor.proposal(name), console, yes=yes)
+
+
+def _run(job: JobHandle, console: Console) -> None:
+    """Follow the job of a calibration; raises CliError where it does not succeed."""
+    ended = follow(job, console)
+    if ended.state != "succeeded":
+        raise CliError(f"job {job.id} {ended.state}: {ended.cause}\n`pincette bring-up` tries anew")
+
+
+def _decided(supervisor: Supervisor, proposal: Proposal, console: Console, *, yes: bool) -> bool:
+    """Show what was found, and accept it if a person agrees; else it is discarded."""
+    shown = tree(proposal)
+    show_proposal(shown, console)
+    console.print(f"  {proposal.statement}", markup=False, soft_wrap=True)
+    for one in proposal.figures:
+        console.print(f"  {one.name} {one.value:.4g} {one.unit}: {one.meaning}", markup=False)
+    for text in proposal.warnings:
+        console.print(f"  [yellow]{text}[/yellow]", soft_wrap=True)
+    accepted = yes or _agreed("Enter accepts these values (s discards them, and leaves this out)")
+    supervisor.decide(proposal.id, "accept" if accepted else "discard")
+    return accepted
+
+
+def _agreed(words: str) -> bool:
+    """Whether a person presses Enter; ``s`` leaves it out."""
+    try:
+        return input(f"  {words}: ").strip().lower() not in ("s", "skip", "n", "no")
+    except EOFError as error:
+        raise CliError("the terminal has gone; `pincette bring-up` goes on from here") from error
+
+
+def _needs(needs: list[BenchNeed]) -> str:
+    return "; ".join(need.text for need in needs)
+
+
+def show_checklist(found: Checklist, console: Console) -> None:
+    """Print the calibrations in their order: how far each is, and what it found or needs."""
+    rows: list[tuple[Any, ...]] = []
+    for place, step in enumerate(found.steps, 1):
+        colour = COLOURS.get(step.state, "default")
+        rows.append((f"{place}", step.calibration, f"[{colour}]{step.state}[/]", _said(step)))
+    console.print(table("", "calibration", "state", "found, or needed", rows=rows, right=()))
+
+
+def _said(step: ChecklistStep) -> str:
+    if step.state == "done":
+        return "; ".join(f"{one.quantity} {measured(tree(one))}" for one in step.gained)
+    if step.state == "unsupported":
+        return step.reasons[-1].text
+    return _needs(step.needs)

@@ -1,0 +1,250 @@
+"""``pincette init``: ask what a rig file needs to know of a bench, and write it."""
+
+import ast
+import inspect
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from textwrap import dedent
+from types import ModuleType
+from typing import Annotated, Any
+
+from typer import Argument, BadParameter, Option
+
+from pincette.cli import CliError, Exit
+from pincette.cli.options import number
+from pincette.cli.questions import ARM, NUMBERED, PART, RIG, SENSOR, Question
+from pincette.cli.rig_form import Value, rig_text, write
+from pincette.cli.terminal import command, group, named
+from pincette.config import Table
+from pincette.core import plugins
+
+FIRST_PORT = "/dev/ttyUSB0"
+"""Where an instrument is if its driver names no usual place."""
+
+
+SIDES = {
+    "sensor": (plugins.POSITION_SENSORS, "the position sensor"),
+    "output": (plugins.VOLTAGE_OUTPUTS, "the voltage output"),
+}
+app = group()
+Answer = Callable[[Question], Value]
+Yes = Annotated[bool, Option("--yes", help="ask nothing: defaults where no option answers")]
+Given = list[Any] | None
+
+
+def pair(text: str) -> tuple[str, Value]:
+    """An option of a driver as NAME=VALUE."""
+    name, equals, value = text.partition("=")
+    if not equals or not name:
+        raise BadParameter(f"{text!r} is no option: give NAME=VALUE, such as baud=9600")
+    return name, _value(value)
+
+
+def _value(text: str) -> Value:
+    try:
+        found = json.loads(text)
+    except ValueError:
+        return text
+    return found if isinstance(found, str | float | int | bool) else text
+
+
+def _init(path: Path, yes: bool, **given: Any) -> int:
+    if path.exists():
+        raise CliError(f"{path} is there already: name another file, or move it away")
+    if not yes and not sys.stdin.isatty():
+        raise CliError("no terminal to ask at: --yes takes the defaults", Exit.USAGE)
+    answer = _answers(given, ask=not yes)
+    values: dict[str, Value] = {one.name: answer(one) for one in RIG}
+    options = {side: _side(side, answer, given, values) for side in SIDES}
+    values |= {one.name: answer(one) for one in (*ARM, *PART)}
+    write(path, rig_text(values, options))
+    print(f"{path} is written. Next:\n  export PINCETTE_RIG={path}\n  pincette doctor")
+    return Exit.DONE
+
+
+def _answers(given: dict[str, Any], *, ask: bool) -> Answer:
+    """How a question is answered: by its option, by a person, or by its default."""
+
+    def answer(asked: Question) -> Value:
+        value = given.get(asked.name)
+        if value is not None:
+            return value
+        return _asked(asked) if ask else asked.default
+
+    return answer
+
+
+def _asked(asked: Question) -> Value:
+    """Ask until the answer can be read; Enter takes the default."""
+    unit = f" in {asked.unit}" if asked.unit else ""
+    shown = f"{asked.words}{unit} ({asked.where})\n  [{asked.default}] "
+    while True:
+        try:
+            text = input(shown).strip()
+        except EOFError as error:
+            raise CliError("the terminal has gone; nothing is written") from error
+        if not text:
+            return asked.default
+        try:
+            return number(asked.unit)(text) if _numeric(asked) else _value_like(asked, text)
+        except BadParameter as error:
+            print(f"  {error.message}")
+
+
+def _numeric(asked: Question) -> bool:
+    return isinstance(asked.default, float)
+
+
+def _value_like(asked: Question, text: str) -> Value:
+    return text if isinstance(asked.default, str) else _value(text)
+
+
+def _side(side: str, answer: Answer, given: dict[str, Any], values: dict[str, Value]) -> list[str]:
+    """Ask for an instrument: driver, place, and the driver's own options, which are returned."""
+    group_name, words = SIDES[side]
+    there = plugins.names(group_name)
+    choices = f"one of {', '.join(there)}; `pincette drivers` describes them"
+    driver = str(answer(Question(side, f"driver of {words}", "", there[0], choices)))
+    try:
+        module = sys.modules[plugins.load(group_name, driver).__module__]
+    except plugins.PluginError as error:
+        raise CliError(f"--{side}: {error}", Exit.USAGE) from error
+    values[side] = driver
+    usual = str(getattr(module, "URL", FIRST_PORT))
+    ports = ", ".join(str(port) for port in sorted(Path("/dev/serial/by-id").glob("*")))
+    where = f"here: {ports}" if ports else "a device, or socket://HOST:PORT; the driver's page"
+    values[f"{side}_url"] = answer(Question(f"{side}_url", f"where {words} is", "", usual, where))
+    if side == "sensor":
+        values |= {one.name: answer(one) for one in SENSOR}
+    own = dict(given.get(f"{side}_options") or [])
+    options = list(_options(module, answer, own))
+    if own:
+        raise CliError(f"driver {driver} has no option {', '.join(own)}", Exit.USAGE)
+    if side == "output":
+        values["on_silence"] = _on_silence(dict(options), answer)
+    return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in options]
+
+
+def _options(
+    module: ModuleType, answer: Answer, own: dict[str, Value]
+) -> Iterator[tuple[str, Value]]:
+    """The options of a driver; its table of them is a class of its module named …Options."""
+    for name, thing in vars(module).items():
+        mine = isinstance(thing, type) and thing.__module__ == module.__name__
+        if not (mine and issubclass(thing, Table) and name.endswith("Options")):
+            continue
+        words = _docstrings(thing)
+        for option, field in thing.model_fields.items():
+            if option in own:
+                yield option, own.pop(option)
+                continue
+            required = field.is_required()
+            default: Value = "" if required else field.default
+            about = words.get(option, option).rstrip(".").lower()
+            asked = answer(
+                Question(f"option {option}", f"{option}: {about}", "", default, "instrument")
+            )
+            if required and asked == "":
+                raise CliError(
+                    f"the driver needs its option {option} ({about}): give it as NAME=VALUE",
+                    Exit.USAGE,
+                )
+            yield option, _value(str(asked)) if required else asked
+
+
+def _docstrings(table: type[Table]) -> dict[str, str]:
+    """What a table says of each of its fields."""
+    (body,) = ast.parse(dedent(inspect.getsource(table))).body
+    assert isinstance(body, ast.ClassDef)
+    found: dict[str, str] = {}
+    for line, after in zip(body.body, body.body[1:], strict=False):
+        if (
+            isinstance(line, ast.AnnAssign)
+            and isinstance(line.target, ast.Name)
+            and isinstance(after, ast.Expr)
+            and isinstance(after.value, ast.Constant)
+        ):
+            found[line.target.id] = str(after.value.value)
+    return found
+
+
+def _on_silence(options: dict[str, Value], answer: Answer) -> Value:
+    """What the output does by itself; a watchdog makes it safe."""
+    default = "safe" if options.get("watchdog_s") else "holds"
+    words = "what the output does if its host falls silent: safe, or holds"
+    value = answer(Question("on_silence", words, "", default, "manual of the output"))
+    if value not in ("safe", "holds"):
+        raise CliError(f"on_silence = {value!r}: give safe or holds", Exit.USAGE)
+    return value
+
+
+_DRIVERS = [
+    named(side, Annotated[str | None, Option(f"--{side}", metavar="DRIVER", help=f"of {words}")])
+    for side, (_, words) in SIDES.items()
+]
+_PLACES = [
+    named(
+        f"{side}_url",
+        Annotated[str | None, Option(f"--{side}-url", metavar="URL", help=f"where {words} is")],
+    )
+    for side, (_, words) in SIDES.items()
+]
+_OPTIONS = [
+    named(
+        f"{side}_options",
+        Annotated[
+            Given,
+            Option(
+                f"--{side}-option",
+                metavar="NAME=VALUE",
+                parser=pair,
+                help=f"of the driver of {words}; repeatable",
+            ),
+        ],
+    )
+    for side, (_, words) in SIDES.items()
+]
+
+
+def _option(asked: Question) -> Any:
+    numeric = isinstance(asked.default, float)
+    unit = f", in {asked.unit}" if asked.unit else ""
+    shown = Option(
+        asked.flag,
+        parser=number(asked.unit) if numeric else str,
+        metavar=asked.unit or "TEXT",
+        help=f"{asked.words}{unit}; {asked.default} if not given",
+        show_default=False,
+    )
+    return Annotated[Any, shown]
+
+
+_SILENCE = named(
+    "on_silence",
+    Annotated[
+        str | None,
+        Option("--on-silence", metavar="safe|holds", help="what the output does by itself then"),
+    ],
+)
+
+
+@command(
+    app,
+    "init",
+    [
+        *_DRIVERS,
+        *_PLACES,
+        *_OPTIONS,
+        _SILENCE,
+        *(named(one.name, _option(one)) for one in NUMBERED),
+    ],
+)
+def init(
+    path: Annotated[Path, Argument(metavar="FILE", help="rig file to write, such as bench.toml")],
+    yes: Yes = False,
+    **given: Any,
+) -> int:
+    """Ask what a rig file needs to know of a bench, and write it; nothing is overwritten."""
+    return _init(path, yes, **given)

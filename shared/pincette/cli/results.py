@@ -1,0 +1,223 @@
+"""Plans and results of jobs, as text."""
+
+from pathlib import Path
+from typing import Any, cast
+
+from rich.console import Console
+
+from pincette.api.calibrations import CalibrationPlan
+from pincette.api.job_kinds import ResultField, job_kinds
+from pincette.api.jobs import Job
+from pincette.api.plans import JobPlan, Law, MotionPlan, Plan, SteadyErrors
+from pincette.api.predictions import Prediction
+from pincette.cli.terminal import figures, table
+
+
+def show_plan(plan: JobPlan, console: Console) -> None:
+    """Print what a job would do, and each limit that it would break."""
+    if isinstance(plan, CalibrationPlan):
+        _calibration(plan, console)
+    elif isinstance(plan, Plan | MotionPlan):
+        _motion(plan, console)
+    violations = list(plan.violations)
+    prediction = getattr(plan, "prediction", None)
+    if isinstance(prediction, Prediction):
+        figures(predicted_lines(prediction), console)
+        console.print()
+        violations += prediction.violations
+    if plan.feasible:
+        extent = "within every limit of the rig"
+        if isinstance(plan, CalibrationPlan):
+            volts = f"{plan.voltage_min_V:.3f} V to {plan.voltage_max_V:.3f} V"
+            extent = f"{plan.waits} waits, {volts}"
+        console.print(f"[green]feasible[/green]: {plan.duration_s:.2f} s, {extent}")
+        return
+    console.print("[red]not feasible[/red]: the plan breaks a limit of the rig")
+    for message in dict.fromkeys(violation.message for violation in violations):
+        console.print(f"  {message}", markup=False, soft_wrap=True)
+
+
+def predicted_lines(prediction: Prediction) -> list[tuple[str, str]]:
+    """The course that the model in use predicts, and the nearest limits."""
+    peaks = prediction.peaks
+    lines = [
+        ("predicted", f"{prediction.outcome} after {prediction.duration_s:.2f} s"),
+        ("  force", f"{peaks.force_max_mN:.2f} mN at most"),
+        ("  position", f"{peaks.x_min_um:.2f} to {peaks.x_max_um:.2f} µm"),
+        ("  voltage", f"{peaks.voltage_min_V:.3f} to {peaks.voltage_max_V:.3f} V"),
+    ]
+    for name in dict.fromkeys(margin.quantity for margin in prediction.margins):
+        margins = (margin for margin in prediction.margins if margin.quantity == name)
+        near = min(margins, key=lambda margin: margin.distance)
+        left = f"{near.distance:.3g} {near.unit} to the limit {near.limit:g} {near.unit}"
+        lines.append((f"  {name} left", f"{left}, at {near.at_s:.2f} s ({near.phase})"))
+    if not prediction.complete:
+        lines.append(("  not all of it", prediction.cut))
+    return lines
+
+
+def _motion(plan: Plan | MotionPlan, console: Console) -> None:
+    rows = [
+        (
+            phase.phase,
+            f"{phase.start_s:.2f} s",
+            _or_dash(phase.duration_s, "s"),
+            _or_dash(phase.x_um, "µm"),
+            _or_dash(phase.force_mN, "mN"),
+            f"{phase.voltage_V:.3f} V",
+        )
+        for phase in plan.phases
+    ]
+    console.print(table("phase", "begins", "lasts", "to", "force", "voltage", rows=rows))
+    console.print()
+    lines = [] if plan.law is None else _law(plan.law)
+    if isinstance(plan, Plan):
+        lines += _steady(plan.steady_errors)
+    lines += [("note", warning) for warning in plan.warnings]
+    figures(lines, console)
+    console.print()
+
+
+def _or_dash(value: float | None, unit: str) -> str:
+    return "–" if value is None else f"{value:.2f} {unit}"
+
+
+def _law(law: Law) -> list[tuple[str, str]]:
+    """Which law a job runs with, and how stable its loop is at the worst."""
+    gains = ", ".join(f"{name} = {value:g}" for name, value in law.gains.items())
+    radius, limit = law.spectral_radius, law.spectral_radius_limit
+    return [
+        ("law", f"{law.scheme.upper()}, {law.set} set, {gains} ({law.gains_from})"),
+        ("spectral radius", f"{radius:.3f} at the worst, limit {limit:g}"),
+    ]
+
+
+def _steady(errors: SteadyErrors) -> list[tuple[str, str]]:
+    """Where the arm would rest if the part differed from the plan within its tolerances."""
+    lowest_um, highest_um = errors.position_min_um, errors.position_max_um
+    lowest_mN, highest_mN = errors.force_min_mN, errors.force_max_mN
+    return [
+        ("steady errors", "for a part within the tolerances of the rig file:"),
+        ("  position", f"{lowest_um:+.2f} to {highest_um:+.2f} µm"),
+        ("  force", f"{lowest_mN:+.2f} to {highest_mN:+.2f} mN, until the load finds the contact"),
+    ]
+
+
+def _calibration(plan: CalibrationPlan, console: Console) -> None:
+    phases = table("phase", "begins", "lasts", "voltage")
+    for phase in plan.phases:
+        lasts = "waits for you" if phase.duration_s is None else f"{phase.duration_s:.2f} s"
+        phases.add_row(phase.phase, f"{phase.start_s:.2f} s", lasts, f"{phase.voltage_V:.3f} V")
+    console.print(phases)
+    for item in plan.assumptions:
+        console.print(f"rests on {item.quantity}, {item.source}", markup=False)
+
+
+Tree = dict[str, Any]
+
+
+def outcome(job: Job) -> str:
+    """How a job's program ended; empty where it has no result."""
+    return str((job.result or {}).get("outcome", ""))
+
+
+def show_result(job: Job, console: Console) -> None:
+    """Print the result of a job."""
+    colour = "green" if job.state == "succeeded" else "red"
+    console.print(f"\njob {job.id} [bold {colour}]{job.state}[/]")
+    if job.cause:
+        console.print(f"  {job.cause}", markup=False)
+    result: Tree | None = job.result
+    if result is None:
+        return
+    rows = [
+        (phase["phase"], f"{phase['start_s']:.2f} s", f"{phase['duration_s']:.2f} s")
+        for phase in result["phases"]
+    ]
+    console.print()
+    console.print(table("phase", "begins", "lasts", rows=rows))
+    console.print()
+    lines: list[tuple[str, str]] = []
+    if "calibration" in result:
+        _show_findings(result, job.id, console)
+    else:
+        lines = result_lines(result, job.kind)
+    if result.get("held_at_end"):
+        lines.append(("to let it go", "`pincette job release`"))
+    figures([*lines, *record_lines(job.record)], console)
+
+
+def quantity(value: Any, unit: str) -> str:
+    """A calibrated value with its unit; a table of numbers is only named."""
+    if value is None:
+        return "none"
+    if isinstance(value, int | float):
+        return f"{value:.5g} {unit}" if unit != "1" else f"{value:.5g}"
+    return "a table"
+
+
+def measured(value: Tree) -> str:
+    """A calibrated value with its uncertainty."""
+    text = quantity(value["value"], value["unit"])
+    uncertainty = value["uncertainty"]
+    return text if uncertainty is None else f"{text} ± {uncertainty:.2g}"
+
+
+def _show_findings(result: Tree, name: str, console: Console) -> None:
+    """Print what a calibration has found, and what to do with it."""
+    lines = [(value["quantity"], measured(value)) for value in result["values"]]
+    lines += [(one["name"], quantity(one["value"], one["unit"])) for one in result["figures"]]
+    figures(lines, console)
+    console.print(result["statement"], markup=False)
+    for warning in result["warnings"]:
+        console.print(f"[yellow]warning[/yellow]: {warning}")
+    if result["values"]:
+        console.print(f"proposed; `pincette model accept {name}` uses it")
+
+
+def result_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
+    """The outcome, and the figures that the kind names; a kind that is not installed has none."""
+    known = job_kinds().get(kind)
+    lines = [("outcome", str(result.get("outcome", "")))]
+    for field in () if known is None else known.figures:
+        value = _member(result, field.name)
+        if value is None and field.optional:
+            continue
+        text = _figure(value, field)
+        uncertainty = _member(result, field.uncertainty) if field.uncertainty else None
+        if value is not None and uncertainty is not None:
+            text += f" ± {_figure(uncertainty, field)}"
+        lines.append((field.label, text))
+        assumed = _member(result, field.assumed) if field.assumed else None
+        if uncertainty is not None and assumed:
+            lines.append(("  its ± assumes", ", ".join(assumed)))
+    return lines
+
+
+def _figure(value: Any, field: ResultField) -> str:
+    if value is None:
+        return "not known"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int | float):
+        return f"{value:.{field.digits}f} {field.unit}".rstrip()
+    return str(value)
+
+
+def _member(tree: Tree, path: str) -> Any:
+    found: Any = tree
+    for name in path.split("."):
+        found = cast("Tree", found).get(name) if isinstance(found, dict) else None
+    return found
+
+
+def record_lines(record: str | None) -> list[tuple[str, str]]:
+    """Where a job's record is, and its plot if the folder is on this machine."""
+    if not record:
+        return []
+    folder = Path(record)
+    if folder.is_relative_to(Path.cwd()):
+        folder = folder.relative_to(Path.cwd())
+    lines = [("record", str(folder))]
+    plots = (folder / name for name in sorted({kind.plot for kind in job_kinds().values()}))
+    return [*lines, *(("plot", str(plot)) for plot in plots if plot.is_file())]

@@ -1,0 +1,253 @@
+"""Commands of Typer, groups of options that they share, and what is printed."""
+
+import inspect
+import json
+import sys
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import dataclass, fields
+from datetime import datetime
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from pincette.cli import Exit, chosen
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+LABEL_WIDTH = 19
+"""Least width of the names of figures."""
+STATE_COLOURS: Mapping[str, str] = {
+    "succeeded": "green",
+    "running": "cyan",
+    "paused": "yellow",
+    "stopped": "yellow",
+    "aborted": "red",
+    "failed": "red",
+    "interrupted": "red",
+}
+
+
+def screen(*, machine: bool = False) -> "Console":
+    """The console for text: standard output, or standard error if JSON goes to the former."""
+    # Rich is loaded where something is printed: a help text does without.
+    from rich.console import Console
+
+    return Console(highlight=False, stderr=machine)
+
+
+def emit(value: Any) -> None:
+    """Print one JSON document, in one line."""
+    sys.stdout.write(json.dumps(tree(value), ensure_ascii=False) + "\n")
+    sys.stdout.flush()
+
+
+def tree(value: Any) -> Any:
+    """Models as plain data."""
+    if hasattr(value, "model_dump"):
+        return value.model_dump(mode="json")
+    if isinstance(value, list | tuple):
+        return [tree(item) for item in value]  # pyright: ignore[reportUnknownVariableType]
+    return value
+
+
+def table(
+    *names: str, rows: Iterable[Sequence[str]] = (), right: Collection[str] | None = None
+) -> "Table":
+    """A table without frame; all columns but the first are flush right if none are named."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    made = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for place, name in enumerate(names):
+        to_right = place > 0 if right is None else name in right
+        made.add_column(name, justify="right" if to_right else "left", overflow="fold")
+    for row in rows:
+        made.add_row(*row)
+    return made
+
+
+def figures(lines: Sequence[tuple[str, str]], console: "Console") -> None:
+    """Print names with their values; a narrow terminal wraps the values."""
+    label_width = max([LABEL_WIDTH, *(len(label) for label, _ in lines)])
+    if not console.is_terminal:
+        for label, text in lines:
+            console.print(f"{label:<{label_width}} {text}", markup=False, soft_wrap=True)
+        return
+    from rich.table import Table
+    from rich.text import Text
+
+    grid = Table.grid(padding=(0, 1))
+    grid.add_column(min_width=label_width, no_wrap=True)
+    grid.add_column(overflow="fold")
+    for label, text in lines:
+        grid.add_row(Text(label), Text(text))
+    console.print(grid)
+
+
+def clock(stamp: str | None) -> str:
+    """A time stamp in UTC, in local time."""
+    if not stamp:
+        return ""
+    return datetime.fromisoformat(stamp).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+
+
+Function = Callable[..., int | None]
+F = TypeVar("F", bound=Function)
+
+
+class Options:
+    """Base of groups of options: a dataclass whose fields are annotated as options of Typer."""
+
+    __slots__ = ()
+
+    def guarded(self) -> AbstractContextManager[None]:
+        """What a command with this group runs in."""
+        return nullcontext()
+
+
+@dataclass(frozen=True, slots=True)
+class Json(Options):
+    """For a command that can answer in JSON."""
+
+    json: Annotated[bool, typer.Option("--json", help="answer in JSON on standard output")] = False
+
+    def answer(
+        self, value: Any, show: "str | Table | Callable[[], object]", none: str = ""
+    ) -> None:
+        """Print a value as JSON, or show it to a person; ``none`` says that there is none."""
+        if self.json:
+            emit(value)
+        elif none and not value:
+            print(none)
+        elif isinstance(show, str):
+            print(show)
+        elif callable(show):
+            show()
+        else:
+            screen().print(show)
+
+
+@dataclass(frozen=True, slots=True)
+class RigOption(Options):
+    """For a command that reads a rig file."""
+
+    rig: Annotated[Path | None, typer.Option("--rig", metavar="FILE", help="rig file")] = None
+
+    @property
+    def path(self) -> Path:
+        """The rig file that is named, else that of the environment or the demo's."""
+        return chosen(self.rig)
+
+
+class _WithWholeHelp:
+    """A list of commands shows the whole help of this one, and wraps it."""
+
+    help: str | None
+
+    def get_short_help_str(self, limit: int = 0) -> str:  # noqa: ARG002 - as Typer has it
+        return self.help or ""
+
+
+class Command(_WithWholeHelp, TyperCommand):
+    """A command that takes the unambiguous start of an option for the option."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
+        """Complete shortened options before Typer reads them."""
+        known = [one for parameter in self.get_params(ctx) for one in parameter.opts]
+        return super().parse_args(ctx, _completed(args, [one for one in known if one[:2] == "--"]))
+
+
+class Group(_WithWholeHelp, TyperGroup):
+    """Commands below a word; the word alone shows its help."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
+        """Show the help on standard error if nothing is given."""
+        if not args and not ctx.resilient_parsing:
+            typer.echo(ctx.get_help(), err=True)
+            raise typer.Exit(Exit.USAGE)
+        return super().parse_args(ctx, args)
+
+
+def _completed(arguments: Sequence[str], known: Sequence[str]) -> list[str]:
+    found: list[str] = []
+    for place, argument in enumerate(arguments):
+        if argument == "--":
+            return [*found, *arguments[place:]]
+        name, equals, value = argument.partition("=")
+        longer = [one for one in known if one.startswith(name)]
+        is_start = name[:2] == "--" and len(name) > 2 and name not in known and len(longer) == 1
+        found.append(f"{longer[0]}{equals}{value}" if is_start else argument)
+    return found
+
+
+def command(
+    app: typer.Typer, name: str, more: Sequence[inspect.Parameter] = (), **settings: Any
+) -> Callable[[F], F]:
+    """Add a function to an application; a parameter that is a group becomes its options."""
+
+    def add(function: F) -> F:
+        app.command(name, cls=Command, **settings)(expanded(function, more))
+        return function
+
+    return add
+
+
+def group(name: str = "", about: str = "") -> typer.Typer:
+    """An application with commands below it."""
+    return typer.Typer(
+        name=name or None,
+        help=about or None,
+        cls=Group,
+        rich_markup_mode=None,
+        add_completion=False,
+    )
+
+
+def expanded(function: Function, more: Sequence[inspect.Parameter] = ()) -> Function:
+    """The function with every parameter that is a group replaced by the fields of the group.
+
+    ``more`` are parameters that the function takes as keywords that it does not name.
+    """
+    hints = get_type_hints(function, include_extras=True)
+    groups: dict[str, type[Any]] = {}
+    parameters: list[inspect.Parameter] = []
+    of_groups: list[inspect.Parameter] = []
+    for parameter in inspect.signature(function).parameters.values():
+        annotation = hints[parameter.name]
+        if isinstance(annotation, type) and issubclass(annotation, Options):
+            groups[parameter.name] = annotation
+            own = get_type_hints(annotation, include_extras=True)
+            members = fields(groups[parameter.name])
+            of_groups += [named(one.name, own[one.name], one.default) for one in members]
+        elif parameter.kind is not inspect.Parameter.VAR_KEYWORD:
+            parameters.append(named(parameter.name, annotation, parameter.default))
+
+    @wraps(function)
+    def call(**given: Any) -> int | None:
+        with ExitStack() as stack:
+            for name, kind in groups.items():
+                own = {one.name: given.pop(one.name) for one in fields(kind)}
+                given[name] = kind(**own)
+                stack.enter_context(given[name].guarded())
+            return function(**given)
+
+    return with_parameters(call, [*parameters, *more, *of_groups])
+
+
+def named(name: str, annotation: Any, default: Any = None) -> inspect.Parameter:
+    """A parameter that is given by its name."""
+    kind = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, kind, default=default, annotation=annotation)
+
+
+def with_parameters(function: Function, parameters: Sequence[inspect.Parameter]) -> Function:
+    """The function with another signature, from which Typer makes its options."""
+    function.__dict__["__signature__"] = inspect.Signature(parameters)
+    function.__annotations__ = {one.name: one.annotation for one in parameters}
+    return function

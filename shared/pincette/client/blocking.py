@@ -1,0 +1,233 @@
+"""The blocking client: the methods of the asynchronous one, run to their end by the caller.
+
+Over a ``BlockingConnection`` a coroutine of the client never suspends. One ``send(None)`` runs it
+from begin to end in the caller's thread: no event loop, no second thread, and so the same in a
+script, in a thread and in a notebook whose event loop runs already.
+"""
+
+from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
+from functools import wraps
+from types import TracebackType
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
+
+import httpx
+
+from pincette.api.jobs import Job
+from pincette.api.results import JobResult
+from pincette.api.states import JobState
+from pincette.client.job import AsyncJobHandle
+from pincette.client.rig import AsyncRigHandle
+from pincette.client.supervisor import PATIENCE_S, TIMEOUT_S, AsyncSupervisor
+from pincette.client.transport import BlockingConnection, Transport, client_settings
+
+A = TypeVar("A")
+P = ParamSpec("P")
+R = TypeVar("R")
+S = TypeVar("S")
+
+
+def run(coroutine: Coroutine[Any, Any, R]) -> R:
+    """Run a coroutine that does not suspend; raises RuntimeError if it does."""
+    try:
+        coroutine.send(None)
+    except StopIteration as done:
+        return done.value
+    coroutine.close()
+    raise RuntimeError("a call of the blocking client suspended: its connection is asynchronous")
+
+
+def _items(stream: AsyncGenerator[R]) -> Iterator[R]:
+    try:
+        while True:
+            try:
+                item = run(stream.__anext__())
+            except StopAsyncIteration:
+                return
+            yield item
+    finally:
+        run(stream.aclose())
+
+
+class Blocking(Generic[A]):
+    """An object of the asynchronous client whose methods are called blocking."""
+
+    def __init__(self, asynchronous: A) -> None:
+        self.asynchronous = asynchronous
+
+
+@overload
+def blocking(
+    method: Callable[Concatenate[A, P], Coroutine[Any, Any, R]],
+) -> Callable[Concatenate[Blocking[A], P], R]: ...
+@overload
+def blocking(
+    method: Callable[Concatenate[A, P], Coroutine[Any, Any, R]], wrap: Callable[[R], S]
+) -> Callable[Concatenate[Blocking[A], P], S]: ...
+def blocking(
+    method: Callable[Concatenate[A, P], Coroutine[Any, Any, Any]],
+    wrap: Callable[[Any], Any] | None = None,
+) -> Callable[Concatenate[Blocking[A], P], Any]:
+    """The blocking form of a coroutine method; ``wrap`` makes handles blocking too."""
+
+    @wraps(method)
+    def call(self: Blocking[A], /, *args: P.args, **kwargs: P.kwargs) -> Any:
+        value = run(method(self.asynchronous, *args, **kwargs))
+        return value if wrap is None else wrap(value)
+
+    return call
+
+
+def iterator(
+    method: Callable[Concatenate[A, P], AsyncGenerator[R]],
+) -> Callable[Concatenate[Blocking[A], P], Iterator[R]]:
+    """The blocking form of a method that returns a stream."""
+
+    @wraps(method)
+    def call(self: Blocking[A], /, *args: P.args, **kwargs: P.kwargs) -> Iterator[R]:
+        return _items(method(self.asynchronous, *args, **kwargs))
+
+    return call
+
+
+class JobHandle(Blocking[AsyncJobHandle]):
+    """One job: its state, its actions, its result."""
+
+    @property
+    def job(self) -> Job:
+        """As of the newest answer of the supervisor."""
+        return self.asynchronous.job
+
+    @property
+    def id(self) -> str:
+        """Its name."""
+        return self.job.id
+
+    @property
+    def state(self) -> JobState:
+        """As of the newest answer; ``refresh`` asks again."""
+        return self.job.state
+
+    @property
+    def ended(self) -> bool:
+        """Whether it had ended by then."""
+        return self.asynchronous.ended
+
+    def patient(self, patience_s: float) -> "JobHandle":
+        """The same job with another patience, in s, while no supervisor answers."""
+        return JobHandle(self.asynchronous.patient(patience_s))
+
+    def result(self) -> JobResult | None:
+        """Its result; None if it has not moved."""
+        return self.asynchronous.result()
+
+    refresh = blocking(AsyncJobHandle.refresh)
+    wait = blocking(AsyncJobHandle.wait)
+    start = blocking(AsyncJobHandle.start)
+    pause = blocking(AsyncJobHandle.pause)
+    resume = blocking(AsyncJobHandle.resume)
+    stop = blocking(AsyncJobHandle.stop)
+    abort = blocking(AsyncJobHandle.abort)
+    release = blocking(AsyncJobHandle.release)
+    proceed = blocking(AsyncJobHandle.proceed)
+    act = blocking(AsyncJobHandle.act)
+    events = iterator(AsyncJobHandle.events)
+    artifacts = blocking(AsyncJobHandle.artifacts)
+    download = blocking(AsyncJobHandle.download)
+
+
+def _optional(job: AsyncJobHandle | None) -> JobHandle | None:
+    return None if job is None else JobHandle(job)
+
+
+def _all(jobs: list[AsyncJobHandle]) -> list[JobHandle]:
+    return [JobHandle(job) for job in jobs]
+
+
+class RigHandle(Blocking[AsyncRigHandle]):
+    """One rig: its state, its plans, its jobs, its emergency stop."""
+
+    @property
+    def name(self) -> str:
+        """Its name in the rig file."""
+        return self.asynchronous.name
+
+    def patient(self, patience_s: float) -> "RigHandle":
+        """The same rig with another patience, in s, while no supervisor answers."""
+        return RigHandle(self.asynchronous.patient(patience_s))
+
+    state = blocking(AsyncRigHandle.state)
+    can_start = blocking(AsyncRigHandle.can_start)
+    plan = blocking(AsyncRigHandle.plan)
+    plot = blocking(AsyncRigHandle.plot)
+    start = blocking(AsyncRigHandle.start, JobHandle)
+    jobs = blocking(AsyncRigHandle.jobs, _all)
+    job = blocking(AsyncRigHandle.job, JobHandle)
+    active_job = blocking(AsyncRigHandle.active_job, _optional)
+    events = iterator(AsyncRigHandle.events)
+    estop = blocking(AsyncRigHandle.estop)
+    reset = blocking(AsyncRigHandle.reset)
+    queue = blocking(AsyncRigHandle.queue)
+    timing = blocking(AsyncRigHandle.timing)
+    model = blocking(AsyncRigHandle.model)
+    checklist = blocking(AsyncRigHandle.checklist)
+    use_model = blocking(AsyncRigHandle.use_model)
+
+
+class Supervisor(Blocking[AsyncSupervisor]):
+    """Where to begin: ``Supervisor(url).rig()``; parameters as of ``AsyncSupervisor``."""
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        timeout_s: float = TIMEOUT_S,
+        patience_s: float = PATIENCE_S,
+        operator: str | None = None,
+        key: str | None = None,
+        transport: httpx.BaseTransport | None = None,
+    ) -> None:
+        settings = client_settings(url, operator, key)
+        connection = BlockingConnection(httpx.Client(**settings, transport=transport))
+        asynchronous = AsyncSupervisor.__new__(AsyncSupervisor)
+        asynchronous.transport = Transport(url, connection, timeout_s, patience_s)
+        super().__init__(asynchronous)
+
+    @property
+    def transport(self) -> Transport:
+        """Sends the calls; its clock and its sleep may be replaced."""
+        return self.asynchronous.transport
+
+    def __enter__(self) -> "Supervisor":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def patient(self, patience_s: float) -> "Supervisor":
+        """The same supervisor with another patience, in s, while it does not answer."""
+        other = Supervisor.__new__(Supervisor)
+        other.asynchronous = self.asynchronous.patient(patience_s)
+        return other
+
+    close = blocking(AsyncSupervisor.close)
+    rigs = blocking(AsyncSupervisor.rigs)
+    rig = blocking(AsyncSupervisor.rig, RigHandle)
+    job = blocking(AsyncSupervisor.job, JobHandle)
+    jobs = blocking(AsyncSupervisor.jobs, _all)
+    events = iterator(AsyncSupervisor.events)
+    estop = blocking(AsyncSupervisor.estop)
+    proposals = blocking(AsyncSupervisor.proposals)
+    proposal = blocking(AsyncSupervisor.proposal)
+    decide = blocking(AsyncSupervisor.decide)
+    recipes = blocking(AsyncSupervisor.recipes)
+    recipe = blocking(AsyncSupervisor.recipe)
+    save_recipe = blocking(AsyncSupervisor.save_recipe)
+    alarms = blocking(AsyncSupervisor.alarms)
+    acknowledge = blocking(AsyncSupervisor.acknowledge)
+    session = blocking(AsyncSupervisor.session)
+    audit = blocking(AsyncSupervisor.audit)

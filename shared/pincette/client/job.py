@@ -1,0 +1,136 @@
+"""A job of a supervisor, over asyncio."""
+
+from collections.abc import AsyncGenerator
+from pathlib import Path
+
+from pincette.api.events import Event
+from pincette.api.jobs import Artifact, ArtifactList, Job
+from pincette.api.results import JobResult
+from pincette.api.states import STATES, ActionType, JobState
+from pincette.client.call import Call, content, get, model, post
+from pincette.client.errors import WaitTimeoutError
+from pincette.client.kinds import result_of
+from pincette.client.streaming import Download
+from pincette.client.transport import Transport
+
+SAFE_TO_REPEAT: tuple[ActionType, ...] = ("start", "pause", "stop", "abort")
+"""Actions whose second call has no further effect: a job starts once, and the others bring a rig
+to rest. A second ``resume``, ``continue`` or ``release`` could act on what came since."""
+LONGEST_WAIT_S = 30.0
+
+
+class AsyncJobHandle:
+    """One job: its state, its actions, its result."""
+
+    def __init__(self, transport: Transport, job: Job) -> None:
+        self._transport = transport
+        self.job = job
+        """As of the newest answer of the supervisor."""
+
+    @property
+    def id(self) -> str:
+        """Its name."""
+        return self.job.id
+
+    @property
+    def state(self) -> JobState:
+        """As of the newest answer; ``refresh`` asks again."""
+        return self.job.state
+
+    @property
+    def ended(self) -> bool:
+        """Whether it had ended by then."""
+        return STATES[self.job.state].terminal
+
+    def patient(self, patience_s: float) -> "AsyncJobHandle":
+        """The same job with another patience, in s, while no supervisor answers."""
+        return AsyncJobHandle(self._transport.patient(patience_s), self.job)
+
+    async def refresh(self, wait_s: float = 0.0) -> Job:
+        """Ask for its state; with ``wait_s`` the answer comes then, or as soon as it has ended."""
+        query: dict[str, str | float] = {"wait": "terminal", "timeout_s": wait_s} if wait_s else {}
+        path = f"/jobs/{self.id}"
+        call = Call("GET", path, model(Job), query, repeatable=True, kept_s=wait_s)
+        return self._update(await self._transport.send(call))
+
+    async def wait(self, timeout_s: float | None = None) -> Job:
+        """Wait for its end; raises WaitTimeoutError after ``timeout_s``."""
+        clock = self._transport.clock
+        until_s = None if timeout_s is None else clock() + timeout_s
+        while not self.ended:
+            left_s = LONGEST_WAIT_S if until_s is None else until_s - clock()
+            if left_s <= 0.0:
+                raise WaitTimeoutError(
+                    f"job {self.id} is {self.state} after {timeout_s:g} s, and goes on"
+                )
+            await self.refresh(min(left_s, LONGEST_WAIT_S))
+        return self.job
+
+    async def start(self) -> Job:
+        """Start a job that is ready."""
+        return await self.act("start")
+
+    async def pause(self) -> Job:
+        """Come to rest at the next safe point; a held part stays held with its force."""
+        return await self.act("pause")
+
+    async def resume(self) -> Job:
+        """Go on after a pause."""
+        return await self.act("resume")
+
+    async def stop(self) -> Job:
+        """Stop; a held part stays held until ``release``."""
+        return await self.act("stop")
+
+    async def abort(self) -> Job:
+        """Trip the actuator, which goes to its safe state and latches."""
+        return await self.act("abort")
+
+    async def release(self) -> Job:
+        """Release the part."""
+        return await self.act("release")
+
+    async def proceed(self) -> Job:
+        """Go on with a job that waits for a person: the action ``continue``."""
+        return await self.act("continue")
+
+    async def act(self, action: ActionType) -> Job:
+        """Ask for an action by its name."""
+        path, repeatable = f"/jobs/{self.id}/actions", action in SAFE_TO_REPEAT
+        call = post(path, Job, {"type": action}, repeatable=repeatable)
+        return self._update(await self._transport.send(call))
+
+    def events(self, after: int = 0) -> AsyncGenerator[Event]:
+        """Events of the job until it has ended, each once, with those of the past."""
+
+        async def ended() -> bool:
+            await self.refresh()
+            return self.ended
+
+        return self._transport.events(f"/jobs/{self.id}/events", after, ended)
+
+    def result(self) -> JobResult | None:
+        """Its result; None if it has not moved."""
+        return result_of(self.job)
+
+    async def artifacts(self) -> list[Artifact]:
+        """Files of its record."""
+        found = await self._transport.send(get(f"/jobs/{self.id}/artifacts", ArtifactList))
+        return found.artifacts
+
+    async def download(self, name: str, folder: str | Path = ".") -> Path:
+        """Download one file of its record; it appears only when it is complete.
+
+        Raises
+        ------
+        DamagedFileError
+            The file does not have the SHA-256 that the record states.
+        """
+        listed = {file.name: file.sha256 for file in await self.artifacts()}
+        file = Download(name, Path(folder), listed.get(name))
+        call = Call("GET", f"/jobs/{self.id}/artifacts/{name}", content, repeatable=True)
+        return await self._transport.download(call, file)
+
+    def _update(self, job: Job) -> Job:
+        self.job = job
+        return job

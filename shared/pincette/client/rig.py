@@ -1,0 +1,152 @@
+"""A rig of a supervisor, over asyncio."""
+
+from collections.abc import AsyncGenerator
+from typing import Any, Literal
+from uuid import uuid4
+
+from pincette.api.checklist import Checklist
+from pincette.api.events import Event, EventList
+from pincette.api.jobs import Job, JobList
+from pincette.api.live import LoopTiming
+from pincette.api.models import ModelView
+from pincette.api.plans import JobPlan
+from pincette.api.requests import JobRequest
+from pincette.api.rigs import Rig, Stopped
+from pincette.client.call import Call, content, get, model, post
+from pincette.client.job import AsyncJobHandle
+from pincette.client.kinds import plan_model
+from pincette.client.transport import Transport
+
+
+class AsyncRigHandle:
+    """One rig: its state, its plans, its jobs, its emergency stop."""
+
+    def __init__(self, transport: Transport, name: str) -> None:
+        self._transport, self.name = transport, name
+
+    def patient(self, patience_s: float) -> "AsyncRigHandle":
+        """The same rig with another patience, in s, while no supervisor answers."""
+        return AsyncRigHandle(self._transport.patient(patience_s), self.name)
+
+    async def state(self) -> Rig:
+        """Programs, interlocks, limits, latch, newest samples."""
+        return await self._transport.send(get(f"/rigs/{self.name}", Rig))
+
+    async def can_start(self) -> list[str]:
+        """Reasons why no job can start; empty if one can."""
+        rig = await self.state()
+        return [] if rig.can_start else rig.reasons or ["the rig does not say why"]
+
+    async def plan(self, request: JobRequest | str, **fields: Any) -> JobPlan:
+        """What a job would do, feasible or not; nothing moves."""
+        body = self._body(request, fields)
+        read = model(plan_model(body.get("kind", "")))
+        call = Call("POST", "/jobs", read, {"dry_run": "true"}, body, repeatable=True)
+        return await self._transport.send(call)
+
+    async def plot(self, request: JobRequest | str, **fields: Any) -> bytes:
+        """A picture of what a grip, a track or a move would do, as PNG; nothing moves."""
+        body = self._body(request, fields)
+        call = Call("POST", "/trajectories/plot", content, body=body, repeatable=True)
+        return await self._transport.send(call)
+
+    async def start(
+        self,
+        request: JobRequest | str,
+        *,
+        autostart: bool = True,
+        idempotency_key: str | None = None,
+        **fields: Any,
+    ) -> AsyncJobHandle:
+        """Start a job, once, however often the connection breaks meanwhile.
+
+        Parameters
+        ----------
+        request
+            A kind of job, with its fields as keywords, or a model of ``pincette.api``.
+        autostart
+            Whether it begins as soon as it is ready; otherwise it waits for ``start``.
+        idempotency_key
+            A key of the job, for a program that may itself be restarted; one is made if left out.
+
+        Raises
+        ------
+        ProblemError
+            The supervisor refuses: a limit, a latch, a rig that is not ready, another job.
+        NoAnswerError
+            No supervisor answers.
+        """
+        body = self._body(request, {"autostart": autostart, **fields})
+        headers = {"Idempotency-Key": idempotency_key or uuid4().hex}
+        call = Call("POST", "/jobs", model(Job), body=body, headers=headers, repeatable=True)
+        return AsyncJobHandle(self._transport, await self._transport.send(call))
+
+    async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
+        """Jobs, the newest first; filters are state, kind, label and before."""
+        return await jobs(self._transport, limit, rig=self.name, **filters)
+
+    async def job(self, name: str) -> AsyncJobHandle:
+        """One job by its id."""
+        found = await self._transport.send(get(f"/jobs/{name}", Job))
+        return AsyncJobHandle(self._transport, found)
+
+    async def active_job(self) -> AsyncJobHandle | None:
+        """The job that has the rig."""
+        rig = await self.state()
+        return None if rig.active_job is None else await self.job(rig.active_job)
+
+    def events(self, after: int | None = None) -> AsyncGenerator[Event]:
+        """Events of the rig as they come, after a number; new ones only if it is left out."""
+        return events(self._transport, f"/rigs/{self.name}/events", after)
+
+    async def estop(self) -> Stopped:
+        """Stop at once: a held part is kept, a free arm ramps, the actuator latches."""
+        call = post(f"/rigs/{self.name}/estop", Stopped, repeatable=True)
+        return await self._transport.send(call)
+
+    async def reset(self) -> Stopped:
+        """Clear the latch; the caller has seen the cause."""
+        call = post(f"/rigs/{self.name}/reset", Stopped, {"acknowledge": True})
+        return await self._transport.send(call)
+
+    async def queue(self, action: Literal["resume", "clear"]) -> Rig:
+        """Resume a halted queue, or clear it."""
+        call = post(f"/rigs/{self.name}/queue/actions", Rig, {"type": action})
+        return await self._transport.send(call)
+
+    async def timing(self) -> LoopTiming:
+        """Lateness and execution time of each program since it was armed."""
+        return await self._transport.send(get(f"/rigs/{self.name}/timing", LoopTiming))
+
+    async def model(self) -> ModelView:
+        """The model in use, and its versions."""
+        return await self._transport.send(get(f"/rigs/{self.name}/model", ModelView))
+
+    async def checklist(self) -> Checklist:
+        """The calibrations in the order to make them, and which is next."""
+        return await self._transport.send(get(f"/rigs/{self.name}/checklist", Checklist))
+
+    async def use_model(self, version: int) -> ModelView:
+        """Use a version of the model; 0 is the rig file alone."""
+        body = {"type": "use", "version": version}
+        call = post(f"/rigs/{self.name}/model/actions", ModelView, body, repeatable=True)
+        return await self._transport.send(call)
+
+    def _body(self, request: JobRequest | str, fields: dict[str, Any]) -> dict[str, Any]:
+        if isinstance(request, str):
+            return {"kind": request, "rig": self.name, **fields}
+        given = request.model_dump(mode="json", exclude_unset=True)
+        return {**given, "rig": self.name, **fields}
+
+
+async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[AsyncJobHandle]:
+    """Jobs of one rig or of all, the newest first."""
+    found = await transport.send(get("/jobs", JobList, limit=limit, **filters))
+    return [AsyncJobHandle(transport, job) for job in found.jobs]
+
+
+def events(transport: Transport, path: str, after: int | None) -> AsyncGenerator[Event]:
+    """Events at a path, after a number; without one, after the newest that there is."""
+    read, query = model(EventList), {"format": "json", "limit": 1}
+    newest = Call("GET", path, lambda answer: read(answer).newest, query, repeatable=True)
+    return transport.events(path, newest if after is None else after)

@@ -1,0 +1,97 @@
+"""Files from a supervisor, and positions in its stream of events."""
+
+import hashlib
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import httpx
+from httpx_sse import ServerSentEvent
+from pydantic import ValidationError
+
+from pincette.api.events import Event
+from pincette.client.errors import DamagedFileError, ForeignAnswerError
+
+MEDIA_TYPE = "text/event-stream"
+SILENCE_S = 30.0
+"""Longer than three keep-alive comments are apart: the connection is dead."""
+
+
+class Download:
+    """A file that appears in its folder only when it is complete and its SHA-256 is right."""
+
+    def __init__(self, name: str, folder: Path, sha256: str | None) -> None:
+        if Path(name).name != name:
+            raise ValueError(f"{name!r} is no name of a file: it has no folder in it")
+        folder.mkdir(parents=True, exist_ok=True)
+        self._path, self._part = folder / name, folder / f"{name}.part"
+        self._sha256 = sha256
+        self._file: BinaryIO | None = None
+
+    def begin(self) -> None:
+        """Start from the first byte, whatever came before."""
+        self.discard()
+        self._digest = hashlib.sha256()
+        self._file = self._part.open("wb")
+
+    def write(self, block: bytes) -> None:
+        """Append a block."""
+        assert self._file is not None
+        self._digest.update(block)
+        self._file.write(block)
+
+    def finish(self) -> Path:
+        """Move the file to its path; raises DamagedFileError if its SHA-256 is another."""
+        assert self._file is not None
+        self._file.close()
+        found = self._digest.hexdigest()
+        if self._sha256 is not None and found != self._sha256:
+            self.discard()
+            raise DamagedFileError(
+                f"{self._path.name}: SHA-256 is {found}, the record states {self._sha256}"
+            )
+        self._part.replace(self._path)
+        return self._path
+
+    def discard(self) -> None:
+        """Remove what an attempt has written."""
+        if self._file is not None:
+            self._file.close()
+            self._part.unlink(missing_ok=True)
+
+
+class Bookmark:
+    """The number of the newest durable event that was read."""
+
+    def __init__(self, path: str, after: int) -> None:
+        self.path, self.number = path, after
+
+    def details(self, timeout_s: float) -> dict[str, Any]:
+        """Arguments of ``httpx.Client.stream``."""
+        headers = {
+            "Accept": MEDIA_TYPE,
+            "Cache-Control": "no-store",
+            "Last-Event-ID": str(self.number),
+        }
+        timeout = httpx.Timeout(timeout_s, read=SILENCE_S)
+        return {"method": "GET", "url": self.path, "headers": headers, "timeout": timeout}
+
+    def require_stream(self, response: httpx.Response) -> None:
+        """Raise ForeignAnswerError if the answer is no stream of events."""
+        found = response.headers.get("content-type", "").partition(";")[0]
+        if found != MEDIA_TYPE:
+            raise ForeignAnswerError(f"{response.request.url}: {found or 'nothing'}, no events")
+
+    def read(self, message: ServerSentEvent) -> Event | None:
+        """Return the event; None for one that was read before, and for a keep-alive."""
+        if not message.data:
+            return None
+        try:
+            event = Event.model_validate_json(message.data, extra="ignore")
+        except ValidationError as error:
+            raise ForeignAnswerError(f"{self.path}: {message.data[:200]!r} is no event") from error
+        if event.number is None:
+            return event
+        if event.number <= self.number:
+            return None
+        self.number = event.number
+        return event

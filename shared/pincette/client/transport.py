@@ -1,0 +1,196 @@
+"""How calls reach a supervisor: over asyncio, or blocking; both repeat what may be repeated."""
+
+import asyncio
+import time
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from copy import copy
+from pathlib import Path
+from typing import Any, TypeVar
+
+import httpx
+from httpx_sse import EventSource, ServerSentEvent
+
+from pincette.api.events import Event
+from pincette.client.call import BASE, FIRST_DELAY_S, Attempts, Call, identity_headers
+from pincette.client.errors import ClientError, problem_of
+from pincette.client.streaming import Bookmark, Download
+
+T = TypeVar("T")
+
+
+class AsyncConnection:
+    """Over asyncio: other tasks run while one waits."""
+
+    def __init__(self, http: httpx.AsyncClient) -> None:
+        self._http = http
+
+    async def request(self, details: dict[str, Any]) -> httpx.Response:
+        """Send a request and read the whole answer."""
+        return await self._http.request(**details)
+
+    @asynccontextmanager
+    async def stream(self, details: dict[str, Any]) -> AsyncGenerator[httpx.Response]:
+        """Send a request; the body is read later, that of a refusal at once."""
+        async with self._http.stream(**details) as response:
+            if response.is_error:
+                await response.aread()
+            yield response
+
+    def blocks(self, response: httpx.Response) -> AsyncIterator[bytes]:
+        """The body, block by block."""
+        return response.aiter_bytes()
+
+    def messages(self, response: httpx.Response) -> AsyncIterator[ServerSentEvent]:
+        """The body as server-sent events."""
+        return EventSource(response).aiter_sse()
+
+    async def sleep(self, duration_s: float) -> None:
+        """Wait."""
+        await asyncio.sleep(duration_s)
+
+    async def close(self) -> None:
+        """Close every connection."""
+        await self._http.aclose()
+
+
+class BlockingConnection:
+    """Blocking: no coroutine of it ever suspends, so ``blocking.run`` needs no event loop."""
+
+    def __init__(self, http: httpx.Client) -> None:
+        self._http = http
+
+    async def request(self, details: dict[str, Any]) -> httpx.Response:
+        """Send a request and read the whole answer."""
+        return self._http.request(**details)
+
+    @asynccontextmanager
+    async def stream(self, details: dict[str, Any]) -> AsyncGenerator[httpx.Response]:
+        """Send a request; the body is read later, that of a refusal at once."""
+        with self._http.stream(**details) as response:
+            if response.is_error:
+                response.read()
+            yield response
+
+    async def blocks(self, response: httpx.Response) -> AsyncIterator[bytes]:
+        """The body, block by block."""
+        for block in response.iter_bytes():
+            yield block
+
+    async def messages(self, response: httpx.Response) -> AsyncIterator[ServerSentEvent]:
+        """The body as server-sent events."""
+        for message in EventSource(response).iter_sse():
+            yield message
+
+    async def sleep(self, duration_s: float) -> None:
+        """Wait."""
+        time.sleep(duration_s)
+
+    async def close(self) -> None:
+        """Close every connection."""
+        self._http.close()
+
+
+Connection = AsyncConnection | BlockingConnection
+
+
+class Transport:
+    """Sends calls to one supervisor, and repeats those that may be repeated."""
+
+    def __init__(
+        self, url: str, connection: Connection, timeout_s: float, patience_s: float
+    ) -> None:
+        self.url, self._connection = url.rstrip("/"), connection
+        self.timeout_s, self.patience_s = timeout_s, patience_s
+        self.clock: Callable[[], float] = time.monotonic
+        self.sleep: Callable[[float], Awaitable[None]] = connection.sleep
+
+    def patient(self, patience_s: float) -> "Transport":
+        """The same connection with another patience, in s."""
+        other = copy(self)
+        other.patience_s = patience_s
+        return other
+
+    async def send(self, call: Call[T]) -> T:
+        """Send a call, again if that is safe, and read the answer."""
+        attempts = self._attempts(call.method, call.path, repeatable=call.repeatable)
+        while True:
+            try:
+                response = await self._connection.request(call.details(self.timeout_s))
+            except httpx.TransportError as error:
+                await self.sleep(attempts.delay_s(error))
+            else:
+                return call.answer(response)
+
+    async def download(self, call: Call[bytes], file: Download) -> Path:
+        """Stream the body of an answer into a file."""
+        attempts = self._attempts(call.method, call.path, repeatable=True)
+        try:
+            while True:
+                file.begin()
+                try:
+                    async with self._stream(call.details(self.timeout_s)) as response:
+                        async for block in self._connection.blocks(response):
+                            file.write(block)
+                    return file.finish()
+                except httpx.TransportError as error:
+                    await self.sleep(attempts.delay_s(error))
+        except BaseException:
+            file.discard()
+            raise
+
+    async def events(
+        self,
+        path: str,
+        after: int | Call[int],
+        ended: Callable[[], Awaitable[bool]] | None = None,
+    ) -> AsyncGenerator[Event]:
+        """Events as they come, each once and without a gap, over as many connections as needed.
+
+        ``after`` is the number of the last known event, or the call that returns it. ``ended``
+        decides whether a stream that the supervisor has closed is complete.
+        """
+        if isinstance(after, Call):
+            after = await self.send(after)
+        bookmark = Bookmark(path, after)
+        attempts = self._attempts("GET", path, repeatable=True)
+        while True:
+            try:
+                async with self._stream(bookmark.details(self.timeout_s)) as response:
+                    bookmark.require_stream(response)
+                    attempts.succeeded()
+                    async for message in self._connection.messages(response):
+                        event = bookmark.read(message)
+                        if event is not None:
+                            yield event
+            except httpx.TransportError as error:
+                await self.sleep(attempts.delay_s(error))
+                continue
+            if ended is not None and await ended():
+                return
+            await self.sleep(FIRST_DELAY_S)
+
+    async def close(self) -> None:
+        """Close every connection."""
+        await self._connection.close()
+
+    @asynccontextmanager
+    async def _stream(self, details: dict[str, Any]) -> AsyncGenerator[httpx.Response]:
+        async with self._connection.stream(details) as response:
+            if response.is_error:
+                raise problem_of(response)
+            yield response
+
+    def _attempts(self, method: str, path: str, *, repeatable: bool) -> Attempts:
+        what = f"{method} {self.url}{BASE}{path}"
+        return Attempts(what, repeatable=repeatable, patience_s=self.patience_s, clock=self.clock)
+
+
+def client_settings(url: str, operator: str | None, key: str | None) -> dict[str, Any]:
+    """Arguments of ``httpx.Client`` and ``httpx.AsyncClient``; raises ClientError for a bad URL."""
+    headers = identity_headers(operator, key)
+    try:
+        base_url = httpx.URL(url.rstrip("/") + BASE)
+    except httpx.InvalidURL as error:
+        raise ClientError(f"{url} is no address ({error})") from error
+    return {"base_url": base_url, "headers": headers, "trust_env": False}

@@ -1,0 +1,101 @@
+"""Control laws: those that are installed, by name, and the default law of a rig's jobs."""
+
+from functools import cache
+
+from pydantic import ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from pincette.config.tables import Table
+from pincette.control.laws.definition import LawDefinition, LawSettings
+from pincette.control.laws.parameters import ForceAge, LawSpec, ParameterSet
+from pincette.core import plugins
+
+
+@cache
+def law_definition(scheme: str) -> LawDefinition:
+    """Return an installed law by its name; raises ValueError."""
+    try:
+        found = plugins.load(plugins.LAWS, scheme)
+    except plugins.PluginError as error:
+        raise ValueError(str(error)) from error
+    if not isinstance(found, LawDefinition) or found.name != scheme:
+        wanted = f"a LawDefinition named {scheme!r}"
+        raise ValueError(f"control law {scheme!r} cannot be used: its entry is not {wanted}")
+    return found
+
+
+def installed_laws() -> dict[str, LawDefinition]:
+    """Return the laws that can be used, by name; one that is broken is left out."""
+    found: dict[str, LawDefinition] = {}
+    for scheme in plugins.names(plugins.LAWS):
+        try:
+            found[scheme] = law_definition(scheme)
+        except ValueError:
+            continue
+    return found
+
+
+def resolved_law(spec: LawSpec) -> LawSettings:
+    """Return the law of a program with all its gains; raises ValueError."""
+    return law_definition(spec.scheme).resolve(spec)
+
+
+class Law(Table):
+    """Scheme, parameter set, and the gains of the scheme by their names."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, float] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    scheme: str = "pbsmic"
+    """Name of the law; `pincette drivers` lists the installed laws."""
+    set: ParameterSet = "consistent"
+    """The m, b, k, d of the law: those of the rig, or those printed in the paper."""
+    force_age: ForceAge = "planned"
+    """F_k: the newest estimate unchanged, or extrapolated to k by the change of F_r."""
+
+    @model_validator(mode="after")
+    def _of_an_installed_law(self) -> "Law":
+        try:
+            definition = law_definition(self.scheme)
+        except ValueError as error:
+            raise _refused({"scheme": (self.scheme, str(error))}) from error
+        if faults := _faults(definition, self.gains):
+            raise _refused(faults)
+        return self
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Gains that the file states; the law's defaults complete them."""
+        return dict(self.__pydantic_extra__)
+
+    def settings(self) -> LawSettings:
+        """Return the law with all its gains."""
+        definition = law_definition(self.scheme)
+        gains = {each.name: each.default for each in definition.parameters} | self.gains
+        return definition.settings(self.set, force_age=self.force_age, **gains)
+
+
+def _faults(definition: LawDefinition, gains: dict[str, float]) -> dict[str, tuple[object, str]]:
+    """Each gain that the law does not have or take, with its value and why."""
+    parameters = {parameter.name: parameter for parameter in definition.parameters}
+    faults: dict[str, tuple[object, str]] = {}
+    for name, value in gains.items():
+        if name not in parameters:
+            there = ", ".join(parameters)
+            faults[name] = value, f"{definition.title} has no such gain; there are {there}"
+            continue
+        try:
+            parameters[name].check(value)
+        except ValueError as error:
+            faults[name] = value, str(error)
+    return faults
+
+
+def _refused(faults: dict[str, tuple[object, str]]) -> ValidationError:
+    details = [
+        InitErrorDetails(
+            type=PydanticCustomError("law", "{text}", {"text": text}), loc=(name,), input=value
+        )
+        for name, (value, text) in faults.items()
+    ]
+    return ValidationError.from_exception_data("law", details)

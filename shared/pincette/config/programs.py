@@ -1,0 +1,179 @@
+"""The programs of a rig: their addresses, supervisor and recorder, and their real-time settings."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, cast
+from urllib.parse import urlsplit
+
+from pydantic import AfterValidator, Field, model_validator
+
+from pincette.config.tables import NotNegative, Positive, Table
+
+
+def _place(text: str) -> str:
+    """Where a program listens, as HOST:PORT."""
+    try:
+        parts = urlsplit(f"//{text}")
+        if parts.hostname and parts.port and parts.netloc == text:
+            return text
+    except ValueError:
+        pass
+    raise ValueError("wanted HOST:PORT with a port from 1 to 65535")
+
+
+Place = Annotated[str, AfterValidator(_place)]
+
+
+class Bus(Table):
+    """Where the programs listen: the router at ``port``, the others at the ports after it."""
+
+    host: str = "127.0.0.1"
+    """Address at which the programs listen and are reached."""
+    port: int = Field(default=7447, ge=1024, le=65500)
+    """Port of the router."""
+    router: Place | None = None
+    """HOST:PORT of another rig's router that this rig joins. The rig then has no router of its own,
+    and the supervisor there serves it. None: the rig has its own router."""
+    listen: str | None = Field(default=None, exclude=True)
+    """Address on which the router listens, if other programs than those at ``host`` must reach it;
+    0.0.0.0: all addresses. None: ``host``. It concerns only the router's machine."""
+    upstream: Place | None = None
+    """HOST:PORT of a laboratory server's router, to which the rig's own router connects. None:
+    no such router."""
+    served_at: Literal["upstream", "rig"] = "upstream"
+    """The router next to which supervisor, recorder and tools run, if there are two."""
+    pki: str | None = Field(default=None, exclude=True)
+    """Folder of certificates, relative to the rig file. None: links are not encrypted and not
+    access-controlled. The path concerns only this machine: it is not sent, not recorded, and not
+    part of the digest."""
+    identity: str = Field(default="operator", exclude=True)
+    """Name of the certificate that the tools of this machine use, if there are certificates."""
+
+    @property
+    def router_at(self) -> tuple[str, int]:
+        """Host and port of the router, whosever it is."""
+        return (self.host, self.port) if self.router is None else _at(self.router)
+
+    @property
+    def upstream_at(self) -> tuple[str, int] | None:
+        """Host and port of the laboratory server's router; None where there is none."""
+        return None if self.upstream is None else _at(self.upstream)
+
+    @property
+    def apart(self) -> bool:
+        """Whether supervisor and recorder are beside another router than the loop."""
+        return self.upstream is not None and self.served_at == "upstream"
+
+    @property
+    def served_by(self) -> tuple[str, int]:
+        """Host and port of the router that supervisor, recorder and tools are beside."""
+        above = self.upstream_at
+        return self.router_at if above is None or not self.apart else above
+
+    @model_validator(mode="after")
+    def _one_way(self) -> "Bus":
+        if self.upstream is not None and self.router is not None:
+            raise ValueError(
+                "router and upstream: a rig joins another router, or has one of its own that "
+                "connects upstream; leave one of them out"
+            )
+        return self
+
+
+def _at(place: str) -> tuple[str, int]:
+    host, _, port = place.rpartition(":")
+    return host.strip("[]"), int(port)
+
+
+class Recorder(Table):
+    """When a record is refused, when it is closed, and when old records are deleted."""
+
+    min_free_MB: NotNegative = 200.0
+    """With less free disk space than this no record is begun, and so no job."""
+    silence_s: float = Field(default=10.0, ge=1.0)
+    """A record whose loop has been silent this long is closed as incomplete."""
+    keep_days: Positive | None = None
+    """Older records are deleted; None: never for their age."""
+    keep_GB: Positive | None = None
+    """Beyond this much the oldest records are deleted; None: never for their size."""
+
+
+HostName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]{0,252})$")]
+
+
+class Supervisor(Table):
+    """Where the supervisor listens, and how it is reached."""
+
+    host: str = "127.0.0.1"
+    """On an address beyond loopback it starts only if there are keys."""
+    port: int = Field(default=8000, ge=1, le=65535)
+    """Of REST and the page."""
+    names: tuple[HostName, ...] = Field(default=(), max_length=20, strict=False)
+    """Names by which it is reached, beside its address; a request for another one is refused."""
+    behind: Literal["nothing", "container"] = "nothing"
+    """``container``: you ensure that its port is published only on the loopback of the host. It
+    may then listen on every address of its container without keys."""
+    keys: Literal["once_made", "always"] = "once_made"
+    """``once_made``: keys are required from the first ``pincette key add`` on. ``always``: also
+    before it, and if the whole data folder is lost."""
+
+
+Ticking = Literal["router", "rig", "sensor", "estimator", "controller", "actuator"]
+"""Programs that a tick passes through."""
+SchedulingSetting = Literal["priority", "cores", "timer_slack", "memory"]
+PRIORITY = 10
+"""Above every fair task, below the threads of the kernel."""
+Priority = Annotated[int, Field(ge=0, le=99)]
+Core = Annotated[int, Field(ge=0, le=1023)]
+Cores = Annotated[tuple[Core, ...], Field(max_length=1024, strict=False)]
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduling:
+    """What one program asks for."""
+
+    priority: int = PRIORITY
+    """SCHED_FIFO; 0: none."""
+    cores: tuple[int, ...] = ()
+    """Empty: every one."""
+    timer_slack_s: float = 1e-6
+    """0 s: as the system has it."""
+    lock_memory: bool = False
+    required: frozenset[SchedulingSetting] = frozenset()
+
+
+class RealTime(Table):
+    """Real-time settings of the periodic programs, for all of them or for each program.
+
+    They change no result. They may differ between machines.
+    """
+
+    priority: Priority | dict[Ticking, Priority] = PRIORITY
+    """Fixed priority (SCHED_FIFO), above all programs without one; 0: none is requested. In a table
+    by program, a program that is not named requests the default."""
+    cores: Cores | dict[Ticking, Cores] = ()
+    """Processors to run on, counted from 0; empty: any."""
+    timer_slack_s: float = Field(default=1e-6, ge=0.0, le=1.0)
+    """How long the kernel may delay a wake-up of a program without a fixed priority, to combine it
+    with others; the Linux default is 50 µs. 0: the system's setting."""
+    lock_memory: bool = False
+    """Prevent the system from swapping out memory."""
+    computing_s: float = Field(default=0.002, gt=0.0, le=1.0)
+    """Time that programs and bus need from sample to command, without the instruments:
+    two samples on the bus and four steps, with a margin for slow ones."""
+    required: tuple[SchedulingSetting, ...] = Field(default=(), strict=False)
+    """Settings that the system must permit for the program to start; the others are optional."""
+
+    def of(self, *programs: str) -> Scheduling:
+        """What a program asks for; if composed, the highest priority and all processors."""
+        names = cast(tuple[Ticking, ...], programs)
+        priority, cores = self.priority, self.cores
+        each = [cores.get(name, ()) if isinstance(cores, dict) else cores for name in names]
+        return Scheduling(
+            priority=max(priority.get(name, PRIORITY) for name in names)
+            if isinstance(priority, dict)
+            else priority,
+            cores=tuple(sorted({core for some in each for core in some})) if all(each) else (),
+            timer_slack_s=self.timer_slack_s,
+            lock_memory=self.lock_memory,
+            required=frozenset(self.required),
+        )

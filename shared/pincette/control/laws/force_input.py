@@ -1,0 +1,36 @@
+"""Which force serves a law as F_k; flat records, so that batches can compile it."""
+
+from typing import NamedTuple
+
+
+class ForceInput(NamedTuple):
+    """How F_k is made of the newest estimate."""
+
+    planned: bool
+    """Whether the estimate is carried on to k by the plan's F_r; else it serves as it is."""
+    share: float
+    """Share by which F - F_r follows each estimate, where it is carried on."""
+
+
+def input_force(
+    k: ForceInput, force_mN: float, force_r_mN: float, before_r_mN: float, before_error_mN: float
+) -> tuple[float, float]:
+    """Return F_k and F - F_r low-passed, in mN.
+
+    The estimate F̂ belongs to the newest sample, that is to k-1, while F_{r,k} holds for k. Used as
+    it is, it makes the law see a moving F_r as an error of one period. Carried on, F_k is
+
+        F_k = F_{r,k} + δ_k,  δ_k = δ_{k-1} + share·(F̂ - F_{r,k-1} - δ_{k-1})
+
+    so that the low-pass takes the noise off the error and does not lag the force itself.
+
+    Parameters
+    ----------
+    before_r_mN, before_error_mN
+        F_{r,k-1}, and F - F_r low-passed as the last tick left it.
+    """
+    error_mN = force_mN - before_r_mN
+    if k.planned:
+        error_mN = before_error_mN + k.share * (error_mN - before_error_mN)
+        force_mN = force_r_mN + error_mN
+    return force_mN, error_mN

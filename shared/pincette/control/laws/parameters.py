@@ -1,0 +1,53 @@
+"""The gains of a law as data: what they are called, what they mean, and those that a job chooses.
+
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.quantities import Items, Number, Text
+from pincette.control.record import FrozenRecord
+
+ParameterSet = Literal["consistent", "printed"]
+ForceAge = Literal["planned", "newest"]
+
+
+@dataclass(frozen=True, slots=True)
+class LawParameter:
+    """A gain that a law takes; a finite number of at least 0."""
+
+    name: str
+    unit: str
+    meaning: str
+    default: float
+    positive: bool = False
+    """Whether 0 is refused as well."""
+    printed: float | None = None
+    """The paper's value, used with the printed set; None: the default."""
+
+    def check(self, value: float) -> float:
+        """Return ``value``; raises ValueError where the law cannot take it."""
+        require = require_positive if self.positive else require_not_negative
+        return require(self.name, value, self.unit)
+
+
+class Gain(FrozenRecord, frozen=True):
+    """A gain by name; its unit is that of the law's parameter."""
+
+    name: Text
+    value: Number
+
+
+class LawSpec(FrozenRecord, frozen=True):
+    """A law as a program names it; the controller looks the scheme up and builds it."""
+
+    scheme: Text
+    """Name under which the law is registered."""
+    set: ParameterSet = "consistent"
+    """Whose m, b, k, d the law works with: the rig's, or those that the paper prints."""
+    force_age: ForceAge = "planned"
+    """F_k: the newest estimate as it is, or carried on to k by the change of F_r."""
+    gains: Items[Gain] = ()
+    """What is left out has the law's default."""

@@ -1,0 +1,67 @@
+"""What a field of a record may hold: each type states its unit and its limit.
+
+The limits lie far beyond any gripper: they keep out what would overflow further on, and leave it to
+each service to judge what is plausible. A decoder of messages enforces them; a constructor does
+not.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, NewType, TypeVar
+
+from msgspec import Meta
+
+T = TypeVar("T")
+
+LARGEST: Mapping[str, float] = {
+    "µm": 1e9,
+    "mN": 1e12,
+    "V": 1e6,
+    "s": 1e12,
+    "Hz": 1e9,
+    "%": 1e6,
+    "µm/s": 1e12,
+    "µm/s²": 1e15,
+    "mN/s": 1e15,
+    "V/s": 1e12,
+    "rad/s": 1e12,
+    "mN/µm": 1e12,
+    "µm/mN": 1e9,
+    "µm/V": 1e9,
+    "": 1e15,
+}
+"""Magnitude of a number by its unit; without one for gains and shares."""
+LARGEST_INT = 2**53 - 1
+"""Magnitude of a whole number: what every language keeps exactly."""
+LAST_SEQ = 10**12 - 1
+"""Number of the last sample there can be, after decades at any period."""
+MAX_TEXT = 400
+"""Characters of a text."""
+MAX_DOCUMENT = 32_768
+"""Characters of a document."""
+MAX_ITEMS = 4096
+"""Items of a list."""
+
+
+def _within(unit: str) -> Meta:
+    return Meta(ge=-LARGEST[unit], le=LARGEST[unit], extra={"unit": unit})
+
+
+Micrometre = Annotated[float, _within("µm")]
+Millinewton = Annotated[float, _within("mN")]
+MillinewtonPerMicrometre = Annotated[float, _within("mN/µm")]
+Volt = Annotated[float, _within("V")]
+Second = Annotated[float, _within("s")]
+Hertz = Annotated[float, _within("Hz")]
+Number = Annotated[float, _within("")]
+"""Without a unit that its name ends with: a gain, a share, or of a path whose quantity says it."""
+
+Whole = Annotated[int, Meta(ge=-LARGEST_INT, le=LARGEST_INT)]
+Epoch = Annotated[int, Meta(ge=0, le=LARGEST_INT)]
+Seq = Annotated[int, Meta(ge=-1, le=LAST_SEQ)]
+"""Number of a sample; -1 comes before the first."""
+
+Document = NewType("Document", str)
+"""A text of many lines, as JSON; other texts are short."""
+Text = Annotated[str, Meta(max_length=MAX_TEXT)]
+LongText = Annotated[Document, Meta(max_length=MAX_DOCUMENT)]
+Items = Annotated[tuple[T, ...], Meta(max_length=MAX_ITEMS)]

@@ -1,0 +1,120 @@
+"""A kink in a free motion, as a part that is in the way makes it.
+
+Beyond x_c, where the arm meets a part of stiffness K, it does not come to its free place f:
+
+    x = f - c·max(0, x - x_c),    c = s_p·K
+
+so its slope falls to 1/(1 + c) of that below, and does so at one position, on the way up and on the
+way down, while hysteresis makes f come there at different voltages. Both facts are used: f is put
+together from columns of the voltage (plays, creep, u²) and from x² and x³, with which branches may
+bend as they like, but not break. What the columns leave of x is then explained by a break at each
+of many positions, and the best is looked at.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.response.hysteresis_motion import Column, low_passed, play_columns
+from pincette.control.response.identification import (
+    PLAYS_PER_FAMILY,
+    YIELDING,
+    first_known,
+    spread_creep_times,
+    spread_thresholds,
+)
+
+PLACES = 60
+"""Positions at which a break is tried, evenly over the range"""
+EDGE = 0.03
+"""but for this share at both ends."""
+RIDGE = 1e-6
+LEAST_SOFTENING = 0.07
+"""c; at 2.17 µm/mN that is a part of 0.03 mN/µm."""
+LEAST_EXPLAINED = 1.12
+"""Share by which the break lowers the r.m.s. that is left: without a part by up to 5 %, whatever
+the class of the hysteresis; with one by 18 % and more."""
+
+
+class ContactKink(NamedTuple):
+    """Where the free response breaks."""
+
+    x_um: float
+    """x_c."""
+    voltage_V: float
+    """At which the arm comes there on its way up, the mean of all ways."""
+    softening: float
+    """c = s_p·K."""
+
+    @property
+    def slope_share(self) -> float:
+        """Slope beyond the kink over that before it."""
+        return 1.0 / (1.0 + self.softening)
+
+
+def contact_kink(
+    voltage_V: Column, x_um: Column, period_s: float, course: slice | None = None
+) -> ContactKink | None:
+    """Find the break of a motion of matched ages; None where there is none worth the name.
+
+    Parameters
+    ----------
+    voltage_V, x_um
+        N samples in V and µm, finite.
+    course
+        Part of it whose travel the plays are spread over; from its full travel on they are known.
+    """
+    course = course or slice(len(voltage_V))
+    columns, known = _columns(voltage_V, x_um, period_s, course)
+    u, x = voltage_V[known:], x_um[known:]
+    if len(x) <= columns.shape[1] or not float(np.ptp(x)) > 0.0:
+        return None
+    across, _ = np.linalg.qr(_ridged(columns))
+    left = _projected(across, x[:, np.newaxis])[:, 0]
+    places = np.min(x) + np.ptp(x) * np.linspace(EDGE, 1.0 - EDGE, PLACES)
+    breaks = _projected(across, np.maximum(0.0, x[:, np.newaxis] - places))
+    product, square = -(breaks.T @ left), np.sum(breaks**2, axis=0)
+    softening = product / np.maximum(square, np.finfo(float).tiny)
+    explained = np.where(softening > 0.0, product * softening, 0.0)
+    best = int(np.argmax(explained))
+    total = float(left @ left)
+    if softening[best] < LEAST_SOFTENING:
+        return None
+    if total < LEAST_EXPLAINED**2 * (total - float(explained[best])):
+        return None
+    x_c = float(places[best])
+    upwards = (x[:-1] <= x_c) & (x[1:] > x_c)
+    return ContactKink(x_c, float(np.mean(u[1:][upwards])), float(softening[best]))
+
+
+def _columns(
+    u: Column, x: Column, period_s: float, course: slice
+) -> tuple[NDArray[np.float64], int]:
+    """Columns that make up f, from the sample on from which every play is known."""
+    thresholds, fadings = [0.0], [0.0]
+    travel_V = float(np.ptp(u[course]))
+    for share in (0.0, YIELDING):
+        family = spread_thresholds(travel_V, share, PLAYS_PER_FAMILY)
+        thresholds += family
+        fadings += [share / threshold for threshold in family]
+    times_s = spread_creep_times(period_s, period_s * len(u))
+    creep = low_passed(times_s, u[:, np.newaxis], period_s)[:, :, 0].T
+    known = (course.start or 0) + first_known(u[course], max(thresholds))
+    bent = (x - np.mean(x)) / max(float(np.ptp(x)), np.finfo(float).tiny)
+    plays = play_columns(thresholds, fadings, u)
+    columns = np.column_stack([plays, u**2, creep, np.ones(len(u)), bent**2, bent**3])
+    return columns[known:], known
+
+
+def _ridged(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    scale = np.sqrt(np.mean(columns**2, axis=0))
+    scale[scale == 0.0] = 1.0
+    penalty = np.sqrt(RIDGE * len(columns)) * np.eye(columns.shape[1])
+    return np.vstack([columns / scale, penalty])
+
+
+def _projected(across: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What columns of values have beside the space of f; the ridge's rows are below them."""
+    padded = np.vstack([values, np.zeros((len(across) - len(values), values.shape[1]))])
+    return padded - across @ (across.T @ padded)

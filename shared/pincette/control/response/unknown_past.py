@@ -1,0 +1,106 @@
+"""What a past that nobody has followed may make of the free response x_1.
+
+A program that is started anew knows neither the turning points of the voltage nor the creep of the
+arm. All it knows is the range that the voltage cannot have left. Play operators with one input
+keep their order (M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996,
+chapter 2), so the pasts that come straight from either end of the range enclose all others, as far
+as the weights are not negative. Each is led through the same voltages as the model in use. By as
+much as the two part after a zero x_1 may err; a stroke that wipes the past out ends it.
+"""
+
+from math import sqrt
+
+from msgspec.structs import replace
+
+from pincette.control.record import FrozenRecord
+from pincette.control.response.free_response import FreeResponse
+from pincette.control.response.voltage_memory import VoltageMemory
+
+RESTED_S = 86400.0
+"""A rest after which creep is over: the furthest that it can be from the model's."""
+
+
+class UnknownPast(FrozenRecord, frozen=True):
+    """The free responses of the outermost pasts, which are followed as long as they matter."""
+
+    lowest: FreeResponse
+    """It rested at the lowest voltage."""
+    highest: FreeResponse
+    """At the highest."""
+    ends_V: tuple[float, float]
+    """Range that the voltage has not left."""
+    known: bool = False
+    """Whether the past has been wiped out, or nothing had happened; nothing is followed then."""
+    at_zero_um: tuple[float, float] = (0.0, 0.0)
+    """Displacement of each less the model's, at the last zero."""
+
+    def follow(self, voltage_V: float, dt_s: float) -> "UnknownPast":
+        """Take in that ``voltage_V`` has been applied for ``dt_s``."""
+        if self.known:
+            return self
+        return replace(
+            self,
+            lowest=self.lowest.follow(voltage_V, dt_s),
+            highest=self.highest.follow(voltage_V, dt_s),
+        )
+
+    def led_through(self, memory: VoltageMemory) -> "UnknownPast":
+        """Take in all voltages since the start."""
+        lowest, highest = memory.replayed(self.lowest), memory.replayed(self.highest)
+        return replace(self, lowest=lowest, highest=highest)
+
+    def rezero(self, response: FreeResponse) -> "UnknownPast":
+        """Count from here on, where x_1 of the model in use has been put through the arm."""
+        return self if self.known else replace(self, at_zero_um=self._apart_um(response))
+
+    def error_um(self, response: FreeResponse) -> float:
+        """Return the largest error of x_1 since the zero in µm.
+
+            max_m |[y_m - y] - [y_m - y]_zero|
+
+        with the displacement y of the model in use and y_m of each outermost past.
+        """
+        if self.known:
+            return 0.0
+        lowest_um, highest_um = self._apart_um(response)
+        return max(abs(lowest_um - self.at_zero_um[0]), abs(highest_um - self.at_zero_um[1]))
+
+    def worst_um(self, response: FreeResponse) -> float:
+        """Return that error in µm if the arm were zeroed here, then moved to an end or rested."""
+        if self.known:
+            return 0.0
+        here, worst_um = self.follow(response.voltage_V, 0.0).rezero(response), 0.0
+        for voltage_V in (response.voltage_V, *self.ends_V):
+            for rest_s in (0.0, RESTED_S):
+                led = here.follow(voltage_V, 0.0).follow(voltage_V, rest_s)
+                model = response.follow(voltage_V, 0.0).follow(voltage_V, rest_s)
+                worst_um = max(worst_um, led.error_um(model))
+        return worst_um
+
+    def matters(self, response: FreeResponse) -> bool:
+        """Whether it may make more than the error that x_1 is stated with for a whole stroke."""
+        low_V, high_V = self.ends_V
+        stroke = response.follow(low_V, 0.0).begin(0.0).follow(high_V, 0.0)
+        return not self.known and self.worst_um(response) > stroke.error_um()
+
+    def judged(self, response: FreeResponse) -> "UnknownPast":
+        """Follow it no longer where it does not matter any more."""
+        return self if self.matters(response) else replace(self, known=True)
+
+    def _apart_um(self, response: FreeResponse) -> tuple[float, float]:
+        at_um = response.sample(0.0).displacement_um
+        return (
+            self.lowest.sample(0.0).displacement_um - at_um,
+            self.highest.sample(0.0).displacement_um - at_um,
+        )
+
+
+def unknown_past(response: FreeResponse, ends_V: tuple[float, float]) -> UnknownPast:
+    """Pasts that rested at either end of a range; the next voltage is gone to straight."""
+    lowest, highest = [response.follow(end_V, RESTED_S) for end_V in ends_V]
+    return UnknownPast(lowest, highest, ends_V)
+
+
+def standard_uncertainty_um(error_um: float) -> float:
+    """Standard uncertainty where nothing but a largest error is known (JCGM 100:2008, 4.3.7)."""
+    return error_um / sqrt(3.0)

@@ -1,0 +1,23 @@
+"""When the hardware's own watchdog may hear that its host lives.
+
+A loop that hangs cannot say so. One that runs says so only while its output stands as the rules
+want it: a ramp, or a safe voltage, that the output does not confirm is left to the hardware, which
+goes to its safe value when the heartbeats end. A freeze is different: it writes nothing, and what
+keeps the part is the heartbeat; so it is fed for the freeze's bounded time. A latched actuator is
+the one that holds the safe voltage, and goes on to feed.
+"""
+
+from pincette.control.safety.causes import Mode
+from pincette.control.safety.state import SafetyLimits, SafetyState
+
+OVERDUE = 2.0
+"""Age limits after which an armed actuator that has not tripped is not to be believed."""
+
+
+def may_kick_watchdog(limits: SafetyLimits, state: SafetyState, now: float) -> bool:
+    """Whether the loop is healthy."""
+    if state.mode == Mode.ARMED:
+        return now - state.fresh_s <= OVERDUE * limits.age.limit_s
+    if state.mode == Mode.FROZEN:
+        return now - state.since_s <= limits.freeze_s + limits.age.limit_s
+    return state.mode == Mode.IDLE or not state.unconfirmed

@@ -1,0 +1,63 @@
+"""Messages to MessagePack maps with named fields, and back, with every field checked.
+
+Encoder and decoders are msgspec's, built once for each message from its fields' types. A field that
+is missing, unknown, there twice, of the wrong type, not finite or beyond its bound refuses the
+whole message.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from msgspec import MsgspecError, structs
+from msgspec.msgpack import Decoder, Encoder
+
+from pincette.control.quantities import MAX_TEXT
+from pincette.core.codec.refusals import CodecError, read_slowly, short_texts
+from pincette.core.messages import Message
+from pincette.core.topics import REQUESTS, TOPICS
+
+M = TypeVar("M", bound=Message)
+
+MAX_BYTES = 65_536
+"""Of a message."""
+KINDS = {topic.message for topic in TOPICS} | {
+    kind for request in REQUESTS for kind in (request.request, request.reply)
+}
+"""Every message that travels, as the topics and requests have it."""
+_pack = Encoder().encode
+_UNPACK: Mapping[type, Callable[[bytes], Any]] = {kind: Decoder(kind).decode for kind in KINDS}
+_TEXTS = {kind: short_texts(kind) for kind in KINDS}
+"""Names of the short texts of each message."""
+
+
+def encode(message: Message) -> bytes:
+    """Message to bytes; a text of its own that is too long is cut, so that the rest is heard."""
+    payload = _pack(message)
+    return payload if len(payload) <= MAX_TEXT else _pack(_cut(message))
+
+
+def decode(kind: type[M], payload: bytes) -> M:
+    """Bytes to a message of this kind; raises CodecError.
+
+    A payload that this program would write with other bytes is read a second time: it may have a
+    field twice, or lack one, which the first reading does not notice.
+    """
+    if len(payload) > MAX_BYTES:
+        raise CodecError(f"{kind.__name__}: {len(payload)} bytes, limit {MAX_BYTES}")
+    try:
+        message: M = _UNPACK[kind](payload)
+    except (MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        read_slowly(kind, payload)
+        raise CodecError(f"{kind.__name__}: {error}") from None
+    if _pack(message) != payload:
+        read_slowly(kind, payload)
+    return message
+
+
+def _cut(message: Message) -> Message:
+    long: dict[str, str] = {}
+    for name in _TEXTS[type(message)]:
+        text = getattr(message, name)
+        if len(text) > MAX_TEXT:
+            long[name] = text[:MAX_TEXT]
+    return structs.replace(message, **long) if long else message

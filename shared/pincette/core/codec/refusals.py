@@ -1,0 +1,224 @@
+"""Why bytes are refused, in words that are safe to log whatever the bytes were.
+
+A refused payload is read once more, slowly, by the plain reader ``msgpack``, and held against the
+types of the message's fields: the words name field, value, unit and limit.
+"""
+
+from collections.abc import Iterable
+from functools import cache
+from math import inf, isfinite
+from typing import Any, cast
+
+import msgpack as untyped_msgpack
+from msgspec import inspect
+
+from pincette.control.quantities import MAX_ITEMS, MAX_TEXT
+
+# The package ships no types.
+msgpack = cast(Any, untyped_msgpack)
+
+MAX_FIELDS = 64
+"""Of a map, known or not."""
+SHOWN = 40
+"""Characters of a value that a refusal repeats."""
+NAMED = 5
+"""Fields that a refusal names."""
+FEW = 16
+"""Items of a list where the message has none: enough for the refusal to name the field."""
+
+
+class CodecError(ValueError):
+    """Bytes that are not the message they should be; the text names message, field and value."""
+
+
+class FieldsError(CodecError):
+    """A map whose fields are not those of the message."""
+
+
+def read_slowly(kind: type, payload: bytes) -> None:
+    """Find what is wrong with a payload; nothing, where it is a sound message; raises CodecError.
+
+    The plain reader reserves memory as a list's header asks, before the items come, and lists may
+    nest; so the length of a list is bounded before it is read, and most messages have none.
+    """
+    name, node = kind.__name__, _node(kind)
+    try:
+        tree = msgpack.unpackb(
+            payload,
+            object_pairs_hook=_distinct,
+            max_array_len=MAX_ITEMS if _has_list(node) else FEW,
+            max_map_len=MAX_FIELDS,
+            max_bin_len=0,
+            max_ext_len=0,
+        )
+    except FieldsError as error:
+        raise FieldsError(f"{name}: {error}") from None
+    except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
+        raise CodecError(f"{name}: not MessagePack ({error})") from None
+    _value(name, node, tree)
+
+
+def short_texts(kind: type) -> list[str]:
+    """Names of a message's own fields that are short texts."""
+    return [
+        name
+        for name, node in _own_fields(kind)
+        if isinstance(node, inspect.StrType) and node.max_length == MAX_TEXT
+    ]
+
+
+def largest_floats(kind: type) -> list[tuple[str, float]]:
+    """A message's own float fields, also those that may be None, with their largest magnitude."""
+    found: list[tuple[str, float]] = []
+    for name, node in _own_fields(kind):
+        parts = node.types if isinstance(node, inspect.UnionType) else (node,)
+        floats = [part.type if isinstance(part, inspect.Metadata) else part for part in parts]
+        found += [(name, _limits(one)[1]) for one in floats if isinstance(one, inspect.FloatType)]
+    return found
+
+
+def _own_fields(kind: type) -> list[tuple[str, inspect.Type]]:
+    node = _node(kind)
+    assert isinstance(node, inspect.StructType)
+    return [(field.name, field.type) for field in node.fields]
+
+
+def unit_stated(node: inspect.Metadata) -> str:
+    """Unit that a field's type states; empty where it states none."""
+    # msgspec does not say of what type its items are.
+    told = node.extra  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    return cast("dict[str, str]", told)["unit"] if told else ""
+
+
+@cache
+def _node(kind: type) -> inspect.Type:
+    return inspect.type_info(kind)
+
+
+def _distinct(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+    """A map of pairs; one that has a field twice would be read otherwise by another reader."""
+    tree = dict(pairs)
+    if len(tree) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise FieldsError(f"fields twice: {_named({n for n in names if names.count(n) > 1})}")
+    return tree
+
+
+def _has_list(node: inspect.Type) -> bool:
+    match node:
+        case inspect.VarTupleType():
+            return True
+        case inspect.StructType():
+            return any(_has_list(field.type) for field in node.fields)
+        case inspect.UnionType():
+            return any(_has_list(item) for item in node.types)
+        case _:
+            return False
+
+
+def _value(place: str, node: inspect.Type, value: Any, unit: str = "") -> Any:
+    match node:
+        case inspect.Metadata():
+            return _value(place, node.type, value, unit_stated(node))
+        case inspect.FloatType():
+            return _number(place, node, value, unit)
+        case inspect.IntType():
+            return _whole(place, node, value)
+        case inspect.BoolType():
+            if type(value) is bool:
+                return value
+            raise CodecError(f"{place} = {_shown(value)}: neither true nor false")
+        case inspect.StrType():
+            return _text(place, node, value)
+        case inspect.StructType():
+            return _record(place, node, value)
+        case inspect.UnionType():
+            (inner,) = (item for item in node.types if not isinstance(item, inspect.NoneType))
+            return None if value is None else _value(place, inner, value)
+        case inspect.LiteralType():
+            return _choice(place, node.values, value)
+        case inspect.EnumType():
+            return node.cls(_choice(place, [item.value for item in node.cls], value))
+        case inspect.VarTupleType():
+            if type(value) is list:
+                items = cast("list[Any]", value)
+                return tuple([_value(place, node.item_type, item) for item in items])
+            raise CodecError(f"{place} = {_shown(value)}: not a list")
+        case _:
+            raise TypeError(f"a message cannot carry {node}")
+
+
+def _record(place: str, node: inspect.StructType, value: Any) -> Any:
+    if type(value) is not dict:
+        raise CodecError(f"{place}: not a map")
+    tree = cast("dict[Any, Any]", value)
+    fields = {field.name: field.type for field in node.fields}
+    if tree.keys() != fields.keys():
+        odd = fields.keys() ^ tree.keys()
+        raise FieldsError(f"{place}: fields missing or unknown: {_named(odd)}")
+    values = {name: _value(f"{place}.{name}", fields[name], tree[name]) for name in fields}
+    try:
+        return node.cls(**values)
+    except ValueError as error:  # data that refuses itself
+        raise CodecError(f"{place}: {error}") from error
+
+
+def _limits(node: inspect.FloatType | inspect.IntType) -> tuple[float, float]:
+    return -inf if node.ge is None else node.ge, inf if node.le is None else node.le
+
+
+def _number(place: str, node: inspect.FloatType, value: Any, unit: str) -> float:
+    least, most = _limits(node)
+    if type(value) in (int, float) and least <= value <= most:
+        return float(value)
+    limit = f"beyond ±{most:g} {unit}".rstrip()
+    if type(value) is float:
+        why = limit if isfinite(value) else "not a finite number"
+        raise CodecError(f"{place} = {value:g} {unit}".rstrip() + f": {why}")
+    why = limit if type(value) is int else "not a number"
+    raise CodecError(f"{place} = {_shown(value)}: {why}")
+
+
+def _whole(place: str, node: inspect.IntType, value: Any) -> int:
+    if type(value) is not int:
+        raise CodecError(f"{place} = {_shown(value)}: not a whole number")
+    least, most = _limits(node)
+    if least <= value <= most:
+        return value
+    raise CodecError(f"{place} = {value}: not within {least} to {most}")
+
+
+def _text(place: str, node: inspect.StrType, value: Any) -> str:
+    if type(value) is not str:
+        raise CodecError(f"{place} = {_shown(value)}: not a text")
+    if node.max_length is not None and len(value) > node.max_length:
+        raise CodecError(
+            f"{place}: not a text of at most {node.max_length} characters, it has {len(value)}"
+        )
+    return value
+
+
+def _choice(place: str, choices: Iterable[Any], value: Any) -> Any:
+    known = [str(choice) for choice in choices]
+    if type(value) is str and value in known:
+        return value
+    raise CodecError(f"{place} = {_shown(value)}: not one of {', '.join(known)}")
+
+
+def _shown(value: Any) -> str:
+    """A value in a refusal: short, on one line; of what holds other values only the kind."""
+    if value is None or isinstance(value, str | bool | int | float):
+        return repr(str(value)[:SHOWN])
+    return f"({type(value).__name__})"
+
+
+def _named(fields: Iterable[Any]) -> str:
+    """Names of fields in a refusal, a few of them."""
+    names = sorted(_legible(field) for field in fields)
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more
+
+
+def _legible(field: Any) -> str:
+    plain = isinstance(field, str) and field.isprintable() and len(field) <= SHOWN
+    return field if plain else repr(field[:SHOWN])

@@ -1,0 +1,85 @@
+"""Codes of what programs tell each other; texts for people are made in ``core.wording``."""
+
+from enum import StrEnum
+
+from pincette.control.faults import Fault, FaultCode, Value, fault
+from pincette.control.safety.causes import CAUSES, TRIPPED, Cause, Mode
+
+__all__ = [
+    "CAUSES",
+    "TRIPPED",
+    "Acted",
+    "ActionCode",
+    "Cause",
+    "Fault",
+    "FaultCode",
+    "LeaseEnd",
+    "Mode",
+    "Outcome",
+    "Phase",
+    "Value",
+    "fault",
+]
+
+
+class Outcome(StrEnum):
+    """How a program ends, by the controller."""
+
+    NONE = ""
+    """Nothing is reached yet."""
+    GRIPPED = "gripped"
+    TRACKED = "tracked"
+    RELEASED = "released"
+    MOVED = "moved"
+    STOPPED = "stopped"
+    NO_CONTACT = "no_contact"
+    WRONG_STIFFNESS = "wrong_stiffness"
+    LOST = "lost"
+    OVERFORCE = "overforce"
+    CONTACT = "contact"
+    OVERTRAVEL = "overtravel"
+    ZERO_REFUSED = "zero_refused"
+
+
+class Phase(StrEnum):
+    """Phases that the controller itself knows; a program may have others, as levels of voltage."""
+
+    LOAD = "load"
+    HOLD = "hold"
+    SETTLE = "settle"
+    TRACK = "track"
+    UNLOAD = "unload"
+    RETREAT = "retreat"
+    STOPPING = "stopping"
+
+
+class ActionCode(StrEnum):
+    """What the controller can be asked for; see ``messages.Action``."""
+
+    STOP = "stop"
+    LET_GO = "let_go"
+    RETRACT = "retract"
+    PAUSE = "pause"
+    RESUME = "resume"
+    RELEASE = "release"
+    CONTINUE = "continue"
+    KEEP = "keep"
+
+
+class LeaseEnd(StrEnum):
+    """How a program is stopped whose lease has ended; each is an action too."""
+
+    STOP = "stop"
+    LET_GO = "let_go"
+    RETRACT = "retract"
+
+
+class Acted(StrEnum):
+    """What took effect at a sample; every stop is ``stop``, one of the lease after ``lease``."""
+
+    LEASE = "lease"
+    STOP = "stop"
+    PAUSE = "pause"
+    RESUME = "resume"
+    RELEASE = "release"
+    CONTINUE = "continue"

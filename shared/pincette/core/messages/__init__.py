@@ -1,0 +1,66 @@
+"""What travels between programs: frozen data, units in the field names.
+
+A sample keeps its number: everything derived from sample k carries ``seq`` k, and the ``epoch``
+of the arming it belongs to. A message is invalid until somebody says that it is valid.
+"""
+
+from pincette.core.messages.requests import (
+    Ack,
+    Action,
+    Arm,
+    Finish,
+    Lease,
+    Load,
+    Record,
+    Recorded,
+    RequestLog,
+    Reset,
+    RigFileReply,
+    RigFileRequest,
+    SimCommand,
+    Status,
+    StatusRequest,
+    TimingRequest,
+    Trip,
+)
+from pincette.core.messages.samples import (
+    Applied,
+    Burst,
+    Command,
+    Estimate,
+    GroundTruth,
+    JobNotice,
+    Position,
+    Telemetry,
+    Timing,
+)
+
+Message = (
+    Position
+    | Burst
+    | Estimate
+    | Command
+    | Applied
+    | Telemetry
+    | GroundTruth
+    | JobNotice
+    | Timing
+    | RequestLog
+    | Arm
+    | Load
+    | Action
+    | Lease
+    | Trip
+    | Reset
+    | SimCommand
+    | Record
+    | Finish
+    | Recorded
+    | StatusRequest
+    | Status
+    | TimingRequest
+    | RigFileRequest
+    | RigFileReply
+    | Ack
+)
+Sample = Position | Burst | Estimate | Command | Applied | Telemetry

@@ -1,0 +1,188 @@
+"""What is published: samples of the loop, each with its number, and what is told beside them."""
+
+from pincette.control.planning.sweep import Sweep
+from pincette.control.quantities import (
+    Epoch,
+    Hertz,
+    Items,
+    Micrometre,
+    Millinewton,
+    MillinewtonPerMicrometre,
+    Second,
+    Seq,
+    Text,
+    Volt,
+    Whole,
+)
+from pincette.control.record import FrozenRecord
+from pincette.core.faults import Acted, Cause, Fault, Mode, Outcome
+from pincette.latency.histogram import Distribution
+
+
+class Position(FrozenRecord, frozen=True):
+    """One measurement of the arm's tip by the sensor, at its own grid point."""
+
+    epoch: Epoch
+    seq: Seq
+    t_s: Second
+    x_um: Micrometre
+    valid: bool = False
+    fault: Fault | None = None
+    """Why it is no measurement."""
+
+
+class Burst(FrozenRecord, frozen=True):
+    """What the sensor acquired from its own buffer up to sample ``seq``: one each 1/``rate_hz``."""
+
+    epoch: Epoch
+    seq: Seq
+    rate_hz: Hertz
+    x_um: Items[Micrometre]
+    drive_V: Items[Volt]
+    """At the amplifier's input, as measured beside the position."""
+    valid: bool = False
+
+
+class Estimate(FrozenRecord, frozen=True):
+    """Contact force and lumped perturbation, from position k and the voltage applied at k-1."""
+
+    epoch: Epoch
+    seq: Seq
+    x_um: Micrometre
+    force_mN: Millinewton
+    force_uncertainty_mN: Millinewton
+    perturbation_mN: Millinewton
+    zero_age_s: Second | None
+    zero_refusal: Fault | None
+    """Why the force was not zeroed when that was asked for last."""
+    applied_V: Volt
+    applied_seq: Seq
+    limits_active: Whole
+    tripped: bool
+    degraded: bool
+    valid: bool = False
+    fault: Fault | None = None
+    """Why it is not valid."""
+
+
+class Command(FrozenRecord, frozen=True):
+    """The voltage the controller asks for, based on sample ``seq``."""
+
+    epoch: Epoch
+    seq: Seq
+    owner: Whole
+    voltage_V: Volt
+    part_held: bool
+    """What a fault means from here on: freeze (held) or ramp to the safe voltage (free)."""
+    zero: bool
+    """The estimator shall re-zero at this seq."""
+    final: bool
+    """The last command of this arming."""
+    valid: bool = False
+    fault: Fault | None = None
+    """Why it is not valid: what the controller cannot see."""
+    sweep: Sweep | None = None
+    """Play this about ``voltage_V``; the commands after it say that it may go on."""
+    force_mN: Millinewton | None = None
+    """The estimate it was computed from; None without a valid zero."""
+    x_d_um: Micrometre | None = None
+    """Where the law wants the arm at sample ``seq``; None where no law has steered it there."""
+
+
+class Applied(FrozenRecord, frozen=True):
+    """What the actuator did in tick ``seq``; ``part_held, zero, final`` echo the command."""
+
+    epoch: Epoch
+    seq: Seq
+    voltage_V: Volt
+    state: Mode
+    cause: Cause
+    """Of the trip; empty where there is none."""
+    limits_active: Whole
+    """Bits: 1 voltage at its maximum, 2 at its minimum, 4 slew limited upwards, 8 downwards."""
+    part_held: bool
+    zero: bool
+    final: bool
+    answered: bool
+    """False where no command for this tick was taken and the voltage was kept or ramped."""
+    refused: Whole
+    command_age_s: Second
+    faults: Items[Fault] = ()
+    """Behind the cause: what was found, why the commands before were not valid, why a freeze has
+    ended early."""
+
+
+class Telemetry(FrozenRecord, frozen=True):
+    """The controller's own view of sample ``seq``: the references that hold for this sample."""
+
+    epoch: Epoch
+    seq: Seq
+    playing: bool
+    phase: Text
+    segment: Whole
+    segment_tick: Whole
+    x_r_um: Micrometre
+    x_d_um: Micrometre
+    force_r_mN: Millinewton
+    sliding_um: Micrometre
+    """s; where s is a force, s over K̄."""
+    band_um: Micrometre
+    """Half width of the band that s stays in, or comes back to."""
+    perturbation_mN: Millinewton
+    """p̂, with the force that the law was fed."""
+    perturbation_error_mN: Millinewton
+    """p̃, likewise."""
+    residual_um: Micrometre
+    """x minus what (17) predicted."""
+    outcome: Outcome
+    contact_x_um: Micrometre | None
+    contact_stiffness_mN_per_um: MillinewtonPerMicrometre | None
+    held: bool
+    acted: Items[Acted]
+    """Actions that took effect at this seq; ``let_go`` and ``retract`` are told as ``stop``, after
+    ``lease`` where a lease has ended and nobody has asked.
+    """
+    paused: bool = False
+    """From this sample on the references rest, and the segment's time stands still."""
+
+
+class GroundTruth(FrozenRecord, frozen=True):
+    """What only a simulated rig knows; nothing but the record listens."""
+
+    seq: Seq
+    x_um: Micrometre
+    force_mN: Millinewton
+    voltage_V: Volt
+
+
+class JobNotice(FrozenRecord, frozen=True):
+    """A job as the supervisor has it, told whenever its state or its phase changes."""
+
+    job: Text
+    kind: Text
+    epoch: Epoch
+    """Of its samples; 0 before it is armed."""
+    state: Text
+    phase: Text
+    cause: Text
+    held: bool
+    at: Text
+    """UTC."""
+
+
+class Timing(FrozenRecord, frozen=True):
+    """How punctual a program of the loop has been since its epoch began; in real time only."""
+
+    epoch: Epoch
+    seq: Seq
+    """The newest sample that is counted; -1 before the first."""
+    service: Text
+    missed: Whole
+    """Samples and points of the grid that were skipped."""
+    lateness: Distribution
+    """Of the wake-ups against the program's own grid; without one, of the samples' arrival against
+    the grid of the earliest among them."""
+    age: Distribution
+    """From the first arrival of a sample's number to the step with what the program acts on."""
+    execution: Distribution
+    """Of the steps, from their begin until all was told; instruments included."""

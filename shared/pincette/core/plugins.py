@@ -1,0 +1,79 @@
+"""Services, programs and drivers by entry point, imported late."""
+
+from importlib.metadata import EntryPoint, entry_points
+from pkgutil import resolve_name
+from typing import Any, TypeVar
+
+SERVICES = "pincette.services"
+PROGRAMS = "pincette.programs"
+KEYS = "pincette.keys"
+LAWS = "pincette.laws"
+POSITION_SENSORS = "pincette.position_sensors"
+VOLTAGE_OUTPUTS = "pincette.voltage_outputs"
+JOB_KINDS = "pincette.job_kinds"
+CALIBRATIONS = "pincette.calibrations"
+SIMULATED_INSTRUMENTS = "pincette.simulated_instruments"
+COMMANDS = "pincette.commands"
+
+DRIVERS = {POSITION_SENSORS: "position sensor", VOLTAGE_OUTPUTS: "voltage output"}
+"""Groups that a rig file chooses from, and what one of them is called."""
+CALLED = {**DRIVERS, LAWS: "control law", JOB_KINDS: "kind of job", CALIBRATIONS: "calibration"}
+
+
+T = TypeVar("T")
+
+
+class PluginError(Exception):
+    """No such plug-in, or it cannot be imported; the text says which there are, or why."""
+
+
+def registered(group: str) -> list[EntryPoint]:
+    """Everything registered in a group, by name and package; none of it is imported."""
+    return sorted(entry_points(group=group), key=lambda entry: (entry.name, origin(entry)))
+
+
+def names(group: str) -> list[str]:
+    """Names registered in a group."""
+    return sorted({entry.name for entry in entry_points(group=group)})
+
+
+def origin(entry: EntryPoint) -> str:
+    """Distribution that registers an entry, and its version."""
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unknown distribution"
+
+
+def resolve(reference: str, of: type[T], what: str) -> T:
+    """Import ``module:attribute`` that a plug-in names; raises PluginError."""
+    try:
+        found = resolve_name(reference)
+    # A module from outside may fail in any way, or end the program, while it is imported.
+    except (Exception, SystemExit) as error:
+        raise PluginError(
+            f"{what}: {reference} cannot be imported: {type(error).__name__}: {error}; mend its "
+            "package, or uninstall it"
+        ) from error
+    if not isinstance(found, of):
+        raise PluginError(f"{what}: {reference} is not of the class {of.__name__}")
+    return found
+
+
+def load(group: str, name: str) -> Any:
+    """Import what is registered under a name; raises PluginError."""
+    kind = CALLED.get(group, group)
+    found = [entry for entry in registered(group) if entry.name == name]
+    if not found:
+        there = f"there are {', '.join(names(group)) or 'none'}"
+        hint = "; `pincette drivers` lists them" if group in (*DRIVERS, LAWS) else ""
+        raise PluginError(f"no {kind} {name!r} is installed; {there}{hint}")
+    if len(found) > 1:
+        both = " and ".join(origin(entry) for entry in found)
+        raise PluginError(f"{kind} {name!r} is registered by {both}; uninstall all but one")
+    (entry,) = found
+    try:
+        return entry.load()
+    # A module from outside may fail in any way, or end the program, while it is imported.
+    except (Exception, SystemExit) as error:
+        raise PluginError(
+            f"{kind} {name!r} ({entry.value}, {origin(entry)}) cannot be imported: "
+            f"{type(error).__name__}: {error}"
+        ) from error

@@ -1,0 +1,165 @@
+"""What a service is: inputs and outputs as data, and pure functions from state to state.
+
+The runner does the rest: bus, clock, instrument, joins, deadlines, statistics, shutdown. Because
+inputs are data, replay, documents and the links between programs need no second list.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Literal, TypeVar
+
+from pincette.control.record import FrozenRecord
+from pincette.core.faults import Fault
+from pincette.core.messages import Message
+from pincette.core.topics import LOOP, Request, Topic
+
+C = TypeVar("C")
+S = TypeVar("S")
+I = TypeVar("I")  # noqa: E741  the name of an inputs type, never of a number
+R = TypeVar("R")
+
+Role = Literal["trigger", "join", "pace"]
+
+
+class RefusedError(Exception):
+    """A question that a service will not act on; the text says why."""
+
+
+class Acquired(FrozenRecord, frozen=True):
+    """A buffered acquisition since the last tick: one sample each 1/``rate_hz``."""
+
+    rate_hz: float
+    x_um: tuple[float, ...]
+    drive_V: tuple[float, ...]
+
+
+class Reading(FrozenRecord, frozen=True):
+    """What the position sensor said in this tick, or why it said nothing."""
+
+    x_um: float
+    fault: Fault | None = None
+    acquired: Acquired | None = None
+
+
+class SetVoltage(FrozenRecord, frozen=True):
+    """An output for the instrument: put out this voltage before anything is published."""
+
+    voltage_V: float
+
+
+class Wave(FrozenRecord, frozen=True):
+    """An output for the instrument: begin to put out these voltages, one each 1/``rate_hz``."""
+
+    voltages_V: Sequence[float]
+    rate_hz: float
+
+
+class CheckWave(FrozenRecord, frozen=True):
+    """An output for the instrument: see that the wave it plays has not broken off."""
+
+
+DeviceCommand = SetVoltage | Wave | CheckWave
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """One input of a service.
+
+    ``trigger``  each arrival makes the service step.
+    ``join``     the step for sample k waits for this topic's sample k + ``offset``.
+    ``pace``     in lockstep, each arrival begins the next tick; in real time the grid does.
+    """
+
+    topic: Topic
+    role: Role
+    offset: int = 0
+
+
+@dataclass(frozen=True)
+class Service(Generic[R, C, S, I]):
+    """One program of the loop: data and pure functions.
+
+    ``inputs_type`` is a NamedTuple whose fields are ``device`` (where there is an instrument)
+    followed by the topics of ``inputs`` whose role is trigger or join, in their order. A step
+    that is made because time has passed gets None for all of them.
+    """
+
+    name: str
+    summary: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Topic, ...]
+    requests: tuple[Request, ...]
+    inputs_type: Callable[..., I]
+    configure: Callable[[R], C]
+    start: Callable[[C], S]
+    step: Callable[[C, S, I, float], tuple[S, tuple[Message | DeviceCommand, ...]]]
+    handle: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | DeviceCommand, ...]]]
+    instrument: Literal["position_sensor", "voltage_output"] | None = None
+    wake_s: Callable[[C], float] | None = None
+    """In real time, step at least this often; None: only when something comes."""
+    initialize_from_output: Callable[[C, S, float], S] | None = None
+    """Begin from the voltage that the instrument puts out, whoever set it."""
+    state_snapshot: tuple[str, ...] = ()
+    """Fields of the state that an arming takes over from before, for what its outputs depend on."""
+    may_kick_watchdog: Callable[[C, S, float], bool] | None = None
+    """Whether an instrument with a watchdog may hear that its host lives; None: at all times."""
+    shutdown: Callable[[C, S, float], tuple[S, bool]] | None = None
+    """Begin, or go on, to bring the instrument to rest before the program ends; true at rest."""
+
+
+AnyService = Service[Any, Any, Any, Any]
+
+LOOP_PROGRAM, SEPARATOR = "loop", "+"
+"""Name of the program that composes the whole loop, and separator of services in other names."""
+
+
+def member_services(program: str) -> tuple[str, ...]:
+    """Services that a program of the loop runs, in the order of a tick; of others none."""
+    if program == LOOP_PROGRAM:
+        return LOOP
+    names = program.split(SEPARATOR)
+    return tuple(name for name in LOOP if name in names)
+
+
+def canonical_name(text: str) -> str:
+    """Name of a program that composes several services, put in their order; raises ValueError."""
+    wanted = (
+        f"wanted {LOOP_PROGRAM!r}, or at least two of {', '.join(LOOP)} with {SEPARATOR!r} between"
+    )
+    names = list(LOOP) if text == LOOP_PROGRAM else text.split(SEPARATOR)
+    odd = [name for name in names if name not in LOOP]
+    if odd:
+        raise ValueError(f"{odd[0]!r} is no service of the loop: {wanted}")
+    if len(set(names)) < len(names) or len(names) < 2:
+        raise ValueError(f"{text!r} composes nothing: {wanted}")
+    ordered = tuple(name for name in LOOP if name in names)
+    return LOOP_PROGRAM if ordered == LOOP else SEPARATOR.join(ordered)
+
+
+@dataclass(frozen=True, slots=True)
+class CompositeService:
+    """Several services as one program; what they tell each other is no input of it."""
+
+    name: str
+    services: tuple[AnyService, ...]
+    """In the order of a tick."""
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """What its services take of others."""
+        own = member_services(self.name)
+        return tuple(
+            item
+            for service in self.services
+            for item in service.inputs
+            if item.topic.producer not in own
+        )
+
+    @property
+    def requests(self) -> tuple[Request, ...]:
+        """What its services answer."""
+        return tuple(request for service in self.services for request in service.requests)
+
+
+Participant = AnyService | CompositeService
+"""A program of the loop as others see it: its name, its inputs and its requests."""

@@ -1,0 +1,192 @@
+"""What a person reads of codes and numbers: the one place where they become sentences."""
+
+from collections.abc import Mapping, Sequence
+
+from pincette.control.faults import INSTRUMENT
+from pincette.core.faults import Cause, Fault, FaultCode
+from pincette.core.messages import Applied, Status
+
+TEXTS: Mapping[FaultCode, str] = {
+    FaultCode.NO_ACQUISITION: "the buffered acquisition has brought no sample",
+    FaultCode.READING_NOT_FINITE: "position {x_um} µm is not a number",
+    FaultCode.READING_OUT_OF_RANGE: (
+        "position {x_um:.3f} µm is outside the sensor's range {minimum_um:g}..{maximum_um:g} µm"
+    ),
+    FaultCode.POSITION_OUT_OF_RANGE: (
+        "sensor: position {x_um:g} µm is outside {minimum_um:g}..{maximum_um:g} µm"
+    ),
+    FaultCode.SENSOR_STUCK: (
+        "sensor stuck: {x_um:.3f} µm in {samples:.0f} samples while the voltage moved"
+    ),
+    FaultCode.MEMORY_UNKNOWN: (
+        "the arm's voltages before the estimator's start are not known: x_1 may err by "
+        "{error_um:.2f} µm beyond {highest_V:.2f} V, and the uncertainty of the force says so; a "
+        "grip, or a move of the empty arm to as high a voltage, makes them known"
+    ),
+    FaultCode.NO_APPLIED_VOLTAGE: "no voltage of the sample before",
+    FaultCode.ZERO_PART_HELD: (
+        "zero refused: a part is held, and its force would be taken for none"
+    ),
+    FaultCode.ZERO_TOO_FEW_SAMPLES: (
+        "zero refused: {samples:.0f} samples of rest, {wanted_samples:.0f} are wanted"
+    ),
+    FaultCode.ZERO_NOT_SETTLED: (
+        "zero refused: the arm has not settled, it spread over {spread_um:.3f} µm in "
+        "{samples:.0f} samples, limit {limit_um} µm"
+    ),
+    FaultCode.ZERO_BEYOND_FIRST_TOUCH: (
+        "zero refused: the arm rests at {x_um:.3f} µm, where it may touch the part, "
+        "limit {limit_um:.3f} µm"
+    ),
+    FaultCode.ZERO_TOUCHED: (
+        "zero refused: the arm touched something at {touch_x_um:.3f} µm, which has pushed it back "
+        "by {back_um:.3f} µm since, limit {limit_um:.3f} µm"
+    ),
+    FaultCode.ZERO_OFFSET: (
+        "zero refused: the offset would change by {change_um:.3f} µm, limit {limit_um:.3f} µm "
+        "after {travel_um:.1f} µm of travel"
+    ),
+    FaultCode.ZERO_FIRST_OFFSET: (
+        "zero refused: the offset would change by {change_um:.3f} µm, limit {limit_um:.3f} µm "
+        "after {travel_um:.1f} µm of travel; without a zero since the arming, x_1 counts from "
+        "where the arm was found: if it touched something there, take that away or open the "
+        "gripper, and arm again"
+    ),
+    FaultCode.VOLTAGE_NOT_FINITE: "{voltage_V} V is no voltage",
+    FaultCode.VOLTAGE_ABSURD: (
+        "{voltage_V:g} V is absurd, the range is {minimum_V} V to {maximum_V} V"
+    ),
+    FaultCode.FORCE_NOT_FINITE: "{force_mN} mN is no force",
+    FaultCode.TARGET_NOT_FINITE: "{x_d_um} µm is no position",
+    FaultCode.OTHER_EPOCH: "command of epoch {epoch:.0f}, armed for {armed_epoch:.0f}",
+    FaultCode.OTHER_OWNER: "command of owner {owner:.0f}, armed for {armed_owner:.0f}",
+    FaultCode.COMMAND_AHEAD: (
+        "command {seq:.0f} of the future, the newest sample is {newest_seq:.0f}"
+    ),
+    FaultCode.COMMAND_REPEATED: "command {seq:.0f} after {taken_seq:.0f}",
+    FaultCode.SAMPLE_NOT_SEEN: "its sample was not seen here",
+    FaultCode.COMMAND_TOO_LATE: "{age_ms:.0f} ms old, limit {limit_ms:.0f} ms",
+    FaultCode.COMMAND_SAMPLES_TOO_OLD: "{samples:.0f} samples old, limit {limit_samples:.0f}",
+    FaultCode.NOT_ARMED: "the actuator is not armed",
+    FaultCode.SWEEP_TOO_WIDE: "sweep of ±{amplitude_V} V, limit ±{limit_V} V",
+    FaultCode.SWEEP_OUT_OF_RANGE: (
+        "sweep from {low_V:.3f} V to {high_V:.3f} V, limits {minimum_V} V and {maximum_V} V"
+    ),
+    FaultCode.FORCE_BEYOND_LIMIT: "{force_mN:.1f} mN, limit {limit_mN:.1f} mN",
+    FaultCode.FOLLOWING_BEYOND_LIMIT: (
+        "the arm is at {x_um:.2f} µm, wanted at {x_d_um:.2f} µm: off by {error_um:.2f} µm, "
+        "limit {limit_um:.2f} µm"
+    ),
+    FaultCode.POSITION_BEYOND_LIMITS: (
+        "{x_um:.2f} µm, limits {minimum_um:.2f} µm and {maximum_um:.2f} µm"
+    ),
+    FaultCode.NO_COMMAND: "no command for {silent_ms:.0f} ms, limit {limit_ms:.0f} ms",
+    FaultCode.FREEZE_RELEASED: "released: {force_mN:.1f} mN, limit {limit_mN:.1f} mN",
+    FaultCode.OUTPUT_UNCONFIRMED: "the frozen voltage is not confirmed",
+    FaultCode.REQUESTED: "",
+    FaultCode.SECOND_CONTROLLER: "alarm: {commands:.0f} commands of a stranger refused",
+    FaultCode.STANDSTILLS: "stood still {times:.0f} times",
+    FaultCode.LAW_NUMBER: "",
+    FaultCode.ACTUATOR_TRIPPED: "the actuator has tripped",
+    FaultCode.LEASE_ENDED: (
+        "lease: nothing heard from the supervisor for {silent_s:.1f} s, limit {limit_s:g} s"
+    ),
+    FaultCode.RECORDER_STATE: "",
+}
+"""By code; those of an instrument come in its driver's words."""
+IN_A_ROW = frozenset(
+    {
+        FaultCode.FORCE_BEYOND_LIMIT,
+        FaultCode.FOLLOWING_BEYOND_LIMIT,
+        FaultCode.POSITION_BEYOND_LIMITS,
+        FaultCode.FREEZE_RELEASED,
+    }
+)
+SUBJECTS: Mapping[FaultCode, str] = {
+    **dict.fromkeys((*INSTRUMENT, FaultCode.READING_NOT_FINITE), "sensor"),
+    FaultCode.READING_OUT_OF_RANGE: "sensor",
+    FaultCode.NO_ACQUISITION: "sensor",
+    FaultCode.VOLTAGE_NOT_FINITE: "the law",
+    FaultCode.VOLTAGE_ABSURD: "the law",
+    FaultCode.FORCE_NOT_FINITE: "the law",
+    FaultCode.TARGET_NOT_FINITE: "the law",
+    FaultCode.FORCE_BEYOND_LIMIT: "force",
+    FaultCode.FOLLOWING_BEYOND_LIMIT: "following_error",
+    FaultCode.POSITION_BEYOND_LIMITS: "position",
+}
+"""What a fault is about, where it does not stand behind its cause."""
+NAMES_ITS_COMMAND = frozenset({FaultCode.COMMAND_AHEAD, FaultCode.COMMAND_REPEATED})
+MEANINGS: Mapping[Cause, str] = {
+    Cause.ABORT: "the job was aborted",
+    Cause.ESTOP: "an emergency stop was asked for",
+    Cause.RESTART: "the actuator was started anew",
+}
+"""Of causes that have no numbers."""
+NOT_A_NUMBER = float("nan")
+
+
+def fault_text(fault: Fault | None) -> str:
+    """A fault for people: value, unit and limit; empty without one."""
+    if fault is None:
+        return ""
+    values = {
+        item.name: NOT_A_NUMBER if item.value is None else item.value for item in fault.values
+    }
+    if fault.code is FaultCode.LAW_NUMBER:
+        return ", ".join(f"the law: {name} = {value}" for name, value in values.items())
+    if fault.code is FaultCode.RECORDER_STATE:
+        counts = (f"{value:.0f} {name.replace('_', ' ')}" for name, value in values.items())
+        return "; ".join((fault.words, *counts))
+    text = TEXTS.get(fault.code, "").format_map(_with_milliseconds(values))
+    if fault.code in IN_A_ROW and "samples" in values:
+        text = f"{text}, {values['samples']:.0f} samples in a row"
+    if "seq" in values and fault.code not in NAMES_ITS_COMMAND:
+        text = f"command {values['seq']:.0f}: {text}"
+    return ": ".join(part for part in (text, fault.words) if part)
+
+
+def _with_milliseconds(values: Mapping[str, float]) -> dict[str, float]:
+    """The same, and times in ms too."""
+    times = {name: value for name, value in values.items() if name.endswith("_s")}
+    return {**values, **{f"{name[:-2]}_ms": 1e3 * value for name, value in times.items()}}
+
+
+def named_text(fault: Fault | None) -> str:
+    """A fault for people, with what it is about in front."""
+    text = fault_text(fault)
+    if fault is None or not text or fault.number("seq") is not None:
+        return text
+    subject = SUBJECTS.get(fault.code)
+    return text if subject is None else f"{subject}: {text}"
+
+
+def faults_text(faults: Sequence[Fault]) -> str:
+    """Several faults for people, the first first."""
+    return "; ".join(filter(None, map(named_text, faults)))
+
+
+def cause_text(cause: Cause, faults: Sequence[Fault] = (), silent: str = "") -> str:
+    """Why a rig is latched, for people; ``silent`` names the program whose command was missed."""
+    first = fault_text(faults[0]) if faults else ""
+    rest = [named_text(fault) for fault in faults[1:]]
+    if silent and faults and faults[0].code is FaultCode.NO_COMMAND:
+        silent_ms, limit_ms = (
+            1e3 * (faults[0].number(name) or 0.0) for name in ("silent_s", "limit_s")
+        )
+        first = f"{silent} silent for {silent_ms:.0f} ms, limit {limit_ms:.0f} ms"
+    if cause in MEANINGS:
+        first, rest = MEANINGS[cause], [first, *rest]
+    named = ": ".join(filter(None, (str(cause), first)))
+    return "; ".join(filter(None, (named, *rest)))
+
+
+def applied_text(applied: Applied) -> str:
+    """Why the actuator has tripped, for people."""
+    return cause_text(applied.cause, applied.faults)
+
+
+def status_text(status: Status) -> str:
+    """How a program is, for people; empty where there is nothing to tell."""
+    mode = "" if status.mode is None else str(status.mode)
+    cause = cause_text(status.cause, status.faults) if status.cause else ""
+    return "; ".join(filter(None, (mode, cause, faults_text(status.findings))))

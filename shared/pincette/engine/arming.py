@@ -1,0 +1,39 @@
+"""Arming a rig: every service of the loop begins the same epoch, the sensor last."""
+
+from typing import cast
+
+from pincette.bus.protocol import Bus
+from pincette.control.planning.program import Program
+from pincette.control.quantities import Document
+from pincette.core.messages import Arm, Lease, Load, Status, StatusRequest
+from pincette.core.topics import ARM, LEASE, LOAD, STATUS
+
+ORDER = ("actuator", "estimator", "controller", "sensor")
+"""The actuator first: where it refuses, nothing else has changed. The sensor last: in lockstep its
+arming is the first tick."""
+
+
+def status(bus: Bus, service: str, timeout_s: float = 2.0) -> Status:
+    """Ask a service how it is; raises BusError where it does not answer."""
+    return cast(Status, bus.call(STATUS[service], StatusRequest(), timeout_s))
+
+
+def arm(
+    bus: Bus,
+    program: Program,
+    *,
+    epoch: int,
+    digest: str,
+    owner: int | None = None,
+    calibration: str = "",
+    lease: Lease | None = None,
+) -> None:
+    """Load a program and start it; raises BusError or RefusalError."""
+    if owner is None:
+        owner = status(bus, "controller").instance
+    bus.call(LOAD, Load(program))
+    for service in ORDER:
+        bus.call(ARM[service], Arm(epoch, owner, digest, Document(calibration), program.capture_hz))
+        # Before the first sample, so that no program plays without the lease it shall have.
+        if service == "controller" and lease is not None:
+            bus.call(LEASE, lease)

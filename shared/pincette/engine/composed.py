@@ -1,0 +1,42 @@
+"""The whole loop in one process: the same services and instruments, the bus in memory, lockstep.
+
+Nothing but the carrier differs from the loop of five processes, so the numbers are the same to
+the last bit.
+"""
+
+from pincette.bus.memory import MemoryBus
+from pincette.config import ConfigError, RigFile
+from pincette.control.planning.program import Program
+from pincette.core import plugins
+from pincette.core.messages import Message, Reset
+from pincette.core.topics import LOOP, RESET, TOPICS
+from pincette.engine.arming import arm
+from pincette.engine.loop import Loop
+from pincette.engine.node import Node
+from pincette.engine.simulated import simulated_devices
+
+
+class ComposedLoop:
+    """A simulated rig and its four services, ready to be armed; ``bus.pump`` makes its steps."""
+
+    def __init__(self, rig: RigFile) -> None:
+        if not rig.lockstep or rig.simulation is None:
+            raise ConfigError('one process needs [rig] time = "lockstep" and a [simulation]')
+        self.rig = rig
+        self.bus = MemoryBus()
+        devices = simulated_devices(rig, self.bus.publish)
+        nodes = [
+            Node(plugins.load(plugins.SERVICES, name), rig, devices.get(name)) for name in LOOP
+        ]
+        self.bus.step_when_empty(Loop(nodes, self.bus, inline=True).step)
+
+    def play(self, program: Program, epoch: int = 1) -> list[Message]:
+        """Arm, run to the end of the program, and return every message in order."""
+        published: list[Message] = []
+        for topic in TOPICS:
+            self.bus.subscribe(topic, lambda _topic, message: published.append(message))
+        self.bus.call(RESET, Reset(acknowledge=True))
+        arm(self.bus, program, epoch=epoch, digest=self.rig.digest())
+        while self.bus.pump():
+            pass
+        return published

@@ -1,0 +1,223 @@
+"""Several programs started on this machine, watched, and ended together."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from urllib.parse import urlsplit
+
+from pincette.config import RigFile
+from pincette.core.topics import LOOP
+from pincette.engine import logs
+from pincette.engine.process import READY
+
+START_S = 30.0
+STOP_S = 5.0
+ROUTER_S = 2.0
+NEEDED_FIRST = ("router", "upstream", "rig")
+"""Programs that the others expect to find."""
+Say = Callable[[str, str], None]
+"""Called with a program's name and one line about it."""
+LOG_STAMP = re.compile(r"^\d{4}-\d\d-\d\d [\d:,]+ \w+ ")
+
+
+class FleetError(Exception):
+    """A program could not be started; the text says which, why, and what to do."""
+
+
+@dataclass
+class Child:
+    """One program of the fleet."""
+
+    name: str
+    process: "subprocess.Popen[str]"
+    log: Path
+    ready: threading.Event = field(default_factory=threading.Event)
+    line: str = ""
+
+    def tail(self) -> str:
+        """What the program logged last, without times and levels."""
+        lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
+        return "\n".join(LOG_STAMP.sub("  ", line) for line in lines[-12:])
+
+
+def ports(rig: RigFile) -> dict[int, str]:
+    """Ports that the programs of a rig need where its loop is, and what for."""
+    wanted = {rig.bus.port + 1 + index: name for index, name in enumerate(LOOP)}
+    if not rig.joins:
+        wanted = {rig.bus.port: "router", **wanted}
+    if not (rig.joins or rig.bus.apart):
+        wanted[rig.supervisor.port] = "supervisor"
+    if rig.simulation is not None:
+        for name, url in (("position sensor", rig.sensor.url), ("output", rig.output.url)):
+            port = urlsplit(url).port if url.startswith("socket://") else None
+            if port is not None:
+                wanted[port] = f"simulated {name}"
+    return wanted
+
+
+def check_ports(rig: RigFile) -> None:
+    """Raise FleetError where a port is taken, before anything is started."""
+    for port, purpose in ports(rig).items():
+        host = rig.supervisor.host if purpose == "supervisor" else rig.bus.host
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((host, port))
+            except OSError as error:
+                raise FleetError(
+                    f"rig {rig.rig.name!r}: {host}:{port} ({purpose}) cannot be used: "
+                    f"{error.strerror}. Is this rig up already? End that one, or give this rig "
+                    "other ports in its file"
+                ) from error
+
+
+def check_router(rig: RigFile) -> None:
+    """Raise FleetError where a rig joins a router that is not there."""
+    if not rig.joins:
+        return
+    try:
+        with socket.create_connection(rig.bus.router_at, ROUTER_S):
+            pass
+    except OSError as error:
+        raise FleetError(
+            f"rig {rig.rig.name!r}: no router at {rig.bus.router} ([bus] router): "
+            f"{error.strerror or error}. Start the rig that has it first"
+        ) from error
+
+
+class Fleet:
+    """The programs of one rig as child processes that end with this one."""
+
+    def __init__(
+        self,
+        rig: RigFile,
+        path: Path,
+        data: Path,
+        say: Say,
+        *,
+        server: bool = False,
+        log_format: logs.Form | None = None,
+    ) -> None:
+        """``server``: of a rig with a router upstream, the programs that are beside that one."""
+        self._server = server
+        self.members: dict[str, Child] = {}
+        self._rig = rig
+        self._arguments = ["--rig", str(path), "--data", str(data), "--exit-with-parent"]
+        if rig.bus.pki is not None:
+            self._arguments += ["--pki", rig.bus.pki]
+        if log_format is not None:
+            self._arguments += ["--log-format", log_format]
+        self._logs = rig.home(data) / "logs"
+        self._logs.mkdir(parents=True, exist_ok=True)
+        self._say = say
+
+    def names(self) -> list[str]:
+        """What `pincette up` starts for this rig on this machine."""
+        if self._server:
+            return ["upstream", *(("recorder", "supervisor") if self._rig.bus.apart else ())]
+        rig = ["rig"] if self._rig.simulation is not None else []
+        if self._rig.bus.apart:
+            return ["router", *rig, *self._rig.programs]
+        own = [*rig, *self._rig.programs, "recorder"]
+        return own if self._rig.joins else ["router", *own, "supervisor"]
+
+    def start(self, names: Iterable[str]) -> None:
+        """Start programs side by side and wait until all of them serve."""
+        self.start_each(dict.fromkeys(names, ()))
+
+    def start_each(self, programs: Mapping[str, Iterable[str]]) -> None:
+        """The same, with further arguments for each."""
+        started = [self._spawn(name, extra) for name, extra in programs.items()]
+        deadline = monotonic() + START_S
+        for member in started:
+            while not member.ready.wait(0.05):
+                # One that others wait for may have ended.
+                ended = [one for one in started if one.process.poll() is not None]
+                if ended:
+                    raise FleetError(
+                        "\n".join(f"{one.name} did not start:\n{one.tail()}" for one in ended)
+                    )
+                if monotonic() > deadline:
+                    raise FleetError(
+                        f"{member.name} is not ready after {START_S:g} s:\n{member.tail()}"
+                    )
+            self._say(member.name, member.line)
+
+    def _spawn(self, name: str, extra: Iterable[str]) -> Child:
+        log = self._logs / f"{name}.log"
+        with log.open("w", encoding="utf-8") as stream:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "pincette", "run", name, *self._arguments, *extra],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=stream,
+                text=True,
+                start_new_session=True,
+            )
+        member = Child(name, process, log)
+        self.members[name] = member
+        threading.Thread(target=_listen, args=(member,), daemon=True).start()
+        return member
+
+    def up(self) -> None:
+        """Start everything, first what others need."""
+        if not self._server:
+            check_ports(self._rig)
+            check_router(self._rig)
+        names = self.names()
+        first = [name for name in names if name in NEEDED_FIRST]
+        self.start(first)
+        self.start([name for name in names if name not in first])
+
+    def ended(self) -> list[Child]:
+        """Programs that have ended by themselves."""
+        return [member for member in self.members.values() if member.process.poll() is not None]
+
+    def signal(self, name: str, number: signal.Signals) -> None:
+        """Send a signal to one program."""
+        os.kill(self.members[name].process.pid, number)
+
+    def down(self) -> None:
+        """End every program: the supervisor, then the loop, its recorder, and what they need."""
+        first = ["supervisor"], list(self._rig.programs), ["recorder"]
+        others = [name for name in self.members if not any(name in stage for stage in first)]
+        for stage in (*first, others):
+            _end([self.members[name] for name in stage if name in self.members])
+
+
+def _end(members: list[Child]) -> None:
+    for member in members:
+        if member.process.poll() is None:
+            member.process.send_signal(signal.SIGCONT)
+            member.process.terminate()
+    deadline = monotonic() + STOP_S
+    for member in members:
+        try:
+            member.process.wait(max(0.1, deadline - monotonic()))
+        except subprocess.TimeoutExpired:
+            member.process.kill()
+            member.process.wait()
+        for stream in (member.process.stdin, member.process.stdout):
+            if stream is not None:
+                stream.close()
+
+
+def _listen(member: Child) -> None:
+    stream = member.process.stdout
+    if stream is None:
+        return
+    try:
+        for line in stream:
+            if line.startswith(READY):
+                member.line = line.removeprefix(READY).strip()
+                member.ready.set()
+    except ValueError:
+        return

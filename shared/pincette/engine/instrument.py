@@ -1,0 +1,162 @@
+"""The instruments of a service: opened by their drivers, read, and given voltages and waves."""
+
+import logging
+from collections.abc import Callable
+from functools import partial
+from math import ceil, inf
+from typing import Any, TypeVar
+
+from pincette.config import RigFile
+from pincette.core import plugins
+from pincette.core.faults import Fault, FaultCode, fault
+from pincette.core.service import (
+    Acquired,
+    AnyService,
+    DeviceCommand,
+    Reading,
+    RefusedError,
+    SetVoltage,
+    Wave,
+)
+from pincette.instruments.protocols import (
+    Block,
+    BufferedSensor,
+    InstrumentError,
+    PositionSensor,
+    VoltageOutput,
+    WatchedOutput,
+    WaveOutput,
+)
+
+Device = PositionSensor | VoltageOutput | None
+
+MOST_SAMPLES = 3000
+"""Of an acquisition, in one tick; where the loop was late, the rest follows in the next ones."""
+
+
+class Instrument:
+    """What a node does with its device; each fault comes back as words, never as an exception."""
+
+    def __init__(self, device: Device, period_s: float) -> None:
+        self._device: Any = device
+        self._watched = device if isinstance(device, WatchedOutput) else None
+        """Looked at once: it takes long to see whether an object has all that a protocol asks."""
+        self._period_s = period_s
+        self._kicked_at_s = 0.0
+        self._capture_hz = 0.0
+        self._later = Block((), ())
+
+    def read(self) -> Reading:
+        """Read the sensor: once, or all that it has acquired since the last tick."""
+        try:
+            if not self._capture_hz:
+                return Reading(self._device.read_um())
+            block = self._device.read_block()
+        except InstrumentError as error:
+            return Reading(0.0, fault_of(error))
+        if not block.x_um:
+            return Reading(0.0, fault(FaultCode.NO_ACQUISITION))
+        x_um, drive_V = (*self._later.x_um, *block.x_um), (*self._later.drive_V, *block.drive_V)
+        self._later = Block(x_um[MOST_SAMPLES:], drive_V[MOST_SAMPLES:])
+        acquired = Acquired(self._capture_hz, x_um[:MOST_SAMPLES], drive_V[:MOST_SAMPLES])
+        return Reading(block.x_um[-1], acquired=acquired)
+
+    def put_out(self, order: DeviceCommand) -> Fault | None:
+        """Give the output its order; returns its fault."""
+        try:
+            if isinstance(order, SetVoltage):
+                self._device.write_V(order.voltage_V)
+            elif not isinstance(self._device, WaveOutput):
+                words = "the voltage output plays no waves: it has no buffer"
+                return fault(FaultCode.INSTRUMENT_MISUSED, words)
+            elif isinstance(order, Wave):
+                self._device.begin_wave(order.voltages_V, order.rate_hz)
+            else:
+                self._device.look()
+        except InstrumentError as error:
+            return fault_of(error)
+        return None
+
+    def keep_alive(self, now: float) -> Fault | None:
+        """Once a period, say to a watched output that its host lives; returns its fault."""
+        if self._watched is None or now - self._kicked_at_s < self._period_s:
+            return None
+        self._kicked_at_s = now
+        try:
+            self._watched.keep_alive()
+        except InstrumentError as error:
+            return fault_of(error)
+        return None
+
+    def recover(self) -> float | None:
+        """After a reset, clear a watched output's trip; its voltage, None if it is not watched."""
+        if self._watched is None:
+            return None
+        try:
+            self._watched.clear_trip()
+            return self._watched.read_V()
+        except InstrumentError as error:
+            raise RefusedError(f"the voltage output cannot be reset: {error}") from error
+
+    def capture(self, rate_hz: float) -> None:
+        """Begin a buffered acquisition, or end the one there is (0 Hz); raises RefusedError."""
+        if not rate_hz and not self._capture_hz:
+            return
+        if not isinstance(self._device, BufferedSensor):
+            raise RefusedError("the position sensor has no buffered acquisition")
+        try:
+            self._device.end_capture()
+            self._capture_hz, self._later = 0.0, Block((), ())
+            if rate_hz:
+                self._device.begin_capture(rate_hz)
+                self._capture_hz = rate_hz
+        except InstrumentError as error:
+            raise RefusedError(f"buffered acquisition at {rate_hz:g} Hz: {error}") from error
+
+    def close(self) -> None:
+        """Give the device back."""
+        if self._device is not None:
+            self._device.close()
+
+
+def fault_of(error: InstrumentError) -> Fault:
+    """A driver's error as a fault, in the driver's own words."""
+    return fault(FaultCode(f"instrument_{error.code}"), str(error))
+
+
+LOCKSTEP_TIMEOUT_S = 2.0
+"""By the clock on the wall, which in lockstep shall end a run that hangs, never a tick."""
+TRIES = 3
+"""An instrument is opened so often at least: where all programs of a rig start at once, its first
+answer may be read late."""
+
+D = TypeVar("D", PositionSensor, VoltageOutput)
+
+_log = logging.getLogger(__name__)
+
+
+def open_device(service: AnyService, rig: RigFile, at_most_s: float = inf) -> Device:
+    """Open a service's instrument, a sensor within ``at_most_s``; None if it has none."""
+    patience = {"timeout_s": LOCKSTEP_TIMEOUT_S} if rig.lockstep else {}
+    if service.instrument == "position_sensor":
+        patience = patience or {"timeout_s": min(rig.sensor.timeout_s, at_most_s)}
+        settings = rig.sensor.model_copy(update=patience)
+        sensor = plugins.load(plugins.POSITION_SENSORS, settings.driver)
+        times = max(TRIES, ceil(rig.sensor.timeout_s / settings.timeout_s))
+        return _retried(partial(sensor, settings), times)
+    if service.instrument == "voltage_output":
+        settings = rig.output.model_copy(update=patience)
+        output = plugins.load(plugins.VOLTAGE_OUTPUTS, settings.driver)
+        return _retried(partial(output, settings), TRIES)
+    return None
+
+
+def _retried(open_: Callable[[], D], times: int) -> D:
+    """Open an instrument in at most ``times`` attempts."""
+    # A sensor with a short timeout in a tick needs more of them to answer its first exchange.
+    for _ in range(times - 1):
+        try:
+            return open_()
+        except InstrumentError as error:
+            _log.info("%s; it is tried again", error)
+    return open_()

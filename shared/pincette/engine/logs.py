@@ -1,0 +1,62 @@
+"""What programs say of themselves: lines for people, or JSON for machines; never in a tick."""
+
+import json
+import logging
+import os
+import sys
+import time
+from typing import Any, Literal, get_args
+
+Form = Literal["text", "json"]
+FORMS: tuple[Form, ...] = get_args(Form)
+VARIABLE = "PINCETTE_LOG_FORMAT"
+KNOWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
+"""What every record has; all else was given with it, as ``extra``."""
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object a line: time in UTC, level, program, rig, logger, message, and ``extra``."""
+
+    def __init__(self, program: str) -> None:
+        super().__init__()
+        self._program = program
+        self.rig = ""
+        """Name of the rig, once its file is read."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line of a record."""
+        at = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
+        line: dict[str, Any] = {
+            "time": f"{at}.{int(record.msecs):03d}Z",
+            "level": record.levelname.lower(),
+            "program": self._program,
+        }
+        if self.rig:
+            line["rig"] = self.rig
+        given = {name: value for name, value in vars(record).items() if name not in KNOWN}
+        line |= {name: value for name, value in given.items() if name not in line}
+        line |= {"logger": record.name, "message": record.getMessage()}
+        if record.exc_info:
+            line["error"] = self.formatException(record.exc_info)
+        return json.dumps(line, ensure_ascii=False, default=str)
+
+
+def chosen(given: Form | None) -> Form:
+    """The form of ``--log-format``, else of the environment, else text; raises ValueError."""
+    named = given or os.environ.get(VARIABLE) or "text"
+    if named not in FORMS:
+        raise ValueError(f"{VARIABLE} = {named!r}: wanted {' or '.join(FORMS)}")
+    return named
+
+
+def begin(program: str, form: Form) -> JsonLines | None:
+    """Let everything that is said go to standard error in one form; None: it is for people."""
+    if form == "text":
+        text = f"%(asctime)s {program} %(message)s"
+        logging.basicConfig(level=logging.INFO, stream=sys.stderr, format=text)
+        return None
+    handler, lines = logging.StreamHandler(sys.stderr), JsonLines(program)
+    handler.setFormatter(lines)
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
+    logging.captureWarnings(capture=True)
+    return lines

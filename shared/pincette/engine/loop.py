@@ -1,0 +1,198 @@
+"""The loop of a program: one node or several, driven by a bus and a clock or step by step."""
+
+import random
+import threading
+from collections.abc import Callable, Collection, Iterable, Sequence
+from queue import Empty, SimpleQueue
+from time import monotonic, sleep
+
+from pincette.bus.protocol import Bus
+from pincette.core.messages import Message
+from pincette.core.topics import Request, Topic
+from pincette.engine.node import Node
+from pincette.engine.realtime.gc_tuning import Collector
+from pincette.engine.scheduler import MAX_BATCH, Outputs, Scheduler, Task
+
+Reply = Callable[[Message | str], None]
+Item = tuple[Message, float] | tuple[str, Message, Reply] | None
+"""A sample and when it came; or a request to a service, with what takes the reply."""
+
+SHUTDOWN_S = 3.0
+"""Longest time an instrument may take to come to rest when its program is ended."""
+
+
+class Loop:
+    """Takes messages, requests and time to the nodes in one thread, and outputs to the bus."""
+
+    def __init__(
+        self,
+        nodes: Iterable[Node],
+        bus: Bus,
+        *,
+        urgent: Collection[Topic] | None = None,
+        inline: bool = False,
+        delay_s: float = 0.0,
+        delay_seed: int = 0,
+    ) -> None:
+        """Join the bus; ``inline`` handles deliveries in the caller, who calls ``step`` in a loop.
+
+        ``urgent`` topics, which another program waits for, are published at once (None: all are),
+        the others when no step is ready. ``delay_s`` is the longest random delay, for tests.
+        """
+        self.scheduler = Scheduler(nodes)
+        self._bus = bus
+        # Inline is lockstep, where only the number of a sample tells the time.
+        self._now: Callable[[], float] = (lambda: 0.0) if inline else monotonic
+        self._urgent = None if urgent is None else frozenset(one.message for one in urgent)
+        self._shares = bool(self.scheduler.internal)
+        tasks, self._takers = self.scheduler.tasks, self.scheduler.takers
+        self._wait_s = tasks[0].wait_s if len(tasks) == 1 else self.scheduler.wait_s
+        self._ready = self._only if len(tasks) == 1 else self.scheduler.ready
+        self._task = tasks[0]
+        self._clocked = [task for task in tasks if not task.node.lockstep]
+        """Those with a timer or statistics."""
+        self._later: list[Message] = []
+        """What is to leave when no step is ready."""
+        self._unfinished = False
+        """Whether a step of the next tick is ready."""
+        self._collector = Collector()
+        self._queue: SimpleQueue[Item] = SimpleQueue()
+        self._inbox: Callable[[Item], None] = self._take if inline else self._queue.put
+        self._delay_s, self._random = delay_s, random.Random(delay_seed)
+        self._stop = threading.Event()
+        for topic in self.scheduler.inputs:
+            bus.subscribe(topic, self._on_message)
+        for task in tasks:
+            for request in task.node.service.requests:
+                bus.serve(request, self._on_request)
+
+    def _on_message(self, _topic: Topic, message: Message) -> None:
+        self._inbox((message, self._now()))
+
+    def _on_request(self, request: Request, message: Message, reply: Reply) -> None:
+        self._inbox((request.service, message, reply))
+
+    def stop(self) -> None:
+        """End the loop; may be called from a signal handler."""
+        self._stop.set()
+        self._queue.put(None)
+
+    def run(self) -> None:
+        """Run until stopped; the instruments come to rest also where a service has failed."""
+        self.scheduler.begin(self._now())
+        try:
+            while not self._stop.is_set():
+                self.turn()
+        finally:
+            self._shut_down()
+
+    def turn(self) -> None:
+        """Wait for something, make every step that is ready, and those that a timer asks for."""
+        self._receive(0.0 if self._unfinished else self._wait_s(self._now()))
+        now = self._make_ready_steps()
+        for task in self._clocked:
+            if task.due(now):
+                self._emit(task.tick(now))
+                task.finish_tick(self._now())
+                now = self._make_ready_steps()
+        if self._later:
+            self._flush()
+        if self._queue.empty():
+            for task in self._clocked:
+                self._publish(task.timing(now))
+            self._collector.collect_if_due()
+
+    def step(self) -> bool:
+        """Make one step that is ready; false where there is none."""
+        now = self._now()
+        task = self.scheduler.ready(now)
+        if task is None:
+            return False
+        self._emit(task.fire(now))
+        task.finish(now)
+        return True
+
+    def _only(self, now: float) -> Task | None:
+        """What ``Scheduler.ready`` says of one task, in half the time."""
+        return self._task if self._task.node.due(now) else None
+
+    def _make_ready_steps(self) -> float:
+        """Make every step that is ready, of one tick at most; returns the time after them."""
+        # In lockstep a next tick is always ready, and requests must be answered between two.
+        ready, stepped, now = self._ready, False, self._now()
+        while (task := ready(now)) is not None:
+            if stepped and task.starts_tick:
+                self._unfinished = True
+                return now
+            self._emit(task.fire(now))
+            now = self._now()
+            task.finish(now)
+            stepped = True
+        self._unfinished = False
+        return now
+
+    def _shut_down(self) -> None:
+        for task in self.scheduler.tasks:
+            node, deadline = task.node, self._now() + SHUTDOWN_S
+            interval_s = task.interval_s or node.period_s
+            while not node.shutdown(self._now()) and self._now() < deadline:
+                self._emit(node.wake(self._now()))
+                self._flush()
+                sleep(interval_s)
+
+    def _receive(self, timeout_s: float) -> None:
+        """Wait for something, then take all that is there: only the newest sample will count."""
+        queue = self._queue
+        try:
+            self._take(queue.get(timeout=timeout_s) if timeout_s else queue.get_nowait())
+        except Empty:
+            return
+        for _ in range(MAX_BATCH):
+            if queue.empty():  # which is no guess, since only this thread takes from it
+                return
+            self._take(queue.get_nowait())
+
+    def _take(self, item: Item) -> None:
+        if item is None:
+            return
+        if len(item) == 2:
+            message, came_at = item
+            now = self._now()
+            for task in self._takers.get(type(message), ()):
+                task.accept(message, now, came_at)
+            return
+        service, request, reply = item
+        answer, outputs = self.scheduler.task(service).call(request, self._now())
+        self._emit(outputs)
+        self._flush()
+        reply(answer)
+
+    def _emit(self, outputs: Outputs) -> None:
+        """Share with the other nodes; publish what is urgent, and keep the rest for later."""
+        if self._shares:
+            self.scheduler.share(outputs, self._now())
+        urgent = self._urgent
+        if urgent is None:
+            if self._delay_s:
+                self._publish(outputs)
+                return
+            publish = self._bus.publish
+            for output in outputs:
+                publish(output)
+            return
+        for output in outputs:
+            if type(output) in urgent:
+                self._publish((output,))
+            else:
+                self._later.append(output)
+
+    def _flush(self) -> None:
+        if self._later:
+            self._publish(self._later)
+            self._later.clear()
+
+    def _publish(self, outputs: Sequence[Message]) -> None:
+        if self._delay_s and outputs:
+            sleep(self._random.uniform(0.0, self._delay_s))
+        for output in outputs:
+            self._bus.publish(output)

@@ -1,0 +1,279 @@
+"""A service at work: its state, the samples that wait for a partner, its instrument.
+
+A node knows no thread and no bus, so the same node runs in an own process over Zenoh and beside
+its neighbours in one process; what drives it hands it messages and the time.
+"""
+
+from collections import deque
+from typing import Any, NamedTuple, cast
+
+from pincette import __version__
+from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse_calibration
+from pincette.core.faults import Cause
+from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
+from pincette.core.service import (
+    AnyService,
+    CheckWave,
+    DeviceCommand,
+    RefusedError,
+    Role,
+    SetVoltage,
+    Wave,
+)
+from pincette.core.topics import COMMAND
+from pincette.core.wording import fault_text
+from pincette.engine.instrument import Device, Instrument
+from pincette.engine.request_log import RequestRecorder
+from pincette.engine.synchronizer import KEPT, Synchronizer
+from pincette.engine.timing_budget import too_slow
+from pincette.instruments.protocols import VoltageOutput
+
+JOIN_WAIT_PERIODS = 0.25
+ORDERS = (SetVoltage, Wave, CheckWave)
+"""Outputs that are for the instrument."""
+
+
+class Pending(NamedTuple):
+    """A trigger that waits for its partners; ``sample`` is None for a tick of the grid."""
+
+    sample: Sample | None
+    since: float
+
+
+class Node:
+    """Joins inputs by number, steps the service, moves its instrument."""
+
+    def __init__(
+        self,
+        service: AnyService,
+        rig: RigFile,
+        device: Device = None,
+        instance: int = 1,
+        *,
+        check_timing: bool = True,
+    ) -> None:
+        """``check_timing``: no arming where the instruments do not fit into the period."""
+        self.service = service
+        self.instance = instance
+        self.digest = rig.digest()
+        self.lockstep = rig.lockstep
+        self.period_s = rig.rig.period_s
+        self.calibration = Calibration()
+        self.config: Any = service.configure(rig)
+        self.state: Any = service.start(self.config)
+        if service.initialize_from_output is not None:
+            found_V = cast(VoltageOutput, device).read_V()
+            self.state = service.initialize_from_output(self.config, self.state, found_V)
+        self.steps = 0
+        self.missed = 0
+        self.refused = 0
+        """Samples that were not taken for their number."""
+        self._rig = rig
+        self._now = 0.0
+        # Judged before the loop turns: loading a driver takes longer than a tick.
+        judges = check_timing and service.instrument == "voltage_output"
+        self._too_slow = too_slow(rig) if judges else ""
+        self._device = Instrument(device, self.period_s)
+        self._instrument = service.instrument is not None
+        self._joins = Synchronizer(service)
+        self._roles: dict[type, Role] = {item.topic.message: item.role for item in service.inputs}
+        self._paced = any(item.role == "pace" for item in service.inputs)
+        self._pending: deque[Pending] = deque()
+        self._notes = RequestRecorder(service)
+
+    def accept(self, sample: Any, now: float) -> None:
+        """Take a sample of one of its inputs."""
+        role = self._roles[type(sample)]
+        if role == "join":
+            self._joins.keep(sample, self.state.epoch)
+        elif role == "trigger":
+            if self.lockstep or self._displaces(sample):
+                self._pending.append(Pending(sample, now))
+        elif self.lockstep and sample.seq >= 0 and not sample.final:
+            # Arming began tick 0; the applied voltage of seq -1 is where it starts from.
+            self._pending.append(Pending(None, (sample.seq + 1) * self.period_s))
+
+    def _displaces(self, sample: Sample) -> bool:
+        """In real time only the newest sample of a stream counts; a backlog is never played.
+
+        What another epoch or owner says is a stream of its own, and one that is repeated is older:
+        neither must push out what counts.
+        """
+        stream = _stream(sample)
+        for pending in self._pending:
+            if pending.sample is not None and _stream(pending.sample) == stream:
+                if sample.seq <= pending.sample.seq:
+                    self.refused += 1
+                    return False
+                self._pending.remove(pending)
+                self.missed += 1
+                return True
+        if len(self._pending) >= KEPT:
+            self._pending.popleft()
+            self.missed += 1
+        return True
+
+    def due(self, now: float) -> bool:
+        """Whether a step can be made."""
+        if not self._pending:
+            return False
+        first = self._pending[0]
+        if first.sample is None or self._joins.complete(first.sample):
+            return True
+        # As ``patience`` counts it, to the last bit: or a driver would wait for no time, again and
+        # again.
+        return not self.lockstep and now >= first.since + JOIN_WAIT_PERIODS * self.period_s
+
+    def patience(self, now: float) -> float | None:
+        """Seconds until a step must be made without its partner; None where nothing waits."""
+        if self.lockstep or not self._pending:
+            return None
+        return max(0.0, self._pending[0].since + JOIN_WAIT_PERIODS * self.period_s - now)
+
+    def fire(self, now: float) -> tuple[Message, ...]:
+        """Make the step that is due; returns what is to be published."""
+        pending = self._pending.popleft()
+        sample = pending.sample
+        if sample is None:
+            return self.tick(pending.since)
+        self._notes.newest = sample
+        values = self._joins.row_of(sample)
+        return self._step(values, sample.seq * self.period_s if self.lockstep else now)
+
+    @property
+    def newest(self) -> Sample | None:
+        """The sample of the newest step that one has led to."""
+        return self._notes.newest
+
+    def tick(self, now: float) -> tuple[Message, ...]:
+        """Step because the grid says so: read the sensor first."""
+        values = self._joins.row()
+        if self.service.instrument == "position_sensor":
+            values[0] = self._device.read()
+        return self._step(values, now)
+
+    def wake(self, now: float) -> tuple[Message, ...]:
+        """Step because time has passed; a watched instrument is fed only by a healthy service."""
+        values = self._joins.row()
+        healthy = self.service.may_kick_watchdog is None or self.service.may_kick_watchdog(
+            self.config, self.state, now
+        )
+        if healthy and (fault := self._device.keep_alive(now)):
+            values[0] = fault
+        return self._step(values, now)
+
+    def shutdown(self, now: float) -> bool:
+        """Bring the instrument to rest before the program ends; true where it is."""
+        if self.service.shutdown is None or self.lockstep:
+            return True
+        self.state, at_rest = self.service.shutdown(self.config, self.state, now)
+        return at_rest
+
+    def _step(self, values: list[Any], now: float) -> tuple[Message, ...]:
+        self.steps += 1
+        self._now = now
+        service = self.service
+        outputs: tuple[Any, ...]
+        self.state, outputs = service.step(
+            self.config, self.state, service.inputs_type(*values), now
+        )
+        if not self._instrument or not outputs or not isinstance(outputs[0], ORDERS):
+            return outputs
+        fault = self._device.put_out(outputs[0])
+        if fault:
+            values = self._joins.row()
+            values[0] = fault
+            self.state, outputs = service.step(
+                self.config, self.state, service.inputs_type(*values), now
+            )
+            if outputs and isinstance(outputs[0], ORDERS):
+                self._device.put_out(outputs[0])
+        return _published(outputs)
+
+    def call(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
+        """Answer a request: the reply, or the text of a refusal, and what is to be published."""
+        # In lockstep it is the time of the last tick, whatever the clock on the wall says.
+        if self.lockstep:
+            now = 0.0 if isinstance(request, Arm) else self._now
+        if isinstance(request, StatusRequest):
+            return self._status(), ()
+        config = self.config
+        try:
+            if isinstance(request, Arm):
+                config = self._may_arm(request)
+            found_V = self._device.recover() if isinstance(request, Reset) else None
+            self.state, reply, outputs = self.service.handle(config, self.state, request, now)
+        except RefusedError as error:
+            return str(error), ()
+        if isinstance(request, Arm):
+            self.config, self.calibration = config, parse_calibration(request.calibration)
+            self._now = now
+            self._pending.clear()
+            self._joins.begin(request.epoch)
+            if self._paced and self.lockstep:
+                self._pending.append(Pending(None, 0.0))
+        noted = self._notes.taken(request, self.config, self.state)
+        if outputs and isinstance(outputs[0], ORDERS):
+            fault = self._device.put_out(outputs[0])
+            if fault:
+                return fault_text(fault), noted
+        elif found_V is not None and self.service.initialize_from_output is not None:
+            self.state = self.service.initialize_from_output(self.config, self.state, found_V)
+        return reply, (*_published(outputs), *noted)
+
+    def _may_arm(self, request: Arm) -> Any:
+        """Return what the service works with in the epoch asked for; raises RefusedError."""
+        if request.digest != self.digest:
+            raise RefusedError(
+                f"{self.service.name} runs with rig file {self.digest}, the others with "
+                f"{request.digest}: start all programs with the same file"
+            )
+        if COMMAND in self.service.outputs and request.owner != self.instance:
+            raise RefusedError(
+                f"this controller is instance {self.instance}, not {request.owner}: "
+                "a second one runs on this rig"
+            )
+        if self._too_slow:
+            raise RefusedError(f"the instruments are too slow: {self._too_slow}")
+        if self.service.instrument == "position_sensor":
+            self._device.capture(request.capture_hz)
+        if request.calibration == self.calibration.text():
+            return self.config
+        try:
+            return self.service.configure(
+                calibrated(self._rig, parse_calibration(request.calibration))
+            )
+        except ConfigError as error:
+            raise RefusedError(f"{self.service.name}: {error}") from error
+
+    def _status(self) -> Status:
+        state = self.state
+        return Status(
+            service=self.service.name,
+            version=__version__,
+            instance=self.instance,
+            digest=self.digest,
+            epoch=state.epoch,
+            steps=self.steps,
+            missed=self.missed,
+            refused=self.refused + getattr(state, "refused", 0),
+            calibration=self.calibration.digest,
+            mode=getattr(state, "mode", None),
+            cause=getattr(state, "cause", Cause.NONE),
+            faults=getattr(state, "faults", ()),
+            findings=getattr(state, "findings", ()),
+        )
+
+    def close(self) -> None:
+        """Give the instrument back."""
+        self._device.close()
+
+
+def _stream(sample: Sample) -> tuple[type[Sample], int, int | None]:
+    """Topic, epoch and owner."""
+    return type(sample), sample.epoch, getattr(sample, "owner", None)
+
+
+def _published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ...]:
+    """Outputs without what was for the instrument."""
+    return tuple(output for output in outputs if not isinstance(output, ORDERS))

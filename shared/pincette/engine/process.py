@@ -1,0 +1,207 @@
+"""One program as one process: start, say that it is ready, stop cleanly, fail with a reason."""
+
+import logging
+import os
+import secrets
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from pincette.bus.endpoints import program_endpoint, service_endpoint
+from pincette.bus.protocol import BusError
+from pincette.bus.topology import awaited
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.config import ConfigError, RigFile, read_rig
+from pincette.core import plugins
+from pincette.core.service import AnyService, CompositeService, Participant, member_services
+from pincette.core.topics import LOOP, REQUEST_LOG, TIMING
+from pincette.engine import logs
+from pincette.engine.instrument import open_device
+from pincette.engine.loop import Loop
+from pincette.engine.node import Node
+from pincette.engine.peers import wait_for_peers
+from pincette.engine.program import Context
+from pincette.engine.realtime.gc_tuning import disable_gc, freeze_gc
+from pincette.engine.realtime.os_scheduling import raise_priority
+from pincette.engine.rig_file import serve_rig_file
+from pincette.engine.timing_budget import shared_timeout_s
+from pincette.instruments.protocols import InstrumentError
+from pincette.security.identity import SecurityError
+from pincette.sim.wires.ports import WireError
+
+log = logging.getLogger("pincette")
+READY = "ready: "
+"""How a line on standard output begins that says a program serves."""
+OF_THE_ROUTER = ("router", "upstream", "supervisor")
+"""Programs that all rigs on one router share."""
+
+CannotStart = (
+    ConfigError,
+    BusError,
+    InstrumentError,
+    WireError,
+    plugins.PluginError,
+    SecurityError,
+    OSError,
+)
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a program is started, beside its rig file."""
+
+    data: Path = Path("data")
+    exit_with_parent: bool = False
+    """End when standard input closes, so that nothing outlives whoever started it."""
+    delay_s: float = 0.0
+    """Longest random delay before a service publishes; for tests of determinism."""
+    delay_seed: int = 0
+    pki: Path | None = None
+    """Folder of certificates; None: as the rig file says."""
+    listen: str | None = None
+    """Where the router listens; None: as the rig file says."""
+    log_format: logs.Form | None = None
+    """None: as the environment says."""
+
+
+def programs() -> list[str]:
+    """Everything that `pincette run` can start, what composes several of them apart."""
+    return [*LOOP, *plugins.names(plugins.PROGRAMS)]
+
+
+def run_program(name: str, rig_path: Path, options: Options) -> int:
+    """Run one program until it is told to stop; returns the exit status."""
+    try:
+        lines = logs.begin(name, logs.chosen(options.log_format))
+    except ValueError as error:
+        sys.stderr.write(f"{name}: {error}\n")
+        return 2
+    stop = threading.Event()
+    try:
+        rig = read_rig(rig_path)
+        if lines is not None:
+            lines.rig = rig.rig.name
+        if options.pki is not None:
+            rig = rig.secured(options.pki)
+        if options.listen is not None:
+            rig = rig.listening(options.listen)
+        if member_services(name):
+            _run_of_loop(name, rig, stop, options)
+        else:
+            _run_other(name, rig, stop, options)
+    except CannotStart as error:
+        log.error("%s", error)
+        return 2
+    return 0
+
+
+def _on_stop(stop: Callable[[], None], options: Options) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: stop())
+    if options.exit_with_parent:
+        threading.Thread(target=_wait_for_parent, args=(stop,), daemon=True).start()
+
+
+def _wait_for_parent(stop: Callable[[], None]) -> None:
+    while os.read(0, 64):
+        pass
+    stop()
+
+
+def _say_ready(text: str) -> None:
+    sys.stdout.write(f"{READY}{text}\n")
+    sys.stdout.flush()
+
+
+def loop_services() -> dict[str, AnyService]:
+    """The services of the loop, in the order of a tick."""
+    return {name: plugins.load(plugins.SERVICES, name) for name in LOOP}
+
+
+def loop_programs(rig: RigFile) -> dict[str, Participant]:
+    """The programs of a rig's loop as others see them, in the order of a tick."""
+    services = loop_services()
+    return {
+        name: services[name]
+        if name in services
+        else CompositeService(name, tuple(services[one] for one in member_services(name)))
+        for name in rig.programs
+    }
+
+
+def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Options) -> None:
+    """Run a service of the loop, or several that the rig file composes."""
+    if name not in rig.programs:
+        raise ConfigError(
+            f"[rig] composed = {list(rig.rig.composed)}: the programs of the loop of rig "
+            f"{rig.rig.name!r} are {', '.join(rig.programs)}, not {name}"
+        )
+    if not rig.lockstep:  # which keeps no clock, and would take the whole machine
+        raise_priority(rig.realtime.of(*member_services(name)))
+    participants = loop_programs(rig)
+    with ExitStack() as stack:
+        nodes = _opened(name, rig, stack)
+        config = service_endpoint(rig, name, participants)
+        bus = ZenohBus(config, rig.rig.name, name, reliable=rig.lockstep)
+        stack.callback(bus.close)
+        urgent = awaited(name, participants, lockstep=rig.lockstep) if len(nodes) > 1 else None
+        loop = Loop(
+            nodes, bus, urgent=urgent, delay_s=options.delay_s, delay_seed=options.delay_seed
+        )
+        for topic in (
+            *(topic for node in nodes for topic in node.service.outputs),
+            REQUEST_LOG,
+            TIMING,
+        ):
+            bus.declare(topic)
+        for service in member_services(name):
+            serve_rig_file(bus, rig, service)
+            bus.announce(service)
+
+        def end() -> None:
+            stop.set()
+            loop.stop()
+
+        _on_stop(end, options)
+        if wait_for_peers(name, rig, bus, config, participants, stop):
+            disable_gc()
+            _say_ready(f"serves at {config.listen[0]}")
+            loop.run()
+
+
+def _opened(name: str, rig: RigFile, stack: ExitStack) -> Sequence[Node]:
+    """The nodes of a program with their instruments, which are given back at the end."""
+    services = [plugins.load(plugins.SERVICES, one) for one in member_services(name)]
+    at_most_s = shared_timeout_s(rig, services)
+    nodes: list[Node] = []
+    for service in services:
+        device = open_device(service, rig, at_most_s)
+        nodes.append(Node(service, rig, device, secrets.randbits(48)))
+        stack.callback(nodes[-1].close)
+    return nodes
+
+
+def _run_other(name: str, file: RigFile, stop: threading.Event, options: Options) -> None:
+    if file.joins and name in OF_THE_ROUTER:
+        raise ConfigError(
+            f"rig {file.rig.name!r} joins the router at {file.bus.router}, beside which its {name} "
+            f"runs: start the {name} of the rig that has the router"
+        )
+    program: Callable[[Context], None] = plugins.load(plugins.PROGRAMS, name)
+
+    def open_bus(rig: str | None = None, *, lockstep: bool | None = None) -> ZenohBus:
+        patient = file.lockstep if lockstep is None else lockstep
+        config = program_endpoint(file, name, lockstep=patient)
+        return ZenohBus(config, rig or file.rig.name, name)
+
+    def ready(text: str) -> None:
+        freeze_gc()
+        _say_ready(text)
+
+    _on_stop(stop.set, options)
+    home = file.home(options.data)
+    program(Context(rig=file, data=home, open_bus=open_bus, ready=ready, stop=stop))

@@ -1,0 +1,56 @@
+"""Programs outside the loop: what each is given when it is started, and the router."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from pincette.bus.endpoints import router_endpoint, upstream_endpoint
+from pincette.bus.topology import SessionConfig
+from pincette.bus.zenoh_bus import ZenohBus, serve_router
+from pincette.config import RigFile
+from pincette.engine.realtime.os_scheduling import raise_priority
+
+
+class OpenBus(Protocol):
+    """Joins the bus of the rig file's rig, or of another one that is named."""
+
+    def __call__(self, rig: str | None = None, *, lockstep: bool | None = None) -> ZenohBus:
+        """Join; raises BusError. ``lockstep`` is the named rig's; None: as in the rig file."""
+        ...
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a program of ``pincette.programs`` is called with; it returns when ``stop`` is set."""
+
+    rig: RigFile
+    data: Path
+    """Folder for records and the store."""
+    open_bus: OpenBus
+    """Join the bus as a client of the router; the program closes it."""
+    ready: Callable[[str], None]
+    """Say, in one line, that the program serves."""
+    stop: threading.Event
+
+
+def run_router(context: Context) -> None:
+    """Route for a rig until stopped."""
+    if not context.rig.lockstep:
+        raise_priority(context.rig.realtime.of("router"))
+    _route(context, router_endpoint(context.rig), "router")
+
+
+def run_upstream(context: Context) -> None:
+    """Route on a laboratory server, which the router of a rig connects to, until stopped."""
+    _route(context, upstream_endpoint(context.rig), "upstream")
+
+
+def _route(context: Context, config: SessionConfig, name: str) -> None:
+
+    def wait() -> None:
+        context.ready(f"routes at {config.listen[0]}")
+        context.stop.wait()
+
+    serve_router(config, context.rig.rig.name, wait, name)

@@ -1,0 +1,106 @@
+"""What a service says anew beside what is recorded of it, bit by bit."""
+
+from collections import defaultdict, deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import copysign
+from typing import Any, cast
+
+from pincette.core.messages import Applied, Message, Sample
+from pincette.core.service import AnyService
+from pincette.core.topics import TOPIC_OF
+
+CLOCKED = ("command_age_s", "refused")
+"""What the actuator's clock makes of a tick in real time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A field that is not as recorded; without a field, an output that is not said again."""
+
+    topic: str
+    seq: int
+    field: str
+    recorded: Any
+    replayed: Any
+
+
+@dataclass(slots=True)
+class Findings:
+    """What became of one service."""
+
+    service: str
+    steps: int = 0
+    identical: int = 0
+    """Outputs that are the same to the last bit, and those that"""
+    different: int = 0
+    clocked: int = 0
+    """Outputs that only the clock of a real time led to; they are not repeated."""
+    first: Difference | None = None
+    stopped: str = ""
+    """Why it was not repeated, or not to its end."""
+
+    @property
+    def same(self) -> bool:
+        """Whether all was repeated, and came out as recorded."""
+        return not self.different and not self.stopped
+
+
+class Comparison:
+    """Recorded outputs of a service from seq 0 on, each until the replay repeats it."""
+
+    def __init__(
+        self,
+        service: AnyService,
+        messages: Iterable[Message],
+        findings: Findings,
+        *,
+        lockstep: bool,
+    ) -> None:
+        self._findings, self._lockstep = findings, lockstep
+        self._recorded: dict[tuple[type[Message], int], deque[Sample]] = defaultdict(deque)
+        kinds = {topic.message for topic in service.outputs}
+        for message in messages:
+            if type(message) not in kinds or cast(Sample, message).seq < 0:
+                continue
+            if isinstance(message, Applied) and not (message.answered or lockstep):
+                findings.clocked += 1
+                continue
+            sample = cast(Sample, message)
+            self._recorded[type(sample), sample.seq].append(sample)
+
+    def take(self, outputs: Iterable[Message]) -> None:
+        """Compare what is said anew; what the record has not kept is passed over."""
+        for output in outputs:
+            recorded = self._recorded.get((type(output), getattr(output, "seq", -1)))
+            if recorded:
+                self._compare(recorded.popleft(), cast(Sample, output))
+
+    def end(self) -> None:
+        """Count what was not said again."""
+        for samples in self._recorded.values():
+            for sample in samples:
+                self._differs(sample, "", "said", None)
+
+    def _compare(self, recorded: Sample, replayed: Sample) -> None:
+        clocked = CLOCKED if isinstance(recorded, Applied) and not self._lockstep else ()
+        for name in [name for name in recorded.__struct_fields__ if name not in clocked]:
+            one, other = getattr(recorded, name), getattr(replayed, name)
+            if not same(one, other):
+                self._differs(recorded, name, one, other)
+                return
+        self._findings.identical += 1
+
+    def _differs(self, sample: Sample, field: str, recorded: Any, replayed: Any) -> None:
+        found = self._findings
+        found.different += 1
+        if found.first is None or sample.seq < found.first.seq:
+            topic = TOPIC_OF[type(sample)].name
+            found.first = Difference(topic, sample.seq, field, recorded, replayed)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two values of a field are the same to the last bit; 0.0 and -0.0 are not."""
+    if one != other:
+        return False
+    return not isinstance(one, float) or copysign(1.0, one) == copysign(1.0, other)

@@ -1,0 +1,148 @@
+"""One service of a recorded epoch, armed, called and stepped as it was, and compared."""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast, get_args
+
+from msgspec.structs import replace
+
+from pincette.config import RigFile
+from pincette.core.faults import Fault, FaultCode
+from pincette.core.messages import Load, Message, RequestLog, Reset, Sample
+from pincette.core.service import AnyService
+from pincette.core.topics import LOAD, LOOP, RESET, TOPIC_OF, TOPICS
+from pincette.engine.node import Node
+from pincette.engine.replay.comparison import Comparison, Findings
+from pincette.engine.replay.steps import Gap, Samples, steps
+from pincette.engine.request_log import restored
+from pincette.instruments.protocols import ErrorCode, InstrumentError
+
+CAUSES: Mapping[FaultCode, ErrorCode] = {
+    FaultCode(f"instrument_{cause}"): cause for cause in get_args(ErrorCode)
+}
+"""By the code of an instrument's fault."""
+
+
+@dataclass(slots=True)
+class Tape:
+    """Takes any voltage, and fails where the record says that the instrument did."""
+
+    fault: Fault | None = None
+
+    def write_V(self, voltage_V: float) -> None:  # noqa: ARG002  it goes nowhere
+        """Put out nothing."""
+        self.look()
+
+    def read_V(self) -> float:
+        """As at rest; the voltage at the begin of the epoch comes from the record."""
+        return 0.0
+
+    def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
+        """Put out nothing."""
+        self.look()
+
+    def look(self) -> None:
+        """Fail, where that is recorded."""
+        if self.fault is not None:
+            raise InstrumentError(self.fault.words, CAUSES[self.fault.code])
+
+    def close(self) -> None:
+        """Have nothing to give back."""
+
+
+RANK = {topic.name: LOOP.index(topic.producer) for topic in TOPICS if topic.producer in LOOP}
+"""Order of the samples of one tick."""
+
+
+class _StoppedError(Exception):
+    """Nothing more can be repeated; the text says why."""
+
+
+def replay(service: AnyService, rig: RigFile, messages: Sequence[Message]) -> Findings:
+    """Repeat what a service did in the epoch of ``messages``; the rig is uncalibrated."""
+    # The clock of an actuator in real time is not recorded: only its answers to commands are
+    # repeated, not what time alone, or a request, led to.
+    findings = Findings(service.name)
+    try:
+        _play(service, rig, messages, findings)
+    except _StoppedError as stop:
+        findings.stopped = str(stop)
+    return findings
+
+
+def _play(
+    service: AnyService, rig: RigFile, messages: Sequence[Message], findings: Findings
+) -> None:
+    requests = [
+        item for item in messages if isinstance(item, RequestLog) and item.service == service.name
+    ]
+    tape = Tape()
+    node = _armed_node(service, rig, requests, tape)
+    comparison = Comparison(service, messages, findings, lockstep=rig.lockstep)
+    timeless = service.instrument is None or rig.lockstep
+    waiting = deque(
+        [item for item in requests if _request_of(item) is not None] if timeless else []
+    )
+    for step in steps(service.name, Samples(messages, lockstep=rig.lockstep)):
+        if isinstance(step, Gap):
+            raise _StoppedError(f"{step.topic} {step.seq} is not in the record")
+        place = _place(step.samples[-1])
+        while waiting and (waiting[0].seq, RANK.get(waiting[0].topic, -1)) < place:
+            _ask(node, waiting.popleft(), comparison)
+        tape.fault = step.fault
+        for sample in step.samples:
+            node.accept(sample, 0.0)
+        findings.steps += 1
+        comparison.take(node.fire(0.0))
+        tape.fault = None
+    for item in waiting:
+        _ask(node, item, comparison)
+    comparison.end()
+
+
+def _armed_node(
+    service: AnyService, rig: RigFile, requests: Sequence[RequestLog], tape: Tape
+) -> Node:
+    """The service as the epoch found it."""
+    armed = next((item for item in requests if item.arm is not None), None)
+    if armed is None or armed.arm is None:
+        raise _StoppedError("its arming is not in the record; older records do not hold it")
+    node = Node(service, rig, tape, armed.arm.owner)
+    # A newer version has another digest of the same rig file where it knows more quantities.
+    arm = replace(armed.arm, digest=node.digest)
+    before: list[Message] = [Reset(acknowledge=True)] if RESET in service.requests else []
+    if LOAD in service.requests:
+        before += _loaded(requests)
+    for request in (*before, arm):
+        reply, _ = node.call(request, 0.0)
+        if isinstance(reply, str):
+            raise _StoppedError(f"it refuses to begin: {reply}")
+    try:
+        node.state = restored(service, node.config, node.state, armed.state_snapshot)
+    except (KeyError, TypeError, ValueError) as error:
+        raise _StoppedError(f"what it carried into the epoch cannot be read: {error}") from error
+    return node
+
+
+def _loaded(requests: Sequence[RequestLog]) -> list[Load]:
+    loads = [item.load for item in requests if item.load is not None]
+    if not loads:
+        raise _StoppedError("the program is not in the record")
+    return loads
+
+
+def _request_of(item: RequestLog) -> Message | None:
+    """What was requests while the epoch went on."""
+    return item.action or item.trip or item.reset
+
+
+def _ask(node: Node, item: RequestLog, comparison: Comparison) -> None:
+    reply, outputs = node.call(cast(Message, _request_of(item)), 0.0)
+    if isinstance(reply, str):
+        raise _StoppedError(f"after sample {item.seq} it refuses what it took then: {reply}")
+    comparison.take(outputs)
+
+
+def _place(sample: Sample) -> tuple[int, int]:
+    return sample.seq, RANK[TOPIC_OF[type(sample)].name]

@@ -1,0 +1,148 @@
+"""Which steps a service made, and with which samples: what a record tells of it; pure.
+
+In real time a sample may be passed over, and a partner may come too late. The outputs say so: an
+estimate that is degraded had no partner, and a sample without an output was not stepped with.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TypeVar, cast
+
+from pincette.core.faults import TRIPPED, Cause, Fault
+from pincette.core.messages import Applied, Command, Estimate, Message, Position, Sample, Telemetry
+from pincette.core.topics import TOPIC_OF
+
+S = TypeVar("S", bound=Sample)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """The samples of one step, the trigger last, and what the instrument said to its output."""
+
+    samples: tuple[Sample, ...]
+    fault: Fault | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A sample that a step had, and the record has not: nothing after it can be repeated."""
+
+    topic: str
+    seq: int
+
+
+class Samples:
+    """The samples of one epoch, by kind and number."""
+
+    def __init__(self, messages: Iterable[Message], *, lockstep: bool) -> None:
+        self.lockstep = lockstep
+        self._by_kind: dict[type[Message], dict[int, list[Sample]]] = {}
+        for message in messages:
+            if isinstance(message, Sample):
+                by_seq = self._by_kind.setdefault(type(message), {})
+                by_seq.setdefault(message.seq, []).append(message)
+
+    def seqs(self, *kinds: type[Sample]) -> list[int]:
+        """Numbers, from 0 on, of which there is a sample of one of these kinds."""
+        found = {seq for kind in kinds for seq in self._by_kind.get(kind, {}) if seq >= 0}
+        return sorted(found)
+
+    def all(self, kind: type[S], seq: int) -> list[S]:
+        """Every sample of a kind and number, in order of arrival."""
+        return cast("list[S]", self._by_kind.get(kind, {}).get(seq, []))
+
+    def first_unknown(self, after: int, before: int) -> int | None:
+        """The first number between two of which nothing has come; a sensor leaves none out."""
+        known = (self._by_kind.get(Position, {}), self._by_kind.get(Estimate, {}))
+        between = range(after + 1, before)
+        return next((seq for seq in between if not any(seq in kind for kind in known)), None)
+
+    def newest(self, kind: type[S], seq: int) -> S | None:
+        """The one that came last; None without one."""
+        found = self.all(kind, seq)
+        return found[-1] if found else None
+
+
+def steps(service: str, samples: Samples) -> Iterator[Step | Gap]:
+    """The steps of a service in their order, up to the first gap; a sensor has none."""
+    last = -1
+    for step in STEPS[service](samples):
+        seq = step.seq if isinstance(step, Gap) else step.samples[-1].seq
+        unknown = samples.first_unknown(last, seq)
+        if unknown is not None:
+            yield _gap(Position, unknown)
+            return
+        last = seq
+        yield step
+
+
+def estimator_steps(samples: Samples) -> Iterator[Step | Gap]:
+    """A step for each estimate, also for one that is known only by the command made of it."""
+    for seq in samples.seqs(Estimate, Command):
+        position = samples.newest(Position, seq)
+        if position is None:
+            yield _gap(Position, seq)
+            return
+        estimate = samples.newest(Estimate, seq)
+        if estimate is not None and estimate.degraded:
+            yield Step((position,))
+            continue
+        found = samples.all(Applied, seq - 1)
+        applied = [item for item in found if estimate is None or _joined(estimate, item)]
+        if not applied:
+            yield _gap(Applied, seq - 1)
+            return
+        yield Step((applied[-1], position))
+
+
+def _joined(estimate: Estimate, applied: Applied) -> bool:
+    """Whether an estimate may have been made with this; a tick may be answered twice."""
+    return (
+        estimate.applied_V == applied.voltage_V
+        and estimate.limits_active == applied.limits_active
+        and estimate.tripped == (applied.state in TRIPPED)
+    )
+
+
+def controller_steps(samples: Samples) -> Iterator[Step | Gap]:
+    """A step for each command."""
+    for seq in samples.seqs(Command, Telemetry):
+        estimate = samples.newest(Estimate, seq)
+        if estimate is None:
+            yield _gap(Estimate, seq)
+            return
+        yield Step((estimate,))
+
+
+def actuator_steps(samples: Samples) -> Iterator[Step | Gap]:
+    """In lockstep all steps; in real time those that took a command, since no clock is recorded."""
+    last = max(samples.seqs(Applied), default=-1)
+    for seq in samples.seqs(Position, Command):
+        answers = samples.all(Applied, seq)
+        command = samples.newest(Command, seq)
+        taken = seq <= last if samples.lockstep else any(item.answered for item in answers)
+        if not taken:
+            continue
+        position = samples.newest(Position, seq)
+        for kind, sample in ((Position, position), (Command, command)):
+            if sample is None:
+                yield _gap(kind, seq)
+                return
+            fault = _fault(answers) if kind is Command else None
+            yield Step((sample,), fault)
+
+
+def _fault(answers: list[Applied]) -> Fault | None:
+    return next((item.faults[0] for item in answers if item.cause == Cause.DEVICE), None)
+
+
+def _gap(kind: type[Sample], seq: int) -> Gap:
+    return Gap(TOPIC_OF[kind].name, seq)
+
+
+STEPS: Mapping[str, Callable[[Samples], Iterator[Step | Gap]]] = {
+    "estimator": estimator_steps,
+    "controller": controller_steps,
+    "actuator": actuator_steps,
+}
+"""By service, where nothing is lost but what is seen to be."""

@@ -1,0 +1,115 @@
+"""What a replay needs beside the samples: the requests that a service took, and its state.
+
+A request is noted with where among the steps it came. Of the state only what differs from a start
+is noted, as JSON: the coefficients of a model, which the rig file and the calibration give, are
+left out. A float keeps every bit.
+"""
+
+import json
+from collections.abc import Mapping
+from typing import Any, cast, get_args, get_origin, get_type_hints
+
+from pincette.control.quantities import Document
+from pincette.control.record import field_names, replace
+from pincette.core.messages import Action, Arm, Load, Message, RequestLog, Reset, Sample, Trip
+from pincette.core.service import AnyService
+from pincette.core.topics import TOPIC_OF
+
+
+def snapshot(service: AnyService, config: Any, state: Any) -> Document:
+    """JSON of the snapshot fields that differ from a start; empty where none does."""
+    start_state = service.start(config)
+    changes = _changes(state, start_state, service.state_snapshot)
+    return Document(json.dumps(changes, separators=(",", ":")) if changes else "")
+
+
+def restored(service: AnyService, config: Any, state: Any, text: str) -> Any:
+    """A state with the fields of a snapshot put in; raises TypeError or ValueError."""
+    start_state = service.start(config)
+    tree: Any = json.loads(text) if text else {}
+    if not isinstance(tree, dict):
+        raise TypeError(f"carried: {text[:60]!r} is not a map")
+    changes = cast("dict[str, Any]", tree)
+    if odd := changes.keys() - set(service.state_snapshot):
+        raise ValueError(f"carried: the {service.name} carries no {', '.join(sorted(odd))}")
+    whole = _changed(start_state, changes)
+    return replace(state, **{name: getattr(whole, name) for name in service.state_snapshot})
+
+
+def _changes(value: Any, start_state: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name in names:
+        one, other = getattr(value, name), getattr(start_state, name)
+        inner = field_names(one)
+        if inner is not None and type(one) is type(other):
+            change: Any = _changes(one, other, inner)
+            if change:
+                found[name] = change
+        elif one is not other and repr(one) != repr(other):  # equal numbers may differ in sign
+            found[name] = one
+    return found
+
+
+def _changed(start_value: Any, changes: Mapping[str, Any]) -> Any:
+    hints = get_type_hints(start_value.__class__)
+    return replace(
+        start_value,
+        **{
+            name: _made(hints[name], getattr(start_value, name), value)
+            for name, value in changes.items()
+        },
+    )
+
+
+def _made(hint: Any, start_value: Any, value: Any) -> Any:
+    if field_names(start_value) is not None:
+        return _changed(start_value, dict(value))
+    if get_origin(hint) is tuple:
+        (inner, *_) = get_args(hint)
+        return tuple([_made(inner, None, item) for item in cast("list[Any]", value)])
+    if isinstance(hint, type) and issubclass(hint, tuple):  # with names
+        return cast(Any, hint)(*value)
+    return value
+
+
+class RequestRecorder:
+    """Logs the requests that one service accepts."""
+
+    def __init__(self, service: AnyService) -> None:
+        self._service = service
+        self._load: Load | None = None
+        """What the next arming plays."""
+        self.newest: Sample | None = None
+        """The sample that the service stepped with last."""
+
+    def taken(self, request: Message, config: Any, state: Any) -> tuple[RequestLog, ...]:
+        """Log a request that was accepted; a program is logged with the arming of its epoch."""
+        match request:
+            case Load():
+                self._load = request
+                return ()
+            case Arm():
+                carried = snapshot(self._service, config, state)
+                armed = self._entry(state, arm=request, state_snapshot=carried)
+                loaded = () if self._load is None else (self._entry(state, load=self._load),)
+                return *loaded, armed
+            case Action():
+                return (self._entry(state, action=request),)
+            case Trip():
+                return (self._entry(state, trip=request),)
+            case Reset():
+                return (self._entry(state, reset=request),)
+            case _:
+                return ()
+
+    def _entry(self, state: Any, **request: Any) -> RequestLog:
+        sample = self.newest
+        if sample is not None and sample.epoch != state.epoch:
+            sample = None  # of the epoch before
+        return RequestLog(
+            epoch=state.epoch,
+            seq=-1 if sample is None else sample.seq,
+            service=self._service.name,
+            topic="" if sample is None else TOPIC_OF[type(sample)].name,
+            **request,
+        )

@@ -1,0 +1,55 @@
+"""The instruments of a rig, simulated within this process, and commands to them from the bus."""
+
+from collections.abc import Callable
+from typing import cast
+
+from pincette.bus.protocol import Bus
+from pincette.config import RigFile
+from pincette.core import plugins
+from pincette.core.messages import Ack, GroundTruth, Message, SimCommand
+from pincette.core.topics import SIM_COMMAND, Request
+from pincette.engine.instrument import Device
+from pincette.instruments.line.memory_link import MemoryLink
+from pincette.instruments.protocols import Link
+from pincette.sim.bench import Bench, Fitted, open_bench
+from pincette.sim.script.script import Script, script_of
+
+
+def simulated_bench(rig: RigFile, publish: Callable[[GroundTruth], None]) -> Bench:
+    """Set up the simulated rig of this process, in lockstep, with its script if any."""
+    simulation = rig.simulation
+    scripted = simulation is not None and (simulation.scripts or simulation.script)
+    return open_bench(
+        rig,
+        lambda: 0.0,
+        lambda seq, x_um, F_mN, u_V: publish(GroundTruth(seq, x_um, F_mN, u_V)),
+        script_of(rig) if scripted else None,
+    )
+
+
+def devices_on(bench: Bench, rig: RigFile) -> dict[str, Device]:
+    """Both instruments, as their drivers meet them: the real bytes, over memory."""
+    sensor = plugins.load(plugins.POSITION_SENSORS, rig.sensor.driver)
+    output = plugins.load(plugins.VOLTAGE_OUTPUTS, rig.output.driver)
+    return {
+        "sensor": sensor(rig.sensor, _link(bench.fitted["sensor"])),
+        "actuator": output(rig.output, _link(bench.fitted["output"])),
+    }
+
+
+def simulated_devices(rig: RigFile, publish: Callable[[GroundTruth], None]) -> dict[str, Device]:
+    """Both instruments of a simulated rig in this process, by the name of their service."""
+    return devices_on(simulated_bench(rig, publish), rig)
+
+
+def _link(fitted: Fitted) -> Link:
+    return MemoryLink(fitted.instrument.answer, fitted.terminator)
+
+
+def serve_sim_commands(bus: Bus, script: Script) -> None:
+    """Pass each command to the script, whose objection is the refusal."""
+
+    def answer(_request: Request, message: Message, reply: Callable[[Message | str], None]) -> None:
+        reply(script.order(cast(SimCommand, message)) or Ack(0))
+
+    bus.serve(SIM_COMMAND, answer)

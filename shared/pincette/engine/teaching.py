@@ -1,0 +1,65 @@
+"""The free response of a simulated rig: its arm moved with the part taken out, and taught."""
+
+from pincette.config import RigFile
+from pincette.control.planning.teaching import teaching_program
+from pincette.control.response.identification import Identification, identify_free_response
+from pincette.control.response.recording import Recording, record_free_response
+from pincette.core.messages import Estimate
+from pincette.engine.composed import ComposedLoop
+
+SPEED_FACTOR = 3.0
+"""Fastest part of the motion against the approach; the paper's widest sinusoid needs it."""
+BELOW_REST = 0.1
+"""How far the motion goes beyond the rest position, as a share of its height above it."""
+
+
+def teach(rig: RigFile) -> Identification:
+    """Move the simulated arm freely and identify its free response; raises ValueError."""
+    voltage_V, x_um = free_motion(rig)
+    return identify_free_response(voltage_V, x_um, rig.rig.period_s)
+
+
+def record(rig: RigFile) -> Recording:
+    """Move the simulated arm freely and record the branches of its response; raises ValueError."""
+    return record_free_response(*free_motion(rig))
+
+
+def free_motion(rig: RigFile) -> tuple[list[float], list[float]]:
+    """Voltages and positions, of matched ages, of the teaching motion; raises as ``teach``."""
+    low_um, high_um = free_range_um(rig)
+    program = teaching_program(low_um, high_um, SPEED_FACTOR * rig.grip.approach_um_per_s)
+    estimates = [
+        message
+        for message in ComposedLoop(without_part(rig)).play(program)
+        if isinstance(message, Estimate) and message.valid
+    ]
+    return [item.applied_V for item in estimates], [item.x_um for item in estimates]
+
+
+def without_part(rig: RigFile) -> RigFile:
+    """Return the rig in lockstep with nothing to touch and nothing taught."""
+    simulation = rig.simulation
+    return rig.model_copy(
+        update={
+            "rig": rig.rig.model_copy(update={"time": "lockstep"}),
+            "model": rig.model.model_copy(
+                update={"free_response": None, "recorded_response": None}
+            ),
+            "simulation": simulation and simulation.model_copy(update={"bead": False}),
+        }
+    )
+
+
+def free_range_um(rig: RigFile) -> tuple[float, float]:
+    """Range of free positions whose voltages cover a grip of the rig file, in its limits.
+
+    The arm presses with F at x_e + F/K_e where, free, it would be s_p·F further.
+    """
+    part, force_mN = rig.part, rig.grip.force_mN
+    softest = part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance)
+    pressed_um = part.contact_um + part.contact_tolerance_um + force_mN / softest
+    high_um = pressed_um + rig.model.compliance_um_per_mN * force_mN
+    return (
+        max(-BELOW_REST * high_um, rig.limits.position_min_um),
+        min(high_um, rig.limits.position_max_um),
+    )

@@ -1,0 +1,126 @@
+"""Whether the instruments of a rig fit into its control period, by the sum of all they take."""
+
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf
+from typing import cast
+
+from pincette.config import ConfigError, Output, RigFile, Sensor
+from pincette.core import plugins
+from pincette.core.service import AnyService
+from pincette.instruments.protocols import Timing
+
+PATIENCE_WAKES = 1.5
+"""For how many looks of an actuator at its clock its program may wait for a silent sensor: with the
+third it takes itself for one that was not run, and leaves the time out of every age."""
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What a tick takes, part by part."""
+
+    period_s: float
+    sensor: Timing
+    output: Timing
+    computing_s: float
+
+    @property
+    def total_s(self) -> float:
+        """Sum of all parts."""
+        return (
+            self.sensor.exchange_s
+            + self.sensor.response_s
+            + self.output.exchange_s
+            + self.output.response_s
+            + self.computing_s
+        )
+
+    @property
+    def fits(self) -> bool:
+        """Whether a sample, its command and the output's response end within the period."""
+        return self.total_s <= self.period_s
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """Highest frequency at which the arm can be identified with these instruments."""
+        return min(self.sensor.bandwidth_hz, self.output.bandwidth_hz)
+
+    def words(self) -> str:
+        """Sum and parts, in ms."""
+        parts = {
+            "sensor exchange": self.sensor.exchange_s,
+            "sensor response": self.sensor.response_s,
+            "command exchange": self.output.exchange_s,
+            "output response": self.output.response_s,
+            "computing": self.computing_s,
+        }
+        shown = " + ".join(f"{name} {1e3 * part:.1f}" for name, part in parts.items() if part)
+        relation = "within" if self.fits else "above"
+        return (
+            f"{shown} = {1e3 * self.total_s:.1f} ms, {relation} the control period of "
+            f"{1e3 * self.period_s:g} ms"
+        )
+
+
+def budget(rig: RigFile) -> Budget:
+    """Timing of both instruments as their drivers state it; raises PluginError or ConfigError."""
+    return Budget(
+        rig.rig.period_s,
+        stated(plugins.POSITION_SENSORS, rig.sensor),
+        stated(plugins.VOLTAGE_OUTPUTS, rig.output),
+        rig.realtime.computing_s,
+    )
+
+
+def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
+    """Longest wait for a sensor that delays no actuator beside it, in s; else ConfigError."""
+    together = tuple(services)
+    looks_s = [one.wake_s(one.configure(rig)) for one in together if one.wake_s is not None]
+    reads = any(one.instrument == "position_sensor" for one in together)
+    if rig.lockstep or not (looks_s and reads):
+        return inf
+    limit_s = PATIENCE_WAKES * min(looks_s)
+    needed_s = stated(plugins.POSITION_SENSORS, rig.sensor).exchange_s
+    if needed_s > limit_s:
+        raise ConfigError(
+            f"[rig] composed = {list(rig.rig.composed)}: an exchange with the sensor takes "
+            f"{1e3 * needed_s:.1f} ms, limit {1e3 * limit_s:.1f} ms beside the actuator, which "
+            "looks at its clock only in between: let the sensor be a program by itself"
+        )
+    return limit_s
+
+
+def lets_go_s(rig: RigFile) -> float:
+    """Earliest time after the host's last word at which the output may have let a part go, in s.
+
+    That of its own watchdog, as the driver states it. Without one it is what ``[output]
+    on_silence`` says: ∞ where the hardware holds, and 0 where it goes to a safe value at a time
+    that nobody states, or where nothing is stated.
+    """
+    try:
+        own_s = stated(plugins.VOLTAGE_OUTPUTS, rig.output).lets_go_s
+    except (plugins.PluginError, ConfigError):
+        own_s = None  # the driver may be installed on another machine alone
+    if own_s is not None:
+        return max(0.0, own_s)
+    return inf if rig.output.on_silence == "holds" else 0.0
+
+
+def too_slow(rig: RigFile) -> str:
+    """The sum of the timing where the instruments do not fit into the period; else empty."""
+    # The driver of the other instrument may be installed on another machine alone.
+    try:
+        needed = budget(rig)
+    except plugins.PluginError:
+        return ""
+    return "" if needed.fits else needed.words()
+
+
+def stated(group: str, settings: Sensor | Output) -> Timing:
+    """Timing that the module of a driver states through a function ``timing`` of the settings."""
+    opener = plugins.load(group, settings.driver)
+    timing = vars(sys.modules[opener.__module__]).get("timing")
+    if timing is None:
+        return Timing(0.0, note=f"{settings.driver} does not state its timing")
+    return cast(Timing, timing(settings))

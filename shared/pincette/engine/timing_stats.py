@@ -1,0 +1,170 @@
+"""How punctual one service is, counted as it goes; no clock of its own.
+
+Until the outputs of a step are published only times are noted; they are counted after that.
+"""
+
+from math import inf
+from typing import Any
+
+from pincette.core.messages import Sample, Timing
+from pincette.core.service import AnyService
+from pincette.latency.histogram import Histogram
+
+KEPT = 16
+"""Samples whose arrival is remembered; as many as may wait for a join."""
+PUBLISH_EVERY_S = 1.0
+Outputs = tuple[Any, ...]
+"""Messages that carry the number of a sample."""
+
+
+class SeenGrid:
+    """Lateness of samples against the grid of the earliest among them, a ``period_s`` apart.
+
+    A sample is due one period after the one before it, for each number between them. One that
+    comes before it is due shows that the grid lies earlier. One that is late by whole periods may
+    have found the grid moved on, since points that are missed have no number: from there on it is
+    taken to have. Where that was wrong the next sample comes early, and sets it right.
+    """
+
+    __slots__ = ("_due_s", "_number", "_period_s")
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._number: int | None = None
+        self._due_s = 0.0
+        """Of the newest sample."""
+
+    def begin(self) -> None:
+        """Forget the grid: the next sample begins another one."""
+        self._number = None
+
+    def lateness_s(self, number: int, at_s: float) -> float:
+        """How late a sample came; one whose number does not grow begins another grid."""
+        before, self._number = self._number, number
+        if before is None or number <= before:
+            self._due_s = at_s
+            return 0.0
+        due_s = self._due_s + (number - before) * self._period_s
+        late_s = at_s - due_s
+        if late_s < 0.0:
+            self._due_s = at_s
+            return 0.0
+        self._due_s = due_s + late_s // self._period_s * self._period_s
+        return late_s
+
+
+class TimingStats:
+    """Lateness against the own or the samples' grid, age of the first input, execution time."""
+
+    __slots__ = (
+        "_acts_on",
+        "_age",
+        "_age_s",
+        "_began_s",
+        "_came_s",
+        "_come",
+        "_epoch",
+        "_execution",
+        "_lateness",
+        "_missed",
+        "_newest",
+        "_numbers",
+        "_own_grid",
+        "_publish_at_s",
+        "_seen",
+        "_service",
+    )
+
+    def __init__(self, service: AnyService, period_s: float, *, own_grid: bool) -> None:
+        self._service = service.name
+        self._acts_on = service.inputs[0].topic.message
+        self._own_grid = own_grid
+        self._lateness, self._age, self._execution = Histogram(), Histogram(), Histogram()
+        self._seen = SeenGrid(period_s)
+        self._numbers = [-1] * KEPT
+        self._came_s = [0.0] * KEPT
+        self._newest = -1
+        self._epoch = self._missed = 0
+        self._began_s = 0.0
+        self._come: tuple[int, float] | None = None
+        """Number and time of a sample whose lateness is not counted yet."""
+        self._age_s: float | None = None
+        """Of what the step acts on whose outputs are not published yet."""
+        self._publish_at_s = inf
+
+    def begin(self, epoch: int, missed: int) -> None:
+        """An epoch begins; ``missed`` were skipped before it, since the start."""
+        self._epoch, self._missed, self._newest = epoch, missed, -1
+        self._numbers = [-1] * KEPT
+        self._seen.begin()
+        self._come = self._age_s = None
+        for histogram in (self._lateness, self._age, self._execution):
+            histogram.clear()
+
+    def came(self, sample: Sample, at_s: float) -> None:
+        """A sample that came at ``at_s`` was taken; the first of its number is looked at."""
+        seq = sample.seq
+        place = seq % KEPT
+        if sample.epoch != self._epoch or self._numbers[place] == seq:
+            return
+        self._numbers[place] = seq
+        self._came_s[place] = at_s
+        if self._own_grid:
+            return
+        if self._come is not None:
+            self._lateness.add(self._seen.lateness_s(*self._come))
+        self._come = seq, at_s
+
+    def fired(self, sample: Sample | None, now: float, outputs: Outputs) -> None:
+        """A step that began at ``now`` with a sample has given its outputs."""
+        self._began_s = now
+        if outputs:
+            self._newest = outputs[0].seq
+        if sample is None or type(sample) is not self._acts_on or sample.epoch != self._epoch:
+            return
+        place = sample.seq % KEPT
+        if self._numbers[place] == sample.seq:
+            self._age_s = now - self._came_s[place]
+
+    def clocked(self, due_s: float, now: float, outputs: Outputs) -> None:
+        """A step that began at ``now``, asked for by the clock at ``due_s``, has given them."""
+        self._began_s = now
+        if outputs:
+            self._newest = outputs[0].seq
+        self._lateness.add(now - due_s)
+
+    def published(self, now: float) -> None:
+        """The outputs of the step have been published."""
+        self._execution.add(now - self._began_s)
+        if self._age_s is not None:
+            self._age.add(self._age_s)
+            self._age_s = None
+        if self._come is not None:
+            self._lateness.add(self._seen.lateness_s(*self._come))
+            self._come = None
+
+    def starts(self, now: float) -> None:
+        """From here on its timing is to be published, the first time after a while."""
+        self._publish_at_s = now + PUBLISH_EVERY_S
+
+    def due(self, now: float) -> bool:
+        """Whether it is time to publish; if so, the next time is counted from here."""
+        if now < self._publish_at_s:
+            return False
+        self.starts(now)
+        return True
+
+    def timing(self, missed: int) -> Timing:
+        """What was counted of this epoch; ``missed`` were skipped since the start."""
+        if self._come is not None:
+            self._lateness.add(self._seen.lateness_s(*self._come))
+            self._come = None
+        return Timing(
+            epoch=self._epoch,
+            seq=self._newest,
+            service=self._service,
+            missed=missed - self._missed,
+            lateness=self._lateness.distribution(),
+            age=self._age.distribution(),
+            execution=self._execution.distribution(),
+        )

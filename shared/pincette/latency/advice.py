@@ -1,0 +1,103 @@
+"""What suits a machine that was measured: age limit, priority, composition; pure.
+
+The actuator trips where no newer command comes for the age limit A, counted from the arrival of the
+sample that the last one was based on. So between two samples a machine may stand still for as long
+as A leaves beside the period T and the way t of a sample to its command:
+
+    A = T + 2 L + t,    t = 3 h + c
+
+with the latest wake-up L, p99.9 of a hop over the bus h and the time c of the steps. L counts
+twice, since a short measurement does not meet the latest of a day. A is rounded up to T/2, and not
+below 2.5 T, the default.
+"""
+
+from collections.abc import Sequence
+from math import ceil
+from typing import NamedTuple
+
+from pincette.latency.histogram import Distribution
+from pincette.latency.rule import HOPS, HOPS_SHARE, TAIL, Measured
+
+LATE_TIMES = 2.0
+HOPS_TO_COMMAND = 3
+"""Position, estimate and command."""
+STEP_PERIODS = 0.5
+LEAST_PERIODS, MOST_PERIODS = 2.5, 10.0
+"""Age limits: the default, and the longest that a rig file may state."""
+FIFO = 10
+"""Fixed priority by default."""
+
+
+class Asked(NamedTuple):
+    """What a rig file says now."""
+
+    period_s: float
+    age_periods: float
+    computing_s: float
+    priority: int
+    """The highest of its programs; 0: none."""
+    composed: Sequence[str]
+
+
+class Change(NamedTuple):
+    """A key of the rig file, the value that suits the machine, and why."""
+
+    key: str
+    value: str
+    why: str
+
+    def words(self) -> str:
+        """As a person reads it."""
+        return f"{self.key} = {self.value} ({self.why})"
+
+
+def age_periods(period_s: float, late_s: float, transit_s: float) -> float:
+    """Age limit A/T that a machine keeps; above ``MOST_PERIODS`` where no rig file can state it.
+
+    Parameters
+    ----------
+    late_s
+        The latest wake-up L.
+    transit_s
+        From a sample to its command, t.
+    """
+    needed = (period_s + LATE_TIMES * late_s + transit_s) / period_s
+    return max(LEAST_PERIODS, STEP_PERIODS * ceil(needed / STEP_PERIODS - 1e-9))
+
+
+def age_change(asked: Asked, late_s: float, transit_s: float) -> Change | None:
+    """The age limit, or where none is long enough the period; None where the rig file's will do."""
+    period_s, needed = asked.period_s, age_periods(asked.period_s, late_s, transit_s)
+    seen = f"the latest wake-up was late by {1e3 * late_s:.1f} ms, which counts twice"
+    if needed <= asked.age_periods:
+        return None
+    if needed <= MOST_PERIODS:
+        limit_ms = 1e3 * needed * period_s
+        why = f"{seen}; a fault is then noticed within {limit_ms:.0f} ms"
+        return Change("[safety] command_age_periods", f"{needed:g}", why)
+    longer_s = (LATE_TIMES * late_s + transit_s) / (MOST_PERIODS - 1.0)
+    return Change("[rig] period_s", f"{1e-3 * ceil(1e3 * longer_s):g}", f"at least; {seen}")
+
+
+def changes(asked: Asked, measured: Measured, hop: Distribution, refused: str) -> list[Change]:
+    """What to change in a rig file for a machine, the gravest first; empty where it suits.
+
+    ``refused`` is what the system did not permit while it was measured, in words. A process for
+    estimator and controller is proposed where four hops at their p99.9 take more than half a
+    period.
+    """
+    hop_s = hop.quantile_s(TAIL) or 0.0
+    transit_s = HOPS_TO_COMMAND * hop_s + asked.computing_s
+    found: list[Change] = []
+    age = age_change(asked, measured.lateness.max_s, transit_s)
+    if "priority" in refused and asked.priority:
+        why = f"asked for, and refused: {refused}; permit it, or other programs go first"
+        found.append(Change("[realtime] priority", f"{asked.priority}", why))
+    elif age is not None and not asked.priority:
+        found.append(Change("[realtime] priority", f"{FIFO}", "0 asks for none, and ticks wait"))
+    if age is not None:
+        found.append(age)
+    if HOPS * hop_s > HOPS_SHARE * asked.period_s and not asked.composed:
+        why = f"{HOPS} hops take {1e3 * HOPS * hop_s:.1f} ms of {1e3 * asked.period_s:g} ms"
+        found.append(Change("[rig] composed", '["estimator+controller"]', why))
+    return found

@@ -1,0 +1,44 @@
+"""Simulated instruments on serial lines, by the drivers that meet them."""
+
+from pincette.sim.instruments import dc205
+from pincette.sim.instruments.dc205 import SimulatedDC205
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.instruments.fitting import Fitted, OutputTraits, Setting, SimulatedDriver
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.instruments.protocol import TERMINATOR
+
+SENSOR, OUTPUT = frozenset({"sensor"}), frozenset({"output"})
+
+
+def _keyence(setting: Setting, _tables: frozenset[str]) -> dict[str, Fitted]:
+    sensor = setting.rig_file.sensor
+    unit = "mm" if sensor.options.get("unit") == "mm" else "um"
+    laser = SimulatedKeyence(setting.measure_um, unit, set_averaging=setting.rig.set_averaging)
+    line = setting.line("sensor", laser)
+    return {"sensor": Fitted(line, sensor.url, TERMINATOR, setting.baud(sensor))}
+
+
+def _i7024(setting: Setting, _tables: frozenset[str]) -> dict[str, Fitted]:
+    output = setting.rig_file.output
+    module = SimulatedI7024(
+        setting.put_out,
+        setting.rig.now_s,
+        address=int(output.options.get("address", 1)),
+        channel=int(output.options.get("channel", 0)),
+        checksum=bool(output.options.get("checksum", False)),
+    )
+    line = setting.line("output", module)
+    return {"output": Fitted(line, output.url, TERMINATOR, setting.baud(output))}
+
+
+def _dc205(setting: Setting, _tables: frozenset[str]) -> dict[str, Fitted]:
+    output = setting.rig_file.output
+    line = setting.line("output", SimulatedDC205(setting.put_out))
+    return {"output": Fitted(line, output.url, dc205.TERMINATOR, setting.baud(output))}
+
+
+KEYENCE_LKG = SimulatedDriver(SENSOR, _keyence)
+ICPDAS_I7024 = SimulatedDriver(OUTPUT, _i7024, OutputTraits(20.0 / 2**14, 0.0033))
+"""14 bit over ±10 V, 10 ms to 5 %, by its manual."""
+SRS_DC205 = SimulatedDriver(OUTPUT, _dc205, OutputTraits(1e-6, 0.001))
+"""1 µV by its manual; the lag is assumed."""

@@ -1,0 +1,166 @@
+"""Hysteresis of relays after Preisach, by the Everett function; pure.
+
+A relay is up (+1) once u has risen to α, and down (-1) once it has fallen to β <= α. With a density
+μ(α, β) of relays, a way from the last turning point u_i to u turns those whose α and β lie between:
+
+    P = P_i ± 2·E(max(u, u_i), min(u, u_i)),    E(α, β) = ∬ μ dα' dβ'  over  β <= β' <= α' <= α
+
+A turning point is forgotten as u goes past the one before it ("wiping out"); all others are kept.
+From the unpoled state, in which a relay is up where α + β < 0, u leads along P = ±E(|u|, -|u|).
+
+    μ = sech²((α - c)/w)·sech²((β + c)/w)
+
+so thresholds lie about +c on the way up and about -c on the way down, and E has a closed form. μ
+depends on α + β as well as on α - β: no sum of play operators has these loops. Source: I. D.
+Mayergoyz, Mathematical Models of Hysteresis, Springer 1991, sections 1.2 and 1.3; the density is
+this project's choice.
+"""
+
+import math
+from collections.abc import MutableSequence, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+Turns = tuple[tuple[float, float], ...]
+"""Turning points that still count, the outermost first: v in V and P of each."""
+BISECTIONS = 60
+MOST_SPREADS = 5.0
+"""c/w, beyond which tanh(2c/w) leaves nothing between itself and 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Relays:
+    """h = g·(u - P), P scaled so that a cycle from -U to U leads over 2·U; raises ValueError."""
+
+    gain_um_per_V: float
+    """g: what of the arm's way relays do instead of the line."""
+    full_drive_V: float
+    """U."""
+    coercive_V: float
+    """c."""
+    spread_V: float
+    """w."""
+    centre_V: float = 0.0
+    """Voltage about which the thresholds lie."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.coercive_V <= MOST_SPREADS * self.spread_V:
+            raise ValueError(
+                f"relays: coercive voltage {self.coercive_V} V: must be above 0 and up to "
+                f"{MOST_SPREADS:g} times the spread of {self.spread_V} V"
+            )
+
+
+def loop_of_relays(
+    line_um_per_V: float,
+    loop_share: float,
+    full_drive_V: float,
+    coercive_V: float,
+    spread_V: float,
+    centre_V: float = 0.0,
+) -> Relays:
+    """Relays beside a line d·u whose loop over ±U is as wide as this share of its stroke 2·d·U.
+
+    Raises
+    ------
+    ValueError
+        Where the loop would be wider with no line at all, or the thresholds are none.
+    """
+    alone = Relays(line_um_per_V, full_drive_V, coercive_V, spread_V, centre_V)
+    widest = _width_V(alone) / (2.0 * full_drive_V)
+    if loop_share > widest:
+        raise ValueError(
+            f"relays: loop_share = {loop_share:.4g}: at most {widest:.4g} with thresholds at "
+            f"{coercive_V} V, spread over {spread_V} V, and a drive of ±{full_drive_V} V; "
+            "raise coercive_share or lower spread_share"
+        )
+    gain_um_per_V = line_um_per_V * loop_share / widest
+    return Relays(gain_um_per_V, full_drive_V, coercive_V, spread_V, centre_V)
+
+
+def follow_relays(
+    shape: Relays,
+    begin_V: float,
+    turns: Turns,
+    voltages_V: Sequence[float],
+    levels_um: MutableSequence[float],
+) -> Turns:
+    """Go straight from voltage to voltage; fills h after each, and returns the turning points.
+
+    h depends on the turning points alone: not on speed, nor on where a way was cut.
+    """
+    scale, zero = _scale(shape), _level(shape, -shape.centre_V, ())
+    v = begin_V - shape.centre_V
+    for index, voltage_V in enumerate(voltages_V):
+        next_V = voltage_V - shape.centre_V
+        if next_V != v:
+            turns = _turned(shape, v, turns, next_V)
+        v = next_V
+        output_V = scale * (_level(shape, v, turns) - zero)
+        levels_um[index] = shape.gain_um_per_V * (voltage_V - output_V)
+    return turns
+
+
+def everett(shape: Relays, upper_V: float, lower_V: float) -> float:
+    """E(α, β) in V²: relays with both thresholds between, α >= β both counted from the centre."""
+    c, w = shape.coercive_V, shape.spread_V
+    up, down = math.tanh((upper_V - c) / w), math.tanh((lower_V - c) / w)
+    since_lower = up - down
+    k = math.tanh(2.0 * c / w)
+    # ∫ sech²((t - c)/w)·tanh((t + c)/w) dt/w, by tanh((t + c)/w) = (τ + k)/(1 + k·τ).
+    crossed = (
+        since_lower / k - (math.log1p(k * up) - math.log1p(k * down)) / math.sinh(2.0 * c / w) ** 2
+    )
+    return w * w * (crossed - since_lower * math.tanh((lower_V + c) / w))
+
+
+def _turned(shape: Relays, v: float, turns: Turns, next_V: float) -> Turns:
+    """Turning points after a way from v to another voltage."""
+    way = next_V - v
+    since = v - turns[-1][0] if turns else v
+    if since * way < 0.0:
+        turns = (*turns, (v, _level(shape, v, turns)))
+    while len(turns) >= 2 and (next_V - turns[-2][0]) * way >= 0.0:
+        turns = turns[:-2]
+    return () if len(turns) == 1 and abs(next_V) >= abs(turns[0][0]) else turns
+
+
+def _level(shape: Relays, v: float, turns: Turns) -> float:
+    """P in V², with all relays counted by their density."""
+    if not turns:
+        return math.copysign(everett(shape, abs(v), -abs(v)), v)
+    turn_V, level = turns[-1]
+    if v >= turn_V:
+        return level + 2.0 * everett(shape, v, turn_V)
+    return level - 2.0 * everett(shape, turn_V, v)
+
+
+@lru_cache(maxsize=64)
+def _scale(shape: Relays) -> float:
+    """1/V: from P to a voltage, so that a cycle from -U to U leads over 2·U."""
+    high_V, low_V = shape.full_drive_V - shape.centre_V, -shape.full_drive_V - shape.centre_V
+    return shape.full_drive_V / everett(shape, high_V, low_V)
+
+
+def _width_V(shape: Relays) -> float:
+    """Largest width of the loop between -U and U, as P scaled.
+
+    The gap E(U, -U) - E(U, u) - E(u, -U), twice, is widest where both ways are equally steep; the
+    way up gains on the way down up to there, and loses from there.
+    """
+    low_V, high_V = -shape.full_drive_V - shape.centre_V, shape.full_drive_V - shape.centre_V
+    below, above = low_V, high_V
+    for _ in range(BISECTIONS):
+        v = 0.5 * (below + above)
+        below, above = (v, above) if _opens(shape, v, low_V, high_V) else (below, v)
+    whole = everett(shape, high_V, low_V)
+    gap = whole - everett(shape, high_V, below) - everett(shape, below, low_V)
+    return 2.0 * _scale(shape) * gap
+
+
+def _opens(shape: Relays, v: float, low_V: float, high_V: float) -> bool:
+    """Whether the loop widens with the voltage at v."""
+    c, w = shape.coercive_V, shape.spread_V
+    falls = (math.tanh((high_V - c) / w) - math.tanh((v - c) / w)) / math.cosh((v + c) / w) ** 2
+    rises = (math.tanh((v + c) / w) - math.tanh((low_V + c) / w)) / math.cosh((v - c) / w) ** 2
+    return falls > rises

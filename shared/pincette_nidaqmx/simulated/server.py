@@ -1,0 +1,107 @@
+"""A simulated NI gRPC Device Server on a port: any call's bytes go to the instrument and back."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+from urllib.parse import urlsplit
+
+import grpc
+
+from pincette.sim.instruments.protocol import Instrument
+from pincette.sim.wires.ports import WireError
+
+WORKERS = 4
+MOST_BYTES = 64 * 1024 * 1024
+GRACE_S = 0.5
+
+_grpc: Any = grpc
+
+
+class DaqServer:
+    """Serves one instrument until it is closed; raises WireError.
+
+    Its silence is the status DEADLINE_EXCEEDED, at once; where it has been pulled out the status is
+    UNAVAILABLE, as where the server has gone; an answer that is none of its kinds is DATA_LOSS.
+    """
+
+    def __init__(self, url: str, instrument: Instrument) -> None:
+        host, port = _address(url)
+        self._instrument = instrument
+        self._server = _grpc.server(
+            ThreadPoolExecutor(WORKERS, thread_name_prefix=url),
+            handlers=(_AnyCall(self._carry_out),),
+            options=(
+                ("grpc.so_reuseport", 0),
+                ("grpc.max_receive_message_length", MOST_BYTES),
+                ("grpc.max_send_message_length", MOST_BYTES),
+            ),
+        )
+        try:
+            bound = self._server.add_insecure_port(f"{host}:{port}")
+        except RuntimeError as error:
+            raise WireError(
+                f"{url}: cannot listen ({error}); stop the program that uses this port, or change "
+                "the url in the rig file"
+            ) from error
+        self.url = f"grpc://{host}:{bound}"
+        self._server.start()
+
+    def close(self) -> None:
+        """Hang up and free the port; twice is once."""
+        self._server.stop(GRACE_S).wait()
+
+    def __enter__(self) -> "DaqServer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _carry_out(self, method: str, message: bytes, context: Any) -> bytes:
+        try:
+            reply = self._instrument.answer(method.encode() + b"\0" + message)
+        except ConnectionResetError as error:
+            return _refused(context, "UNAVAILABLE", str(error))
+        if reply is None:
+            return _refused(context, "DEADLINE_EXCEEDED", "silence")
+        kind, _, rest = reply.partition(b"\0")
+        if kind == b"ok":
+            return rest
+        word, parted, text = rest.decode(errors="replace").partition("\0")
+        if parted and kind == b"ni-error":
+            context.set_trailing_metadata((("ni-error", word),))
+            return _refused(context, "UNKNOWN", text)
+        return _refused(context, word if parted and kind == b"status" else "DATA_LOSS", text)
+
+
+def _refused(context: Any, name: str, words: str) -> bytes:
+    """End a call with a status; the message beside it is not sent."""
+    context.set_code(_grpc.StatusCode.__members__.get(name, _grpc.StatusCode.UNKNOWN))
+    context.set_details(words)
+    return b""
+
+
+class _AnyCall(grpc.GenericRpcHandler):
+    """Hands each call to one function, whatever its method; messages stay bytes."""
+
+    def __init__(self, carry_out: Callable[[str, bytes, Any], bytes]) -> None:
+        self._carry_out = carry_out
+
+    def service(self, handler_call_details: Any) -> Any:
+        """Return what carries out the call."""
+        method: str = handler_call_details.method
+
+        def carry_out(message: bytes, context: Any) -> bytes:
+            return self._carry_out(method, message, context)
+
+        return _grpc.unary_unary_rpc_method_handler(carry_out)
+
+
+def _address(url: str) -> tuple[str, int]:
+    try:
+        parts = urlsplit(url)
+        if parts.scheme == "grpc" and parts.hostname and parts.port is not None:
+            host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+            return host, parts.port
+    except ValueError as error:
+        raise WireError(f"{url}: {error}") from error
+    raise WireError(f"{url}: a simulated NI device needs grpc://host:port/DEVICE/CHANNEL")

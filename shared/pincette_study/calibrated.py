@@ -1,0 +1,55 @@
+"""A rig as a laboratory would prepare it: free response taught, contact identified, gains tuned."""
+
+from dataclasses import dataclass
+
+from pincette.config import IdentifiedFreeResponse, RigFile
+from pincette.config.gains import tuned
+from pincette.control.laws.definition import LawSettings
+from pincette.core.messages import Telemetry
+from pincette.engine.teaching import teach
+from pincette_batch.tuning import compiled_tracks
+from pincette_study import printed
+from pincette_study.closed_loop import StudyError, outcome, play, tracking_plan
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A calibrated rig file, and what the contact was found to be."""
+
+    rig: RigFile
+    stiffness_mN_per_um: float
+    contact_um: float
+
+    def gains(self, scheme: str) -> LawSettings:
+        """The balanced gains of a scheme on the identified model."""
+        return tuned(self.rig, scheme, tracks=compiled_tracks).chosen.settings
+
+
+def prepare(rig: RigFile) -> Prepared:
+    """Teach the free response of a simulated rig, then press on its part once."""
+    found = teach(rig)
+    free_response = IdentifiedFreeResponse.from_model(found.model, found.residual_um)
+    model = rig.model.model_copy(update={"free_response": free_response})
+    taught = rig.model_copy(update={"model": model})
+    stiffness, contact_um = _press(taught)
+    part = taught.part.model_copy(
+        update={"stiffness_mN_per_um": stiffness, "contact_um": contact_um}
+    )
+    return Prepared(taught.model_copy(update={"part": part}), stiffness, contact_um)
+
+
+def _press(rig: RigFile) -> tuple[float, float]:
+    """Contact line of a track's load: the controller's own identification."""
+    plan = tracking_plan(rig, x_pp_um=printed.X_PP_UM)
+    messages = play(rig, plan.program)
+    lines = [
+        (view.contact_stiffness_mN_per_um, view.contact_x_um)
+        for view in messages
+        if isinstance(view, Telemetry) and view.phase == "track"
+    ]
+    if not lines:
+        raise StudyError(f"the press to identify the contact ended {outcome(messages)!r}")
+    stiffness, contact_um = lines[-1]
+    if stiffness is None or contact_um is None:
+        raise StudyError("the press left no contact line")
+    return stiffness, contact_um

@@ -1,0 +1,244 @@
+"""Closed loop: a program played by the real services over the simulated instruments' bytes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from pincette.config import RigFile, derived
+from pincette.control.laws.definition import LawSettings
+from pincette.control.planning.contact_plan import ContactPlan
+from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.program import Program
+from pincette.control.planning.track_plan import TrackRequest, plan_track
+from pincette.core.messages import Applied, Estimate, GroundTruth, Message, Telemetry
+from pincette.core.wording import applied_text
+from pincette.engine.composed import ComposedLoop
+from pincette_batch.cases import Case, Run
+from pincette_batch.kernel.lane import COLUMNS
+from pincette_batch.runs import play_all
+from pincette_study import printed
+
+Series = NDArray[np.float64]
+
+LOWEST_MN = 4.0
+"""Force at the path's trough: the part stays pressed, whatever the loop's errors are."""
+CYCLES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One phase of a run, sample by sample."""
+
+    t_s: Series
+    x_um: Series
+    """Measured."""
+    x_r_um: Series
+    true_x_um: Series
+    force_mN: Series
+    """Estimated."""
+    force_r_mN: Series
+    true_force_mN: Series
+    voltage_V: Series
+    sliding_um: Series
+    band_um: Series
+    perturbation_error_mN: Series
+    residual_um: Series
+    stiffness_mN_per_um: float
+    """K_e of the contact line that the references lie on."""
+
+    @property
+    def true_stiffness(self) -> float:
+        """K_e as force and position truly were."""
+        return float(np.polyfit(self.true_x_um, self.true_force_mN, 1)[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Of a tracked path: r.m.s., per cent of peak to peak, and largest."""
+
+    position_um: float
+    position_percent: float
+    force_mN: float
+    force_percent: float
+    largest_um: float
+    largest_mN: float
+    true_position_percent: float
+    estimated_force_percent: float
+
+
+class StudyError(RuntimeError):
+    """A run that did not come to its end; the text says how it ended."""
+
+
+def tracking_plan(
+    rig: RigFile,
+    *,
+    frequency_hz: float = printed.FREQUENCY_HZ,
+    x_pp_um: float = printed.X_PP_UM,
+    stiffness_mN_per_um: float | None = None,
+) -> ContactPlan:
+    """Plan the paper's sinusoid on the contact line of the rig file's part, or on another."""
+    K_e = stiffness_mN_per_um or rig.part.stiffness_mN_per_um
+    force_pp_mN = K_e * x_pp_um
+    part, grip = rig.part, rig.grip
+    cycles = max(CYCLES, round(CYCLES * frequency_hz / printed.FREQUENCY_HZ))
+    return plan_track(
+        TrackRequest(
+            load_s=grip.load_s,
+            approach_um_per_s=grip.approach_um_per_s,
+            seek_um_per_s=grip.seek_um_per_s,
+            contact_force_mN=grip.contact_force_mN,
+            zero_s=grip.zero_s,
+            contact_um=part.contact_um,
+            contact_tolerance_um=part.contact_tolerance_um,
+            stiffness_mN_per_um=K_e,
+            stiffness_tolerance=part.stiffness_tolerance,
+            path=sinusoid(
+                "force", LOWEST_MN + 0.5 * force_pp_mN, force_pp_mN, frequency_hz, cycles
+            ),
+            rate_um_per_s=1e3,
+            acceleration_um_per_s2=1e6,
+            pointer="",
+        ),
+        derived.planned_rig(rig),
+    )
+
+
+def play(rig: RigFile, program: Program) -> list[Message]:
+    """Play a program on a rig that starts unpoled; every message in order."""
+    return ComposedLoop(rig).play(program)
+
+
+def outcome(messages: Sequence[Message]) -> str:
+    """The controller's last word."""
+    outcomes = [m.outcome for m in messages if isinstance(m, Telemetry) and m.outcome]
+    return outcomes[-1] if outcomes else ""
+
+
+def record(messages: Sequence[Message], phase: str) -> Record:
+    """Columns of one phase; raises StudyError where the run never had it."""
+    views = [m for m in messages if isinstance(m, Telemetry) and m.phase == phase]
+    if not views:
+        tripped = [applied_text(m) for m in messages if isinstance(m, Applied) and m.cause]
+        raise StudyError(f"no {phase}: ended {outcome(messages) or tripped[-1:]}")
+    estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
+    truths = {m.seq: m for m in messages if isinstance(m, GroundTruth)}
+    rows = [
+        (
+            view.x_r_um,
+            view.force_r_mN,
+            view.sliding_um,
+            view.band_um,
+            view.perturbation_error_mN,
+            view.residual_um,
+            estimates[view.seq].x_um,
+            estimates[view.seq].force_mN,
+            estimates[view.seq].applied_V,
+            truths[view.seq].x_um,
+            truths[view.seq].force_mN,
+        )
+        for view in views
+    ]
+    columns = np.array(rows).T
+    return Record(
+        t_s=np.array([view.seq for view in views], dtype=np.float64),
+        x_r_um=columns[0],
+        force_r_mN=columns[1],
+        sliding_um=columns[2],
+        band_um=columns[3],
+        perturbation_error_mN=columns[4],
+        residual_um=columns[5],
+        x_um=columns[6],
+        force_mN=columns[7],
+        voltage_V=columns[8],
+        true_x_um=columns[9],
+        true_force_mN=columns[10],
+        stiffness_mN_per_um=views[-1].contact_stiffness_mN_per_um or 0.0,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A law on a path."""
+
+    rig: RigFile
+    settings: LawSettings
+    plan: ContactPlan
+    identified: bool = True
+    """Whether the references lie on the contact line identified over the load, or the plan's."""
+
+
+def track(
+    rig: RigFile, settings: LawSettings, plan: ContactPlan, *, identified: bool = True
+) -> tuple[Record, Errors]:
+    """Track a path with one law; the errors are those of its full cycles."""
+    return track_all([Trial(rig, settings, plan, identified)])[0]
+
+
+def track_all(trials: Sequence[Trial], workers: int = 1) -> list[tuple[Record, Errors]]:
+    """Track each, on so many processes; raises StudyError where one does not come to its path."""
+    cases: list[Case] = []
+    for trial in trials:
+        line = "identified" if trial.identified else "planned"
+        program = replace(trial.plan.program, laws=(trial.settings.spec(),), contact_line=line)
+        cases.append(Case(trial.rig, program))
+    found = [
+        _tracked(case, run)
+        for case, run in zip(cases, play_all(cases, workers=workers), strict=True)
+    ]
+    return [(record_, errors(record_)) for record_ in found]
+
+
+def _tracked(case: Case, run: Run) -> Record:
+    """The part of a tracked path that has its whole amplitude."""
+    whole, period_s = run.during("track"), case.rig.rig.period_s
+    if not whole.shape[1]:
+        raise StudyError(f"no track: ended {run.outcome}")
+    path = next(segment.path for segment in case.program.segments if segment.path is not None)
+    full = whole[:, round(path.full_from_s / period_s) : round(path.full_to_s / period_s)]
+
+    def column(name: str) -> Series:
+        return full[COLUMNS.index(name)]
+
+    return Record(
+        t_s=np.arange(full.shape[1], dtype=np.float64) * period_s,
+        x_um=column("x_um"),
+        x_r_um=column("x_r_um"),
+        true_x_um=column("true_x_um"),
+        force_mN=column("force_mN"),
+        force_r_mN=column("force_r_mN"),
+        true_force_mN=column("true_force_mN"),
+        voltage_V=column("applied_V"),
+        sliding_um=column("sliding_um"),
+        band_um=column("band_um"),
+        perturbation_error_mN=column("perturbation_error_mN"),
+        residual_um=column("residual_um"),
+        stiffness_mN_per_um=float(whole[COLUMNS.index("stiffness_mN_per_um"), -1]),
+    )
+
+
+def errors(found: Record) -> Errors:
+    """Position as it was measured, force as it truly was, against the references."""
+    x_pp = float(np.ptp(found.x_r_um))
+    force_pp = float(np.ptp(found.force_r_mN))
+    x_error = found.x_um - found.x_r_um
+    force_error = found.true_force_mN - found.force_r_mN
+    return Errors(
+        position_um=rms(x_error),
+        position_percent=100.0 * rms(x_error) / x_pp,
+        force_mN=rms(force_error),
+        force_percent=100.0 * rms(force_error) / force_pp,
+        largest_um=float(np.max(np.abs(x_error))),
+        largest_mN=float(np.max(np.abs(force_error))),
+        true_position_percent=100.0 * rms(found.true_x_um - found.x_r_um) / x_pp,
+        estimated_force_percent=100.0 * rms(found.force_mN - found.force_r_mN) / force_pp,
+    )
+
+
+def rms(values: Series) -> float:
+    """Root mean square."""
+    return sqrt(float(np.mean(values**2)))

@@ -1,0 +1,48 @@
+"""Whole grips of an arm with relays: one process, and a batch."""
+
+from math import fsum
+
+import pytest
+
+from pincette.config import RigFile
+from pincette.core.messages import GroundTruth, Telemetry
+from pincette.engine.composed import ComposedLoop
+from pincette_batch.cases import Case
+from pincette_batch.composed import play_composed
+from pincette_batch.followed import rig_objection
+from pincette_batch.runs import play_all
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.support.batches import same, short_grip
+from tests.support.rigs import demo_rig
+
+
+@pytest.fixture
+def rig() -> RigFile:
+    relays = {"loop_share": 0.15, "full_drive_V": 2.5, "centre_V": 1.0}
+    return demo_rig({"simulation": {"hysteresis": None, "relays": relays}}, time="lockstep")
+
+
+def test_a_grip_ends_and_its_force_is_the_relays_own(rig: RigFile) -> None:
+    """The model that was taught on the other class still holds the part, with another error."""
+
+    def held_mN(of: RigFile) -> float:
+        published = ComposedLoop(of).play(plan_job(GripJobRequest(kind="grip"), of).program)
+        views = [message for message in published if isinstance(message, Telemetry)]
+        assert views[-1].outcome == "gripped"
+        hold = {view.seq for view in views if view.phase == "hold"}
+        forces_mN = [m.force_mN for m in published if isinstance(m, GroundTruth) and m.seq in hold]
+        return fsum(forces_mN) / len(forces_mN)
+
+    force_mN = held_mN(rig)
+    assert 15.0 < force_mN < 25.0
+    assert held_mN(rig) == force_mN
+    assert abs(held_mN(demo_rig(time="lockstep")) - force_mN) > 0.05
+
+
+def test_a_batch_leaves_it_to_the_composed_loop(rig: RigFile) -> None:
+    assert rig_objection(rig) == "the arm has relays, whose turning points no lane can keep"
+    case = Case(rig, short_grip(rig))
+    (run,) = play_all([case])
+    assert run.outcome == "gripped"
+    same(run, play_composed(case))

@@ -1,0 +1,32 @@
+"""A bench that cannot be measured says which number is wrong, its limit and what to give."""
+
+import pytest
+
+from tests.bench.loop.__main__ import LEAST_TICKS, main
+from tests.bench.loop.watch import WARM_UP, Stopwatch
+
+
+@pytest.mark.parametrize("ticks", ["300", "301", "0", "-1"])
+def test_a_block_within_its_warm_up_is_refused_with_limit_and_remedy(
+    ticks: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--ticks", ticks])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert f"--ticks = {ticks}: the limit is {LEAST_TICKS}" in said
+    assert "give --ticks 2000" in said
+    assert "Traceback" not in said
+
+
+def test_no_block_at_all_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--blocks", "0"])
+    assert "--blocks = 0: the limit is 1" in capsys.readouterr().err
+
+
+def test_the_least_number_of_ticks_leaves_one_to_count() -> None:
+    watch = Stopwatch(lambda _line: None)
+    for _ in range(LEAST_TICKS):
+        watch.answer(b"MS,01")
+    assert len(watch.ticks_s()) == LEAST_TICKS - 1 - WARM_UP == 1

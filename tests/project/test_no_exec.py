@@ -1,0 +1,34 @@
+"""No program of the product makes code out of text."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FORBIDDEN = {"exec", "eval"}
+FILES = sorted(path for part in ("shared", "services") for path in (ROOT / part).rglob("*.py"))
+
+
+def made_of_text(source: str) -> list[int]:
+    """Lines that name a builtin which runs text."""
+    return [
+        node.lineno
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Name) and node.id in FORBIDDEN
+    ]
+
+
+def test_no_file_of_the_product_runs_text() -> None:
+    assert len(FILES) > 300
+    found = {
+        str(path.relative_to(ROOT)): lines
+        for path in FILES
+        if (lines := made_of_text(path.read_text(encoding="utf-8")))
+    }
+    assert not found, f"exec or eval: {found}"
+
+
+@pytest.mark.parametrize("source", ["exec('x = 1')", "run = eval", "print(eval('1'))"])
+def test_what_runs_text_is_found(source: str) -> None:
+    assert made_of_text(source) == [1]

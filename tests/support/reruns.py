@@ -1,0 +1,192 @@
+"""A test of real time that overlaps a stall of the machine is run once more, and the run says so.
+
+A test goes by this where it, or its module, asks for the fixture ``stalls``. Its failure is made
+good by a second run where the machine stood still, for as long as trips a rig, within the window in
+which the failed assertion measured: what is open of ``with measured():``, or was closed last, or
+else the whole phase. There are at most ``LIMIT`` of these in a session, whatever the number of its
+processes, and one for each test. What uses a browser or the commands of README.md is never rerun.
+All tests of a file in which one may be rerun have the mark ``real_time``: they run by themselves.
+"""
+
+import fcntl
+import tempfile
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from time import monotonic
+from typing import Any, TypeGuard
+
+import pytest
+from _pytest.runner import runtestprotocol
+
+from tests.support.stalls import BLAMED_S, Span, StallRecorder, Usage, usage
+
+LIMIT = 3
+"""Reruns in a session; a machine that spoils more tests cannot measure."""
+NEVER = ("browser", "readme")
+"""Fixtures of tests that are never rerun."""
+RERUN = "rerun"
+WINDOWS = pytest.StashKey[list[tuple[float, float | None]]]()
+BLAMED = pytest.StashKey[float]()
+BEFORE = pytest.StashKey[Usage]()
+RECORDER = pytest.StashKey[StallRecorder]()
+"""Of the module whose tests run."""
+COUNTED = pytest.StashKey[Path]()
+
+Measured = Callable[[], AbstractContextManager[None]]
+
+
+@pytest.fixture(scope="module")
+def stalls(pytestconfig: pytest.Config) -> Generator[StallRecorder]:
+    """When the machine stood still."""
+    with StallRecorder() as recorder:
+        pytestconfig.stash[RECORDER] = recorder
+        yield recorder
+
+
+@pytest.fixture
+def measured(request: pytest.FixtureRequest) -> Measured:
+    """States the window in which a test measures: stalls outside of it excuse nothing."""
+    windows = request.node.stash.setdefault(WINDOWS, [])
+
+    @contextmanager
+    def window() -> Generator[None]:
+        begin_s = monotonic()
+        windows.append((begin_s, None))
+        yield
+        windows[-1] = (begin_s, monotonic())  # where an assertion has failed, it stays open
+
+    return window
+
+
+def keeps_time(item: pytest.Item) -> TypeGuard[pytest.Function]:
+    """Whether a test may be run once more."""
+    return (
+        isinstance(item, pytest.Function)
+        and "stalls" in item.fixturenames
+        and not set(NEVER) & set(item.fixturenames)
+    )
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark all tests of a file in which one goes by the clock, so that they run by themselves."""
+    timed = {item.path for item in items if keeps_time(item)}
+    for item in items:
+        if item.path in timed:
+            item.add_marker("real_time")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give all processes of a session one place where reruns are counted."""
+    given = getattr(config, "workerinput", {}).get(RERUN)
+    config.stash[COUNTED] = Path(given) if given else Path(tempfile.mkstemp(prefix=RERUN)[1])
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):
+        config.stash[COUNTED].unlink(missing_ok=True)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Tell a worker of xdist of that place."""
+    node.workerinput[RERUN] = str(node.config.stash[COUNTED])
+
+
+def _is_left(config: pytest.Config) -> bool:
+    """Take one of the session's reruns; whether there was one."""
+    with config.stash[COUNTED].open("r+b") as counted:
+        fcntl.flock(counted, fcntl.LOCK_EX)
+        taken = len(counted.read())
+        if taken < LIMIT:
+            counted.write(b".")
+    return taken < LIMIT
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Run a test of real time, and once more where a stall may have spoilt what it measured."""
+    if not keeps_time(item):
+        return None
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    item.stash[BLAMED] = 0.0
+    reports = runtestprotocol(item, log=False, nextitem=nextitem)
+    blamed_s = item.stash[BLAMED]
+    if blamed_s >= BLAMED_S and _is_left(item.config):
+        (failed,) = (one for one in reports if one.failed and one.when != "teardown")
+        failed.outcome = RERUN  # pyright: ignore[reportAttributeAccessIssue]
+        failed.sections.append((RERUN, f"{1e3 * blamed_s:.0f} ms"))
+        item.ihook.pytest_runtest_logreport(report=failed)
+        _take_down(item)
+        item.stash[WINDOWS] = []
+        reports = runtestprotocol(item, log=False, nextitem=nextitem)
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def _take_down(item: pytest.Item) -> None:
+    """End the fixtures of a test's module, as if another module came next."""
+    module = item.getparent(pytest.Module)
+    assert module is not None
+    # pytest has no public name for this, and its type says that it stays within tests.
+    state: Any = item.session._setupstate  # pyright: ignore[reportPrivateUsage]
+    state.teardown_exact(module.parent)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if keeps_time(item):
+        item.stash[BEFORE] = usage()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_call(item: pytest.Item) -> None:
+    if keeps_time(item):
+        item.stash[BEFORE] = usage()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Note how much of the window of a failure the machine stood still."""
+    begin_s, end_s = _window(
+        item, call
+    )  # before the account of a failure is made, which takes long
+    report = yield
+    recorder = item.config.stash.get(RECORDER, None)
+    if report.failed and call.when != "teardown" and keeps_time(item) and recorder is not None:
+        elsewhere_s = usage().elsewhere_s(item.stash[BEFORE])
+        item.stash[BLAMED] = recorder.blamed_s(begin_s, end_s, elsewhere_s)
+    return report
+
+
+def _window(item: pytest.Item, call: pytest.CallInfo[None]) -> Span:
+    """In which the assertion that has failed measured."""
+    now_s = monotonic()
+    windows = item.stash.get(WINDOWS, list[tuple[float, float | None]]())
+    if not windows or call.when != "call":
+        return now_s - call.duration, now_s
+    begin_s, end_s = windows[-1]
+    return begin_s, now_s if end_s is None else end_s
+
+
+def pytest_report_teststatus(report: pytest.TestReport) -> tuple[str, str, str] | None:
+    """How a run that does not count is shown."""
+    return (RERUN, "R", RERUN.upper()) if str(report.outcome) == RERUN else None
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Tell which tests were run once more, for how long a stall, and what had failed."""
+    reports = terminalreporter.stats.get(RERUN, [])
+    if not reports:
+        return
+    terminalreporter.section(f"rerun after a stall of the machine, at most {LIMIT} tests")
+    for report in reports:
+        lines = report.longreprtext.strip().splitlines() or [""]
+        said = next((line[1:].strip() for line in lines if line.startswith("E ")), lines[-1])
+        stood = dict(report.sections)[RERUN]
+        terminalreporter.write_line(f"{report.nodeid}: {stood}: {said}")

@@ -1,0 +1,40 @@
+"""What doctor asks a person, and that it says each thing once."""
+
+from io import StringIO
+from pathlib import Path
+
+import pytest
+
+from pincette.cli.doctor import consent, moved
+from pincette.cli.main import main
+from pincette.config import read_rig
+from tests.support.rigs import DEMO
+
+RIG = read_rig(DEMO)
+
+
+@pytest.mark.parametrize(
+    ("typed", "agreed"), [("y", True), ("Yes", True), ("", False), ("no", False)]
+)
+def test_a_motion_needs_a_person_who_agrees(
+    monkeypatch: pytest.MonkeyPatch, typed: str, agreed: bool
+) -> None:
+    monkeypatch.setattr("sys.stdin", StringIO(f"{typed}\n"))
+    assert consent("?") is agreed
+
+
+def test_a_direction_that_nobody_agreed_to_look_at_is_missing() -> None:
+    finding = moved(RIG, lambda _question: False)
+    assert finding.mark == "missing"
+    assert "nobody agreed" in finding.what
+
+
+def test_what_a_driver_warns_of_is_not_printed_beside_the_findings(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "bench.toml"
+    assert main(["init", str(path), "--yes", "--sensor-url", "socket://127.0.0.1:9"]) == 0
+    capsys.readouterr()
+    assert main(["doctor", "--rig", str(path), "--data", str(tmp_path)]) == 1
+    said = capsys.readouterr()
+    assert (said.out + said.err).count("keyence_lkg has not met its instrument") == 1

@@ -1,0 +1,110 @@
+"""``pincette run`` works where only the loop's packages are, and loads nothing else anywhere."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pincette.cli.entrypoint import main
+
+DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
+OF_PEOPLE = ("httpx", "typer", "rich", "pyarrow", "matplotlib", "sqlalchemy", "fastapi", "mcap")
+WITHOUT = """\
+import sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {names!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Missing())
+from pincette.cli.entrypoint import main
+sys.exit(main({words!r}))
+"""
+A_LOOP = f"""\
+from pathlib import Path
+from pincette.core import plugins
+from pincette.cli import entrypoint
+from pincette.config import read_rig
+from pincette.core.topics import LOOP
+rig = read_rig(Path({str(DEMO)!r}))
+services = {{name: plugins.load(plugins.SERVICES, name) for name in LOOP}}
+for name in ("sensor", "estimator", "controller"):
+    services[name].configure(rig)
+plugins.load(plugins.POSITION_SENSORS, rig.sensor.driver)
+plugins.load(plugins.VOLTAGE_OUTPUTS, rig.output.driver)
+"""
+DRAWN = ("matplotlib", "PIL", "pyarrow")
+
+
+def without(*words: str) -> "subprocess.CompletedProcess[str]":
+    """Run the command where none of the packages is installed that only people's words need."""
+    script = WITHOUT.format(names=OF_PEOPLE, words=list(words))
+    line = [sys.executable, "-c", script]
+    return subprocess.run(line, capture_output=True, text=True, timeout=60.0, check=False)
+
+
+def test_run_needs_nothing_of_what_only_people_need() -> None:
+    done = without("run", "--help")
+    assert done.returncode == 0, done.stderr
+    assert "--listen ADDRESS" in done.stdout
+
+
+def test_a_program_that_is_not_there_says_which_package_is_missing(tmp_path: Path) -> None:
+    done = without("run", "recorder", "--rig", str(DEMO), "--data", str(tmp_path))
+    assert done.returncode == 2
+    assert "pincette_recorder.program:run" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_another_word_says_what_this_place_is_for() -> None:
+    done = without("doctor")
+    assert done.returncode == 2
+    assert "is not installed" in done.stderr
+    assert "`run NAME`" in done.stderr
+    assert without("--version").stdout.startswith("pincette ")
+
+
+def test_where_all_is_there_every_word_works(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["job", "--help"]) == 0
+    assert "grip" in capsys.readouterr().out
+
+
+def test_run_without_a_rig_file_ends_as_every_word_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("PINCETTE_RIG", raising=False)
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "sensor"]) == 1
+    assert "no rig file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("script", "never"),
+    [
+        (A_LOOP, (*OF_PEOPLE, "numpy", "cryptography", "pincette.sim.bench")),
+        ("import pincette_supervisor.program", DRAWN),
+        (
+            "from pincette.cli.main import main; main(['--help'])",
+            (*DRAWN, "numpy", "sqlalchemy", "fastapi", "httpx", "rich", "pincette.config"),
+        ),
+        ("import pincette.cli.job", (*DRAWN, "numpy", "sqlalchemy", "fastapi")),
+    ],
+    ids=["the loop", "the supervisor", "the help", "a command"],
+)
+def test_a_start_does_not_wait_for_what_is_needed_later(
+    script: str, never: tuple[str, ...]
+) -> None:
+    told = f"import sys\n{script}\nprint('loaded:', *sorted({set(never)!r} & sys.modules.keys()))"
+    line = [sys.executable, "-c", told]
+    last = subprocess.check_output(line, text=True, timeout=60.0).splitlines()[-1]
+    assert last.split() == ["loaded:"]
+
+
+def test_the_actuator_loads_before_its_ticks_what_a_sweep_needs_within_one() -> None:
+    script = (
+        f"import sys\n{A_LOOP}\nservices['actuator'].configure(rig)\nprint('numpy' in sys.modules)"
+    )
+    line = [sys.executable, "-c", script]
+    assert subprocess.check_output(line, text=True, timeout=60.0).split() == ["True"]

@@ -1,0 +1,132 @@
+"""Each type of message, whatever it holds, refuses what it must; its fields state their limits."""
+
+import math
+import random
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from msgspec import Struct, inspect
+
+from pincette.core.codec import KINDS, decode, encode
+from pincette.core.codec.refusals import CodecError, msgpack, unit_stated
+from pincette.core.units import unit_of
+from tests.support.bounds import largest, whole_range
+from tests.support.frames import BY_NAME, sound
+
+EVERY = pytest.mark.parametrize("name", BY_NAME)
+PROMISES = {
+    "list": b"\xdd\xff\xff\xff\xff",
+    "map": b"\xdf\xff\xff\xff\xff",
+    "text": b"\xdb\xff\xff\xff\xff",
+    "bytes": b"\xc6\xff\xff\xff\xff",
+    "extension": b"\xc9\xff\xff\xff\xff\x05",
+}
+"""Headers that ask for gigabytes."""
+
+
+def tree_of(name: str) -> dict[str, Any]:
+    return msgpack.unpackb(encode(sound(BY_NAME[name], random.Random(20131))))
+
+
+def packed(pairs: list[tuple[str, bytes]]) -> bytes:
+    """A map of names and values that are packed already."""
+    body = b"".join(msgpack.packb(key) + value for key, value in pairs)
+    return b"\xde" + len(pairs).to_bytes(2) + body
+
+
+def leaves(node: inspect.Type, name: str = "") -> Iterator[tuple[str, inspect.Type, str]]:
+    """Fields that hold no others: name, type, and unit."""
+    match node:
+        case inspect.Metadata():
+            unit = unit_stated(node)
+            yield from ((name, inner, unit) for _, inner, _ in leaves(node.type, name))
+        case inspect.StructType():
+            for field in node.fields:
+                yield from leaves(field.type, field.name)
+        case inspect.UnionType():
+            for item in node.types:
+                yield from leaves(item, name)
+        case inspect.VarTupleType():
+            assert node.max_length is not None, f"{name}: a list without a limit"
+            yield from leaves(node.item_type, name)
+        case _:
+            yield name, node, ""
+
+
+@EVERY
+def test_every_field_states_its_unit_and_its_limit(name: str) -> None:
+    for field, node, unit in leaves(inspect.type_info(BY_NAME[name])):
+        if isinstance(node, inspect.FloatType):
+            assert (unit, node.ge, node.le) == (unit_of(field), -largest(field), largest(field))
+        elif isinstance(node, inspect.IntType):
+            assert (node.ge, node.le) == whole_range(field), field
+        elif isinstance(node, inspect.StrType):
+            assert node.max_length is not None, f"{field}: a text without a limit"
+
+
+@EVERY
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, b"x", [[]], {"a": 1}, 1 << 60])
+def test_no_field_takes_what_fits_nowhere(name: str, value: Any) -> None:
+    tree = tree_of(name)
+    for field in tree:
+        with pytest.raises(CodecError, match=rf"^{name}\b.*"):
+            decode(BY_NAME[name], msgpack.packb(tree | {field: value}))
+
+
+@EVERY
+def test_an_unknown_field_is_named(name: str) -> None:
+    with pytest.raises(CodecError, match=f"^{name}: fields missing or unknown: colour$"):
+        decode(BY_NAME[name], msgpack.packb(tree_of(name) | {"colour": 1}))
+
+
+@EVERY
+def test_a_missing_field_is_named_though_it_has_a_default(name: str) -> None:
+    tree = tree_of(name)
+    for field in tree:
+        fewer = {key: value for key, value in tree.items() if key != field}
+        with pytest.raises(CodecError, match=f"^{name}: fields missing or unknown: {field}$"):
+            decode(BY_NAME[name], msgpack.packb(fewer))
+
+
+@EVERY
+def test_a_field_twice_is_named_also_where_another_lacks(name: str) -> None:
+    pairs = [(key, msgpack.packb(value)) for key, value in tree_of(name).items()]
+    for place, (field, _) in enumerate(pairs):
+        for left in (pairs, pairs[: place - 1] + pairs[place:] if place else pairs[:-1]):
+            twice = [*left, pairs[place]]
+            if [key for key, _ in twice].count(field) < 2:
+                continue
+            with pytest.raises(CodecError, match=f"^{name}: fields twice: {field}$"):
+                decode(BY_NAME[name], packed(twice))
+
+
+@EVERY
+@pytest.mark.parametrize("promise", PROMISES)
+def test_a_header_that_asks_for_gigabytes_is_refused(name: str, promise: str) -> None:
+    fields = [(key, msgpack.packb(value)) for key, value in tree_of(name).items()]
+    payloads = [PROMISES[promise]]
+    payloads += [
+        packed([*fields[:place], (key, PROMISES[promise])]) for place, (key, _) in enumerate(fields)
+    ]
+    for payload in payloads:
+        with pytest.raises(CodecError, match=f"^{name}: "):
+            decode(BY_NAME[name], payload)
+
+
+@EVERY
+def test_the_order_of_fields_and_the_form_of_numbers_are_free(name: str) -> None:
+    tree = tree_of(name)
+    backwards = dict(reversed(list(tree.items())))
+    whole = {
+        key: int(value) if isinstance(value, float) and value.is_integer() else value
+        for key, value in backwards.items()
+    }
+    assert decode(BY_NAME[name], msgpack.packb(whole)) == decode(BY_NAME[name], msgpack.packb(tree))
+
+
+def test_every_message_is_a_frozen_structure() -> None:
+    for kind in KINDS:
+        assert issubclass(kind, Struct)
+        assert kind.__struct_config__.frozen
+        assert kind.__struct_config__.forbid_unknown_fields

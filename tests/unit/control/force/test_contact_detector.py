@@ -1,0 +1,89 @@
+"""The kink that a contact makes, and what makes none."""
+
+from math import sin
+from random import Random
+
+import pytest
+
+from pincette.control.force.contact_detector import ContactDetector, KinkLimits, kink_limits
+
+S_P, K_E, NOISE_UM = 0.46, 2.17, 0.03
+LIMITS = kink_limits(0.7 * K_E, S_P, NOISE_UM)
+
+
+def closed(
+    x_to_um: float,
+    *,
+    contact_um: float = 1e9,
+    K_e: float = K_E,
+    bend: float = 0.0,
+    seed: int = 1,
+) -> ContactDetector:
+    """A watch after d_p·u went from 0 to ``x_to_um`` in steps of 0.3 µm.
+
+    The free arm goes a share 1 - bend of the first step and 1 + bend of the last, as on a branch
+    of a hysteresis loop; a negative bend is that of an arm that saturates.
+    """
+    chance = Random(seed)
+    watch = ContactDetector(0.0, 3.0)
+    count = round(x_to_um / 0.3)
+    arm_um = 0.0
+    for index in range(1, count + 1):
+        arm_um += 0.3 * (1.0 + bend * (2.0 * index / count - 1.0))
+        pressed_um = max(0.0, arm_um - contact_um) * S_P * K_e / (1.0 + S_P * K_e)
+        x_um = 3.0 + arm_um - pressed_um + chance.gauss(0.0, NOISE_UM)
+        watch = watch.follow(LIMITS, x_um, 0.3 * index)
+    return watch
+
+
+@pytest.mark.parametrize("K_e", [0.7 * K_E, K_E, 1.3 * K_E])
+@pytest.mark.parametrize("contact_um", [8.0, 8.5, 9.0, 9.5, 10.0])
+def test_a_contact_is_noticed_where_it_begins(contact_um: float, K_e: float) -> None:
+    touch = closed(18.0, contact_um=contact_um, K_e=K_e, bend=0.3).touch
+    assert touch is not None
+    assert touch.x_um == pytest.approx(3.0 + contact_um, abs=LIMITS.step_um)
+    # From there on a further 5 µm of free motion would be pushed back by 5 µm times the drop.
+    back_um = touch.pushed_back_um(touch.x_um + 2.0, touch.nominal_um + 5.0)
+    assert back_um == pytest.approx(5.0 * touch.slope - 2.0)
+    assert touch.slope == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.3, -0.3])
+def test_a_free_branch_with_noise_has_no_touch(bend: float) -> None:
+    assert all(closed(60.0, bend=bend, seed=seed).touch is None for seed in range(40))
+
+
+def test_opening_beyond_it_forgets_a_touch_and_opening_a_little_does_not() -> None:
+    watch = closed(18.0, contact_um=12.0)
+    touch = watch.touch
+    assert touch is not None
+    back = watch.follow(LIMITS, 16.0, 14.5)
+    assert back.touch == touch
+    assert back.follow(LIMITS, 12.0, 9.0).touch is None
+
+
+def test_a_reversal_begins_a_branch_anew() -> None:
+    watch = ContactDetector(0.0, 0.0)
+    for index in range(1, 11):
+        watch = watch.follow(LIMITS, 2.0 * index, 2.0 * index)
+    for index in range(9, 4, -1):
+        watch = watch.follow(LIMITS, 2.0 * index, 2.0 * index)
+    # Half the slope it had before the reversal.
+    for index in range(6, 12):
+        watch = watch.follow(LIMITS, 10.0 + 1.0 * (index - 5), 2.0 * index)
+    assert watch.touch is None
+
+
+def test_within_a_step_nothing_changes() -> None:
+    watch = ContactDetector(0.0, 0.0)
+    for index in range(100):
+        nominal_um = 0.9 * LIMITS.step_um * sin(index)
+        assert watch.follow(LIMITS, nominal_um - 0.1, nominal_um) is watch
+
+
+def test_a_noisy_sensor_and_a_soft_part_need_a_longer_step() -> None:
+    assert kink_limits(2.0, S_P, 0.0) == KinkLimits(1.0, 0.5 * 0.92 / 1.92)
+    assert kink_limits(2.0, S_P, 0.1).step_um > 3.0
+    assert kink_limits(0.2, S_P, 0.03).step_um > 5.0
+    with pytest.raises(ValueError, match=r"softest contact = 0.0 mN/µm"):
+        kink_limits(0.0, S_P, 0.03)

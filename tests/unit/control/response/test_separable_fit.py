@@ -1,0 +1,119 @@
+"""Separable fit of weights and creep, and what the identification makes of awkward records."""
+
+import numpy as np
+import pytest
+
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.hysteresis_motion import Column, low_passed, play_columns, simulate
+from pincette.control.response.identification import identify_free_response
+from pincette.control.response.separable_fit import MOST_CREEP, separable_fit
+
+PERIOD_S = 0.02
+THRESHOLDS_V, TIMES_S = (0.0, 0.4, 0.8), (0.5, 5.0)
+MODEL = HysteresisModel(THRESHOLDS_V, (12.0, 4.0, 2.0), TIMES_S, (0.03, 0.05))
+
+
+def drive(count: int) -> Column:
+    """Two incommensurate swings, so that loops lie within loops."""
+    k = np.arange(count)
+    return 1.2 * np.sin(0.011 * k) + 0.9 * np.sin(0.037 * k)
+
+
+def measured_um(voltage_V: Column, period_s: float = PERIOD_S) -> Column:
+    """Free motion of the model, with the noise of a sensor."""
+    noise_um = np.random.default_rng(1).normal(0.0, 0.03, len(voltage_V))
+    return simulate(MODEL, voltage_V, period_s) + noise_um + 5.0
+
+
+def fitted(x_um: Column, voltage_V: Column) -> tuple[list[float], list[float]]:
+    static = play_columns(THRESHOLDS_V, (), voltage_V)
+    found = separable_fit(static, low_passed(TIMES_S, static, PERIOD_S), x_um, 1e-9)
+    return found.weights.tolist(), found.fractions.tolist()
+
+
+def test_weights_and_creep_are_found_together() -> None:
+    voltage_V = drive(3000)
+    weights, fractions = fitted(simulate(MODEL, voltage_V, PERIOD_S) + 70.0, voltage_V)
+    assert weights == pytest.approx(MODEL.weights_um_per_V, rel=1e-3)
+    assert fractions == pytest.approx(MODEL.creep_fractions, rel=1e-2)
+
+
+def test_creep_that_goes_back_is_given_none() -> None:
+    voltage_V = drive(3000)
+    back = HysteresisModel(THRESHOLDS_V, (12.0, 4.0, 2.0), TIMES_S, (-0.05, -0.05))
+    _, fractions = fitted(simulate(back, voltage_V, PERIOD_S), voltage_V)
+    assert fractions == [0.0, 0.0]
+
+
+def test_a_part_of_the_displacement_comes_at_once() -> None:
+    """A displacement that is low-passed altogether admits no static part."""
+    voltage_V = drive(3000)
+    x_um = low_passed((0.5,), 19.0 * voltage_V[:, np.newaxis], PERIOD_S)[0, :, 0]
+    _, fractions = fitted(x_um, voltage_V)
+    assert sum(fractions) <= MOST_CREEP / (1.0 - MOST_CREEP) * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02])
+def test_the_residual_is_that_of_the_model_returned(period_s: float) -> None:
+    voltage_V = drive(4000)
+    x_um = measured_um(voltage_V, period_s)
+    found = identify_free_response(voltage_V.tolist(), x_um.tolist(), period_s)
+    own_um = float(np.std((x_um - simulate(found.model, voltage_V, period_s))[3000:]))
+    assert found.residual_um == pytest.approx(own_um, rel=1e-9)
+    assert own_um < 0.008 * np.ptp(x_um)
+
+
+MOVED, REST = drive(2000), np.zeros(1000)
+AWKWARD = {
+    "idle first": np.concatenate([REST, MOVED]),
+    "idle last": np.concatenate([MOVED, REST + MOVED[-1]]),
+    "idle between": np.concatenate([MOVED[:1000], REST + MOVED[999], MOVED[1000:]]),
+    "one step": np.concatenate([REST, REST + 2.0]),
+    "one late step": np.concatenate([np.zeros(1600), np.full(400, 2.0)]),
+    "idle until the part held out": np.concatenate([np.zeros(3000), MOVED[:1000]]),
+    "few samples": MOVED[:100],
+    "one ramp": np.linspace(0.0, 3.0, 2000),
+    "one swing": np.concatenate([np.linspace(0.0, 3.0, 1000), np.linspace(3.0, 0.0, 1000)]),
+    "faster than creep": 1.5 * np.sin(2.9 * np.arange(2000)),
+}
+
+
+@pytest.mark.parametrize("unpoled", [True, False])
+@pytest.mark.parametrize("name", list(AWKWARD))
+def test_an_awkward_record_ends_in_a_good_model_or_in_a_sentence(name: str, unpoled: bool) -> None:
+    voltage_V = AWKWARD[name]
+    x_um = measured_um(voltage_V)
+    found, refusal = None, None
+    try:
+        found = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S, unpoled=unpoled)
+    except ValueError as error:
+        refusal = error
+    if found is None:
+        # The errors of linear algebra are ValueErrors too.
+        assert type(refusal) is ValueError
+        return
+    own_um = float(np.std((x_um - simulate(found.model, voltage_V, PERIOD_S))[len(x_um) // 2 :]))
+    assert found.residual_um == pytest.approx(own_um, rel=0.5)
+    assert own_um < 0.02 * np.ptp(x_um)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("idle last", r"rests in the 750 samples to be held out, must travel at least 0\.\d+ V"),
+        ("idle until the part held out", "rests in the 3000 samples to be fitted"),
+    ],
+)
+def test_a_rest_is_no_motion_to_learn_from(name: str, text: str) -> None:
+    voltage_V = AWKWARD[name]
+    for unpoled in (True, False):
+        with pytest.raises(ValueError, match=text):
+            identify_free_response(
+                voltage_V.tolist(), measured_um(voltage_V).tolist(), PERIOD_S, unpoled=unpoled
+            )
+
+
+def test_a_position_that_rests_is_refused() -> None:
+    with pytest.raises(ValueError, match="slope") as raised:
+        identify_free_response(MOVED.tolist(), [3.0] * len(MOVED), PERIOD_S)
+    assert raised.type is ValueError

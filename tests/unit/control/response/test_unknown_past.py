@@ -1,0 +1,91 @@
+"""Pasts that nobody has followed: what they may make of x_1, and when they are over."""
+
+import random
+
+import pytest
+
+from pincette.control.response.free_response import FreeSample, nominal_response
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.identified_response import IdentifiedResponse, identified_response
+from pincette.control.response.unknown_past import UnknownPast, unknown_past
+from pincette.control.response.voltage_memory import VoltageMemory
+
+PLAYS = identified_response(HysteresisModel((0.0, 0.5, 1.0), (10.0, 5.0, 3.0)), 18.0, 0.1)
+CREEPS = identified_response(
+    HysteresisModel((0.0, 0.5, 1.0), (10.0, 5.0, 3.0), (1.0, 50.0), (0.05, 0.05)), 18.0, 0.1
+)
+ENDS_V = (-1.0, 4.0)
+
+
+def led(
+    response: IdentifiedResponse, past: UnknownPast, *voltages_V: float
+) -> tuple[IdentifiedResponse, UnknownPast]:
+    for voltage_V in voltages_V:
+        response, past = response.follow(voltage_V, 0.5), past.follow(voltage_V, 0.5)
+    return response, past
+
+
+@pytest.mark.parametrize("model", [PLAYS, CREEPS], ids=["plays", "creep"])
+@pytest.mark.parametrize("seed", range(20))
+def test_no_past_within_the_ends_errs_by_more(model: IdentifiedResponse, seed: int) -> None:
+    draw = random.Random(seed)
+    arm = model
+    for _ in range(draw.randint(1, 6)):
+        arm = arm.follow(draw.uniform(*ENDS_V), draw.choice((0.1, 10.0, 1000.0)))
+    response, past = led(model, unknown_past(model, ENDS_V), 0.0, 0.8)
+    arm, _ = led(arm, past, 0.0, 0.8)
+    past = past.rezero(response)
+    at_zero_um = arm.displacement_um() - response.displacement_um()
+    for _ in range(12):
+        to_V = draw.uniform(*ENDS_V)
+        response, past = led(response, past, to_V)
+        arm, _ = led(arm, past, to_V)
+        error_um = arm.displacement_um() - response.displacement_um() - at_zero_um
+        assert abs(error_um) <= past.error_um(response) + 1e-9, f"seed {seed}"
+
+
+def test_it_is_what_a_play_yields_to() -> None:
+    """At 0 V the play of 1 V stands between -1 and 1 V, that of 0.5 V between -0.5 and 0.5 V.
+
+    The model's stand at 0 V. A stroke to 1.5 V takes all to 0.5 and 1 V: the higher past moves by
+    -0.5·3 - 0.5·5 µm less, the lower by as much more.
+    """
+    response, past = led(PLAYS, unknown_past(PLAYS, (-4.0, 4.0)), 0.0)
+    past = past.rezero(response)
+    assert past.error_um(response) == 0.0
+    response, past = led(response, past, 1.5)
+    assert past.error_um(response) == pytest.approx(0.5 * 5.0 + 1.0 * 3.0)
+
+
+def test_a_stroke_to_both_ends_wipes_it_out() -> None:
+    response, past = led(PLAYS, unknown_past(PLAYS, ENDS_V), 0.0)
+    assert past.matters(response)
+    assert past.judged(response) == past
+    response, past = led(response, past, *ENDS_V, 0.0)
+    assert past.worst_um(response) == pytest.approx(0.0)
+    known = past.judged(response)
+    assert known.known
+    assert known.follow(3.0, 1.0) is known
+    assert known.error_um(response) == known.worst_um(response) == 0.0
+
+
+def test_creep_from_before_takes_its_time() -> None:
+    response, past = led(CREEPS, unknown_past(CREEPS, ENDS_V), 0.0, *ENDS_V, 0.0)
+    assert past.matters(response)
+    response, past = response.follow(0.0, 600.0), past.follow(0.0, 600.0)
+    assert not past.matters(response)
+
+
+def test_it_is_led_through_what_was_followed_since() -> None:
+    memory = VoltageMemory()
+    for voltage_V in (0.0, 1.0, 2.0, 1.0, 0.5):
+        memory = memory.follow(voltage_V, 0.5)
+    past = unknown_past(PLAYS, ENDS_V).led_through(memory)
+    assert past.lowest.voltage_V == past.highest.voltage_V == 0.5
+    _, stepped = led(PLAYS, unknown_past(PLAYS, ENDS_V), 0.0, 1.0, 2.0, 1.0, 0.5)
+    assert past.highest.position_um() == pytest.approx(stepped.highest.position_um())
+
+
+def test_a_line_remembers_nothing() -> None:
+    line = nominal_response(18.0, FreeSample(0.0, 0.0), 0.2)
+    assert not unknown_past(line, ENDS_V).matters(line)

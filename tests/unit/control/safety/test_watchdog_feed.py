@@ -1,0 +1,42 @@
+"""Which states of the loop keep the hardware's own watchdog from acting."""
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.control.safety.causes import Cause
+from pincette.control.safety.latch import trip
+from pincette.control.safety.watchdog_feed import may_kick_watchdog
+
+from .bench import LIMITS, held, ready, ticked
+
+
+def test_a_loop_that_is_commanded_feeds() -> None:
+    state = ticked(ready(), 0)
+    assert may_kick_watchdog(LIMITS, state, 0.05)
+    assert may_kick_watchdog(LIMITS, state, 0.1)
+
+
+def test_an_armed_actuator_that_has_not_tripped_in_time_is_not_believed() -> None:
+    assert not may_kick_watchdog(LIMITS, ticked(ready(), 0), 0.1001)
+
+
+def test_before_the_first_command_the_grace_holds() -> None:
+    assert may_kick_watchdog(LIMITS, ready(), 1.09)
+
+
+def test_a_freeze_is_kept_by_heartbeats_for_its_time_even_without_a_confirmation() -> None:
+    frozen = replace(trip(LIMITS, held(), Cause.DEVICE, 1.0), unconfirmed=True)
+    assert may_kick_watchdog(LIMITS, frozen, 1.5)
+    assert may_kick_watchdog(LIMITS, frozen, 1.55)
+    assert not may_kick_watchdog(LIMITS, frozen, 1.5501)
+
+
+@pytest.mark.parametrize("mode", ["ramping", "latched"])
+def test_a_voltage_that_is_not_confirmed_is_left_to_the_hardware(mode: str) -> None:
+    state = replace(held(), mode=mode, cause=Cause.DEVICE)
+    assert may_kick_watchdog(LIMITS, state, 99.0)
+    assert not may_kick_watchdog(LIMITS, replace(state, unconfirmed=True), 99.0)
+
+
+def test_an_idle_rig_stands_as_a_person_has_asked() -> None:
+    assert may_kick_watchdog(LIMITS, replace(held(), mode="idle", unconfirmed=True), 99.0)

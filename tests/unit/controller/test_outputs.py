@@ -1,0 +1,130 @@
+"""The hard limits before a command leaves."""
+
+from math import nan
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.control.planning.program import Segment
+from pincette.control.safety.monitors import UNSEEN, finding
+from pincette.core.codec import decode, encode
+from pincette.core.faults import Cause
+from pincette.core.messages import Command, Telemetry
+from pincette.core.wording import named_text
+from pincette_controller.outputs import check_command
+from pincette_controller.step import Inputs, State, step
+
+from .bench import CONFIG, QUIET, Bench, program
+
+COMMAND = Command(1, 0, 5, 0.5, True, True, True, valid=True, force_mN=1.0, x_d_um=0.0)
+SEEN = replace(QUIET, applied_V=0.25)
+
+
+def test_a_command_within_the_limits_leaves_as_it_is() -> None:
+    watches, command = check_command(CONFIG, UNSEEN, COMMAND, SEEN)
+    assert command is COMMAND
+    assert watches.seq == 0
+
+
+def test_a_force_beyond_the_hard_limit_leaves_no_command_but_what_is_known() -> None:
+    watches, command = UNSEEN, COMMAND
+    for seq in range(3):
+        pressing = replace(COMMAND, seq=seq, force_mN=60.0)
+        watches, command = check_command(CONFIG, watches, pressing, SEEN)
+        assert command.valid is (seq < 2)
+    assert named_text(command.fault).startswith("force: 60.0 mN, limit 50.0 mN")
+    assert (command.voltage_V, command.force_mN, command.x_d_um) == (0.25, 60.0, 0.0)
+    assert (command.final, command.zero, command.sweep) == (False, False, None)
+
+
+def test_a_position_beyond_the_hard_limits_leaves_no_command() -> None:
+    watches, command = UNSEEN, COMMAND
+    for seq in range(3):
+        far = replace(SEEN, seq=seq, x_um=80.0)
+        here = replace(COMMAND, seq=seq, x_d_um=None)
+        watches, command = check_command(CONFIG, watches, here, far)
+    found = finding(CONFIG.monitors, watches)
+    assert found is not None
+    assert found.cause == Cause.POSITION
+    assert not command.valid
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"voltage_V": nan}, "the law: nan V is no voltage"),
+        ({"voltage_V": 1e6}, "the law: 1e+06 V is absurd"),
+        ({"x_d_um": nan}, "the law: nan µm is no position"),
+        ({"force_mN": nan}, "the law: nan mN is no force"),
+    ],
+)
+def test_a_law_that_makes_nonsense_is_not_passed_on(changes: dict[str, float], words: str) -> None:
+    odd = replace(COMMAND, **changes)
+    watches, command = check_command(CONFIG, UNSEEN, odd, SEEN)
+    assert watches is UNSEEN
+    assert named_text(command.fault).startswith(words)
+    assert (command.valid, command.voltage_V) == (False, 0.25)
+    assert (command.force_mN, command.x_d_um) == (None, None)
+
+
+def test_a_controller_that_has_gone_astray_says_why_and_commands_no_more() -> None:
+    bench = Bench(program())
+    state: State = bench.state
+    commands: list[Command] = []
+    for seq in range(30):
+        x_um = 0.0 if seq < 3 else 15.0 * (-1) ** seq
+        estimate = replace(QUIET, seq=seq, x_um=x_um, zero_age_s=None)
+        state, outputs = step(CONFIG, state, Inputs(estimate), 0.0)
+        command = outputs[0]
+        assert isinstance(command, Command)
+        commands.append(command)
+    invalid = [command.seq for command in commands if not command.valid]
+    assert invalid == list(range(invalid[0], 30))
+    assert 5 <= invalid[0] <= 20
+    assert "following_error: the arm is at" in named_text(commands[-1].fault)
+    assert state.found == commands[-1].fault
+    assert not state.playing
+
+
+def test_what_a_command_knows_of_its_sample() -> None:
+    bench = Bench(program())
+    state, outputs = step(CONFIG, bench.state, Inputs(QUIET), 0.0)
+    first = outputs[0]
+    assert isinstance(first, Command)
+    assert (first.force_mN, first.x_d_um) == (None, None)
+    zeroed = replace(QUIET, seq=1, zero_age_s=0.1, force_mN=0.5)
+    state, outputs = step(CONFIG, state, Inputs(zeroed), 0.0)
+    second = outputs[0]
+    assert isinstance(second, Command)
+    assert second.force_mN == 0.5
+    assert second.x_d_um == pytest.approx(0.0)
+    tripped = replace(zeroed, seq=2, tripped=True, force_mN=7.0)
+    state, outputs = step(CONFIG, state, Inputs(tripped), 0.0)
+    blind = outputs[0]
+    assert isinstance(blind, Command)
+    assert (blind.valid, blind.force_mN, blind.x_d_um) == (False, 7.0, None)
+
+
+def test_a_number_that_nobody_would_take_is_not_told_and_ends_the_commands() -> None:
+    segments = (
+        Segment("contact", "seek", 1.0, x_to_um=14.0),
+        Segment("hold", "voltage", 0.6, voltage_to_V=0.0),
+    )
+    soft = replace(program(), segments=segments, contact_stiffness_mN_per_um=5e-324)
+    state: State = Bench(soft).state
+    said: list[tuple[object, ...]] = []
+    for seq in range(80):
+        estimate = replace(QUIET, seq=seq, zero_age_s=0.1, force_mN=3.0)
+        state, outputs = step(CONFIG, state, Inputs(estimate), 0.0)
+        for output in outputs:
+            assert isinstance(output, Command | Telemetry)
+            assert decode(type(output), encode(output)) == output
+        said.append(outputs)
+    astray = next(outputs for outputs in said if len(outputs) == 1)
+    (command,) = astray
+    assert isinstance(command, Command)
+    assert not command.valid
+    assert named_text(command.fault) == "the law: contact_x_um = nan"
+    assert command.force_mN == 3.0
+    assert state.silenced == command.fault
+    assert all(len(outputs) == 1 for outputs in said[said.index(astray) :])

@@ -1,0 +1,41 @@
+"""Which programs and ports a rig needs on its machine, with a router of its own or of another."""
+
+from pathlib import Path
+
+import pytest
+
+from pincette.config import RigFile, read_rig
+from pincette.core.topics import LOOP
+from pincette.engine.fleet import Fleet, ports
+from pincette.engine.process import Options, run_program
+
+RIGS = Path(__file__).parents[3] / "deploy" / "rigs"
+
+
+def started(rig: RigFile, data: Path) -> list[str]:
+    return Fleet(rig, Path("rig.toml"), data, lambda _name, _line: None).names()
+
+
+def test_a_rig_that_joins_a_router_starts_neither_router_nor_supervisor(tmp_path: Path) -> None:
+    left, right = (read_rig(RIGS / f"{name}.toml") for name in ("left", "right"))
+    own = ["rig", *LOOP, "recorder"]
+    assert started(left, tmp_path) == ["router", *own, "supervisor"]
+    assert started(right, tmp_path) == own
+    assert (tmp_path / "rigs" / "right" / "logs").is_dir()
+
+
+def test_two_rigs_of_one_laboratory_share_no_port() -> None:
+    left, right = (ports(read_rig(RIGS / f"{name}.toml")) for name in ("left", "right"))
+    assert {"router", "supervisor"} <= set(left.values())
+    assert {"router", "supervisor"}.isdisjoint(right.values())
+    assert left.keys().isdisjoint(right.keys())
+    assert len(right) == len(LOOP) + 2
+
+
+@pytest.mark.parametrize("name", ["router", "supervisor"])
+def test_what_the_rigs_of_a_router_share_is_not_started_by_a_rig_that_joins(
+    name: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert run_program(name, RIGS / "right.toml", Options(data=tmp_path)) == 2
+    assert f"start the {name} of the rig that has the router" in caplog.text
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,261 @@
+"""Several services as one program: whose step comes first, and what leaves when."""
+
+import threading
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.bus.protocol import RequestHandler, Sink
+from pincette.config import ConfigError, read_rig
+from pincette.core.faults import Cause, Mode
+from pincette.core.messages import (
+    Applied,
+    Arm,
+    Command,
+    Estimate,
+    Load,
+    Message,
+    Position,
+    RequestLog,
+    Reset,
+    Status,
+    StatusRequest,
+    Telemetry,
+)
+from pincette.core.topics import ARM, COMMAND, LOAD, LOOP, RESET, STATUS, Request, Topic
+from pincette.engine.arming import ORDER
+from pincette.engine.loop import Loop
+from pincette.engine.node import Node
+from pincette.engine.process import loop_services
+from pincette.engine.scheduler import Scheduler
+from pincette.engine.simulated import simulated_devices
+from pincette.engine.timing_budget import PATIENCE_WAKES, shared_timeout_s
+from tests.support.partitions import composing
+from tests.support.rigs import DEMO, demo_rig
+from tests.support.scripted import PROGRAM
+
+SERVICES = loop_services()
+RIG = read_rig(DEMO)
+LOCKSTEP = demo_rig(time="lockstep")
+TICK = [Position, Estimate, Command, Telemetry, Applied]
+T = RIG.rig.period_s
+
+
+class Laser:
+    def read_um(self) -> float:
+        return 1.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+@dataclass
+class Output:
+    put_V: list[float] = field(default_factory=list[float])
+
+    def write_V(self, voltage_V: float) -> None:
+        self.put_V.append(voltage_V)
+
+    def read_V(self) -> float:
+        return 0.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+@dataclass
+class Outside:
+    """A bus that keeps what is told and hands over what is asked."""
+
+    told: list[Message] = field(default_factory=list[Message])
+    sinks: dict[Topic, Sink] = field(default_factory=dict[Topic, Sink])
+    answerers: dict[Request, RequestHandler] = field(default_factory=dict[Request, RequestHandler])
+
+    def publish(self, message: Message) -> None:
+        self.told.append(message)
+
+    def subscribe(self, topic: Topic, sink: Sink) -> None:
+        self.sinks[topic] = sink
+
+    def serve(self, question: Request, answerer: RequestHandler) -> None:
+        self.answerers[question] = answerer
+
+    def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
+        raise NotImplementedError((question, request, timeout_s))
+
+    def close(self) -> None:
+        """Nothing to leave."""
+
+
+def in_lockstep(*names: str, urgent: tuple[Topic, ...] = ()) -> tuple[Loop, Outside]:
+    """Services on a simulated rig, as they are before a reset."""
+    devices, outside = simulated_devices(LOCKSTEP, lambda _truth: None), Outside()
+    nodes = [Node(SERVICES[name], LOCKSTEP, devices.get(name)) for name in names]
+    return Loop(nodes, outside, urgent=urgent), outside
+
+
+def asked(
+    loop: Loop, outside: Outside, question: Request, request: Message
+) -> tuple[Message | str, list[Message]]:
+    """The reply, and what had left before it."""
+    replies: list[tuple[Message | str, list[Message]]] = []
+    outside.answerers[question](
+        question, request, lambda reply: replies.append((reply, list(outside.told)))
+    )
+    loop.turn()
+    return replies[0]
+
+
+def armed(loop: Loop, outside: Outside) -> None:
+    """Begin an epoch, and its first tick."""
+    asked(loop, outside, RESET, Reset(acknowledge=True))
+    asked(loop, outside, LOAD, Load(PROGRAM))
+    for name in ORDER:
+        reply, _ = asked(loop, outside, ARM[name], Arm(1, 1, LOCKSTEP.digest()))
+        assert not isinstance(reply, str), reply
+
+
+def kinds(messages: list[Message]) -> list[type]:
+    return [type(one) for one in messages]
+
+
+def test_a_tick_passes_through_one_program_in_its_order() -> None:
+    loop, outside = in_lockstep(*LOOP)
+    armed(loop, outside)
+    for _ in range(3):
+        outside.told.clear()
+        loop.turn()
+        assert kinds(outside.told) == TICK
+    assert outside.sinks == {}, "nothing is taken from outside"
+
+
+def test_one_turn_makes_one_tick_so_that_questions_are_heard_between() -> None:
+    loop, outside = in_lockstep(*LOOP)
+    armed(loop, outside)
+    outside.told.clear()
+    reply, before = asked(loop, outside, STATUS["actuator"], StatusRequest())
+    assert isinstance(reply, Status)
+    assert before == [], "it waits for no tick"
+    assert kinds(outside.told) == TICK
+
+
+def test_every_service_answers_for_itself() -> None:
+    loop, outside = in_lockstep(*LOOP)
+    for name in LOOP:
+        reply, _ = asked(loop, outside, STATUS[name], StatusRequest())
+        assert isinstance(reply, Status)
+        assert reply.service == name
+    assert len(outside.answerers) == sum(len(SERVICES[name].requests) for name in LOOP)
+
+
+def test_what_came_of_a_question_leaves_before_its_reply() -> None:
+    loop, outside = in_lockstep(*LOOP)
+    asked(loop, outside, RESET, Reset(acknowledge=True))
+    outside.told.clear()
+    _, before = asked(loop, outside, ARM["actuator"], Arm(1, 1, LOCKSTEP.digest()))
+    assert kinds(before) == [Applied, RequestLog]
+
+
+def test_what_another_program_waits_for_leaves_at_once_and_the_rest_at_the_end() -> None:
+    left: list[type] = []
+
+    class Watched(Node):
+        def fire(self, now: float) -> tuple[Message, ...]:
+            left.extend(kinds(outside.told))
+            outside.told.clear()
+            return super().fire(now)
+
+    outside = Outside()
+    nodes = [Watched(SERVICES[name], RIG) for name in ("estimator", "controller")]
+    loop = Loop(nodes, outside, urgent=(COMMAND,))
+    applied = Applied(0, -1, 0.0, Mode.IDLE, Cause.NONE, 0, False, False, False, False, 0, 0.0)
+    for sample in (applied, Position(0, 0, 0.0, 1.0, True)):
+        next(sink for topic, sink in outside.sinks.items() if topic.message is type(sample))(
+            COMMAND, sample
+        )
+    loop.turn()
+    assert left == []
+    assert kinds(outside.told) == [Command, Estimate]
+
+
+def test_the_actuator_notes_a_sample_before_anything_is_computed_with_it() -> None:
+    scheduler = Scheduler(
+        Node(SERVICES[name], RIG, device)
+        for name, device in (
+            ("sensor", Laser()),
+            ("actuator", Output()),
+            ("estimator", None),
+            ("controller", None),
+        )
+    )
+    scheduler.begin(10.0)
+    sensor = scheduler.task("sensor")
+    assert sensor.due(10.0 + T)
+    scheduler.share(sensor.tick(10.0 + T), 10.0 + T)
+    stepped: list[str] = []
+    while (task := scheduler.ready(10.0 + 1.3 * T)) is not None:
+        stepped.append(task.node.service.name)
+        scheduler.share(task.node.fire(10.0 + 1.3 * T), 10.0 + 1.3 * T)
+    assert stepped == ["actuator", "estimator", "controller", "actuator"]
+
+
+def test_it_waits_for_whoever_is_first_to_be_due() -> None:
+    scheduler = Scheduler(
+        [Node(SERVICES["sensor"], RIG, Laser()), Node(SERVICES["actuator"], RIG, Output())]
+    )
+    scheduler.begin(10.0)
+    wake_s = scheduler.task("actuator").node.config.age.wake_s
+    assert scheduler.wait_s(10.0) == pytest.approx(wake_s)
+    assert scheduler.wait_s(10.0 + 0.9 * wake_s) == pytest.approx(0.1 * wake_s)
+
+
+def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest() -> None:
+    def fails(*_given: Any) -> Any:
+        raise ZeroDivisionError
+
+    output, outside = Output(), Outside()
+    nodes = [Node(SERVICES["controller"], RIG), Node(SERVICES["actuator"], RIG, output)]
+    loop = Loop(nodes, outside)
+    nodes[1].state = replace(nodes[1].state, voltage_V=1.5)
+    failing: Any = nodes[0]
+    failing.fire = fails
+    estimate = Estimate(0, 0, 1.0, 0.0, 0.1, 0.0, None, None, 0.0, -1, 0, False, False)
+    next(iter(outside.sinks.values()))(COMMAND, estimate)
+    ended: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            loop.run()
+        except ZeroDivisionError as error:
+            ended.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join(10.0)
+    assert len(ended) == 1
+    assert output.put_V[-1] == RIG.safety.safe_V
+    assert output.put_V == sorted(output.put_V, reverse=True)
+    assert len(output.put_V) > 3, "a ramp, and no step"
+
+
+@pytest.mark.parametrize(
+    ("names", "shared"),
+    [(LOOP, True), (("sensor", "actuator"), True), (LOOP[:3], False), (LOOP[1:], False)],
+)
+def test_only_beside_an_actuator_a_sensor_is_waited_for_shortly(
+    names: tuple[str, ...], shared: bool
+) -> None:
+    limit_s = shared_timeout_s(RIG, [SERVICES[name] for name in names])
+    wake_s = Node(SERVICES["actuator"], RIG, Output()).config.age.wake_s
+    assert limit_s == (PATIENCE_WAKES * wake_s if shared else inf)
+    assert shared_timeout_s(LOCKSTEP, SERVICES.values()) == inf
+
+
+def test_a_sensor_that_is_too_slow_for_that_is_refused_with_both_times() -> None:
+    slow = RIG.sensor.model_copy(update={"options": {**RIG.sensor.options, "baud": 9600}})
+    rig = composing(RIG.model_copy(update={"sensor": slow}), "loop")
+    with pytest.raises(ConfigError, match=r"'loop'.*takes \d+\.\d ms, limit 5\.8 ms beside"):
+        shared_timeout_s(rig, SERVICES.values())

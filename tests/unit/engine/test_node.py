@@ -1,0 +1,272 @@
+"""Joins by number, in both kinds of time."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from pincette.config import Calibration, RigFile, calibrated, read_rig
+from pincette.control.planning.sweep import Sweep
+from pincette.control.quantities import Document
+from pincette.control.record import replace
+from pincette.core.faults import Cause, Mode
+from pincette.core.messages import (
+    Ack,
+    Applied,
+    Arm,
+    Burst,
+    Command,
+    Message,
+    Position,
+    Reset,
+    Status,
+    StatusRequest,
+)
+from pincette.core.service import Input, Service, SetVoltage
+from pincette.core.topics import APPLIED, ESTIMATE, POSITION
+from pincette.core.wording import applied_text, fault_text
+from pincette.engine.node import Node
+from pincette.instruments.protocols import Block, InstrumentError
+from pincette_actuator import SERVICE as ACTUATOR
+from pincette_estimator import SERVICE as ESTIMATOR
+from pincette_sensor import SERVICE as SENSOR
+
+RIG = read_rig(Path("deploy/rigs/demo.toml"))
+LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
+APPLIED_0 = Applied(1, 0, 0.5, Mode.ARMED, Cause.NONE, 0, False, False, False, True, 0, 0.0)
+
+
+class Inputs(NamedTuple):
+    position: Position | None
+    applied: Applied | None
+
+
+@dataclass(frozen=True)
+class State:
+    seen: tuple[tuple[Inputs, float], ...] = ()
+    epoch: int = 0
+
+
+def step(
+    _config: None, state: State, inputs: Inputs, now: float
+) -> tuple[State, tuple[Message | SetVoltage, ...]]:
+    return replace(state, seen=(*state.seen, (inputs, now))), ()
+
+
+def handle(
+    _config: None, state: State, request: Message, _now: float
+) -> tuple[State, Message, tuple[Message, ...]]:
+    assert isinstance(request, Arm)
+    return replace(state, epoch=request.epoch), Ack(0), ()
+
+
+def joiner(rig: RigFile) -> Node:
+    service: Service[RigFile, None, State, Inputs] = Service(
+        name="joiner",
+        summary="keeps what it gets",
+        inputs=(Input(POSITION, "trigger"), Input(APPLIED, "join", offset=-1)),
+        outputs=(ESTIMATE,),
+        requests=(),
+        inputs_type=Inputs,
+        configure=lambda _rig: None,
+        start=lambda _config: State(),
+        step=step,
+        handle=handle,
+    )
+    return Node(service, rig)
+
+
+def position(seq: int, epoch: int = 1) -> Position:
+    return Position(epoch, seq, 0.0, 1.0, True)
+
+
+@pytest.mark.parametrize("rig", [RIG, LOCKSTEP])
+@pytest.mark.parametrize("applied_first", [True, False])
+def test_sample_k_meets_applied_of_k_minus_one(rig: RigFile, applied_first: bool) -> None:
+    node = joiner(rig)
+    messages: list[Message] = [APPLIED_0, position(1)]
+    for message in messages if applied_first else reversed(messages):
+        node.accept(message, 0.0)
+    assert node.due(0.0)
+    node.fire(0.0)
+    assert node.state.seen[0][0] == Inputs(position(1), APPLIED_0)
+
+
+def test_other_numbers_and_epochs_are_no_partners() -> None:
+    node = joiner(LOCKSTEP)
+    node.accept(replace(APPLIED_0, seq=1), 0.0)
+    node.accept(replace(APPLIED_0, epoch=2), 0.0)
+    node.accept(position(1), 0.0)
+    assert not node.due(1e9)
+
+
+def test_real_time_goes_on_without_a_partner_after_a_quarter_period() -> None:
+    node = joiner(RIG)
+    node.accept(position(1), 0.0)
+    assert not node.due(0.0049)
+    assert node.patience(0.001) == pytest.approx(0.004)
+    assert node.due(0.005)
+    node.fire(0.005)
+    assert node.state.seen == ((Inputs(position(1), None), 0.005),)
+
+
+def test_real_time_plays_no_backlog() -> None:
+    node = joiner(RIG)
+    for seq in range(300):
+        node.accept(replace(APPLIED_0, seq=seq - 1), 10.0)
+        node.accept(position(seq), 10.0)
+    while node.due(10.0):
+        node.fire(10.0)
+    assert [inputs.position for inputs, _ in node.state.seen] == [position(299)]
+    assert node.missed == 299
+
+
+def test_a_sample_that_is_repeated_pushes_out_none_that_waits() -> None:
+    node = joiner(RIG)
+    for seq in (5, 0, 5):
+        node.accept(position(seq), 10.0)
+    node.accept(replace(APPLIED_0, seq=4), 10.0)
+    node.fire(10.0)
+    assert [inputs.position for inputs, _ in node.state.seen] == [position(5)]
+    assert (node.missed, node.refused) == (0, 2)
+
+
+def test_lockstep_answers_every_tick_in_virtual_time() -> None:
+    node = joiner(LOCKSTEP)
+    for seq in range(3):
+        node.accept(replace(APPLIED_0, seq=seq - 1), 77.0)
+        node.accept(position(seq), 77.0)
+    while node.due(77.0):
+        node.fire(77.0)
+    assert [now for _, now in node.state.seen] == pytest.approx([0.0, 0.02, 0.04])
+
+
+def test_arming_is_refused_with_another_rig_file() -> None:
+    reply, _ = joiner(RIG).call(Arm(1, 1, "0000"), 0.0)
+    assert isinstance(reply, str)
+    assert RIG.digest() in reply
+
+
+def test_status_tells_epoch_digest_and_instance() -> None:
+    node = joiner(RIG)
+    node.call(Arm(9, 1, RIG.digest()), 0.0)
+    reply, _ = node.call(StatusRequest(), 0.0)
+    assert isinstance(reply, Status)
+    assert (reply.epoch, reply.digest, reply.instance) == (9, RIG.digest(), 1)
+
+
+class BrokenSensor:
+    def read_um(self) -> float:
+        raise InstrumentError("laser off")
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def test_a_sensor_that_fails_gives_an_invalid_sample_with_the_reason() -> None:
+
+    node = Node(SENSOR, RIG, BrokenSensor())
+    (sample,) = node.tick(1.0)
+    assert isinstance(sample, Position)
+    assert (sample.valid, fault_text(sample.fault), sample.seq) == (False, "laser off", 0)
+
+
+def test_an_arming_brings_the_model_that_the_service_works_with() -> None:
+    node = Node(ESTIMATOR, RIG)
+    found = Calibration(values={"model.compliance_um_per_mN": 0.5})
+    before = node.config
+    reply, _ = node.call(Arm(2, 1, RIG.digest(), Document(found.text())), 0.0)
+    assert reply == Ack(0)
+    assert node.config == ESTIMATOR.configure(calibrated(RIG, found)) != before
+    status, _ = node.call(StatusRequest(), 0.0)
+    assert isinstance(status, Status)
+    assert status.calibration == found.digest
+    node.call(Arm(3, 1, RIG.digest()), 0.0)
+    assert node.config == before
+
+
+def test_a_model_that_cannot_be_refuses_the_arming_and_changes_nothing() -> None:
+    node = Node(ESTIMATOR, RIG)
+    before = node.config
+    reply, _ = node.call(
+        Arm(2, 1, RIG.digest(), Document('{"values": {"model.damping_ratio": -1}}')), 0.0
+    )
+    assert isinstance(reply, str)
+    assert "estimator" in reply
+    assert "model.damping_ratio = -1" in reply
+    assert (node.config, node.state.epoch) == (before, 0)
+
+
+class Buffered:
+    """A sensor whose buffer holds three samples more at each look."""
+
+    def __init__(self) -> None:
+        self.rates: list[float] = []
+
+    def read_um(self) -> float:
+        return 1.0
+
+    def begin_capture(self, rate_hz: float) -> None:
+        self.rates.append(rate_hz)
+
+    def read_block(self) -> Block:
+        return Block((2.0, 3.0, 4.0), (0.1, 0.2, 0.3))
+
+    def end_capture(self) -> None:
+        self.rates.append(0.0)
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def test_an_acquisition_lasts_as_long_as_the_arming_that_asked_for_it() -> None:
+    sensor = Buffered()
+    node = Node(SENSOR, RIG, sensor)
+    node.call(Arm(1, 1, RIG.digest(), capture_hz=150.0), 0.0)
+    position, burst = node.tick(0.0)
+    assert isinstance(position, Position)
+    assert position.x_um == 4.0
+    assert burst == Burst(1, 0, 150.0, (2.0, 3.0, 4.0), (0.1, 0.2, 0.3), True)
+    node.call(Arm(2, 1, RIG.digest()), 0.0)
+    (single,) = node.tick(0.02)
+    assert isinstance(single, Position)
+    assert single.x_um == 1.0
+    assert sensor.rates == [0.0, 150.0, 0.0]
+
+
+def test_a_sensor_without_a_buffer_refuses_to_acquire() -> None:
+    reply, _ = Node(SENSOR, RIG, BrokenSensor()).call(Arm(1, 1, RIG.digest(), capture_hz=1e4), 0.0)
+    assert reply == "the position sensor has no buffered acquisition"
+
+
+class PlainOutput:
+    """An output without a buffer."""
+
+    def __init__(self) -> None:
+        self.put_V: list[float] = []
+
+    def write_V(self, voltage_V: float) -> None:
+        self.put_V.append(voltage_V)
+
+    def read_V(self) -> float:
+        return 0.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def test_an_output_without_a_buffer_trips_on_a_wave() -> None:
+    output = PlainOutput()
+    node = Node(ACTUATOR, RIG, output)
+    node.call(Reset(acknowledge=True), 0.0)
+    assert node.call(Arm(1, 1, RIG.digest()), 0.0)[0] == Ack(-1)
+    node.accept(position(0), 0.0)
+    node.fire(0.0)
+    sweep = Sweep(5.0, 400.0, 1.0, 0.05, 4_000.0)
+    node.accept(Command(1, 0, 1, 0.0, False, False, False, True, sweep=sweep), 0.0)
+    (applied,) = node.fire(0.001)
+    assert isinstance(applied, Applied)
+    assert (applied.state, applied.answered) == ("ramping", False)
+    assert "plays no waves" in applied_text(applied)
+    assert output.put_V == [0.0]

@@ -1,0 +1,103 @@
+"""What a service carries into an epoch: snapshot as JSON, and restored to the last bit."""
+
+import json
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.config import RigFile, parse_rig
+from pincette.control.force.reversal_memory import ReversalMemory
+from pincette.control.response.free_response import LinearResponse
+from pincette.control.response.identified_response import IdentifiedResponse
+from pincette.control.response.recorded_response import RecordedResponse
+from pincette.core.service import AnyService
+from pincette.engine.request_log import restored, snapshot
+from pincette_actuator import SERVICE as ACTUATOR
+from pincette_controller import SERVICE as CONTROLLER
+from pincette_estimator import SERVICE as ESTIMATOR
+from tests.support.rigs import demo_rig
+
+STROKE: dict[str, Any] = {
+    "bottom_V": 0.0,
+    "bottom_um": 0.0,
+    "top_V": 2.0,
+    "top_um": 38.0,
+    "ascending": [0.0, 0.4, 1.0],
+    "descending": [0.0, 0.6, 1.0],
+    "residual_um": 0.2,
+}
+
+
+def rig(**model: Any) -> RigFile:
+    """The demo rig with another free response, or with none."""
+    tree = demo_rig().model_dump(mode="json", exclude_unset=True)
+    del tree["model"]["free_response"]
+    tree["model"] |= model
+    return parse_rig(tree)
+
+
+RIGS: dict[type, RigFile] = {
+    LinearResponse: rig(),
+    RecordedResponse: rig(recorded_response=STROKE),
+    IdentifiedResponse: demo_rig(),
+}
+SERVICES: tuple[AnyService, ...] = (ESTIMATOR, CONTROLLER, ACTUATOR)
+
+
+def moved(config: Any) -> Any:
+    """The state of an estimator that has followed a voltage to and fro."""
+    state = ESTIMATOR.start(config)
+    response, memory = state.response, ReversalMemory(0.0)
+    for voltage_V in (0.3, 1.1, 0.7, 1.9, 0.1 + 0.2, 0.4):
+        response, memory = response.follow(voltage_V, 0.02), memory.follow(voltage_V)
+    response = response.begin(1.25)
+    return replace(state, response=response, reversal_memory=memory, highest_V=1.9, known_V=-0.0)
+
+
+@pytest.mark.parametrize("kind", RIGS)
+def test_what_an_estimator_remembers_comes_back(kind: type) -> None:
+    config = ESTIMATOR.configure(RIGS[kind])
+    state = moved(config)
+    assert type(state.response) is kind
+    text = snapshot(ESTIMATOR, config, state)
+    back = restored(ESTIMATOR, config, ESTIMATOR.start(config), text)
+    for name in ESTIMATOR.state_snapshot:
+        assert repr(getattr(back, name)) == repr(getattr(state, name))
+    assert back.samples == ()
+    assert back.response.follow(0.9, 0.02) == state.response.follow(0.9, 0.02)
+
+
+def test_a_model_does_not_travel_with_what_it_remembers() -> None:
+    config = ESTIMATOR.configure(RIGS[RecordedResponse])
+    tree = json.loads(snapshot(ESTIMATOR, config, moved(config)))
+    assert tree["response"].keys() == {"turns", "furthest_V", "voltage_V", "offset_um", "zero_V"}
+    assert str(tree["known_V"]) == "-0.0"
+
+
+def test_after_a_start_there_is_nothing_to_tell() -> None:
+    for service in SERVICES:
+        config = service.configure(demo_rig())
+        assert snapshot(service, config, service.start(config)) == ""
+        begun = service.start(config)
+        assert restored(service, config, begun, "") == begun
+
+
+def test_what_is_carried_replaces_what_was_there() -> None:
+    config = ACTUATOR.configure(demo_rig())
+    held = replace(ACTUATOR.start(config), voltage_V=1.5, part_held=True)
+    assert restored(ACTUATOR, config, held, "") == replace(held, voltage_V=0.0, part_held=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[1]", "is not a map"),
+        ('{"watch": 1}', "the estimator carries no watch"),
+        ("{", "Expecting"),
+    ],
+)
+def test_what_was_not_carried_is_refused(text: str, words: str) -> None:
+    config = ESTIMATOR.configure(demo_rig())
+    with pytest.raises((TypeError, ValueError), match=words):
+        restored(ESTIMATOR, config, ESTIMATOR.start(config), text)

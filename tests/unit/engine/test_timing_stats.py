@@ -1,0 +1,182 @@
+"""How punctual a service is said to be: by its task, in virtual time."""
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.config import read_rig
+from pincette.core.faults import Cause, Mode
+from pincette.core.messages import (
+    Applied,
+    Arm,
+    Command,
+    Estimate,
+    Message,
+    Position,
+    Reset,
+    Timing,
+    TimingRequest,
+)
+from pincette.engine.node import Node
+from pincette.engine.scheduler import NO_CLOCK, Task
+from pincette.engine.timing_stats import KEPT, PUBLISH_EVERY_S, TimingStats
+from pincette_actuator import SERVICE as ACTUATOR
+from pincette_controller import SERVICE as CONTROLLER
+from pincette_estimator import SERVICE as ESTIMATOR
+from pincette_sensor import SERVICE as SENSOR
+
+RIG = read_rig(Path("deploy/rigs/demo.toml"))
+LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
+T = RIG.rig.period_s
+POSITION = Position(1, 0, 0.0, 1.0, True)
+APPLIED = Applied(1, -1, 0.5, Mode.ARMED, Cause.NONE, 0, False, False, False, True, 0, 0.0)
+COMMAND = Command(1, 0, 7, 0.1, False, False, False, True)
+ESTIMATE = Estimate(1, 0, 1.0, 0.0, 0.1, 0.0, 0.0, None, 0.0, -1, 0, False, False, True)
+
+
+class Laser:
+    def read_um(self) -> float:
+        return 1.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class Output:
+    def write_V(self, voltage_V: float) -> None:
+        """Moves nothing."""
+
+    def read_V(self) -> float:
+        return 0.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def timing(task: Task, now: float = 11.0) -> Timing:
+    answer, outputs = task.call(TimingRequest(), now)
+    assert isinstance(answer, Timing)
+    assert outputs == ()
+    return answer
+
+
+def armed(task: Task, now: float = 10.0) -> Task:
+    task.begin(now)
+    task.call(Reset(acknowledge=True), now)
+    reply, _ = task.call(Arm(1, task.node.instance, RIG.digest()), now)
+    assert not isinstance(reply, str)
+    return task
+
+
+def fire_all(task: Task, now: float, took_s: float = 0.001) -> list[Message]:
+    said: list[Message] = []
+    while task.node.due(now):
+        said += task.fire(now)
+        now += took_s
+        task.finish(now)
+    return said
+
+
+def test_a_sensor_is_late_against_its_own_grid_and_takes_as_long_as_it_takes() -> None:
+    task = armed(Task(Node(SENSOR, RIG, Laser())))
+    lates_s = (0.0, 0.001, 0.004)
+    for tick, late_s in enumerate(lates_s, start=1):
+        now = 10.0 + tick * T + late_s
+        task.tick(now)
+        task.finish_tick(now + 0.003)
+    told = timing(task)
+    assert (told.service, told.epoch, told.seq, told.missed) == ("sensor", 1, 2, 0)
+    assert told.lateness.count == told.execution.count == 3
+    assert told.lateness.max_s == pytest.approx(0.004)
+    assert told.execution.max_s == pytest.approx(0.003)
+    assert told.age.count == 0
+
+
+def test_points_that_a_sensor_missed_are_counted_from_the_arming_on() -> None:
+    task = Task(Node(SENSOR, RIG, Laser()))
+    task.begin(10.0)
+    task.tick(10.0 + 4 * T)
+    task.finish_tick(10.0 + 4 * T)
+    assert timing(task).missed == 3
+    armed(task, 11.0)
+    assert timing(task) == Timing(1, -1, "sensor", 0, *[timing(task).age] * 3)
+    task.tick(11.0 + 3 * T)
+    task.finish_tick(11.0 + 3 * T)
+    assert timing(task).missed == 2
+    assert timing(task).lateness.max_s == pytest.approx(2 * T)
+
+
+def test_an_estimator_is_as_late_as_its_samples_and_their_wait_is_their_age() -> None:
+    task = armed(Task(Node(ESTIMATOR, RIG)))
+    for seq, wait_s in enumerate((0.0, 0.002, 0.001)):
+        came_s = 10.0 + seq * T + (0.003 if seq == 1 else 0.0)
+        task.accept(replace(POSITION, seq=seq), came_s + 0.0005, came_s)
+        task.accept(replace(APPLIED, seq=seq - 1), came_s + wait_s)
+        assert fire_all(task, came_s + wait_s)
+    told = timing(task)
+    assert told.seq == 2
+    assert told.lateness.count == told.age.count == told.execution.count == 3
+    assert told.lateness.max_s == pytest.approx(0.003)
+    assert told.age.max_s == pytest.approx(0.002)
+    assert told.execution.max_s == pytest.approx(0.001)
+
+
+def test_a_controller_counts_estimates() -> None:
+    task = Task(Node(CONTROLLER, RIG))
+    task.accept(replace(ESTIMATE, epoch=0), 10.004, 10.003)
+    assert fire_all(task, 10.004)
+    assert timing(task).age.max_s == pytest.approx(0.001)
+
+
+def test_the_age_at_an_actuator_is_that_of_the_command_s_sample() -> None:
+    task = armed(Task(Node(ACTUATOR, RIG, Output())))
+    command = replace(COMMAND, owner=task.node.instance)
+    task.accept(POSITION, 10.001, 10.0005)
+    fire_all(task, 10.001)
+    assert timing(task).age.count == 0
+    task.accept(command, 10.004, 10.0035)
+    fire_all(task, 10.004, 0.002)
+    told = timing(task)
+    assert told.age.count == 1
+    assert told.age.max_s == pytest.approx(0.0035)
+    assert told.execution.count == 2
+    assert told.execution.max_s == pytest.approx(0.002)
+    assert told.lateness.count == 0
+    due_s = task.due_at
+    assert due_s is not None
+    task.tick(due_s + 0.0007)
+    task.finish_tick(due_s + 0.0008)
+    assert timing(task).lateness.max_s == pytest.approx(0.0007)
+
+
+def test_what_other_epochs_say_is_not_counted() -> None:
+    task = armed(Task(Node(ESTIMATOR, RIG)))
+    task.accept(replace(POSITION, epoch=5), 10.0)
+    fire_all(task, 10.0 + T)
+    told = timing(task)
+    assert told.lateness.count == told.age.count == 0
+
+
+def test_an_arrival_that_is_long_past_is_not_taken_for_that_of_another_number() -> None:
+    meter = TimingStats(ESTIMATOR, T, own_grid=False)
+    meter.begin(1, 0)
+    meter.came(POSITION, 10.0)
+    meter.came(replace(POSITION, seq=KEPT), 10.0 + KEPT * T)
+    meter.fired(POSITION, 20.0, ())
+    assert meter.timing(0).age.count == 0
+
+
+def test_in_lockstep_nothing_is_counted() -> None:
+    task = Task(Node(ESTIMATOR, LOCKSTEP))
+    task.begin(10.0)
+    assert task.call(TimingRequest(), 10.0) == (NO_CLOCK, ())
+    assert task.timing(1e9) == ()
+
+
+def test_it_is_told_about_once_a_second() -> None:
+    task = armed(Task(Node(ESTIMATOR, RIG)))
+    told = [task.timing(10.0 + 0.01 * look) for look in range(1000)]
+    at = [look for look, outputs in enumerate(told) if outputs]
+    assert len(at) == 9
+    assert at[0] == pytest.approx(100 * PUBLISH_EVERY_S, abs=1)

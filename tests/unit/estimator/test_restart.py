@@ -1,0 +1,156 @@
+"""An estimator that is started anew beside an arm that remembers: the simulated arm, moved freely.
+
+The arm touches nothing, so its true force is zero all the time.
+"""
+
+import random
+from dataclasses import replace
+
+import pytest
+
+from pincette.core.faults import FaultCode
+from pincette.core.messages import Arm, Estimate
+from pincette.core.wording import faults_text
+from pincette.engine.request_log import restored, snapshot
+from pincette.sim.plant import plant
+from pincette.sim.plant.plant import PlantParameters
+from pincette_estimator.config import configure
+from pincette_estimator.step import SERVICE, handle
+
+from .bench import DEMO, TAUGHT, Bench, a_rig
+
+SEEDS = range(8)
+ZERO_V, PRESS_V = 0.8, 2.2
+PERIOD_S = DEMO.rig.period_s
+LOCKSTEP = DEMO.model_copy(update={"rig": DEMO.rig.model_copy(update={"time": "lockstep"})})
+
+
+@pytest.fixture
+def free() -> PlantParameters:
+    assert DEMO.simulation is not None
+    return replace(plant.plant_parameters(DEMO.simulation), environment_stiffness_mN_per_um=0.0)
+
+
+class FreeArm:
+    """The simulated arm with nothing to touch, and an estimator that can be started anew."""
+
+    def __init__(self, parameters: PlantParameters) -> None:
+        self.parameters, self.state, self.at_V = parameters, plant.start(), 0.0
+        self.bench = Bench(configure(DEMO))
+
+    def move(self, to_V: float, speed_V_per_s: float = 2.0) -> list[Estimate]:
+        ticks = max(1, round(abs(to_V - self.at_V) / speed_V_per_s / PERIOD_S))
+        from_V = self.at_V
+        return [self.tick(from_V + (to_V - from_V) * k / ticks) for k in range(1, ticks + 1)]
+
+    def tick(self, voltage_V: float, *, zero: bool = False) -> Estimate:
+        self.state = plant.set_voltage(self.parameters, self.state, voltage_V)
+        self.state = plant.advance(self.parameters, self.state, PERIOD_S)
+        self.at_V = voltage_V
+        return self.bench.feed(self.state.x_um, voltage_V, zero=zero)
+
+    def rest(self, seconds: float) -> list[Estimate]:
+        return [self.tick(self.at_V) for _ in range(round(seconds / PERIOD_S))]
+
+    def stroke(self, epoch: int) -> list[Estimate]:
+        """As in a grip: zero half way up, then to the voltage that presses, and hold."""
+        self.bench.arm(epoch)
+        self.move(ZERO_V)
+        self.rest(0.4)
+        zeroed = self.tick(self.at_V, zero=True)
+        assert zeroed.zero_refusal is None
+        assert zeroed.zero_age_s == 0.0
+        found = [*self.move(PRESS_V), *self.rest(2.0)]
+        self.move(0.0)
+        self.rest(0.5)
+        return found
+
+
+def a_past(arm: FreeArm, seed: int) -> None:
+    """Strokes and rests at random, and the arm back at 0 V."""
+    draw = random.Random(seed)
+    for _ in range(draw.randint(1, 4)):
+        arm.move(draw.uniform(0.0, 3.5))
+        arm.rest(draw.uniform(0.0, 3.0))
+    arm.move(0.0)
+    arm.rest(draw.uniform(0.0, 3.0))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_force_after_a_restart_is_within_what_is_stated(
+    free: PlantParameters, seed: int
+) -> None:
+    arm = FreeArm(free)
+    a_past(arm, seed)
+    arm.bench = Bench(configure(DEMO))
+    beyond = [
+        (one.force_mN, one.force_uncertainty_mN)
+        for one in arm.stroke(2)
+        if abs(one.force_mN) > one.force_uncertainty_mN
+    ]
+    assert beyond == [], f"seed {seed}"
+
+
+def test_without_a_restart_the_same_stroke_errs_by_less(free: PlantParameters) -> None:
+    """The error is that of the restart: one who stays knows the past, one who starts does not."""
+    worst: dict[bool, float] = {}
+    for restarts in (False, True):
+        arm = FreeArm(free)
+        arm.stroke(1)
+        if restarts:
+            arm.bench = Bench(configure(DEMO))
+        worst[restarts] = max(abs(one.force_mN) for one in arm.stroke(2))
+    assert worst[True] > 2.0 * worst[False]
+
+
+def test_a_stroke_makes_less_of_what_is_unknown(free: PlantParameters) -> None:
+    arm = FreeArm(free)
+    first, second = arm.stroke(1), arm.stroke(2)
+    assert second[-1].force_uncertainty_mN < 0.5 * first[-1].force_uncertainty_mN
+
+
+def test_it_is_told_until_strokes_have_wiped_it_out(free: PlantParameters) -> None:
+    arm = FreeArm(free)
+    (told,) = arm.bench.state.findings
+    assert told.code is FaultCode.MEMORY_UNKNOWN
+    assert "not known" in faults_text((told,))
+    limits = DEMO.limits
+    for to_V in (limits.voltage_min_V, limits.voltage_max_V, 0.0):
+        arm.move(to_V)
+    arm.rest(600.0)
+    arm.bench.arm(2)
+    assert arm.bench.state.findings == ()
+    assert arm.bench.state.unknown.known
+
+
+def test_in_lockstep_the_simulated_arm_is_new() -> None:
+    bench = Bench(configure(LOCKSTEP))
+    assert bench.state.findings == ()
+    assert bench.state.unknown.known
+
+
+def test_a_line_has_no_memory_to_lose() -> None:
+    assert Bench(configure(a_rig(None))).state.unknown.known
+
+
+def test_another_model_does_not_make_the_past_known() -> None:
+    bench = Bench(configure(DEMO))
+    bench.rest(0.0, 0.0)
+    for to_V in (0.5, 0.2):
+        bench.rest(0.0, to_V)
+    other = configure(a_rig(TAUGHT))
+    bench.state, _, _ = handle(other, bench.state, Arm(2, 1, ""), 0.0)
+    assert not bench.state.unknown.known
+    assert bench.state.unknown.lowest.voltage_V == bench.state.response.voltage_V == 0.2
+
+
+def test_a_replay_begins_with_the_same_past(free: PlantParameters) -> None:
+    arm = FreeArm(free)
+    arm.stroke(1)
+    arm.bench.arm(2)
+    config, state = arm.bench.config, arm.bench.state
+    assert not state.unknown.known
+    fresh = Bench(config).state
+    assert (
+        restored(SERVICE, config, fresh, snapshot(SERVICE, config, state)).unknown == state.unknown
+    )

@@ -1,0 +1,153 @@
+"""A supervisor of a canned rig, and a client that calls it without a network."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import httpx
+from fastapi import FastAPI
+
+from pincette.api.events import Event
+from pincette.config import RigFile
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.journal.events import EventLog
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.results import archive
+from pincette_supervisor.rigs.health import Health
+from pincette_supervisor.rigs.observer import Observer
+from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.rigs.rigs import Rigs
+
+from .canned import CannedRig
+
+PATIENCE_S = 30.0
+
+
+class Harness:
+    """A supervisor of a canned rig, and a client that calls it without a network."""
+
+    def __init__(
+        self,
+        rig: RigFile,
+        data: Path,
+        *,
+        guard_s: float = 5.0,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self.bus = CannedRig(rig)
+        self.bus.records = data / "jobs"
+        self.store = Store(data / "supervisor.sqlite")
+        self.observer = Observer(self.bus)
+        self.events = EventLog(self.store, rig.rig.name)
+        self.health = Health(rig, self.bus, self.observer, self.store)
+        self.archivist = archive.archivist()
+        context = RigContext(
+            model=RigModel(rig, data / "models", self.store),
+            bus=self.bus,
+            observer=self.observer,
+            health=self.health,
+            store=self.store,
+            events=self.events,
+            records=data / "jobs",
+            archivist=self.archivist,
+            guard_s=guard_s,
+            clock=clock,
+        )
+        self.manager = JobManager(context)
+        self.rigs = Rigs(self.manager)
+        self.app: FastAPI = create_app(self.rigs)
+
+    def call(self, method: str, path: str, **details: Any) -> httpx.Response:
+        async def send() -> httpx.Response:
+            transport = httpx.ASGITransport(self.app)
+            async with httpx.AsyncClient(
+                transport=transport, base_url="http://localhost"
+            ) as client:
+                return await client.request(method, path, **details)
+
+        return asyncio.run(send())
+
+    def get(self, path: str, **query: Any) -> Any:
+        response = self.call("GET", f"/api/v1{path}", params=query)
+        assert response.status_code == 200, response.text
+        return response.json()
+
+    def post(self, path: str, body: Any = None, **query: Any) -> httpx.Response:
+        return self.call("POST", f"/api/v1{path}", json=body, params=query)
+
+    def grip(self, **wishes: Any) -> dict[str, Any]:
+        """Take a grip job that begins at once; returns it as it was taken."""
+        response = self.post("/jobs", {"kind": "grip", "autostart": True, **wishes})
+        assert response.status_code == 201, response.text
+        return response.json()
+
+    def calibrated(self, calibration: str = "noise", **wishes: Any) -> dict[str, Any]:
+        """Run a calibration to its end."""
+        body = {"calibration": calibration, "autostart": True, **wishes}
+        response = self.post("/calibrations", body)
+        assert response.status_code == 201, response.text
+        return self.ended(response.json()["id"])
+
+    def ended(self, job: str) -> dict[str, Any]:
+        """The job once it has ended."""
+        return self.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+
+    def until(self, there: Callable[[], bool]) -> None:
+        """Wait until something is the case; the job lives in a thread of its own."""
+        begun_at = monotonic()
+        while not there():
+            assert monotonic() - begun_at < PATIENCE_S
+            sleep(0.002)
+
+    def reach(self, job: str, state: str) -> None:
+        """Wait until a job is in a state."""
+        live = self.manager.active
+        assert live is not None
+        assert live.id == job
+        self.until(lambda: live.state == state)
+
+    def playing_to(self, place: int, **wishes: Any) -> str:
+        """A grip that plays up to a tick, and then waits for an action."""
+        self.bus.pause_at = place
+        job = str(self.grip(**wishes)["id"])
+        self.reach(job, "running")
+        live = self.manager.active
+        assert live is not None
+        self.until(lambda: live.progress is not None and live.progress.seq >= place - 1)
+        return job
+
+    def act(self, job: str, action: str, **details: Any) -> httpx.Response:
+        return self.call("POST", f"/api/v1/jobs/{job}/actions", json={"type": action}, **details)
+
+    def acted(self, job: str, action: str) -> dict[str, Any]:
+        """A job that has taken an action."""
+        response = self.act(job, action)
+        assert response.status_code == 202, response.text
+        return response.json()
+
+    def freed(self, job: str) -> dict[str, Any]:
+        """A job once the rig is free of it."""
+        live = self.manager.active
+        if live is not None and live.id == job:
+            assert live.done.wait(20.0)
+        return self.get(f"/jobs/{job}")
+
+    def told(self, *kinds: str, job: str | None = None) -> list[Event]:
+        """Events that were told, of these kinds."""
+        rows = self.store.events_after(0, job=job, limit=100_000)
+        return [row for row in rows if not kinds or row.kind in kinds]
+
+    def close(self) -> None:
+        live = self.manager.active
+        self.manager.close()
+        if live is not None:
+            assert live.done.wait(PATIENCE_S)
+        self.events.listeners.close()
+        self.manager.latch.threads.shutdown()
+        self.archivist.shutdown()
+        self.health.close()
+        self.store.close()

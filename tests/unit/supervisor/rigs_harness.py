@@ -1,0 +1,101 @@
+"""A supervisor of several canned rigs that come and go on one router."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pincette.config import RigFile
+from pincette.core.topics import LOOP
+from pincette_supervisor.journal.listeners import Listeners
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.rigs.rig_finder import RigFinder
+from pincette_supervisor.rigs.rigs import RigFactory, Rigs
+
+from .canned import CannedRig
+from .harness import Harness
+
+Turn = Callable[[str, str, bool], None]
+
+
+def joined(own: RigFile, name: str, **limits: float) -> RigFile:
+    """A rig like another one, which joins that one's router."""
+    changes: dict[str, Any] = {
+        "rig": own.rig.model_copy(update={"name": name}),
+        "bus": own.bus.model_copy(update={"router": f"{own.bus.host}:{own.bus.port}"}),
+        "limits": own.limits.model_copy(update=limits),
+    }
+    return own.model_copy(update=changes)
+
+
+class RigsHarness(Harness):
+    """The harness of a supervisor whose own rig is always there."""
+
+    def __init__(self, own: RigFile, data: Path) -> None:
+        self.own, self.data = own, data
+        self.canned: dict[str, CannedRig] = {}
+        self.turns: list[Turn] = []
+        self.store = Store(data / "supervisor.sqlite")
+        self.listeners = Listeners()
+        factory = RigFactory(self.store, self.listeners, data, self.open_bus)
+        self.make(own)
+        self.rigs = Rigs(factory.create(own))
+        self.at(own.rig.name)
+        self.finder = RigFinder(self.rigs, self.open_bus, factory.create)
+        self.finder.start(self)
+        self.app = create_app(self.rigs)
+
+    def make(self, file: RigFile) -> CannedRig:
+        """Another life of a rig."""
+        made = CannedRig(file)
+        made.records = file.home(self.data) / "jobs"
+        self.canned[file.rig.name] = made
+        return made
+
+    def open_bus(self, rig: str, *, lockstep: bool) -> CannedRig:  # noqa: ARG002  as a bus is asked for
+        return self.canned[rig]
+
+    def alive_everywhere(self) -> set[tuple[str, str]]:
+        return {(rig, program) for rig in self.canned for program in LOOP}
+
+    def watch_everywhere(self, sink: Turn) -> None:
+        self.turns.append(sink)
+
+    def come(self, file: RigFile) -> CannedRig:
+        """The programs of a rig are started."""
+        made = self.make(file)
+        self.turn(file.rig.name, alive=True)
+        return made
+
+    def go(self, rig: str) -> None:
+        """The programs of a rig end."""
+        self.canned[rig].silent.update(LOOP)
+        self.turn(rig, alive=False)
+
+    def turn(self, rig: str, *, alive: bool) -> None:
+        for sink in self.turns:
+            for program in LOOP:
+                sink(rig, program, alive)
+
+    def at(self, rig: str) -> None:
+        """Work with a rig from here on."""
+        self.bus, self.manager = self.canned[rig], self.rigs.get(rig)
+
+    def names(self) -> list[str]:
+        return [rig["name"] for rig in self.get("/rigs")["rigs"]]
+
+    def served(self, rig: str) -> None:
+        """Wait until a rig is served."""
+        self.until(lambda: rig in self.names())
+
+    def found(self, rig: str) -> list[str]:
+        """What was told of a rig's coming and going."""
+        rows = self.store.events_after(0, rig=rig)
+        return [row.body["found"] for row in rows if row.kind == "rig" and "found" in row.body]
+
+    def close(self) -> None:
+        self.finder.close()
+        self.rigs.close()
+        self.listeners.close()
+        self.rigs.release()
+        self.store.close()

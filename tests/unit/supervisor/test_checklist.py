@@ -1,0 +1,168 @@
+"""The checklist of calibrations: order, what is next and why, and what was gained."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from pincette.config import RigFile, read_rig
+from pincette_supervisor.kinds.bodies import REQUEST
+from pincette_supervisor.kinds.calibrate import KIND
+from pincette_supervisor.kinds.calibrate.compliance.functions import weights_within
+from pincette_supervisor.model import checklist
+from pincette_supervisor.model.checklist import ordered
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.support.rigs import DEMO, Tree, demo_rig
+
+from .harness import Harness
+from .test_calibrations import decide, proposal
+
+COMPLIANCE = "model.compliance_um_per_mN"
+
+
+def steps(harness: Harness) -> dict[str, dict[str, Any]]:
+    found = harness.get("/rigs/demo/checklist")
+    return {step["calibration"]: step for step in found["steps"]}
+
+
+def codes(step: dict[str, Any]) -> list[str]:
+    return [reason["code"] for reason in step["reasons"]]
+
+
+def test_what_is_assumed_is_found_before() -> None:
+    found: set[str] = set()
+    for step in ordered():
+        assert not set(step.functions.assumes) - found
+        found |= set(step.functions.finds)
+    assert [step.variant.name for step in ordered()] == [*KIND.variants]
+
+
+def test_the_order_follows_what_is_assumed_not_the_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    named = checklist.functions_of
+
+    def turned(name: str) -> Any:
+        needs_press = name == "noise"
+        return replace(
+            named(name), assumes=("part.contact_um",) if needs_press else named(name).assumes
+        )
+
+    monkeypatch.setattr(checklist, "functions_of", turned)
+    names = [step.variant.name for step in ordered.__wrapped__()]
+    assert names[0] == "compliance"
+    assert names[-2:] == ["contact_stiffness", "noise"]
+
+
+def test_a_rig_that_nobody_has_calibrated_begins_with_the_noise(harness: Harness) -> None:
+    found = harness.get("/rigs/demo/checklist")
+    assert found["next"] == "noise"
+    states = {step["calibration"]: step["state"] for step in found["steps"]}
+    assert states == {
+        "noise": "next",
+        "compliance": "later",
+        "free_response": "later",
+        "frequency_response": "unsupported",  # its instruments have no buffers
+        "contact_stiffness": "later",
+    }
+    by_name = steps(harness)
+    assert [need["code"] for need in by_name["compliance"]["needs"]] == ["part_removed", "weights"]
+    assert codes(by_name["frequency_response"]) == ["not_calibrated", "unsupported"]
+    assert "no buffered acquisition" in by_name["frequency_response"]["reasons"][1]["text"]
+
+
+def test_each_step_is_a_request_that_is_taken_as_it_is(harness: Harness) -> None:
+    for step in steps(harness).values():
+        if step["state"] != "unsupported":
+            answer = harness.post("/jobs", step["request"], dry_run="true")
+            assert (answer.status_code, answer.json()["feasible"]) == (200, True)
+
+
+def test_what_is_proposed_is_decided_about_and_then_the_next_one_follows(harness: Harness) -> None:
+    name = proposal(harness)
+    noise = steps(harness)["noise"]
+    assert (noise["state"], noise["proposal"], noise["gained"]) == ("next", name, [])
+    assert codes(noise) == ["proposed", "not_calibrated"]
+    decide(harness, name, "accept")
+    found = harness.get("/rigs/demo/checklist")
+    assert found["next"] == "compliance"
+    noise = found["steps"][0]
+    assert (noise["state"], noise["accepted"], noise["reasons"]) == ("done", name, [])
+    (gained,) = noise["gained"]
+    assert gained["quantity"] == "sensor.noise_um"
+    assert (gained["in_use"], gained["source_in_use"]) == (0.03, "assumed")
+    assert noise["statement"]
+    assert noise["accepted_at"]
+    harness.post("/rigs/demo/model/actions", {"type": "use", "version": 0})
+    assert harness.get("/rigs/demo/checklist")["next"] == "noise"
+
+
+def test_what_is_discarded_is_to_be_made_again(harness: Harness) -> None:
+    decide(harness, proposal(harness), "discard")
+    noise = steps(harness)["noise"]
+    assert (noise["state"], noise["proposal"]) == ("next", None)
+
+
+def test_what_was_made_with_another_value_is_to_be_made_again(harness: Harness) -> None:
+    """The press rests on the compliance, which is measured afterwards here."""
+    name = proposal(harness)
+    row = harness.store.get(name)
+    assert row is not None
+    assert row.result is not None
+    row.result["calibration"] = "contact_stiffness"
+    row.result["values"][0] |= {"quantity": "part.contact_um", "value": 31.0, "unit": "µm"}
+    row.result["assumptions"] = [
+        {"quantity": COMPLIANCE, "value": 0.46, "unit": "µm/mN", "source": "assumed"}
+    ]
+    harness.store.change(name, result=row.result)
+    decide(harness, name, "accept")
+    assert steps(harness)["contact_stiffness"]["state"] == "done"
+    harness.manager.context.model.add({COMPLIANCE: 0.44}, {}, "another")
+    press = steps(harness)["contact_stiffness"]
+    assert press["state"] == "later"
+    assert codes(press) == ["assumption_changed"]
+    assert COMPLIANCE in press["reasons"][0]["text"]
+
+
+def test_a_calibration_that_is_overdue_is_next_again(
+    rig_file: RigFile, open_harness: Callable[..., Harness]
+) -> None:
+    days = rig_file.calibration.model_copy(update={"valid_days": 1e-9})
+    harness = open_harness(rig_file.model_copy(update={"calibration": days}))
+    decide(harness, proposal(harness), "accept")
+    noise = steps(harness)["noise"]
+    assert (noise["state"], codes(noise)) == ("next", ["overdue"])
+    assert noise["gained"]
+
+
+def test_a_calibration_that_would_be_refused_says_so(
+    rig_file: RigFile, open_harness: Callable[..., Harness]
+) -> None:
+    tight = rig_file.limits.model_copy(update={"position_max_um": 25.0})
+    harness = open_harness(rig_file.model_copy(update={"limits": tight}))
+    press = steps(harness)["contact_stiffness"]
+    assert codes(press) == ["not_calibrated", "refused"]
+
+
+def test_a_sweep_is_needed_where_the_estimator_takes_the_mode_into_account() -> None:
+    (sweep,) = [step for step in ordered() if step.variant.name == "frequency_response"]
+    fast = read_rig(DEMO.parent / "fast.toml")
+    assert sweep.functions.needed(fast) == (fast.model.force_observer != "quasi_static")
+    assert not sweep.functions.needed(read_rig(DEMO))
+
+
+@pytest.mark.parametrize(
+    ("changes", "weights_mN"),
+    [
+        ({}, [0.0, 5.0, 10.0, 20.0]),
+        ({"limits": {"force_max_mN": 12.0}, "grip": {"force_mN": 8.0}}, [0.0, 1.25, 2.5, 5.0]),
+        ({"model": {"compliance_um_per_mN": 4.6}}, [0.0, 0.5, 1.0, 2.0]),
+    ],
+)
+def test_weights_that_are_left_out_are_within_the_limits(
+    changes: Tree, weights_mN: list[float]
+) -> None:
+    rig = demo_rig(changes)
+    assert weights_within(rig) == pytest.approx(weights_mN)
+    request = REQUEST.validate_python({"kind": "calibrate", "calibration": "compliance"})
+    planned = plan_job(request, rig)
+    assert planned.values["weights_mN"] == pytest.approx(weights_mN)

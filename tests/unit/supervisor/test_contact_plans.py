@@ -1,0 +1,22 @@
+"""What a plan of a job that meets a part says before it starts."""
+
+import pytest
+
+from pincette.config import RigFile
+from pincette_supervisor.kinds.bodies import REQUEST
+from pincette_supervisor.planning.job_plans import plan_job
+
+
+@pytest.mark.parametrize("kind", ["grip", "track"])
+def test_a_plan_says_before_it_starts_that_no_free_response_has_been_identified(
+    rig_file: RigFile, kind: str
+) -> None:
+    request = REQUEST.validate_python({"kind": kind})
+    assert plan_job(request, rig_file).plan.model_dump()["warnings"] == []
+    bare = rig_file.model_copy(
+        update={"model": rig_file.model.model_copy(update={"free_response": None})}
+    )
+    (warning,) = plan_job(request, bare).plan.model_dump()["warnings"]
+    # 6 % of 30 µm over 0.46 µm/mN
+    assert "may be off by 3.9 mN" in warning
+    assert "calibrate free_response first" in warning

@@ -1,0 +1,133 @@
+"""Creating a job once, asking for it again, and finding it among others."""
+
+import asyncio
+from typing import Any
+
+import httpx
+import pytest
+
+from .canned import IN_APPROACH
+from .harness import Harness
+
+GRIP = {"kind": "grip", "autostart": True}
+
+
+def create(harness: Harness, key: str, body: dict[str, Any] = GRIP, path: str = "/jobs") -> Any:
+    headers = {"Idempotency-Key": key}
+    return harness.call("POST", f"/api/v1{path}", json=body, headers=headers)
+
+
+def ask(harness: Harness, job: str, tag: str, **query: Any) -> httpx.Response:
+    headers = {"If-None-Match": tag}
+    return harness.call("GET", f"/api/v1/jobs/{job}", params=query, headers=headers)
+
+
+def test_the_same_key_and_request_create_one_job(harness: Harness) -> None:
+    first = create(harness, "cell 4, part 17")
+    assert first.status_code == 201
+    assert "idempotency-replayed" not in first.headers
+    again = create(harness, "cell 4, part 17")
+    assert again.status_code == 200
+    assert again.headers["idempotency-replayed"] == "true"
+    assert again.json()["id"] == first.json()["id"]
+    assert again.headers["location"] == first.headers["location"]
+    assert len(harness.get("/jobs")["jobs"]) == 1
+
+
+def test_a_key_is_for_one_request(harness: Harness) -> None:
+    job = create(harness, "k").json()["id"]
+    other = create(harness, "k", {**GRIP, "force_mN": 12.0})
+    assert other.status_code == 422
+    assert other.json()["type"].endswith("idempotency-key-reused")
+    assert other.json()["job"] == job
+
+
+def test_a_calibration_is_created_once_too(harness: Harness) -> None:
+    body = {"calibration": "noise"}
+    first = create(harness, "n", body, "/calibrations")
+    again = create(harness, "n", {**body, "kind": "calibrate"}, "/jobs")
+    assert (first.status_code, again.status_code) == (201, 200)
+    assert first.json()["id"] == again.json()["id"]
+
+
+@pytest.mark.parametrize("key", ["", "x" * 256, "tab\there"])
+def test_a_key_has_a_length_and_can_be_printed(harness: Harness, key: str) -> None:
+    assert create(harness, key).status_code == 422
+    assert harness.get("/jobs")["jobs"] == []
+
+
+def test_an_etag_says_whether_a_job_has_changed(harness: Harness) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    response = harness.call("GET", f"/api/v1/jobs/{job}")
+    tag = response.headers["etag"]
+    assert tag == f'W/"{job}-{response.json()["revision"]}"'
+    harness.bus.play(IN_APPROACH + 5)
+    live = harness.manager.active
+    assert live is not None
+    harness.until(lambda: live.progress is not None and live.progress.seq == IN_APPROACH + 4)
+    unchanged = ask(harness, job, tag)
+    assert (unchanged.status_code, unchanged.headers["etag"]) == (304, tag)
+    assert ask(harness, job, tag, wait="change", timeout_s=0.01).status_code == 304
+    harness.acted(job, "stop")
+    changed = ask(harness, job, tag, wait="change", timeout_s=20)
+    assert changed.status_code == 200
+    assert changed.json()["revision"] > response.json()["revision"]
+
+
+def test_a_long_poll_by_revision_answers_with_the_next_change(harness: Harness) -> None:
+    taken = harness.post("/jobs", {"kind": "grip"}).json()
+    harness.reach(taken["id"], "ready")
+    ready = harness.get(f"/jobs/{taken['id']}", wait="change", since=taken["revision"])
+    assert ready["state"] == "ready"
+    as_it_is = harness.get(
+        f"/jobs/{taken['id']}", wait="change", since=ready["revision"], timeout_s=0.01
+    )
+    assert as_it_is == ready
+
+    async def poll() -> httpx.Response:
+        transport = httpx.ASGITransport(harness.app)
+        base = "http://localhost/api/v1"
+        async with httpx.AsyncClient(transport=transport, base_url=base) as client:
+            query = {"wait": "change", "since": ready["revision"], "timeout_s": 30}
+            waiting = asyncio.create_task(client.get(f"/jobs/{taken['id']}", params=query))
+            await client.post(f"/jobs/{taken['id']}/actions", json={"type": "stop"})
+            return await waiting
+
+    assert asyncio.run(poll()).json()["revision"] > ready["revision"]
+
+
+def test_an_action_is_kept_with_who_asked_and_when_it_acted(harness: Harness) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    assert harness.act(job, "stop", headers={"X-Operator": "x" * 81}).status_code == 422
+    harness.act(job, "stop", headers={"X-Operator": "Ada, cell 4"})
+    (action,) = harness.ended(job)["actions"]
+    assert (action["by"], action["seq"]) == ("Ada, cell 4", IN_APPROACH)
+    assert action["requested_at"] <= action["applied_at"]
+    asked, applied = harness.told("action", job=job)[-2:]
+    assert (asked.body["by"], asked.body["applied"]) == ("Ada, cell 4", False)
+    assert (applied.body["seq"], applied.body["applied"]) == (IN_APPROACH, True)
+
+
+def test_jobs_are_found_by_what_they_are(harness: Harness) -> None:
+    names: list[str] = []
+    for number in range(3):
+        body = {"kind": "grip", "labels": {"part": f"bead {number}"}}
+        job = harness.post("/jobs", body).json()["id"]
+        harness.reach(job, "ready")
+        harness.acted(job, "stop")
+        harness.freed(job)
+        names.insert(0, job)
+
+    def found(**query: Any) -> list[str]:
+        return [job["id"] for job in harness.get("/jobs", **query)["jobs"]]
+
+    assert found() == names
+    assert found(state="stopped", kind="grip", rig="demo") == names
+    assert found(state="failed") == found(kind="track") == found(rig="other") == []
+    assert found(label="part=bead 1") == [names[1]]
+    page = harness.get("/jobs", limit=2)
+    assert page["next"] == names[1]
+    assert found(limit=2, before=page["next"]) == [names[2]]
+    assert harness.get("/jobs", limit=3)["next"] is None
+    assert harness.call("GET", "/api/v1/jobs", params={"label": "part"}).status_code == 422
+    assert harness.call("GET", "/api/v1/jobs", params={"before": "none"}).status_code == 404

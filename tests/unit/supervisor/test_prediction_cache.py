@@ -1,0 +1,106 @@
+"""Predictions one at a time, kept, and asked for before a job is taken."""
+
+import threading
+from functools import cache
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter
+
+from pincette.api.requests import JobRequest
+from pincette.config import RigFile
+from pincette_supervisor.kinds.bodies import Body
+from pincette_supervisor.planning import prediction_cache, rig_emulator
+from pincette_supervisor.planning.dry_run import DryRun, stated_instruments
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.prediction_cache import PredictionCache
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.problems import ProblemError
+from tests.support.rigs import at_own_ports, demo_rig
+
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
+
+
+@cache
+def straight() -> RigFile:
+    """The demo rig without hysteresis and creep."""
+    return demo_rig({"model": {"free_response": None}}, time="lockstep")
+
+
+def plan(rig: RigFile, present: Present | None = None, **wishes: Any) -> Planned:
+    return plan_job(REQUEST.validate_python(wishes), rig, present)
+
+
+def nothing() -> DryRun:
+    return DryRun(rig_emulator.Samples(), "gripped", "", stated_instruments(straight()))
+
+
+def test_a_plan_is_checked_before_a_job_is_made_of_it() -> None:
+    rig, teller = at_own_ports(straight(), {"limits": {"force_max_mN": 20.1}}), PredictionCache()
+    within = plan(rig, kind="grip", force_mN=15.0)
+    assert teller.checked(within) is within
+    beyond = plan(rig, kind="grip", force_mN=20.0)
+    checked = teller.checked(beyond).plan
+    assert not checked.feasible
+    assert [item.quantity for item in checked.violations] == ["force"]
+
+
+def test_a_release_and_a_calibration_are_taken_whatever_is_predicted() -> None:
+    def play(_planned: Planned) -> DryRun:
+        raise AssertionError("must not be played")
+
+    for wishes in (
+        {"kind": "release"},
+        {"kind": "hold", "hold_s": 1.0},
+        {"kind": "calibrate", "calibration": "noise"},
+    ):
+        planned = plan(straight(), Present(1.0, 19.0, True), **wishes)
+        assert PredictionCache(play).checked(planned) is planned
+
+
+def test_what_cannot_be_predicted_is_no_reason_against_a_job() -> None:
+    planned = plan(straight(), Present(1.0, 1e6, False), kind="grip")
+    assert PredictionCache().checked(planned) is planned
+
+
+def test_the_same_plan_is_played_once() -> None:
+    asked: list[float] = []
+
+    def count(planned: Planned) -> DryRun:
+        asked.append(planned.plan.duration_s)
+        return nothing()
+
+    teller, first = PredictionCache(count), plan(straight(), kind="grip")
+    assert teller.dry_run(first) is teller.dry_run(plan(straight(), kind="grip"))
+    teller.dry_run(plan(straight(), kind="grip", hold_s=1.0))
+    assert len(asked) == 2
+    assert asked[0] > asked[1]
+    teller.dry_run(plan(demo_rig(time="lockstep"), kind="grip"))
+    assert len(asked) == 3
+
+
+def test_who_would_wait_too_long_is_sent_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    entered, go_on = threading.Event(), threading.Event()
+
+    def wait(_planned: Planned) -> DryRun:
+        entered.set()
+        go_on.wait(10.0)
+        return nothing()
+
+    monkeypatch.setattr(prediction_cache, "WAITING", 1)
+    teller, planned = PredictionCache(wait), plan(straight(), kind="grip")
+    other = threading.Thread(target=teller.dry_run, args=[planned])
+    other.start()
+    assert entered.wait(10.0)
+    with pytest.raises(ProblemError, match="1 predictions wait already"):
+        teller.dry_run(planned)
+    go_on.set()
+    other.join(10.0)
+    assert teller.dry_run(planned).outcome == "gripped"
+
+
+def test_an_arm_out_of_the_sensors_sight_cannot_be_predicted() -> None:
+    planned = plan(straight(), Present(1.0, 1e6, False), kind="grip")
+    with pytest.raises(ProblemError, match="outside the sensor's range"):
+        PredictionCache().predicted(planned)

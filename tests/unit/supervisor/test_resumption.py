@@ -1,0 +1,168 @@
+"""A calibration that a stall has tripped begins again by itself, or goes on where it was."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pytest
+
+from pincette.config import RigFile
+from pincette.control.record import replace
+from pincette_supervisor.jobs.job import LiveJob
+from pincette_supervisor.jobs.resumption import BY_HAND, NO_MORE
+
+from . import samples
+from .canned import IN_APPROACH
+from .harness import Harness
+
+STALLED = "command_age: no command for 51 ms, limit 50 ms"
+TICKS = 50
+"""Of a noise before its trip."""
+WEIGHTS_MN = [0.0, 5.0, 10.0]
+STEPS = (0.0, 5.0, 10.0, 5.0, 0.0)
+STEP_TICKS = samples.HANG_TICKS + 60
+TRUE_UM_PER_MN = 0.46
+
+
+@pytest.fixture
+def real(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
+    harness = open_harness(real_time)
+    harness.observer.clock = lambda: 100.0
+    harness.bus.idle()
+    return harness
+
+
+def begun(harness: Harness, calibration: str, **wishes: Any) -> str:
+    """A calibration that plays, up to a tick."""
+    body = {"calibration": calibration, "autostart": True, **wishes}
+    response = harness.post("/calibrations", body)
+    assert response.status_code == 201, response.text
+    job = str(response.json()["id"])
+    reached(harness, job)
+    return job
+
+
+def reached(harness: Harness, job: str) -> None:
+    """Wait until a job has played as far as its rig lets it."""
+
+    def there() -> bool:
+        live = harness.manager.active
+        if live is None or live.id != job or live.progress is None:
+            return False
+        return live.progress.seq >= harness.bus.place - 1 > 0
+
+    harness.until(there)
+
+
+def following(harness: Harness, job: str) -> str:
+    """Name of the job that goes on, by the cause of the one before."""
+    harness.until(lambda: "as job " in harness.get(f"/jobs/{job}")["cause"])
+    return str(harness.get(f"/jobs/{job}")["cause"].rpartition("as job ")[2])
+
+
+def noisy(ticks: list[samples.Tick]) -> list[samples.Tick]:
+    return samples.rest(ticks[0].position.epoch)
+
+
+def test_a_noise_begins_again_by_itself_and_succeeds(real: Harness) -> None:
+    real.bus.edit, real.bus.pause_at = noisy, TICKS
+    first = begun(real, "noise", duration_s=4.0)
+    real.bus.pause_at = None
+    real.bus.trip(STALLED)
+    ended = real.ended(first)
+    assert ended["state"] == "failed"
+    assert "begins again from its start" in ended["cause"]
+    second = following(real, first)
+    done = real.ended(second)
+    assert done["state"] == "succeeded"
+    assert (done["request"]["tries"], done["request"]["duration_s"]) == (2, 4.0)
+    assert real.get("/rigs/demo")["queue"]["halted"] == ""
+
+
+def test_it_begins_no_more_often_than_the_request_says(real: Harness) -> None:
+    real.bus.edit, real.bus.pause_at = noisy, TICKS
+    job = begun(real, "noise", tries=2)
+    real.bus.trip(STALLED)
+    again = following(real, job)
+    reached(real, again)
+    real.bus.trip(STALLED)
+    ended = real.ended(again)
+    assert ended["state"] == "failed"
+    assert NO_MORE in ended["cause"]
+    real.freed(again)
+    rig = real.get("/rigs/demo")
+    assert rig["latch"]["state"] == "latched"
+    assert rig["active_job"] is None
+
+
+@pytest.mark.parametrize("why", ["device: no answer", "estop"])
+def test_another_trip_waits_for_a_person(real: Harness, why: str) -> None:
+    real.bus.edit, real.bus.pause_at = noisy, TICKS
+    job = begun(real, "noise")
+    real.bus.trip(why)
+    assert "begins again" not in real.ended(job)["cause"]
+    real.freed(job)
+    assert real.get("/rigs/demo")["latch"]["state"] == "latched"
+    assert len(real.get("/jobs")["jobs"]) == 1
+
+
+def test_what_presses_a_part_is_begun_by_a_person(real: Harness) -> None:
+    real.bus.pause_at = IN_APPROACH
+    job = begun(real, "contact_stiffness")
+    real.bus.trip(STALLED)
+    assert BY_HAND in real.ended(job)["cause"]
+    real.freed(job)
+    assert real.get("/rigs/demo")["latch"]["state"] == "latched"
+    assert len(real.get("/jobs")["jobs"]) == 1
+
+
+def weighing(taken: int) -> Callable[[list[samples.Tick]], list[samples.Tick]]:
+    """Weights from one on, as an arm that is as soft as it is shows them."""
+
+    skip = 3 * taken
+
+    def edit(ticks: list[samples.Tick]) -> list[samples.Tick]:
+        whole = samples.weighing(ticks[0].position.epoch, STEPS, TRUE_UM_PER_MN)
+        left = [samples.numbered(tick, seq) for seq, tick in enumerate(whole[taken * STEP_TICKS :])]
+        return [
+            replace(tick, telemetry=replace(tick.telemetry, segment=tick.telemetry.segment - skip))
+            for tick in left
+        ]
+
+    return edit
+
+
+def waiting(harness: Harness, live: LiveJob) -> None:
+    harness.until(lambda: live.waiting is not None)
+
+
+def hang(harness: Harness, job: str, weights_mN: Sequence[float]) -> None:
+    """Hang weights as the job asks for them."""
+    for weight_mN in weights_mN:
+        live = harness.manager.active
+        assert live is not None
+        assert live.id == job
+        waiting(harness, live)
+        assert harness.get(f"/jobs/{job}")["progress"]["weight_mN"] == weight_mN
+        assert harness.act(job, "continue").status_code == 202
+
+
+@pytest.mark.parametrize("read", [0, 1, 3])
+def test_weights_go_on_with_the_one_that_was_not_read(real: Harness, read: int) -> None:
+    pauses = [step * STEP_TICKS + samples.HANG_TICKS - 1 for step in range(len(STEPS))]
+    real.bus.edit, real.bus.pauses = weighing(0), pauses
+    first = begun(real, "compliance", weights_mN=WEIGHTS_MN)
+    hang(real, first, STEPS[:read])
+    live = real.manager.active
+    assert live is not None
+    waiting(real, live)
+    real.bus.edit, real.bus.pauses = weighing(read), pauses[: len(STEPS) - read]
+    real.bus.trip(STALLED)
+    ended = real.ended(first)
+    assert f"goes on with weight {read + 1} of {len(STEPS)}" in ended["cause"]
+    second = following(real, first)
+    hang(real, second, STEPS[read:])
+    done = real.ended(second)
+    assert done["state"] == "succeeded", done["cause"]
+    assert len(done["request"]["taken"]) == read
+    (value,) = real.get(f"/calibrations/{second}")["values"]
+    assert value["value"] == pytest.approx(TRUE_UM_PER_MN, rel=0.01)

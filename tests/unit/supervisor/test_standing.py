@@ -1,0 +1,164 @@
+"""How far what is told of the actuator and the part can be trusted; time is virtual."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.config import RigFile
+from pincette.core.faults import Cause, Fault, FaultCode, Mode, fault
+from pincette.core.messages import Applied
+from pincette_supervisor.metrics import collector
+
+from . import samples
+from .canned import IN_APPROACH, IN_HOLD
+from .harness import Harness
+
+T0_S = 100.0
+HEARD_S = 0.2
+"""An older sample is not known any more."""
+LETS_GO_S = 0.4
+"""The demo's output lets go after 0.5 s in steps of 0.1 s, so at the earliest after this."""
+SILENT = fault(FaultCode.INSTRUMENT_SILENT, "no answer on the line")
+
+
+class Rig:
+    """A rig in real time whose supervisor's clock a test sets."""
+
+    def __init__(self, harness: Harness) -> None:
+        self.harness, self.now_s = harness, T0_S
+        harness.observer.clock = lambda: self.now_s
+        harness.health.clock = lambda: self.now_s
+        harness.bus.idle()
+        harness.health.refresh(force=True)
+
+    def say(self, place: int = IN_HOLD, **changes: Any) -> None:
+        """Let the actuator publish a sample."""
+        applied: Applied = samples.grip(7)[place].applied
+        self.harness.bus.publish(replace(applied, **changes))
+
+    def told(self, after_s: float) -> dict[str, Any]:
+        """What REST says so long after the first sample."""
+        self.now_s = T0_S + after_s
+        return self.harness.get("/rigs/demo")
+
+
+@pytest.fixture
+def rig(real_time: RigFile, open_harness: Callable[..., Harness]) -> Rig:
+    return Rig(open_harness(real_time))
+
+
+def state_of(view: dict[str, Any]) -> tuple[str, str]:
+    assert view["latch"]["state"] == view["standing"]["state"]
+    return view["standing"]["state"], view["standing"]["state_certainty"]
+
+
+def part_of(view: dict[str, Any]) -> tuple[str, str]:
+    assert view["part"] == view["standing"]["part"]
+    return view["part"], view["standing"]["part_certainty"]
+
+
+def test_what_was_just_heard_is_known(rig: Rig) -> None:
+    rig.say()
+    view = rig.told(0.0)
+    assert (state_of(view), part_of(view)) == (("armed", "known"), ("held", "known"))
+    assert view["standing"]["state_age_s"] == view["standing"]["part_age_s"] == 0.0
+
+
+def test_an_actuator_killed_in_a_hold_holds_a_part_only_until_its_module_may_have_let_go(
+    rig: Rig,
+) -> None:
+    rig.say()
+    rig.harness.bus.kill("actuator")
+    view = rig.told(HEARD_S + 0.01)
+    assert (state_of(view), part_of(view)) == (("unknown", "unknown"), ("held", "believed"))
+    assert view["standing"]["part_age_s"] == pytest.approx(HEARD_S + 0.01)
+    view = rig.told(LETS_GO_S + 0.01)
+    assert (state_of(view), part_of(view)) == (("unknown", "unknown"), ("unknown", "unknown"))
+    assert view["standing"]["state_age_s"] == pytest.approx(LETS_GO_S + 0.01)
+    assert not view["safe_to_move"]["value"]
+
+
+def test_one_that_hangs_is_believed_and_then_unknown(rig: Rig) -> None:
+    rig.say()
+    rig.harness.bus.silent.add("actuator")
+    view = rig.told(HEARD_S + 0.01)
+    assert (state_of(view), part_of(view)) == (("armed", "believed"), ("held", "believed"))
+    assert state_of(rig.told(LETS_GO_S + 0.01)) == ("unknown", "unknown")
+
+
+def test_an_output_that_holds_by_itself_is_believed_for_as_long_as_nobody_looks(
+    real_time: RigFile, open_harness: Callable[..., Harness]
+) -> None:
+    output = real_time.output.model_copy(
+        update={"options": {"watchdog_s": 0.0}, "on_silence": "holds"}
+    )
+    rig = Rig(open_harness(real_time.model_copy(update={"output": output})))
+    rig.say()
+    rig.harness.bus.kill("actuator")
+    view = rig.told(3600.0)
+    assert (state_of(view), part_of(view)) == (("unknown", "unknown"), ("held", "believed"))
+
+
+def test_without_a_part_nothing_becomes_one(rig: Rig) -> None:
+    rig.say(IN_APPROACH)
+    rig.harness.bus.kill("actuator")
+    view = rig.told(60.0)
+    assert (state_of(view), part_of(view)) == (("unknown", "unknown"), ("none", "believed"))
+
+
+LOST = fault(FaultCode.OUTPUT_UNCONFIRMED, "no answer on the line")
+
+
+@pytest.mark.parametrize(
+    ("cause", "faults"), [(Cause.DEVICE, (SILENT,)), (Cause.ABORT, (LOST,))], ids=["trip", "later"]
+)
+def test_a_freeze_whose_output_fell_silent_holds_nothing_for_sure(
+    rig: Rig, cause: Cause, faults: tuple[Fault, ...]
+) -> None:
+    rig.say()
+    frozen: dict[str, Any] = {
+        "state": Mode.FROZEN,
+        "cause": cause,
+        "faults": faults,
+        "answered": False,
+    }
+    rig.say(**frozen)
+    view = rig.told(0.02)
+    assert (state_of(view), part_of(view)) == (("frozen", "known"), ("held", "believed"))
+    rig.now_s = T0_S + LETS_GO_S
+    rig.say(**frozen)  # it goes on telling what it was told last
+    view = rig.told(LETS_GO_S + 0.01)
+    assert (state_of(view), part_of(view)) == (("frozen", "known"), ("unknown", "unknown"))
+    assert view["standing"]["part_age_s"] == pytest.approx(LETS_GO_S + 0.01)
+
+
+def test_a_freeze_with_an_output_that_answers_is_believed_with_the_age_of_its_voltage(
+    rig: Rig,
+) -> None:
+    rig.say()
+    rig.now_s = T0_S + 5.0
+    rig.say(state=Mode.FROZEN, cause=Cause.ABORT, answered=False)
+    view = rig.told(5.02)
+    assert (state_of(view), part_of(view)) == (("frozen", "known"), ("held", "believed"))
+    assert view["standing"]["part_age_s"] == pytest.approx(5.02)
+
+
+def test_metrics_tell_it_too(rig: Rig) -> None:
+    def served() -> dict[str, list[tuple[dict[str, str], float]]]:
+        found = collector.RigCollector(rig.harness.rigs).collect()
+        return {
+            metric.name: [(sample.labels, sample.value) for sample in metric.samples]
+            for metric in found
+        }
+
+    rig.say()
+    rig.harness.bus.kill("actuator")
+    for after_s, told in ((0.0, ("held", "known")), (1.0, ("unknown", "unknown"))):
+        rig.now_s = T0_S + after_s
+        metrics = served()
+        ((_, heard_s),) = metrics["pincette_actuator_heard_age_seconds"]
+        assert heard_s == pytest.approx(after_s)
+        shown = [labels for labels, value in metrics["pincette_part"] if value]
+        assert [(one["part"], one["certainty"]) for one in shown] == [told]

@@ -1,0 +1,77 @@
+"""A clock that stands still while its program does, and who is called silent by it."""
+
+import threading
+from dataclasses import dataclass
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.config import RigFile
+from pincette.core.messages import Position
+from pincette_supervisor.rigs.observer import Observer
+from pincette_supervisor.rigs.suspend_aware_clock import (
+    SAMPLE_COUNTS_S,
+    SAMPLE_S,
+    SuspendAwareClock,
+)
+
+from .canned import CannedRig
+
+
+@dataclass
+class Hand:
+    """The hand of a clock, which a test turns."""
+
+    now_s: float = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def test_awake_it_goes_as_the_clock_does() -> None:
+    hand = Hand()
+    awake_clock = SuspendAwareClock(hand)
+    for _ in range(60):
+        hand.now_s += SAMPLE_S
+        awake_clock.sample()
+    assert awake_clock() == pytest.approx(60 * SAMPLE_S)
+    hand.now_s += 0.02
+    assert awake_clock() == pytest.approx(60 * SAMPLE_S + 0.02)
+
+
+def test_it_stands_still_while_nobody_looks() -> None:
+    hand = Hand()
+    awake_clock = SuspendAwareClock(hand)
+    hand.now_s += 3600.0
+    assert awake_clock() == SAMPLE_COUNTS_S
+    awake_clock.sample()
+    assert awake_clock() == SAMPLE_COUNTS_S
+
+
+def test_a_sensor_was_not_silent_to_one_who_slept(rig_file: RigFile) -> None:
+    hand = Hand()
+    awake_clock = SuspendAwareClock(hand)
+    bus = CannedRig(rig_file)
+    observer = Observer(bus, hand, awake_clock)
+    assert observer.silent_s(Position) is None
+    bus.publish(Position(0, 1, 0.02, 0.0))
+    hand.now_s += 5.0
+    awake_clock.sample()
+    assert observer.age_s(Position) == pytest.approx(5.0)
+    assert observer.silent_s(Position) == pytest.approx(SAMPLE_COUNTS_S)
+    for _ in range(4):
+        hand.now_s += SAMPLE_S
+        awake_clock.sample()
+    assert observer.silent_s(Position) == pytest.approx(SAMPLE_COUNTS_S + 4 * SAMPLE_S)
+
+
+def test_its_thread_looks_until_it_is_closed() -> None:
+    awake_clock = SuspendAwareClock()
+    awake_clock.start()
+    deadline = monotonic() + 10.0
+    while awake_clock() <= 2.0 * SAMPLE_COUNTS_S:
+        assert monotonic() < deadline, "nobody looks"
+        sleep(0.01)
+    assert "suspend-aware-clock" in {thread.name for thread in threading.enumerate()}
+    awake_clock.close()
+    assert "suspend-aware-clock" not in {thread.name for thread in threading.enumerate()}
