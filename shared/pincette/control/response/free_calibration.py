@@ -7,6 +7,7 @@ refused.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,7 +152,8 @@ def _in_the_way(kink: ContactKink) -> str:
 
 
 def _require_explained(residual_um: float, x: Column, creep: Creep) -> None:
-    noise_um = float(np.std(creep.line.residuals))
+    # of one sample from the next: what shakes the arm slowly is no noise
+    noise_um = float(np.std(np.diff(creep.line.residuals))) / sqrt(2.0)
     limit_um = LARGEST_RESIDUAL * float(np.ptp(x)) + NOISES * noise_um
     if residual_um > limit_um:
         raise ValueError(

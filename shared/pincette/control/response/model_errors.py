@@ -1,8 +1,9 @@
 """What an identified free response gets wrong, from motion it was not fitted to.
 
-Two errors are told apart, in the terms in which the estimator's uncertainty has them: of the
-straight line that stands in for x_1 where nothing is identified, as a share of the travel; and of
-the creep that x_1 does not know, per decade of the age of a zero.
+Three errors are told apart, in the terms in which the estimator's uncertainty has them: of the
+straight line that stands in for x_1 where nothing is identified, as a share of the travel; of
+the creep that x_1 does not know, per decade of the age of a zero; and of x_1 itself, as it grows
+with the voltage's way since a zero.
 """
 
 from collections.abc import Sequence
@@ -13,10 +14,20 @@ import numpy as np
 
 from pincette.control.calibration.free_motion import SecantGain
 from pincette.control.calibration.lines import straight_line
+from pincette.control.checks import require_as_many, require_not_negative, require_positive
+from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.hysteresis_motion import Column
 
 ZERO_AFTER_S = 0.4
 """Into a hold, from when its drift counts: as long as a grip rests before its zero."""
+
+SHARES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
+"""Of the travel, between which ways count as alike: most of the growth is at short ways."""
+LAGS = 12
+SHORTEST_S, LONGEST_S = 0.4, 10.0
+"""Lags: from the rest of a zero to a slow approach with the load after it."""
+LEAST_PAIRS = 100
+"""Of samples, below which a way tells nothing."""
 
 
 class Value(NamedTuple):
@@ -65,6 +76,57 @@ def unknown_creep(left_um: Sequence[Column], period_s: float) -> Value:
         slopes.append(abs(line.slope))
         scatter.append(line.slope_uncertainty)
     return _together("holds", slopes, scatter)
+
+
+def structure_function(
+    voltage_V: Sequence[float] | Column,
+    left_um: Sequence[float] | Column,
+    period_s: float,
+    noise_um: float = 0.0,
+) -> ErrorGrowth:
+    """Growth of the error of x_1, between samples as far apart in time as a zero is from a press.
+
+    Slower errors are creep. Source of the function: A. N. Kolmogorov, Dokl. Akad. Nauk SSSR 30,
+    1941.
+
+    Parameters
+    ----------
+    voltage_V, left_um
+        N samples of matched ages; the offset of ``left_um`` does not matter.
+    noise_um
+        Standard deviation of the sensor's, which is stated apart: 2·noise² is taken off.
+
+    Raises
+    ------
+    ValueError
+        Where lengths disagree, the voltage rests, or the record is too short for any way.
+    """
+    u, r = np.asarray(voltage_V, dtype=np.float64), np.asarray(left_um, dtype=np.float64)
+    require_as_many("voltages", u, "residuals", r)
+    require_positive("period", period_s, "s")
+    require_not_negative("noise", noise_um, "µm")
+    travel_V = require_positive("travel of the voltage", float(np.ptp(u)) if len(u) else 0.0, "V")
+    edges_V = travel_V * np.array(SHARES)
+    cells = len(SHARES) - 1
+    squares, ways, pairs = np.zeros(cells), np.zeros(cells), np.zeros(cells)
+    lags = np.unique(np.round(np.geomspace(SHORTEST_S, LONGEST_S, LAGS) / period_s).astype(int))
+    for lag in lags[(lags > 0) & (lags < len(u))].tolist():
+        way = np.abs(u[lag:] - u[:-lag])
+        cell = np.clip(np.searchsorted(edges_V, way, side="right") - 1, 0, cells - 1)
+        squares += np.bincount(cell, (r[lag:] - r[:-lag]) ** 2, cells)
+        ways += np.bincount(cell, way, cells)
+        pairs += np.bincount(cell, minlength=cells)
+    ways_V: list[float] = []
+    errors_um: list[float] = []
+    largest_um = 0.0
+    for square, way, count in zip(squares.tolist(), ways.tolist(), pairs.tolist(), strict=True):
+        if count >= LEAST_PAIRS and way > 0.0:
+            largest_um = max(largest_um, sqrt(max(0.0, square / count - 2.0 * noise_um**2)))
+            ways_V.append(way / count)
+            errors_um.append(largest_um)
+    if not ways_V:
+        raise ValueError(f"{len(u)} samples are too few to tell how an error grows")
+    return ErrorGrowth(tuple(ways_V), tuple(errors_um))
 
 
 def _decades(samples: int, period_s: float) -> Column:

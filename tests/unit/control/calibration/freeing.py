@@ -21,11 +21,14 @@ from .bench import DEMO, PERIOD_S, Bench, drawn
 SAMPLES_PER_CYCLE = 1.0 / (GAIN_HZ * PERIOD_S)
 
 
-def freed(simulation: Simulation) -> tuple[Bench, FreeMotion]:
-    """Move an arm that touches nothing over the voltages of a grip."""
+def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench, FreeMotion]:
+    """Move an arm that touches nothing over the voltages of a grip; with a past, once more."""
     bench = Bench(simulation.model_copy(update={"bead": False}))
     rig = derived.planned_rig(DEMO)
     program = free_response_program(rig, from_V=-0.3, to_V=3.5, rate_V_per_s=3.2)
+    if moved_before:
+        bench.play(program.segments)
+        del bench.voltage_V[:], bench.x_um[:]
     places = bench.play(program.segments)
     full: dict[str, slice] = {}
     for phase, count in (("cycles", GAIN_CYCLES), ("presses", PRESS_CYCLES)):

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pincette.control.response.error_growth import checked_growth, error_growth
+from pincette.control.response.error_growth import checked_growth
 from pincette.control.response.free_response import FreeSample
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import simulate
 from pincette.control.response.identification import HELD_OUT, identify_free_response
 from pincette.control.response.identified_response import identified_response
+from pincette.control.response.model_errors import structure_function
 
 PERIOD_S = 0.02
 MEASURED = Path(__file__).parents[4].parent / "shared/data/piezo-stack-hysteresis/Model_Vi_Do.dat"
@@ -25,7 +26,7 @@ def swings(samples: int = 6000) -> np.ndarray:
 
 def test_an_error_of_the_gain_grows_in_proportion_to_the_way() -> None:
     u = swings()
-    growth = error_growth(u, 0.1 * u + 4.0, PERIOD_S)
+    growth = structure_function(u, 0.1 * u + 4.0, PERIOD_S)
     assert growth.errors_um[1:] == pytest.approx([0.1 * w for w in growth.ways_V[1:]], rel=0.05)
     assert growth.at(0.0) == 0.0
     assert growth.at(99.0) == growth.errors_um[-1]
@@ -35,8 +36,10 @@ def test_errors_that_are_apart_are_as_large_as_both_and_noise_is_taken_off() -> 
     random = np.random.default_rng(5)
     u, noise_um = swings(), 0.05
     white = random.normal(0.0, noise_um, len(u))
-    assert max(error_growth(u, white, PERIOD_S, noise_um).errors_um) < 0.02
-    assert error_growth(u, white, PERIOD_S).at(1.0) == pytest.approx(sqrt(2.0) * noise_um, rel=0.1)
+    assert max(structure_function(u, white, PERIOD_S, noise_um).errors_um) < 0.02
+    assert structure_function(u, white, PERIOD_S).at(1.0) == pytest.approx(
+        sqrt(2.0) * noise_um, rel=0.1
+    )
 
 
 def test_errors_at_other_times_lie_within_twice_what_is_found() -> None:
@@ -47,7 +50,7 @@ def test_errors_at_other_times_lie_within_twice_what_is_found() -> None:
     left = np.zeros(len(u))
     for k in range(1, len(u)):
         left[k] = left[k - 1] * (1.0 - 0.5 * abs(u[k] - u[k - 1])) + 0.1 * steps[k]
-    growth = error_growth(u[:20000], left[:20000], PERIOD_S)
+    growth = structure_function(u[:20000], left[:20000], PERIOD_S)
     zero, later = left[20000:-100], left[20100:]
     way = np.abs(u[20100:] - u[20000:-100])
     stated = 2.0 * np.array([growth.at(w) for w in way.tolist()])
@@ -65,7 +68,7 @@ def test_a_measured_stack_errs_at_once_not_over_half_a_volt() -> None:
     found = identify_free_response(u.tolist(), x.tolist(), PERIOD_S, unpoled=False)
     unseen = slice(int(len(u) * (1.0 - HELD_OUT)), None)
     left = (x - simulate(found.model, u, PERIOD_S))[unseen]
-    growth = error_growth(u[unseen], left, PERIOD_S)
+    growth = structure_function(u[unseen], left, PERIOD_S)
     print(found.residual_um, growth)
     assert 0.5 < growth.at(0.1) / (sqrt(2.0) * found.residual_um) < 1.3
 
@@ -88,6 +91,6 @@ def test_what_cannot_be_is_refused() -> None:
         with pytest.raises(ValueError, match=why):
             checked_growth(ways_V, errors_um)
     with pytest.raises(ValueError, match="travel of the voltage"):
-        error_growth([1.0] * 500, [0.0] * 500, PERIOD_S)
+        structure_function([1.0] * 500, [0.0] * 500, PERIOD_S)
     with pytest.raises(ValueError, match="30 samples are too few"):
-        error_growth(np.linspace(0.0, 3.0, 30), [0.0] * 30, PERIOD_S)
+        structure_function(np.linspace(0.0, 3.0, 30), [0.0] * 30, PERIOD_S)

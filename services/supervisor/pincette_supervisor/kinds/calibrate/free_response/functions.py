@@ -10,13 +10,14 @@ from pincette.control.planning.free_response_program import (
     PRESS_CYCLES,
     free_response_program,
 )
-from pincette.control.response.error_growth import ErrorGrowth, error_growth
+from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.free_calibration import (
     FreeCalibration,
     FreeMotion,
     calibrate_free_response,
 )
 from pincette.control.response.identification import HELD_OUT
+from pincette.control.response.model_errors import structure_function
 from pincette_supervisor.calibration.findings import (
     Analysis,
     figure,
@@ -155,7 +156,7 @@ def _growth(found: FreeCalibration, motion: FreeMotion, run: Run) -> ErrorGrowth
     unseen = slice(int(motion.course.stop * (1.0 - HELD_OUT)), None)
     left_um = (found.x_um - found.model_um)[unseen]
     noise_um = run.planned.model.rig.sensor.noise_um
-    return error_growth(found.voltage_V[unseen], left_um, motion.period_s, noise_um)
+    return structure_function(found.voltage_V[unseen], left_um, motion.period_s, noise_um)
 
 
 def draw(sheet: Sheet, found: FreeCalibration) -> None:
