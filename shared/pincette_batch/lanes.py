@@ -21,7 +21,7 @@ from pincette_batch.compiling import as_record, compiled, of_the_library
 from pincette_batch.kernel import law, loop
 from pincette_batch.kernel import plant as arms
 from pincette_batch.kernel.constants import Floats
-from pincette_batch.kernel.lane import COLUMNS, LANE, Ending
+from pincette_batch.kernel.lane import COLUMNS, FORCE, LANE, SEGMENT, Ending
 from pincette_batch.kernel.plant import Moved
 from pincette_batch.prepared import PreparedRig, drifts_um, law_of, most_ticks, play_of
 from pincette_batch.zeroing import Memory, Zeroing
@@ -98,9 +98,27 @@ def play_lane(prepared: PreparedRig, case: Case) -> Run:
         if lane["ending"] == Ending.ZERO:
             zeroing.answer(lane, memory)
     ending = Ending(int(lane["ending"]))
+    if ending is Ending.DONE and _may_touch(memory.columns[:, : int(lane["tick"])], program):
+        ending = Ending.CONTACT
     phases = tuple(segment.phase for segment in program.segments)
     outcome = outcome_of(program) if ending is Ending.DONE else ending.name.lower()
     return Run(ending, outcome, memory.columns[:, : int(lane["tick"])], phases)
+
+
+def _may_touch(columns: Floats, program: Program) -> bool:
+    """Whether a guard of free space may have acted: a lane knows the force, not its uncertainty."""
+    guards, count, clear = program.guards, 0, False
+    guarded = [segment.guarded for segment in program.segments]
+    for number, force_mN in zip(columns[SEGMENT].tolist(), columns[FORCE].tolist(), strict=True):
+        if not guarded[int(number)]:
+            count, clear = 0, False
+        elif abs(force_mN) < guards.contact_force_mN:
+            count, clear = 0, True
+        elif clear:
+            count += 1
+            if count >= guards.contact_samples:
+                return True
+    return False
 
 
 def outcome_of(program: Program) -> str:

@@ -46,7 +46,10 @@ class Zeroing:
         )
         response = self._state.response
         lane["ending"] = Ending.NONE
-        if estimate.zero_refusal or not estimate.valid:
+        touch = state.contact_detector.touch
+        if touch is not None and touch.on_new_ground:
+            lane["ending"] = Ending.CONTACT
+        elif estimate.zero_refusal or not estimate.valid:
             lane["ending"] = Ending.ZERO_REFUSED
         lane["zeroed"] = estimate.zero_age_s is not None
         lane["force_mN"], lane["offset_um"] = estimate.force_mN, response.offset_um
@@ -79,7 +82,7 @@ class Zeroing:
             state.contact_detector,
         )
         if self._watched == 0:
-            watch = ContactDetector(d_p * applied_V[0], x_um[0])
+            watch = ContactDetector(d_p * applied_V[0], x_um[0], free_to_um=x_um[0])
         for at in range(self._watched, tick):
             nominal_um = d_p * applied_V[at]
             # Within a step of travel it stays as it is, which is most of the time.

@@ -1,4 +1,10 @@
-"""What ends a segment early: contact, too much force, a lost part, a limit of position."""
+"""What ends a segment early: contact, too much force, a lost part, a limit of position.
+
+On its way through free space the arm must meet nothing. A touch is found twice: by a force beyond
+what the estimate may err by, from the first sample on, and by the slope of the closing arm, which
+needs neither a zero nor a model. Either stops the motion, and the arm goes back to where it was
+free.
+"""
 
 from msgspec.structs import replace
 
@@ -9,6 +15,8 @@ from pincette_controller.player_state import Player, enter, follow, has_phase, j
 
 RETREAT_S = 2.0
 """How long the way back takes where a program has none."""
+BACK_UM, BACK_SHARE = 2.0, 0.1
+"""Way out of what was met on the way back, in µm, or as a share of the voltage gone back."""
 STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
 WATCHED = (Phase.HOLD, Phase.SETTLE, Phase.TRACK)
@@ -17,26 +25,41 @@ WATCHED = (Phase.HOLD, Phase.SETTLE, Phase.TRACK)
 
 def guard(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
     """Judge the newest sample."""
-    guards, segment = program.guards, player.segment
-    F_mN = estimate.force_mN
+    segment = player.segment
+    if not segment.guarded and (player.clear or player.touching):
+        player = replace(player, clear=False, touching=0)
     if segment.open_loop and _beyond(program, estimate.x_um):
         if player.outcome != Outcome.OVERTRAVEL:
             return _give_up(program, replace(player, outcome=Outcome.OVERTRAVEL), estimate.x_um)
-    elif estimate.zero_age_s is not None and F_mN > guards.force_max_mN:
+    elif _too_much(program, player, estimate):
         if player.outcome != Outcome.OVERFORCE:
             return _give_up(program, replace(player, outcome=Outcome.OVERFORCE), estimate.x_um)
     elif player.zeroing:
         return _await_zero(program, player, estimate, period_s)
     elif segment.kind == "seek":
         return _seek(program, player, estimate)
-    elif segment.guarded and estimate.zero_age_s is not None:
+    elif segment.guarded and player.outcome != Outcome.CONTACT:
         return _watch_way(program, player, estimate)
     elif segment.phase == Phase.LOAD and not (player.paused or player.resumed):
-        line = player.line.add(estimate.x_um, F_mN, player.force_r_mN)
+        line = player.line.add(estimate.x_um, estimate.force_mN, player.force_r_mN)
         return replace(player, line=line)
     elif segment.presses and (segment.phase in WATCHED or player.paused):
         return _watch_part(program, player, estimate)
     return player
+
+
+def _too_much(program: Program, player: Player, estimate: Estimate) -> bool:
+    """Whether the force is beyond its limit for certain; within a sweep nothing is known of it."""
+    if player.segment.kind == "sweep":
+        return False
+    return sure_force_mN(estimate) > program.guards.force_max_mN
+
+
+def sure_force_mN(estimate: Estimate) -> float:
+    """Return F by a zero; before one F - U, the least that presses by the free response."""
+    if estimate.zero_age_s is not None:
+        return estimate.force_mN
+    return estimate.force_mN - estimate.force_uncertainty_mN
 
 
 def _beyond(program: Program, x_um: float) -> bool:
@@ -90,17 +113,30 @@ def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
 
 
 def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
-    """Come to rest where the arm meets something: a force beyond what the estimate may err by."""
+    """Turn back where the arm meets something; what it still left behind it must clear first."""
     guards = program.guards
-    sure_mN = abs(estimate.force_mN) - estimate.force_uncertainty_mN
+    by_slope_mN = estimate.touch_mN or 0.0
+    sure_mN = max(abs(estimate.force_mN) - estimate.force_uncertainty_mN, by_slope_mN)
     if sure_mN < guards.contact_force_mN:
-        return replace(player, count=0) if player.count else player
-    if player.count + 1 < guards.contact_samples:
-        return replace(player, count=player.count + 1)
-    x_um = estimate.x_um
+        if player.clear and not player.touching:
+            return player
+        return replace(player, clear=True, touching=0)
+    if not player.clear:
+        return player
+    if player.touching + 1 < guards.contact_samples:
+        return replace(player, touching=player.touching + 1)
+    return _turn_back(program, player, estimate)
+
+
+def _turn_back(program: Program, player: Player, estimate: Estimate) -> Player:
+    """Go back to where the program began, or out of what is in the way on the way back."""
+    x_um, by_slope_mN = estimate.x_um, estimate.touch_mN or 0.0
+    behind = estimate.force_mN < 0.0 and by_slope_mN < program.guards.contact_force_mN
     touched = replace(
         player,
         outcome=Outcome.CONTACT,
+        touch_x_um=x_um if behind or estimate.touch_x_um is None else estimate.touch_x_um,
+        touch_mN=estimate.force_mN if behind else max(estimate.force_mN, by_slope_mN),
         x_r_um=x_um,
         speed_um_per_s=0.0,
         bump=True,
@@ -108,8 +144,16 @@ def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
         paused=False,
     )
     if player.segment.open_loop:
-        return enter(touched, -1, Segment(Phase.STOPPING, "voltage", STOP_S))
-    rest = Segment(Phase.STOPPING, "free", STOP_S, x_to_um=x_um, law=player.segment.law)
+        from_V, back_V = estimate.applied_V, min(player.begin_V, estimate.applied_V)
+        if behind:
+            back_V = from_V + max(0.0, BACK_SHARE * (player.from_V - from_V))
+        return enter(
+            touched, -1, Segment(Phase.STOPPING, "voltage", RETREAT_S, voltage_to_V=back_V)
+        )
+    if has_phase(program, Phase.RETREAT) and not behind:
+        return jump(program, touched, Phase.RETREAT, x_um)
+    back_um = x_um + BACK_UM if behind else min(player.begin_x_um, x_um)
+    rest = Segment(Phase.STOPPING, "free", RETREAT_S, x_to_um=back_um, law=player.segment.law)
     return enter(touched, -1, rest)
 
 

@@ -16,18 +16,23 @@ from pincette.core.codec.refusals import largest_floats
 from pincette.core.faults import Acted, Fault, FaultCode, fault
 from pincette.core.messages import Command, Estimate, Telemetry
 from pincette_controller.config import ControllerConfig
+from pincette_controller.guarding import sure_force_mN
 from pincette_controller.player_state import Player
 
 NUMBERS = largest_floats(Telemetry)
 """Of telemetry, each with the largest magnitude that a decoder takes."""
 
 
-def zeroed_force_mN(estimate: Estimate) -> float | None:
-    """The force, where there is a valid zero."""
-    return estimate.force_mN if estimate.valid and estimate.zero_age_s is not None else None
+def known_force_mN(estimate: Estimate, player: Player | None) -> float | None:
+    """The force that the hard limit is held against, as the guards take it; None within a sweep."""
+    if not estimate.valid or (player is not None and player.segment.kind == "sweep"):
+        return None
+    return sure_force_mN(estimate)
 
 
-def no_command(estimate: Estimate, epoch: int, owner: int, silenced: Fault | None) -> Command:
+def no_command(
+    estimate: Estimate, epoch: int, owner: int, silenced: Fault | None, player: Player | None
+) -> Command:
     """An invalid command with the force, by which the actuator watches a frozen part."""
     return Command(
         epoch=epoch,
@@ -39,7 +44,7 @@ def no_command(estimate: Estimate, epoch: int, owner: int, silenced: Fault | Non
         final=False,
         valid=False,
         fault=estimate.fault or silenced,
-        force_mN=zeroed_force_mN(estimate),
+        force_mN=known_force_mN(estimate, player),
     )
 
 
@@ -73,6 +78,8 @@ def telemetry_of(
         held=player.held,
         acted=acted,
         paused=player.paused,
+        touch_x_um=player.touch_x_um,
+        touch_mN=player.touch_mN,
     )
 
 

@@ -34,6 +34,8 @@ def begin(program: Program, x_um: float, applied_V: float = 0.0) -> Player:
         held=program.begins_held,
         from_V=applied_V,
         voltage_V=applied_V,
+        begin_x_um=x_um,
+        begin_V=applied_V,
     )
 
 
@@ -114,7 +116,9 @@ def _outcome(program: Program, player: Player) -> Outcome:
         return Outcome.GRIPPED
     if segment.kind == "path":
         return Outcome.TRACKED
-    return Outcome.MOVED if segment.open_loop or segment.guarded else Outcome.NONE
+    seeks = any(other.kind == "seek" for other in program.segments)
+    moves = segment.open_loop or (segment.guarded and not seeks)
+    return Outcome.MOVED if moves else Outcome.NONE
 
 
 def _settle_contact(program: Program, player: Player) -> Player:

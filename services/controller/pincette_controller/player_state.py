@@ -49,6 +49,16 @@ class Player(FrozenRecord, frozen=True):
     """The references rest, and the segment's time stands still."""
     resumed: bool = False
     """The pause has just ended: the newest sample is one of the rest."""
+    begin_x_um: float = 0.0
+    begin_V: float = 0.0
+    """Where the program began."""
+    clear: bool = False
+    """Whether the arm has been free on this way: only then a touch is one."""
+    touching: int = 0
+    """Consecutive samples of a touch."""
+    touch_x_um: float | None = None
+    touch_mN: float | None = None
+    """What the arm met on its way through free space."""
     ends_after: str = ""
     """Phase under a law with which the program ends early; empty: none."""
 

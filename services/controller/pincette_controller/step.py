@@ -47,10 +47,10 @@ from pincette_controller.config import ControllerConfig, configure
 from pincette_controller.outputs import (
     check_command,
     invalid_command,
+    known_force_mN,
     no_command,
     number_out_of_bounds,
     telemetry_of,
-    zeroed_force_mN,
 )
 from pincette_controller.player import advance, begin
 from pincette_controller.player_state import Player
@@ -129,7 +129,11 @@ def _answer(
     state = replace(state, seq=estimate.seq)
     if estimate.tripped and state.playing:
         state = replace(state, playing=False, pending=(), found=TRIPPED)
-    return state, (no_command(estimate, state.epoch, state.owner, state.silenced),)
+    return state, (_silent(state, estimate),)
+
+
+def _silent(state: State, estimate: Estimate) -> Command:
+    return no_command(estimate, state.epoch, state.owner, state.silenced, state.player)
 
 
 def _play(
@@ -185,7 +189,7 @@ def _play(
         final=player.ended,
         valid=True,
         sweep=None if player.ended else player.segment.sweep,
-        force_mN=zeroed_force_mN(estimate),
+        force_mN=known_force_mN(estimate, player),
         x_d_um=None if player.ended or not steered else memory.x_d_um,
     )
     watches, command = check_command(config, state.watches, command, estimate)

@@ -103,7 +103,9 @@ def _follow_free_motion(
     first = state.observed_seq is None
     response = state.response.begin(x_um) if first else state.response
     nominal_um = response.nominal_um_per_V * applied.voltage_V
-    detector = ContactDetector(nominal_um, x_um) if first else state.contact_detector
+    detector = state.contact_detector
+    if first:
+        detector = ContactDetector(nominal_um, x_um, free_to_um=x_um)
     samples: tuple[FreeSample, ...] = ()
     if not applied.part_held:
         samples = (*state.samples[1 - FREE_SAMPLES :], response.sample(x_um))
@@ -137,7 +139,7 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
         state,
         response=response.rezero(state.samples, config.zero_limits.rest_samples),
         unknown=state.unknown.rezero(response),
-        contact_detector=ContactDetector(nominal_um, position.x_um),
+        contact_detector=state.contact_detector.restarted(position.x_um, nominal_um),
         reversal_memory=ReversalMemory(applied.voltage_V),
         zero_s=t_s,
         zero_refusal=None,
@@ -170,6 +172,7 @@ def _estimate(
             scale_V=config.forgotten_scale_V,
         ),
     )
+    touch_x_um, touch_mN = _touch(config, state, position.x_um, applied)
     return Estimate(
         epoch=position.epoch,
         seq=position.seq,
@@ -185,7 +188,20 @@ def _estimate(
         tripped=applied.state in TRIPPED,
         degraded=False,
         valid=True,
+        touch_x_um=touch_x_um,
+        touch_mN=touch_mN,
     )
+
+
+def _touch(
+    config: EstimatorConfig, state: State, x_um: float, applied: Applied
+) -> tuple[float | None, float | None]:
+    """Where the arm met something on new ground, and the force by how it lags since; or None."""
+    touch = state.contact_detector.touch
+    if touch is None or not touch.on_new_ground:
+        return None, None
+    back_um = touch.pushed_back_um(x_um, state.response.nominal_um_per_V * applied.voltage_V)
+    return touch.x_um, back_um / config.compliance_um_per_mN
 
 
 def _creep_um(config: EstimatorConfig, age_s: float) -> float:

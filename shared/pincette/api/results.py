@@ -61,6 +61,10 @@ class JobResult(Model):
     unanswered_ticks: int
     """Ticks for which the actuator took no command."""
     dropped_messages: int
+    touch_x_um: float | None = None
+    """Where the arm met something on its way through free space."""
+    touch_force_mN: float | None = None
+    """With which force, as it turned back: by the free response, or by the slope of its way."""
 
 
 class ClosedLoopResult(JobResult):

@@ -137,8 +137,9 @@ class Model(Table):
     """d_p: free stroke for a volt at the amplifier's input, without hysteresis."""
     compliance_um_per_mN: Positive = 0.46
     """s_p: how far a force at the tip bends the arm."""
-    hysteresis_fraction: NotNegative = 0.06
-    """Error of the linear free response, as a share of the voltage travel since the zero."""
+    hysteresis_fraction: NotNegative = 0.2
+    """Standard error of the linear free response, as a share of the furthest travel of the voltage
+    since the zero; by default that of an arm of unknown gain."""
     creep_mN_per_decade: NotNegative = 0.3
     """Growth of the force uncertainty per decade of zero age."""
     forgotten_mN: NotNegative = 3.0

@@ -81,6 +81,8 @@ COLUMNS = (
     _column(Telemetry, "contact_stiffness_mN_per_um", "stiffness of what is held"),
     _column(Telemetry, "held", "a part is held"),
     _column(Telemetry, "paused", "the references rest, on request"),
+    _column(Telemetry, "touch_x_um", "position at which the arm met something on a free way"),
+    _column(Telemetry, "touch_mN", "force as it turned back from there"),
     _column(Telemetry, "acted", "actions that took effect at this sample"),
     _column(GroundTruth, "true_x_um", "simulated rig: true position", "x_um"),
     _column(GroundTruth, "true_force_mN", "simulated rig: true contact force", "force_mN"),

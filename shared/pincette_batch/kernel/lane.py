@@ -34,6 +34,8 @@ class Ending(IntEnum):
     ZERO_REFUSED = 11
     OTHERWISE = 12
     """Played by the composed loop, to another end than its program's; see ``Run.outcome``."""
+    CONTACT = 13
+    """Something may have been met on the way through free space."""
 
 
 X, FORCE, APPLIED, TRUE_X, TRUE_FORCE, VOLTAGE, X_R, FORCE_R = range(8)

@@ -12,7 +12,7 @@ from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import ended_words
 from pincette_supervisor.jobs.resumption import resumption
 from pincette_supervisor.jobs.stalls import stall_words
-from pincette_supervisor.jobs.tracker import Tracker, gone_words, outcome_words, silent_words
+from pincette_supervisor.jobs.tracker import Tracker, gone_words, silent_words
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
@@ -264,7 +264,7 @@ class JobMonitor:
                 words = self._trip_words(tracker.trip)
                 more = gone or stall_words(self._context, tracker.trip)
                 job.cause = f"{words}; {more}" if more else words
-            job.note_cause(outcome_words(tracker.final_outcome()))
+            job.note_cause(tracker.final_words())
         fault = self._recorder.store(tracker, self._collection, over=over)
         if fault and event == "done":
             job.note_cause(fault)

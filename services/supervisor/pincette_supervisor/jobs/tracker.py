@@ -135,6 +135,10 @@ class Tracker:
         """How the program ended; ``Outcome.NONE`` where it has not come to its end."""
         return self.outcome or (Outcome.RELEASED if self.released else Outcome.NONE)
 
+    def final_words(self) -> str:
+        """How the program ended, in words."""
+        return outcome_words(self.final_outcome(), self._telemetry)
+
     def progress(self, wait: Wait | None = None) -> Progress:
         """The progress by the newest samples, with what the run waits for."""
         position, applied, telemetry = self._position, self._applied, self._telemetry
@@ -175,9 +179,14 @@ class Tracker:
         return estimate.force_mN, estimate.force_uncertainty_mN
 
 
-def outcome_words(outcome: Outcome) -> str:
-    """An outcome code with its meaning."""
-    return f"{outcome}: {OUTCOMES[outcome]}" if outcome else "unfinished"
+def outcome_words(outcome: Outcome, telemetry: Telemetry | None = None) -> str:
+    """An outcome code with its meaning, and what was met with its place and its force."""
+    words = f"{outcome}: {OUTCOMES[outcome]}" if outcome else "unfinished"
+    if outcome != Outcome.CONTACT or telemetry is None or telemetry.touch_mN is None:
+        return words
+    return (
+        f"{words}, at {telemetry.touch_x_um:.2f} µm, and went back at {telemetry.touch_mN:.1f} mN"
+    )
 
 
 def gone_words(context: RigContext) -> str:

@@ -78,6 +78,8 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
         "missed_ticks": missed(table),
         "unanswered_ticks": answered.count(False),
         "dropped_messages": dropped,
+        "touch_x_um": figures.last(table["touch_x_um"]),
+        "touch_force_mN": figures.last(table["touch_mN"]),
     }
 
 

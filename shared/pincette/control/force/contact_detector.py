@@ -6,12 +6,14 @@ the share s_p·K_e/(1 + s_p·K_e).
 """
 
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 LEAST_STEP_UM = 1.0
+NEW_GROUND_STEPS = 2.0
+"""Steps of ``KinkLimits`` by which a kink may lie before the furthest position so far."""
 STEP_OVER_NOISE = 6.0
 """Standard deviations of the sensor's noise in a slope that the kink must exceed."""
 
@@ -49,6 +51,8 @@ class DetectedContact(FrozenRecord, frozen=True):
     x_um: float
     nominal_um: float
     slope: float
+    on_new_ground: bool = False
+    """Whether the arm had not been as far before; a kink where it has been is one of its own."""
 
     def pushed_back_um(self, x_um: float, nominal_um: float) -> float:
         """How far the arm lacks to where it would be, had it gone on as before the touch."""
@@ -72,22 +76,37 @@ class ContactDetector(FrozenRecord, frozen=True):
     slope_2: float = 0.0
     """Of the step before; one that touches on its way has a slope between."""
     touch: DetectedContact | None = None
+    free_to_um: float = -inf
+    """Furthest that the arm has been before the touch."""
+
+    def restarted(self, x_um: float, nominal_um: float) -> "ContactDetector":
+        """Begin anew, with the ground that is known to be free."""
+        return ContactDetector(nominal_um, x_um, free_to_um=self.free_to_um)
 
     def follow(self, limits: KinkLimits, x_um: float, nominal_um: float) -> "ContactDetector":
         """Take in x_k and d_p·u_{k-1}; within a step nothing changes."""
         travel_um = nominal_um - self.nominal_um
         if -limits.step_um < travel_um < limits.step_um:
             return self
-        touch = self.touch
+        touch, free_to_um = self.touch, self.free_to_um
         if travel_um < 0.0:
             if touch is not None and nominal_um < touch.nominal_um:
                 touch = None
-            return ContactDetector(nominal_um, x_um, touch=touch)
+            return ContactDetector(nominal_um, x_um, touch=touch, free_to_um=free_to_um)
         slope = (x_um - self.x_um) / travel_um
         if touch is None and slope < self.slope - limits.drop:
-            touch = DetectedContact(self.x_um, self.nominal_um, self.slope)
+            touch = self._met(limits, self.x_um, self.nominal_um, self.slope)
         elif touch is None and slope < self.slope_2 - limits.drop:
-            touch = DetectedContact(self.x_2_um, self.nominal_2_um, self.slope_2)
+            touch = self._met(limits, self.x_2_um, self.nominal_2_um, self.slope_2)
+        if touch is None:
+            free_to_um = max(free_to_um, x_um)
         return ContactDetector(
-            nominal_um, x_um, slope, self.nominal_um, self.x_um, self.slope, touch
+            nominal_um, x_um, slope, self.nominal_um, self.x_um, self.slope, touch, free_to_um
         )
+
+    def _met(
+        self, limits: KinkLimits, x_um: float, nominal_um: float, slope: float
+    ) -> DetectedContact:
+        # The step that found no kink may have reached beyond it.
+        on_new_ground = x_um >= self.free_to_um - NEW_GROUND_STEPS * limits.step_um
+        return DetectedContact(x_um, nominal_um, slope, on_new_ground)

@@ -7,6 +7,8 @@ nothing has moved then. The motion of the arm is predicted by nominal values.
 
 from collections.abc import Sequence
 
+from msgspec.structs import replace
+
 from pincette.control.checks import require_positive
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.paths import Knot, Path
@@ -22,6 +24,10 @@ SWEEP_REST_S = 1.0
 """Before and after a sweep, so that the record begins and ends at rest."""
 LEAST_CAPTURE_HZ = 10_000.0
 
+FEEL_SWINGS, FEEL_UM_PER_S = 2.0, 20.0
+"""How far the free way is felt before a sweep, in swings at resonance by nominal values, which a
+mode of half the damping makes; and how fast."""
+
 FREE = Guards(
     contact_force_mN=1.0,
     contact_samples=1,
@@ -32,7 +38,7 @@ FREE = Guards(
     stiffness_max_mN_per_um=1.0,
     zero_wait_s=1.0,
 )
-"""Nothing is touched, and without a zero no guard of force acts."""
+"""Nothing is touched; who plans for a rig puts in the forces that end it."""
 
 
 def noise_program(duration_s: float = NOISE_S) -> Program:
@@ -88,7 +94,7 @@ def compliance_program(rig: PlannedRig, weight_mN: Sequence[float]) -> Program:
         segments.append(Segment(f"hang {number}", "voltage", None))
         segments.append(Segment(f"settle {number}", "voltage", SETTLE_S))
         segments.append(Segment(f"measure {number}", "voltage", MEASURE_S))
-    return free_program(*segments)
+    return Program(tuple(segments), FREE, contact_stiffness_mN_per_um=1.0)
 
 
 def frequency_response_program(
@@ -103,6 +109,9 @@ def frequency_response_program(
     duration_s: float = SWEEP_S,
 ) -> Program:
     """Swept sine about the resting voltage, captured beside its drive; phase ``sweep``.
+
+    No sample of the loop shows a swing at resonance, and so nothing stops it. Therefore the arm
+    first goes slowly through twice as much of its way, phase ``feel``, where a part stops it.
 
     Raises
     ------
@@ -125,7 +134,13 @@ def frequency_response_program(
             limits.position_min_um,
             limits.position_max_um,
         )
+    most_V = (limits.position_max_um - rig.x_start_um) / rig.piezo_um_per_V
+    feel_V = min(FEEL_SWINGS * swing_um / rig.piezo_um_per_V, most_V, limits.voltage_max_V - rest_V)
+    rate_V_per_s = min(FEEL_UM_PER_S / rig.piezo_um_per_V, limits.slew_V_per_s)
+    stops = [(rest_V, rate_V_per_s, 0.0), (rest_V + feel_V, rate_V_per_s, 0.0)]
+    feel = voltage_moves([*stops, stops[0]])
     return free_program(
+        Segment("feel", "voltage", feel.duration_s, path=feel),
         Segment("rest", "voltage", SWEEP_REST_S),
         Segment("sweep", "sweep", duration_s, sweep=sweep),
         Segment("rest", "voltage", SWEEP_REST_S),
@@ -134,8 +149,9 @@ def frequency_response_program(
 
 
 def free_program(*segments: Segment, capture_hz: float = 0.0) -> Program:
-    """Program of an arm that touches nothing."""
-    return Program(segments, FREE, contact_stiffness_mN_per_um=1.0, capture_hz=capture_hz)
+    """Program of an arm that touches nothing: what it meets ends it, but within a sweep."""
+    watched = tuple(replace(segment, guarded=segment.kind != "sweep") for segment in segments)
+    return Program(watched, FREE, contact_stiffness_mN_per_um=1.0, capture_hz=capture_hz)
 
 
 def full_cycles(path: Path, period_s: float, last: int) -> slice:

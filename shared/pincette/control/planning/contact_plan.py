@@ -144,7 +144,7 @@ def plan_contact(
         free_response=rig.free_response,
     )
     retreat_s = move_duration(request.contact_um - arm.x_start_um, request.approach_um_per_s)
-    retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um)
+    retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um, guarded=True)
     segments = (*_way_there(request, arm), *pressing, retreat)
     phases = _phases(request, arm, segments)
     require_bounded([(phase.phase, phase.duration_s) for phase in phases])
@@ -176,9 +176,9 @@ def _way_there(request: ContactRequest, arm: PlannedArm) -> tuple[Segment, ...]:
     seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s
     approach_s = move_duration(stand_off_um - arm.x_start_um, request.approach_um_per_s)
     return (
-        Segment("zero", "zero", request.zero_s),
-        Segment("approach", "free", approach_s, x_to_um=stand_off_um),
-        Segment("approach", "zero", request.zero_s),
+        Segment("zero", "zero", request.zero_s, guarded=True),
+        Segment("approach", "free", approach_s, x_to_um=stand_off_um, guarded=True),
+        Segment("approach", "zero", request.zero_s, guarded=True),
         Segment("contact", "seek", seek_s, x_to_um=seek_to_um),
     )
 

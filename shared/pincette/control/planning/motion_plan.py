@@ -160,7 +160,7 @@ def _unload(release_s: float, rig: PlannedRig, safe_V: float) -> Leg:
 
 
 def _zero(zero_s: float, x_um: float, voltage_V: float) -> Leg:
-    return Leg(Segment("zero", "voltage", zero_s, zeroes=True), x_um, voltage_V)
+    return Leg(Segment("zero", "voltage", zero_s, zeroes=True, guarded=True), x_um, voltage_V)
 
 
 def _led(to_um: float, speed_um_per_s: float, d_p: float, x_um: float, u_V: float) -> list[Leg]:

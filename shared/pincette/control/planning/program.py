@@ -56,7 +56,7 @@ class Segment(FrozenRecord, frozen=True):
     zeroes: bool = False
     """Of a voltage: at its end the force estimator is re-zeroed."""
     guarded: bool = False
-    """Free of contact: where the force is zeroed, a contact ends the program as ``contact``."""
+    """Free of contact: what the arm meets ends the program as ``contact``."""
 
     @property
     def stamps_zero(self) -> bool:

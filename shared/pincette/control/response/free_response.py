@@ -102,22 +102,24 @@ class LinearResponse(FrozenRecord, frozen=True):
     nominal_um_per_V: float
     """d_p: the gain where none could be measured, and what a measured one is judged by."""
     hysteresis_fraction: float = 0.0
-    """Standard error of the line, as a share of the travel since the zero."""
+    """Standard error of the line, as a share of the furthest travel since the zero."""
     voltage_V: float = 0.0
     """The voltage followed last."""
+    reach_V: float = 0.0
+    """Furthest that the voltage has been from that of the zero since."""
 
     def follow(self, voltage_V: float, _dt_s: float, /) -> "LinearResponse":
         """Take in the voltage; a line knows no time."""
-        return replace(self, voltage_V=voltage_V)
+        reach_V = max(self.reach_V, abs(voltage_V - self.zero_V))
+        return replace(self, voltage_V=voltage_V, reach_V=reach_V)
 
     def position_um(self) -> float:
         """Return x_1 at the voltage followed last."""
         return free_position(self, self.voltage_V)
 
     def error_um(self) -> float:
-        """Return the share of gain·|u - u_zero|."""
-        travel_um = self.gain_um_per_V * abs(self.voltage_V - self.zero_V)
-        return self.hysteresis_fraction * travel_um
+        """Return the share of gain·max|u - u_zero|: the way back has a branch of its own."""
+        return self.hysteresis_fraction * self.gain_um_per_V * self.reach_V
 
     def sample(self, x_um: float) -> FreeSample:
         """Note a position at the voltage followed last."""
@@ -134,6 +136,7 @@ class LinearResponse(FrozenRecord, frozen=True):
             offset_um=x_um,
             gain_um_per_V=self.nominal_um_per_V,
             zero_V=self.voltage_V,
+            reach_V=0.0,
         )
 
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "LinearResponse":
@@ -158,7 +161,10 @@ class LinearResponse(FrozenRecord, frozen=True):
         nominal = self.nominal_um_per_V
         if gain is None or abs(gain - nominal) > GAIN_TOLERANCE * nominal:
             gain = nominal
-        return replace(self, offset_um=rest.x_um, gain_um_per_V=gain, zero_V=rest.voltage_V)
+        reach_V = abs(self.voltage_V - rest.voltage_V)
+        return replace(
+            self, offset_um=rest.x_um, gain_um_per_V=gain, zero_V=rest.voltage_V, reach_V=reach_V
+        )
 
     def zero_tolerance_um(self, creep_um: float) -> float:
         """Return 5 µm + 0.4·d_p·|u - u_zero| + creep: hysteresis, and an error of d_p."""

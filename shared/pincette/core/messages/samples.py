@@ -63,6 +63,11 @@ class Estimate(FrozenRecord, frozen=True):
     valid: bool = False
     fault: Fault | None = None
     """Why it is not valid."""
+    touch_x_um: Micrometre | None = None
+    """Where the closing arm met something, by the slope of its way, which no zero enters; None:
+    nowhere, or not beyond where it had been free."""
+    touch_mN: Millinewton | None = None
+    """Force since, by how far the arm lags behind that slope."""
 
 
 class Command(FrozenRecord, frozen=True):
@@ -144,6 +149,10 @@ class Telemetry(FrozenRecord, frozen=True):
     """
     paused: bool = False
     """From this sample on the references rest, and the segment's time stands still."""
+    touch_x_um: Micrometre | None = None
+    """Where the arm met something on its way through free space; None: nothing."""
+    touch_mN: Millinewton | None = None
+    """With which force, as it turned back."""
 
 
 class GroundTruth(FrozenRecord, frozen=True):

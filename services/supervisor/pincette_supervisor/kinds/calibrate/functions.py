@@ -8,6 +8,7 @@ from pincette.api.calibrations import Assumption, CalibrationPlan, CalibrationRe
 from pincette.api.predictions import Violation
 from pincette.api.states import GOOD_OUTCOMES
 from pincette.config import RigFile, derived
+from pincette.control.planning.contact_plan import CONTACT_SAMPLES
 from pincette.control.planning.course import require_bounded
 from pincette.control.planning.program import Program
 from pincette.records.columns import Columns
@@ -25,6 +26,8 @@ from pincette_supervisor.results.drawing import LEFT, MEASURED, Sheet
 from pincette_supervisor.results.figures import Series, series
 from pincette_supervisor.results.result import course, outcome_of
 
+SOFTER = 1.5
+"""Compliance of an arm by which weights hang, over that of the model in use, at most."""
 WIDEST = 150
 """Letters of a statement that have room."""
 
@@ -42,7 +45,7 @@ def plan(request: CalibrationRequest, model: ModelInUse, _present: Present) -> P
     functions = functions_of(request.calibration)
     made, values, waits = functions.program(request, model)
     rig = model.rig
-    program = _guarded(made, rig)
+    program = _guarded(made, rig, weights="weights" in functions.needs)
     require_bounded([(segment.phase, segment.duration_s or 0.0) for segment in program.segments])
     phases, low_V, high_V = planned_phases(
         program, derived.planned_rig(rig), rig.part.contact_um, rig.safety.safe_V
@@ -71,13 +74,22 @@ def plan(request: CalibrationRequest, model: ModelInUse, _present: Present) -> P
     return Planned(view, program, values, model, waits, meets_part=functions.meets_part)
 
 
-def _guarded(program: Program, rig: RigFile) -> Program:
-    """Add the limits of position, which no law keeps while the voltage alone moves the arm."""
-    limits = rig.limits
+def _guarded(program: Program, rig: RigFile, *, weights: bool) -> Program:
+    """Add the rig's limits of position, which no law keeps while the voltage alone moves the arm.
+
+    Where no part is expected, add those of force too: weights are forces that a person hangs, and
+    an arm that is softer than the model in use makes more of them.
+    """
+    limits, guards = rig.limits, program.guards
+    if not any(segment.kind == "seek" for segment in program.segments):
+        guards = replace(
+            guards,
+            force_max_mN=limits.force_max_mN * (SOFTER if weights else 1.0),
+            contact_force_mN=rig.grip.contact_force_mN,
+            contact_samples=CONTACT_SAMPLES,
+        )
     guards = replace(
-        program.guards,
-        position_min_um=limits.position_min_um,
-        position_max_um=limits.position_max_um,
+        guards, position_min_um=limits.position_min_um, position_max_um=limits.position_max_um
     )
     return replace(program, guards=guards)
 
