@@ -1,9 +1,7 @@
 """What ends a segment early: contact, too much force, a lost part, a limit of position.
 
-On its way through free space the arm must meet nothing. A touch is found twice: by a force beyond
-what the estimate may err by, from the first sample on, and by the slope of the closing arm, which
-needs neither a zero nor a model. Either stops the motion, and the arm goes back to where it was
-free.
+On its way through free space the arm must meet nothing, from the first sample on. A touch that
+the estimator has found stops the motion, and the arm goes back to where it was free.
 """
 
 from msgspec.structs import replace
@@ -49,10 +47,16 @@ def guard(program: Program, player: Player, estimate: Estimate, period_s: float)
 
 
 def _too_much(program: Program, player: Player, estimate: Estimate) -> bool:
-    """Whether the force is beyond its limit for certain; within a sweep nothing is known of it."""
+    """Whether the force is beyond its limit, or may be while a part is held that was zeroed for.
+
+    Within a sweep nothing is known of it.
+    """
     if player.segment.kind == "sweep":
         return False
-    return sure_force_mN(estimate) > program.guards.force_max_mN
+    force_mN = sure_force_mN(estimate)
+    if player.held and estimate.zero_age_s is not None:
+        force_mN += estimate.force_uncertainty_mN
+    return force_mN > program.guards.force_max_mN
 
 
 def sure_force_mN(estimate: Estimate) -> float:
@@ -114,10 +118,8 @@ def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
 
 def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
     """Turn back where the arm meets something; what it still left behind it must clear first."""
-    guards = program.guards
-    by_slope_mN = estimate.touch_mN or 0.0
-    sure_mN = max(abs(estimate.force_mN) - estimate.force_uncertainty_mN, by_slope_mN)
-    if sure_mN < guards.contact_force_mN:
+    guards, touch_mN = program.guards, abs(estimate.touch_mN or 0.0)
+    if touch_mN < guards.contact_force_mN:
         if player.clear and not player.touching:
             return player
         return replace(player, clear=True, touching=0)
@@ -130,13 +132,12 @@ def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
 
 def _turn_back(program: Program, player: Player, estimate: Estimate) -> Player:
     """Go back to where the program began, or out of what is in the way on the way back."""
-    x_um, by_slope_mN = estimate.x_um, estimate.touch_mN or 0.0
-    behind = estimate.force_mN < 0.0 and by_slope_mN < program.guards.contact_force_mN
+    x_um, behind = estimate.x_um, (estimate.touch_mN or 0.0) < 0.0
     touched = replace(
         player,
         outcome=Outcome.CONTACT,
-        touch_x_um=x_um if behind or estimate.touch_x_um is None else estimate.touch_x_um,
-        touch_mN=estimate.force_mN if behind else max(estimate.force_mN, by_slope_mN),
+        touch_x_um=estimate.touch_x_um,
+        touch_mN=estimate.touch_mN,
         x_r_um=x_um,
         speed_um_per_s=0.0,
         bump=True,

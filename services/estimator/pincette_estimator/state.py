@@ -5,6 +5,7 @@ laser's readings differ even at rest, but a coarse display may hide it, so a con
 says nothing. It does where the arm was meant to move by much more than the noise.
 """
 
+from math import copysign
 from typing import NamedTuple
 
 from msgspec import field
@@ -110,3 +111,23 @@ class State(FrozenRecord, frozen=True):
         error_um, highest_V = self.unknown.worst_um(self.response), self.highest_V
         unknown = fault(FaultCode.MEMORY_UNKNOWN, error_um=error_um, highest_V=highest_V)
         return (*found, unknown)
+
+
+def touched(
+    state: State, compliance_um_per_mN: float, x_um: float, F_mN: float, u_F_mN: float
+) -> tuple[float | None, float | None]:
+    """Where an arm that should be free has met something, and at least how hard; or None, None.
+
+    By the larger of two forces: by how far it lags behind the slope of its way since a kink on new
+    ground; and, where x_1 is known on every branch, F less what it may err by, the sign kept.
+    """
+    touch, met = state.contact_detector.touch, (None, None)
+    if touch is not None and touch.on_new_ground:
+        back_um = touch.pushed_back_um(
+            x_um, state.response.nominal_um_per_V * state.response.voltage_V
+        )
+        met = touch.x_um, max(0.0, back_um / compliance_um_per_mN)
+    sure_mN = abs(F_mN) - u_F_mN
+    if state.response.remembers and sure_mN > (met[1] or 0.0):
+        return x_um, copysign(sure_mN, F_mN)
+    return met

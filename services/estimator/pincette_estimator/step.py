@@ -17,7 +17,7 @@ from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Positio
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.config import EstimatorConfig, configure
-from pincette_estimator.state import Inputs, State
+from pincette_estimator.state import Inputs, State, touched
 
 FREE_SAMPLES = 128
 """Samples of free motion kept, enough for the branch that leads to a rest."""
@@ -172,7 +172,7 @@ def _estimate(
             scale_V=config.forgotten_scale_V,
         ),
     )
-    touch_x_um, touch_mN = _touch(config, state, position.x_um, applied)
+    touch_x_um, touch_mN = touched(state, config.compliance_um_per_mN, position.x_um, F_mN, u_F_mN)
     return Estimate(
         epoch=position.epoch,
         seq=position.seq,
@@ -191,17 +191,6 @@ def _estimate(
         touch_x_um=touch_x_um,
         touch_mN=touch_mN,
     )
-
-
-def _touch(
-    config: EstimatorConfig, state: State, x_um: float, applied: Applied
-) -> tuple[float | None, float | None]:
-    """Where the arm met something on new ground, and the force by how it lags since; or None."""
-    touch = state.contact_detector.touch
-    if touch is None or not touch.on_new_ground:
-        return None, None
-    back_um = touch.pushed_back_um(x_um, state.response.nominal_um_per_V * applied.voltage_V)
-    return touch.x_um, back_um / config.compliance_um_per_mN
 
 
 def _creep_um(config: EstimatorConfig, age_s: float) -> float:

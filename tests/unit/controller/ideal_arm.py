@@ -15,13 +15,13 @@ K_E = 2.0
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
 PROGRAM = Program(
     (
-        Segment("zero", "zero", 0.1),
-        Segment("approach", "free", 0.4, x_to_um=10.0),
+        Segment("zero", "zero", 0.1, guarded=True),
+        Segment("approach", "free", 0.4, x_to_um=10.0, guarded=True),
         Segment("contact", "seek", 1.0, x_to_um=14.0),
         Segment("load", "force", 0.4, force_to_mN=20.0),
         Segment("hold", "force", 0.4, force_to_mN=20.0, move_s=0.2),
         Segment("unload", "force", 0.4, force_to_mN=0.0),
-        Segment("retreat", "free", 0.4, x_to_um=0.0),
+        Segment("retreat", "free", 0.4, x_to_um=0.0, guarded=True),
     ),
     GUARDS,
     K_E,
@@ -61,7 +61,14 @@ class Arm:
         force = 0.0 if self.lost else self.stiffness * max(0.0, x - self.contact_um)
         age = None if self.zeroed is None else (self.seq - self.zeroed) * T
         return replace(
-            BLANK, seq=self.seq, x_um=x, force_mN=force, zero_age_s=age, zero_refusal=self.refusal
+            BLANK,
+            seq=self.seq,
+            x_um=x,
+            force_mN=force,
+            zero_age_s=age,
+            zero_refusal=self.refusal,
+            touch_x_um=x if force > BLANK.force_uncertainty_mN else None,
+            touch_mN=force - BLANK.force_uncertainty_mN if force > 0.1 else None,
         )
 
     def tick(self) -> None:

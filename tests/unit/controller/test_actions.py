@@ -115,49 +115,98 @@ def test_beyond_a_limit_such_a_hold_lets_go_by_its_own_way() -> None:
     assert (player.outcome, player.held) == ("overtravel", False)
 
 
-def test_a_move_that_meets_something_rests_there() -> None:
+@pytest.mark.parametrize("refused", [False, True])
+def test_a_move_that_meets_something_goes_back(refused: bool) -> None:
     arm = Arm(program=MOVES)
+    arm.refusal = Fault(FaultCode.ZERO_BEYOND_FIRST_TOUCH) if refused else None
     arm.until()
     assert (arm.phases[-1], arm.player.outcome) == ("stopping", "contact")
-    # 2 mN and 0.1 mN of uncertainty on 2 mN/µm, three samples, and no way after that.
-    assert 13.0 < arm.player.x_r_um < 14.0
+    # 2 mN and 0.1 mN of uncertainty on 2 mN/µm, three samples.
+    assert arm.player.touch_x_um == pytest.approx(13.5, abs=0.5)
+    assert arm.player.touch_mN == pytest.approx(3.0, abs=1.0)
+    assert arm.player.x_r_um == pytest.approx(0.0)
 
 
-def test_a_move_without_a_zero_is_played_to_its_end() -> None:
-    arm = Arm(program=MOVES)
-    arm.refusal = Fault(FaultCode.ZERO_BEYOND_FIRST_TOUCH)
+@pytest.mark.parametrize("phase", ["zero", "approach", "retreat"])
+def test_a_grip_that_meets_something_on_a_free_way_goes_back_to_its_rest(phase: str) -> None:
+    arm = Arm()
+    arm.until(phase)
+    arm.tick()
+    for _ in range(GUARDS.contact_samples):
+        met = replace(arm.estimate(), touch_x_um=5.0, touch_mN=2.5)
+        assert arm.player.outcome in ("", "gripped")
+        arm.player = advance(arm.program, arm.player, met, T)
+    assert (arm.player.outcome, arm.player.touch_x_um) == ("contact", 5.0)
     arm.until()
-    assert (arm.phases[-1], arm.player.outcome) == ("rest", "moved")
-    assert arm.player.x_r_um == pytest.approx(14.0)
+    assert arm.player.outcome == "contact"
+    assert arm.player.x_r_um == pytest.approx(0.0)
 
 
-def test_a_voltage_that_leads_into_something_stays_where_it_is() -> None:
+def test_what_holds_the_arm_from_behind_is_let_go() -> None:
+    arm = Arm(contact_um=99.0, program=MOVES)
+    arm.until("move")
+    arm.tick()
+    held = replace(arm.estimate(), x_um=4.0, touch_x_um=4.0, touch_mN=-2.5)
+    for _ in range(GUARDS.contact_samples):
+        arm.player = advance(MOVES, arm.player, held, T)
+    assert arm.player.outcome == "contact"
+    while not arm.player.ended:
+        arm.player = advance(MOVES, arm.player, held, T)
+    assert arm.player.x_r_um > 4.0
+
+
+def test_a_press_that_still_lasts_as_the_way_back_begins_is_no_touch() -> None:
+    arm = Arm()
+    arm.until("retreat")
+    for _ in range(10):
+        pressed = replace(arm.estimate(), touch_x_um=12.0, touch_mN=5.0)
+        arm.player = advance(arm.program, arm.player, pressed, T)
+    assert arm.player.outcome == "gripped"
+
+
+def test_a_force_that_is_certain_ends_a_program_before_any_zero() -> None:
+    arm = Arm(contact_um=99.0)
+    arm.tick()
+    unsure = replace(arm.estimate(), force_mN=45.0, force_uncertainty_mN=6.0)
+    assert advance(arm.program, arm.player, unsure, T).outcome == ""
+    sure = replace(unsure, force_uncertainty_mN=4.0)
+    assert advance(arm.program, arm.player, sure, T).outcome == "overforce"
+
+
+def test_a_held_force_that_may_be_too_much_is_let_go() -> None:
+    arm = Arm()
+    arm.until("hold")
+    arm.tick()
+    held = replace(arm.estimate(), force_mN=38.0, force_uncertainty_mN=1.5)
+    assert advance(arm.program, arm.player, held, T).outcome == ""
+    unsure = replace(held, force_uncertainty_mN=2.5)
+    assert advance(arm.program, arm.player, unsure, T).outcome == "overforce"
+
+
+def test_a_voltage_that_leads_into_something_goes_back_to_where_it_began() -> None:
     segments = (
-        Segment("zero", "voltage", 0.1, zeroes=True),
+        Segment("zero", "voltage", 0.1, zeroes=True, guarded=True),
         Segment("move", "voltage", 1.0, voltage_to_V=1.0, guarded=True),
     )
     program = replace(MOVES, segments=segments)
-    player = Arm(program=program).player
+    player, highest_V = Arm(program=program).player, 0.0
     for tick in range(200):
-        force_mN = 5.0 if player.voltage_V > 0.5 else 0.0
+        touch_mN = 5.0 if player.voltage_V > 0.5 else None
         age_s = None if tick < 6 else T * (tick - 6)
-        sample = replace(BLANK, force_mN=force_mN, zero_age_s=age_s, applied_V=player.voltage_V)
+        sample = replace(BLANK, touch_mN=touch_mN, zero_age_s=age_s, applied_V=player.voltage_V)
         player = advance(program, player, sample, T)
+        highest_V = max(highest_V, player.voltage_V)
         if player.ended:
             break
     assert (player.segment.phase, player.outcome) == ("stopping", "contact")
-    assert 0.5 < player.voltage_V < 0.7
+    assert 0.5 < highest_V < 0.7
+    assert player.voltage_V == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize("force_mN", [-5.0, 5.0])
-def test_a_force_within_its_uncertainty_is_no_contact(force_mN: float) -> None:
+def test_a_touch_below_the_contact_force_is_none() -> None:
     arm = Arm(contact_um=99.0, program=MOVES)
     arm.until("move")
     for _ in range(10):
-        unsure = replace(arm.estimate(), force_mN=force_mN, force_uncertainty_mN=3.1)
-        arm.player = advance(MOVES, arm.player, unsure, T)
+        light = replace(arm.estimate(), touch_x_um=3.0, touch_mN=1.9)
+        arm.player = advance(MOVES, arm.player, light, T)
     assert arm.player.outcome != "contact"
-    for _ in range(3):
-        sure = replace(arm.estimate(), force_mN=force_mN, force_uncertainty_mN=2.9)
-        arm.player = advance(MOVES, arm.player, sure, T)
-    assert arm.player.outcome == "contact"

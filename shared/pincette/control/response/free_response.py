@@ -72,6 +72,11 @@ class FreeResponse(Protocol):
         """Note a position of the free arm at the voltage followed last."""
         ...
 
+    @property
+    def remembers(self) -> bool:
+        """Whether it follows every branch, so that its error is known on each."""
+        ...
+
     def residual_um(self, sample: FreeSample) -> float:
         """Return x - x_1 of a sample, by the zero that holds at present."""
         ...
@@ -112,6 +117,11 @@ class LinearResponse(FrozenRecord, frozen=True):
         """Take in the voltage; a line knows no time."""
         reach_V = max(self.reach_V, abs(voltage_V - self.zero_V))
         return replace(self, voltage_V=voltage_V, reach_V=reach_V)
+
+    @property
+    def remembers(self) -> bool:
+        """False: on the way back, and on a short way, it errs by a share that nobody knows."""
+        return False
 
     def position_um(self) -> float:
         """Return x_1 at the voltage followed last."""
@@ -185,6 +195,11 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
     """r.m.s. that the model left of free motion it was not made from."""
     offset_um: float = 0.0
     zero_V: float = 0.0
+
+    @property
+    def remembers(self) -> bool:
+        """True."""
+        return True
 
     @abstractmethod
     def displacement_um(self) -> float:

@@ -4,11 +4,13 @@ Its memory follows every voltage, whether the arm is free, pressed or idle: an a
 forget either.
 """
 
+from collections.abc import Sequence
+
 from msgspec.structs import replace
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.response.error_growth import ErrorGrowth
-from pincette.control.response.free_response import MemoryResponse
+from pincette.control.response.free_response import FreeSample, MemoryResponse
 from pincette.control.response.hysteresis import (
     HysteresisModel,
     HysteresisState,
@@ -25,6 +27,8 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
     memory: HysteresisState
     growth: ErrorGrowth | None = None
     """Error by the way since the zero, as identified; None: by the residual."""
+    reach_V: float = 0.0
+    """Furthest that the voltage has been from that of the zero since."""
 
     @property
     def voltage_V(self) -> float:
@@ -33,17 +37,31 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
 
     def follow(self, voltage_V: float, dt_s: float, /) -> "IdentifiedResponse":
         """Take in that ``voltage_V`` has been applied for ``dt_s``."""
-        return replace(self, memory=step(self.model, self.memory, voltage_V, dt_s))
+        reach_V = max(self.reach_V, abs(voltage_V - self.zero_V))
+        memory = step(self.model, self.memory, voltage_V, dt_s)
+        return replace(self, memory=memory, reach_V=reach_V)
+
+    def begin(self, x_um: float) -> "IdentifiedResponse":
+        """Move the offset so that x_1 is ``x_um``."""
+        return replace(MemoryResponse.begin(self, x_um), reach_V=0.0)
+
+    def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "IdentifiedResponse":
+        """Move the offset so that x_1 goes through the rest; raises ValueError without one."""
+        moved = MemoryResponse.rezero(self, samples, rest_samples)
+        return replace(moved, reach_V=abs(self.memory.voltage_V - moved.zero_V))
 
     def displacement_um(self) -> float:
         """Return the model's displacement at the voltage followed last."""
         return displacement_um(self.model, self.memory)
 
     def error_um(self) -> float:
-        """Return E(|u - u_zero|) as identified, else what the residual says."""
+        """Return E(max|u - u_zero|) as identified, else what the residual says.
+
+        What the memory errs by on the way there it still errs by on the way back.
+        """
         if self.growth is None:
             return MemoryResponse.error_um(self)
-        return self.growth.at(abs(self.memory.voltage_V - self.zero_V))
+        return self.growth.at(self.reach_V)
 
     def _voltage_V(self) -> float:
         return self.memory.voltage_V

@@ -64,10 +64,10 @@ class Estimate(FrozenRecord, frozen=True):
     fault: Fault | None = None
     """Why it is not valid."""
     touch_x_um: Micrometre | None = None
-    """Where the closing arm met something, by the slope of its way, which no zero enters; None:
-    nowhere, or not beyond where it had been free."""
+    """Where an arm that should be free has met something; None: nowhere."""
     touch_mN: Millinewton | None = None
-    """Force since, by how far the arm lags behind that slope."""
+    """At least how hard: by how far the closing arm lags since a kink in its way, for which no zero
+    is needed, or by the force less its uncertainty; below 0 where it is held back from behind."""
 
 
 class Command(FrozenRecord, frozen=True):

@@ -86,10 +86,16 @@ def test_a_weight_that_bends_the_arm_too_far_is_refused() -> None:
         compliance_program(short, (0.0, 20.0))
 
 
-def test_a_sweep_is_captured_between_two_rests() -> None:
+def test_a_sweep_is_captured_between_two_rests_where_its_way_has_been_felt() -> None:
     program = frequency_response_program(RIG, amplitude_V=0.05, damping_ratio=0.026)
-    assert [segment.kind for segment in program.segments] == ["voltage", "sweep", "voltage"]
-    sweep = program.segments[1].sweep
+    assert [segment.phase for segment in program.segments] == ["feel", "rest", "sweep", "rest"]
+    assert [segment.guarded for segment in program.segments] == [True, True, False, True]
+    felt = program.segments[0].path
+    assert felt is not None
+    # Twice the swing at resonance, and slowly.
+    assert max(knot.value for knot in felt.knots) == pytest.approx(2.0 * 0.05 / (2.0 * 0.026))
+    assert felt.duration_s > 4.0 * 0.05 / (2.0 * 0.026) * 19.0 / 20.0
+    sweep = program.segments[2].sweep
     assert sweep is not None
     assert (sweep.from_hz, sweep.to_hz, sweep.amplitude_V) == (5.0, 800.0, 0.05)
     assert program.capture_hz == sweep.rate_hz == 10_000.0

@@ -47,7 +47,7 @@ def test_a_position_is_gone_to_smoothly_and_rested_at() -> None:
     assert plan.course.voltage_V[-1] == pytest.approx(1.5)
     assert not plan.program.begins_held
     assert not plan.program.guards.zero_needed
-    assert [segment.guarded for segment in plan.program.segments] == [False, True, True]
+    assert [segment.guarded for segment in plan.program.segments] == [True, True, True]
 
 
 @pytest.mark.parametrize("wish", [{"to_V": 1.0}, {"by_V": 0.5}])
