@@ -69,12 +69,12 @@ class Row:
         ]
 
 
-def unknown_rig(pair: str, seed: int) -> RigFile:
+def unknown_rig(pair: str, seed: int, *, relays: bool = False) -> RigFile:
     """A rig drawn at random, in lockstep, of which the rig file says nothing."""
     base = read_rig(BASES[pair])
     assert base.simulation is not None
     known = resolved(base.simulation, base.output.driver)
-    drawn = base.model_copy(update={"simulation": random_simulation(known, seed)})
+    drawn = base.model_copy(update={"simulation": random_simulation(known, seed, relays=relays)})
     changes: Tree = {"rig": {"time": "lockstep"}}
     return at_own_ports(drawn, changes)
 

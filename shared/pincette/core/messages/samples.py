@@ -66,8 +66,8 @@ class Estimate(FrozenRecord, frozen=True):
     touch_x_um: Micrometre | None = None
     """Where an arm that should be free has met something; None: nowhere."""
     touch_mN: Millinewton | None = None
-    """At least how hard: by how far the closing arm lags since a kink in its way, for which no zero
-    is needed, or by the force less its uncertainty; below 0 where it is held back from behind."""
+    """At least how hard: by how far the closing arm lags since a kink in its way, which takes no
+    zero, or by the force less three uncertainties; below 0 where it is held from behind."""
 
 
 class Command(FrozenRecord, frozen=True):
