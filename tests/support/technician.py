@@ -41,13 +41,13 @@ class Technician:
         """Run one calibration to its end and accept what it proposes; returns the proposal."""
         body: Json = {"kind": "calibrate", "calibration": kind, "autostart": True, **wishes}
         name = str(self.rig.post("/jobs", body).raise_for_status().json()["id"])
-        job = self._attend(name)
+        job = self.attend(name)
         assert job["state"] == "succeeded", f"{kind}: {job['state']}, {job['cause']}"
         self.do("weight", "hang", 0.0)
         answer = self.rig.post(f"/calibrations/{name}/actions", {"type": "accept"})
         return dict(answer.raise_for_status().json())
 
-    def _attend(self, name: str) -> Json:
+    def attend(self, name: str) -> Json:
         """Do what the job asks a person for, until it has ended."""
         deadline = monotonic() + JOB_S
         while monotonic() < deadline:

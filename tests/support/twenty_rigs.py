@@ -94,7 +94,7 @@ def bring_up(pair: str, seed: int, folder: Path) -> Row:
     return Row(
         seed,
         pair,
-        _deviations(
+        deviations(
             {
                 entry["quantity"]: entry["value"]
                 for entry in model["quantities"]
@@ -128,8 +128,8 @@ def in_one_process(pair: str, seed: int) -> Row:
     views = [message for message in published if isinstance(message, Telemetry)]
     held = {view.seq for view in views if view.phase == "hold"}
     forces_mN = [m.force_mN for m in published if isinstance(m, GroundTruth) and m.seq in held]
-    deviations = _deviations(found.values, true_values(rig.simulation))
-    return Row(seed, pair, deviations, views[-1].outcome, fsum(forces_mN) / len(forces_mN))
+    off = deviations(found.values, true_values(rig.simulation))
+    return Row(seed, pair, off, views[-1].outcome, fsum(forces_mN) / len(forces_mN))
 
 
 def _calibrate_and_grip(hands: Technician, running: RunningRig, *, fast: bool) -> Json:
@@ -148,7 +148,7 @@ def _calibrate_and_grip(hands: Technician, running: RunningRig, *, fast: bool) -
     return running.ended(running.start_grip(), 120.0)
 
 
-def _deviations(found: Mapping[str, Any], true: TrueValues) -> dict[str, float]:
+def deviations(found: Mapping[str, Any], true: TrueValues) -> dict[str, float]:
     """Of the calibrated quantities whose truth is known, by their names without the table."""
     truths = {
         "natural_frequency_rad_per_s": true.natural_frequency_rad_per_s,

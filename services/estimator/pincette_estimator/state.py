@@ -21,8 +21,8 @@ from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.messages import Applied, Position
 
 SURE = 3.0
-"""Uncertainties beyond which a force is none of an error. On the first stroke of an arm that was
-unpoled a model errs by up to 2.7 of them, since most of what it learnt from comes later."""
+"""Uncertainties beyond which a force is none of an error: a zero has not taken it off yet, and U
+is stated for what comes after one."""
 SAMPLES = 8
 """Equal readings in a row; with the age limit of a command the actuator trips at the tenth."""
 LATE_SAMPLES = 2
@@ -122,7 +122,7 @@ def touched(
     """Where an arm that should be free has met something, and at least how hard; or None, None.
 
     By the larger of two forces: by how far it lags behind the slope of its way since a kink on new
-    ground; and, where x_1 is known on every branch, F less ``SURE`` times U, the sign kept.
+    ground; and, at voltages that x_1 has followed in an earlier arming, F less ``SURE`` times U, the sign kept.
     """
     touch, met = state.contact_detector.touch, (None, None)
     if touch is not None and touch.on_new_ground:
@@ -131,6 +131,7 @@ def touched(
         )
         met = touch.x_um, max(0.0, back_um / compliance_um_per_mN)
     sure_mN = abs(F_mN) - SURE * u_F_mN
-    if state.response.remembers and sure_mN > (met[1] or 0.0):
+    followed = state.response.remembers and state.response.voltage_V <= state.known_V
+    if followed and sure_mN > (met[1] or 0.0):
         return x_um, copysign(sure_mN, F_mN)
     return met

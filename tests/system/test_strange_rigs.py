@@ -1,0 +1,43 @@
+"""Rigs that nobody has built, brought up over REST by the checklist alone, and badly treated."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from tests.support.strange_rigs import COUNT, OFF, Treated, treat
+
+MOST_WRONG = 0.05
+"""Share of held grips whose force may be wrong by more than its uncertainty."""
+
+
+def judge(treated: Sequence[Treated]) -> None:
+    """No force beyond the bound, no confident wrong force, no proposal that is off."""
+    for rig in treated:
+        assert rig.peak[1] <= rig.limit_mN, str(rig)
+        assert not rig.proposed, str(rig)
+        assert "contact" in rig.part_left or "kink" in rig.part_left, str(rig)
+        assert {name for name, share in rig.off.items() if abs(share) > OFF} == set(), str(rig)
+    held = [one for rig in treated for one in rig.held]
+    wrong = [(error_mN, u_mN) for error_mN, u_mN in held if abs(error_mN) > u_mN]
+    assert held
+    assert len(wrong) <= MOST_WRONG * len(held), (wrong, len(held))
+
+
+def played(folder: Path, seeds: Sequence[int]) -> list[Treated]:
+    treated: list[Treated] = []
+    for seed in seeds:
+        place = folder / str(seed)
+        place.mkdir()
+        treated.append(treat(seed, place))
+        print(treated[-1], flush=True)
+    return treated
+
+
+def test_a_strange_rig_of_each_class_tells_the_truth(tmp_path: Path) -> None:
+    judge(played(tmp_path, (1, 2)))
+
+
+@pytest.mark.slow
+def test_twenty_strange_rigs_tell_the_truth(tmp_path: Path) -> None:
+    judge(played(tmp_path, range(1, COUNT + 1)))
