@@ -5,8 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from pincette.control.safety.latch import booted
 from pincette.control.safety.voltage import SLEW_UP, VOLTAGE_MAX
-from pincette.core.faults import Cause
+from pincette.core.faults import Cause, Predecessor
 from pincette.core.messages import Ack, Applied, Arm, Command, Reset, Trip
 from pincette.core.service import RefusedError, SetVoltage
 from pincette.core.wording import fault_text
@@ -37,9 +38,15 @@ def test_boots_latched_and_refuses_to_arm() -> None:
         handle(CONFIG, state, Arm(EPOCH, OWNER, ""), 0.0)
 
 
-def test_reset_needs_an_acknowledgement() -> None:
-    with pytest.raises(RefusedError, match="acknowledge"):
-        handle(CONFIG, start(CONFIG), Reset(), 0.0)
+def test_only_a_boot_after_no_death_is_reset_without_an_acknowledgement() -> None:
+    for before in (Predecessor.NONE, Predecessor.CLEAN):
+        state, _, _ = handle(CONFIG, booted(start(CONFIG), before), Reset(), 0.0)
+        assert state.mode == "idle"
+    died = booted(start(CONFIG), Predecessor.DIED)
+    assert died.cause == Cause.RESTART
+    for state in (died, replace(died, cause=Cause.COMMAND_AGE), holding(held=True)):
+        with pytest.raises(RefusedError, match="acknowledge"):
+            handle(CONFIG, state, Reset(), 0.0)
 
 
 def test_a_good_command_is_put_out_before_it_is_published() -> None:

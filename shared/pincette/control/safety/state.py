@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.record import FrozenRecord
-from pincette.control.safety.causes import Cause, Mode
+from pincette.control.safety.causes import Cause, Mode, Predecessor
 from pincette.control.safety.freshness import AgeLimits, Arrivals
 from pincette.control.safety.monitors import UNSEEN, MonitorLimits, Watches
 from pincette.control.safety.voltage import VoltageLimits
@@ -78,6 +78,8 @@ class SafetyState(FrozenRecord, frozen=True):
     refusal: Fault | None = None
     """Why a command was refused last."""
     strangers: Strangers = NO_STRANGERS
+    predecessor: Predecessor = Predecessor.NONE
+    """How the actuator before this one has ended."""
     unconfirmed: bool = False
     """The output has not confirmed what it was told last."""
 
