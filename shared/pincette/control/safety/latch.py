@@ -174,8 +174,9 @@ def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
     # One step ahead of its clock: the first step comes with the trip.
     share = (now - state.since_s + limits.age.wake_s) / limits.ramp_s
     if share >= 1.0:
-        return at_safe(limits, state)
-    return replace(state, voltage_V=ramp(state.ramp_from_V, limits.safe_V, share))
+        return replace(at_safe(limits, state), moved_s=now)
+    voltage_V = ramp(state.ramp_from_V, limits.safe_V, share)
+    return replace(state, voltage_V=voltage_V, moved_s=now)
 
 
 def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> tuple[Fault, ...]:

@@ -1,6 +1,7 @@
 """What the rules go by, and what they remember from one event to the next."""
 
 from dataclasses import dataclass
+from math import inf
 
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.record import FrozenRecord
@@ -58,6 +59,10 @@ class SafetyState(FrozenRecord, frozen=True):
     voltage_V: float = 0.0
     part_held: bool = False
     """By the last good command: what a fault means was decided before the fault."""
+    moved_s: float = -inf
+    """When the voltage was changed last."""
+    slewing_s: float | None = None
+    """What the newest command had of the time since then; None in lockstep, which has no clock."""
     taken_seq: int = -1
     fresh_s: float = 0.0
     """Arrival of the sample on which the last good command was based."""
