@@ -19,8 +19,9 @@ from pincette_supervisor.rest.dependencies import (
 )
 from pincette_supervisor.rest.routes_jobs import CREATED, NAME_LENGTH, Predict
 from pincette_supervisor.rest.routes_jobs import create as create_job
+from pincette_supervisor.rest.strict_route import StrictRoute
 
-router = APIRouter(prefix="/calibrations", tags=["calibrations"])
+router = APIRouter(prefix="/calibrations", tags=["calibrations"], route_class=StrictRoute)
 
 
 @router.post(

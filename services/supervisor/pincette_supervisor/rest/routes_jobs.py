@@ -33,6 +33,7 @@ from pincette_supervisor.rest.dependencies import (
     matched_revision,
 )
 from pincette_supervisor.rest.middleware import DRY_RUN
+from pincette_supervisor.rest.strict_route import StrictRoute
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 REPLAYED = "Idempotency-Replayed"
@@ -101,7 +102,7 @@ def _label(text: str | None) -> tuple[str, str] | None:
     return name, value
 
 
-router = APIRouter(prefix="/jobs", tags=["jobs"])
+router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 
 @router.post(

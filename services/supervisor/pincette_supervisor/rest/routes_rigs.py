@@ -27,6 +27,7 @@ from pincette_supervisor.rest.dependencies import (
     Operator,
     Sender,
 )
+from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.rigs.health import loop_timing
 from pincette_supervisor.rigs.live import LiveCursor
 from pincette_supervisor.rigs.rig_view import rig_view
@@ -37,7 +38,7 @@ LIVE_INTERVAL_S = 1.0 / 15.0
 KEEP_ALIVE_S = 1.0
 """A live event is sent at least this often, so that a listener knows that the line works."""
 
-router = APIRouter(tags=["rigs"])
+router = APIRouter(tags=["rigs"], route_class=StrictRoute)
 
 
 @router.post("/estop", responses=responses(503), dependencies=[OBSERVE])

@@ -40,6 +40,7 @@ from pincette_supervisor.rest.sample_formats import (
     as_parquet,
     table,
 )
+from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results.plan_plot import plan_png
 
 PNG: dict[int | str, dict[str, Any]] = {
@@ -71,7 +72,7 @@ def _stored(digest: str, rigs: AllRigs) -> Stored:
 
 StoredTrajectory = Annotated[Stored, Depends(_stored)]
 
-router = APIRouter(prefix="/trajectories", tags=["trajectories"])
+router = APIRouter(prefix="/trajectories", tags=["trajectories"], route_class=StrictRoute)
 
 
 @router.post(
