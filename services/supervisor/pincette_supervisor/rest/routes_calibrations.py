@@ -13,6 +13,7 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     AllRigs,
+    HungUp,
     IdempotencyKey,
     Note,
     Operator,
@@ -37,12 +38,13 @@ def create(
     response: Response,
     by: Operator,
     note: Note,
+    gone: HungUp,
     dry_run: Annotated[bool, Query(description="plan only")] = False,
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
 ) -> object:
     """Take a calibration: the same as a job of the kind ``calibrate``."""
-    return create_job(body, rigs, response, by, note, dry_run, predict, idempotency_key)
+    return create_job(body, rigs, response, by, note, gone, dry_run, predict, idempotency_key)
 
 
 @router.get("", responses=responses(404, 422, 503), dependencies=[OBSERVE])

@@ -25,6 +25,7 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     AllRigs,
+    HungUp,
     IdempotencyKey,
     IfNoneMatch,
     Note,
@@ -69,6 +70,7 @@ def take(
     dry_run: bool,
     by: str,
     note: Note,
+    gone: HungUp,
     predict: bool = True,
     key: str | None = None,
 ) -> Job | JobPlan:
@@ -78,7 +80,12 @@ def take(
         response.status_code = 200
         planned = manager.plan(body)
         return (manager.predictions.predicted(planned) if predict else planned).plan
-    job, replayed = manager.create(body, key, predict=predict, by=by)
+    try:
+        job, replayed = manager.create(body, key, predict=predict, by=by, gone=gone)
+    except ProblemError as error:
+        if error.code == "caller-gone":
+            note(f"{body.kind}: the caller hung up, nothing was begun")
+        raise
     response.headers["Location"] = f"/api/v1/jobs/{job.id}"
     response.headers["ETag"] = etag(job.id, job.revision)
     if replayed:
@@ -118,6 +125,7 @@ def create(
     response: Response,
     by: Operator,
     note: Note,
+    gone: HungUp,
     dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
@@ -134,6 +142,7 @@ def create(
         dry_run=dry_run,
         by=by,
         note=note,
+        gone=gone,
         predict=predict,
         key=idempotency_key,
     )

@@ -26,6 +26,7 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     AllRigs,
+    HungUp,
     IdempotencyKey,
     Note,
     Operator,
@@ -213,13 +214,21 @@ def start(
     response: Response,
     by: Operator,
     note: Note,
+    gone: HungUp,
     body: TrajectoryStart | None = None,
     idempotency_key: IdempotencyKey = None,
 ) -> object:
     """Take a job that does what the trajectory says, with rig file and model as they were."""
     request = stored.store.request(stored.row, body or TrajectoryStart())
     return take(
-        stored.manager, request, response, dry_run=False, by=by, note=note, key=idempotency_key
+        stored.manager,
+        request,
+        response,
+        dry_run=False,
+        by=by,
+        note=note,
+        gone=gone,
+        key=idempotency_key,
     )
 
 
