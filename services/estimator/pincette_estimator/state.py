@@ -122,7 +122,8 @@ def touched(
     """Where an arm that should be free has met something, and at least how hard; or None, None.
 
     By the larger of two forces: by how far it lags behind the slope of its way since a kink on new
-    ground; and, at voltages that x_1 has followed in an earlier arming, F less ``SURE`` times U, the sign kept.
+    ground; and F less ``SURE`` times U, the sign kept, at voltages that x_1 has followed in an
+    earlier arming: on the first stroke of an arm it errs by more than U.
     """
     touch, met = state.contact_detector.touch, (None, None)
     if touch is not None and touch.on_new_ground:

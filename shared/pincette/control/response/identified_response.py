@@ -5,6 +5,7 @@ forget either.
 """
 
 from collections.abc import Sequence
+from typing import Self
 
 from msgspec.structs import replace
 
@@ -41,13 +42,13 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         memory = step(self.model, self.memory, voltage_V, dt_s)
         return replace(self, memory=memory, reach_V=reach_V)
 
-    def begin(self, x_um: float) -> "IdentifiedResponse":
+    def begin(self, x_um: float) -> Self:
         """Move the offset so that x_1 is ``x_um``."""
-        return replace(MemoryResponse.begin(self, x_um), reach_V=0.0)
+        return replace(super().begin(x_um), reach_V=0.0)
 
-    def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "IdentifiedResponse":
+    def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
         """Move the offset so that x_1 goes through the rest; raises ValueError without one."""
-        moved = MemoryResponse.rezero(self, samples, rest_samples)
+        moved = super().rezero(samples, rest_samples)
         return replace(moved, reach_V=abs(self.memory.voltage_V - moved.zero_V))
 
     def displacement_um(self) -> float:
