@@ -91,7 +91,8 @@ def test_what_a_command_knows_of_its_sample() -> None:
     state, outputs = step(CONFIG, bench.state, Inputs(QUIET), 0.0)
     first = outputs[0]
     assert isinstance(first, Command)
-    assert (first.force_mN, first.x_d_um) == (None, None)
+    # Before a zero the least that presses: 0 mN less the uncertainty of 0.1 mN.
+    assert (first.force_mN, first.x_d_um) == (-0.1, None)
     zeroed = replace(QUIET, seq=1, zero_age_s=0.1, force_mN=0.5)
     state, outputs = step(CONFIG, state, Inputs(zeroed), 0.0)
     second = outputs[0]
