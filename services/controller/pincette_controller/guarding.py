@@ -47,16 +47,10 @@ def guard(program: Program, player: Player, estimate: Estimate, period_s: float)
 
 
 def _too_much(program: Program, player: Player, estimate: Estimate) -> bool:
-    """Whether the force is beyond its limit, or may be while a part is held that was zeroed for.
-
-    Within a sweep nothing is known of it.
-    """
+    """Whether the force is beyond its limit for certain; within a sweep nothing is known of it."""
     if player.segment.kind == "sweep":
         return False
-    force_mN = sure_force_mN(estimate)
-    if player.held and estimate.zero_age_s is not None:
-        force_mN += estimate.force_uncertainty_mN
-    return force_mN > program.guards.force_max_mN
+    return sure_force_mN(estimate) > program.guards.force_max_mN
 
 
 def sure_force_mN(estimate: Estimate) -> float:

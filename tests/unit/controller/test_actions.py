@@ -173,16 +173,6 @@ def test_a_force_that_is_certain_ends_a_program_before_any_zero() -> None:
     assert advance(arm.program, arm.player, sure, T).outcome == "overforce"
 
 
-def test_a_held_force_that_may_be_too_much_is_let_go() -> None:
-    arm = Arm()
-    arm.until("hold")
-    arm.tick()
-    held = replace(arm.estimate(), force_mN=38.0, force_uncertainty_mN=1.5)
-    assert advance(arm.program, arm.player, held, T).outcome == ""
-    unsure = replace(held, force_uncertainty_mN=2.5)
-    assert advance(arm.program, arm.player, unsure, T).outcome == "overforce"
-
-
 def test_a_voltage_that_leads_into_something_goes_back_to_where_it_began() -> None:
     segments = (
         Segment("zero", "voltage", 0.1, zeroes=True, guarded=True),
