@@ -58,7 +58,17 @@ class CheckWave(FrozenRecord, frozen=True):
     """An output for the instrument: see that the wave it plays has not broken off."""
 
 
-DeviceCommand = SetVoltage | Wave | CheckWave
+class ReadBack(FrozenRecord, frozen=True):
+    """An output for the instrument: say what is put out; ``PutOut`` comes in its place."""
+
+
+class PutOut(FrozenRecord, frozen=True):
+    """What the voltage output says that it puts out."""
+
+    voltage_V: float
+
+
+DeviceCommand = SetVoltage | Wave | CheckWave | ReadBack
 
 
 @dataclass(frozen=True, slots=True)
