@@ -21,6 +21,7 @@ from pincette.control.safety.confirmation import (
     found,
     read_back_due,
     stands,
+    suspended,
     waits_for_read_back,
 )
 from pincette.control.safety.freshness import newest_seq, skipped_seq
@@ -28,7 +29,7 @@ from pincette.control.safety.latch import awake, booted, ending, pass_time, shut
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
 from pincette.core.messages import Command, Message, Position
-from pincette.core.service import DeviceCommand, Input, PutOut, ReadBack, Service
+from pincette.core.service import DeviceCommand, Input, PutOut, ReadBack, Service, Slept
 from pincette.core.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TIMING_OF, TRIP
 from pincette_actuator.config import configure
 from pincette_actuator.requests import handle
@@ -41,9 +42,9 @@ Outputs = tuple[Message | DeviceCommand, ...]
 
 
 class Inputs(NamedTuple):
-    """``device`` is the instrument's fault, or what it says that it puts out."""
+    """``device`` is the instrument's fault, or what it says that it puts out, or that all slept."""
 
-    device: Fault | PutOut | None
+    device: Fault | PutOut | Slept | None
     command: Command | None
     position: Position | None
 
@@ -94,9 +95,12 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
 
 
 def _device_said(
-    limits: SafetyLimits, state: State, said: Fault | PutOut, now: float
+    limits: SafetyLimits, state: State, said: Fault | PutOut | Slept, now: float
 ) -> tuple[State, Outputs]:
     """Trip by a fault of the output and ask where it stands; go on from what it answers."""
+    if isinstance(said, Slept):
+        state = suspended(limits, state, said.slept_s, now)
+        return _answer_tick(limits, state, now)
     if isinstance(said, PutOut):
         state = found(limits, state, said.voltage_V, now).settled()
         return state, (applied_of(state, newest_seq(state.arrivals)),)

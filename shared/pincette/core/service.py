@@ -68,6 +68,12 @@ class PutOut(FrozenRecord, frozen=True):
     voltage_V: float
 
 
+class Slept(FrozenRecord, frozen=True):
+    """The machine was suspended: no clock that a step is given has counted ``slept_s``."""
+
+    slept_s: float
+
+
 DeviceCommand = SetVoltage | Wave | CheckWave | ReadBack
 
 

@@ -9,9 +9,11 @@ from typing import Any, TypeVar
 from pincette.config import RigFile
 from pincette.core import plugins
 from pincette.core.faults import Fault, FaultCode, fault
+from pincette.core.messages import Message
 from pincette.core.service import (
     Acquired,
     AnyService,
+    CheckWave,
     DeviceCommand,
     PutOut,
     ReadBack,
@@ -32,6 +34,8 @@ from pincette.instruments.protocols import (
 
 Device = PositionSensor | VoltageOutput | None
 
+ORDERS = (SetVoltage, Wave, CheckWave, ReadBack)
+"""Outputs of a service that are for the instrument."""
 MOST_SAMPLES = 3000
 """Of an acquisition, in one tick; where the loop was late, the rest follows in the next ones."""
 
@@ -127,6 +131,11 @@ class Instrument:
         """Give the device back."""
         if self._device is not None:
             self._device.close()
+
+
+def published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ...]:
+    """Outputs without what was for the instrument."""
+    return tuple(output for output in outputs if not isinstance(output, ORDERS))
 
 
 def fault_of(error: InstrumentError) -> Fault:

@@ -14,25 +14,20 @@ from pincette.core.faults import Cause, Fault, Predecessor
 from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
 from pincette.core.service import (
     AnyService,
-    CheckWave,
-    DeviceCommand,
     ReadBack,
     RefusedError,
     Role,
-    SetVoltage,
-    Wave,
+    Slept,
 )
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
-from pincette.engine.instrument import Device, Instrument
+from pincette.engine.instrument import ORDERS, Device, Instrument, published
 from pincette.engine.request_log import RequestRecorder
 from pincette.engine.synchronizer import KEPT, Synchronizer, stream_of
 from pincette.engine.timing_budget import too_slow
 from pincette.instruments.protocols import VoltageOutput
 
 JOIN_WAIT_PERIODS = 0.25
-ORDERS = (SetVoltage, Wave, CheckWave, ReadBack)
-"""Outputs that are for the instrument."""
 
 
 class Pending(NamedTuple):
@@ -170,6 +165,14 @@ class Node:
             values[0] = fault
         return self._step(values, now)
 
+    def slept(self, slept_s: float, now: float) -> tuple[Message, ...]:
+        """Step because the machine was suspended, where that matters to the instrument."""
+        if not self._drives:
+            return ()
+        values = self._joins.row()
+        values[0] = Slept(slept_s)
+        return self._step(values, now)
+
     def shutdown(self, now: float) -> bool:
         """Bring the instrument to rest before the program ends; true where it is."""
         if self._told_to_end is None and self.service.ending is not None:
@@ -208,7 +211,7 @@ class Node:
             said = self._device.put_out(outputs[0])
             if not isinstance(outputs[0], ReadBack):
                 break
-        return _published(outputs)
+        return published(outputs)
 
     def call(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
         """Answer a request: the reply, or the text of a refusal, and what is to be published."""
@@ -240,7 +243,7 @@ class Node:
                 return fault_text(fault), noted
         elif found_V is not None and self.service.initialize_from_output is not None:
             self.state = self.service.initialize_from_output(self.config, self.state, found_V)
-        return reply, (*_published(outputs), *noted)
+        return reply, (*published(outputs), *noted)
 
     def _may_arm(self, request: Arm) -> Any:
         """Return what the service works with in the epoch asked for; raises RefusedError."""
@@ -293,8 +296,3 @@ class Node:
     def close(self) -> None:
         """Give the instrument back."""
         self._device.close()
-
-
-def _published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ...]:
-    """Outputs without what was for the instrument."""
-    return tuple(output for output in outputs if not isinstance(output, ORDERS))

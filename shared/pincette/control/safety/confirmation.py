@@ -10,8 +10,9 @@ from typing import TypeVar
 
 from msgspec.structs import replace
 
-from pincette.control.safety.causes import BOOTED, TRIPPED, Mode
-from pincette.control.safety.latch import at_safe, not_located, ramped
+from pincette.control.faults import FaultCode, fault
+from pincette.control.safety.causes import BOOTED, TRIPPED, Cause, Mode
+from pincette.control.safety.latch import at_safe, not_located, ramped, trip
 from pincette.control.safety.state import SafetyLimits, SafetyState
 
 S = TypeVar("S", bound=SafetyState)
@@ -56,6 +57,17 @@ def found(limits: SafetyLimits, state: S, found_V: float, now: float) -> S:
     if abs(found_V - limits.safe_V) <= READ_BACK_V:
         return at_safe(limits, state)
     return replace(ramped(state, now), unconfirmed=True)
+
+
+def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
+    """Trip what was armed: of a sleep no age tells, and no standstill is forgiven for it.
+
+    The output's own watchdog may have acted meanwhile, so that it is read back before anything.
+    """
+    told = fault(FaultCode.SUSPENDED, slept_s=slept_s)
+    if state.mode == Mode.ARMED:
+        state = trip(limits, state, Cause.SUSPEND, now, faults=(told,))
+    return failed(state) if state.mode in TRIPPED else state
 
 
 def stands(state: SafetyState) -> bool:

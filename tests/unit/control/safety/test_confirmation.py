@@ -10,10 +10,12 @@ from pincette.control.safety.confirmation import (
     found,
     read_back_due,
     stands,
+    suspended,
     waits_for_read_back,
 )
 from pincette.control.safety.latch import not_located, pass_time, reset
 from pincette.control.safety.state import SafetyState
+from pincette.core.wording import fault_text
 
 from .bench import LIMITS, LOCKSTEP, T
 
@@ -111,3 +113,20 @@ def test_what_stands_is_not_told_again() -> None:
     assert not stands(replace(safe, mode=Mode.ARMED))
     assert not stands(reset(LIMITS, replace(safe, cause=Cause.DEVICE, mode=Mode.ARMED)))
     assert not reset(LIMITS, safe).located
+
+
+def test_a_sleep_trips_what_was_armed_however_short_its_clock_says_it_was() -> None:
+    for held, mode in ((True, Mode.FROZEN), (False, Mode.RAMPING)):
+        armed = replace(LOST, mode=Mode.ARMED, part_held=held, unconfirmed=False)
+        state = suspended(LIMITS, armed, 3600.0, 7.0)
+        assert (state.mode, state.cause) == (mode, Cause.SUSPEND)
+        assert fault_text(state.faults[0]) == "the machine was suspended for 3600.0 s"
+        assert read_back_due(LIMITS, state, 7.0), "its watchdog may have acted"
+
+
+def test_a_sleep_of_a_rig_that_has_tripped_keeps_its_cause_and_one_of_an_idle_rig_is_none() -> None:
+    latched = replace(LOST, mode=Mode.LATCHED, unconfirmed=False, located=True)
+    state = suspended(LIMITS, latched, 5.0, 7.0)
+    assert (state.cause, state.unconfirmed, state.located) == (Cause.DEVICE, True, False)
+    idle = replace(LOST, mode=Mode.IDLE, unconfirmed=False)
+    assert suspended(LIMITS, idle, 5.0, 7.0) == idle
