@@ -18,7 +18,7 @@ def test_it_is_asked_at_once_and_again_after_a_period_without_any_sample() -> No
     assert echo.unconfirmed
     state, outputs = play(state, (FAILED, 0.01))
     assert [type(output) for output in outputs] == [Applied]
-    _, outputs = play(state, (WAKE, 0.01 + T))
+    _, outputs = play(state, (WAKE, 0.01 + 1.1 * T))
     assert [type(output) for output in outputs] == [ReadBack, Applied]
 
 
