@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import serial
 
+from pincette.instruments.line.serial_link import UNANSWERED
 from pincette.instruments.link import LONGEST_FRAME, open_link
 from pincette.instruments.protocols import ErrorCode, InstrumentError, Link
 from pincette.sim.instruments.keyence import SimulatedKeyence
@@ -207,3 +208,40 @@ def test_every_exchange_is_logged_with_its_bytes_escaped(
     first, second = [record.getMessage() for record in caplog.records]
     assert first.endswith(r": MS,01 -> \xff\x00")
     assert ": R0 -> hung_up: " in second
+
+
+def test_a_peer_that_has_gone_without_a_word_is_left_for_the_one_that_is_there_now() -> None:
+    """As behind a network that was cut: the connection stands, and nobody answers over it."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        with opened(url, timeout_s=0.02) as link:
+            dead, _ = server.accept()
+            codes: list[ErrorCode] = []
+            for _ in range(UNANSWERED):
+                with pytest.raises(InstrumentError) as caught:
+                    link.exchange(b"R0")
+                codes.append(caught.value.code)
+            assert codes == ["silent"] * UNANSWERED
+            server.settimeout(2.0)
+            with pytest.raises(InstrumentError):
+                link.exchange(b"R0")
+            back, _ = server.accept()
+            with back, dead:
+                assert back.recv(16) == b"R0\r"
+                back.sendall(b"R0\r")
+
+
+def test_a_connection_gives_up_what_nobody_confirms(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: dict[int, object] = {}
+    whole = socket.socket.setsockopt
+
+    def noted(self: socket.socket, level: int, option: int, value: int) -> None:
+        if level == socket.IPPROTO_TCP:
+            given[option] = value
+        whole(self, level, option, value)
+
+    monkeypatch.setattr(socket.socket, "setsockopt", noted)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        with opened(url, timeout_s=0.5):
+            assert given[socket.TCP_USER_TIMEOUT] == 2000

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from tests.support.fault_table import ROWS
 
-NUMBERS = 26
+NUMBERS = 31
 
 
 def functions(path: Path) -> set[str]:

@@ -16,12 +16,20 @@ from pincette.control.safety.admission import (
     unheard,
 )
 from pincette.control.safety.causes import Cause, Mode
+from pincette.control.safety.confirmation import (
+    failed,
+    found,
+    read_back_due,
+    stands,
+    suspended,
+    waits_for_read_back,
+)
 from pincette.control.safety.freshness import newest_seq, skipped_seq
 from pincette.control.safety.latch import awake, booted, ending, pass_time, shutdown, trip
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
 from pincette.core.messages import Command, Message, Position
-from pincette.core.service import DeviceCommand, Input, Service
+from pincette.core.service import DeviceCommand, Input, PutOut, ReadBack, Service, Slept
 from pincette.core.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TIMING_OF, TRIP
 from pincette_actuator.config import configure
 from pincette_actuator.requests import handle
@@ -34,9 +42,9 @@ Outputs = tuple[Message | DeviceCommand, ...]
 
 
 class Inputs(NamedTuple):
-    """``device`` is the instrument's fault."""
+    """``device`` is the instrument's fault, or what it says that it puts out, or that all slept."""
 
-    device: Fault | None
+    device: Fault | PutOut | Slept | None
     command: Command | None
     position: Position | None
 
@@ -60,10 +68,7 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     """Take a command, note a sample, or let time pass."""
     state = before = awake(limits, state, now)
     if inputs.device is not None:
-        state = _unconfirmed(state, inputs.device)
-        state = trip(limits, state, Cause.DEVICE, now, faults=(inputs.device,))
-        state, outputs = _answer_tick(limits, state)
-        return replace(state, unconfirmed=True), outputs
+        return _device_said(limits, state, inputs.device, now)
     skipped = -1
     if (position := inputs.position) is not None and position.epoch == state.epoch:
         x_um = position.x_um if position.valid else None
@@ -89,13 +94,32 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     return state, (*outputs, applied_of(state, skipped))
 
 
+def _device_said(
+    limits: SafetyLimits, state: State, said: Fault | PutOut | Slept, now: float
+) -> tuple[State, Outputs]:
+    """Trip by a fault of the output and ask where it stands; go on from what it answers."""
+    if isinstance(said, Slept):
+        state = suspended(limits, state, said.slept_s, now)
+        return _answer_tick(limits, state, now)
+    if isinstance(said, PutOut):
+        state = found(limits, state, said.voltage_V, now).settled()
+        return state, (applied_of(state, newest_seq(state.arrivals)),)
+    if waits_for_read_back(limits, state) and said.code is FaultCode.INSTRUMENT_INVALID:
+        # It answers, but cannot say what it puts out: it stands where it was told last.
+        return _device_said(limits, state, PutOut(state.voltage_V), now)
+    state = _unconfirmed(state, said)
+    state = trip(limits, state, Cause.DEVICE, now, faults=(said,))
+    state, outputs = _answer_tick(limits, failed(state), now)
+    return failed(state), outputs
+
+
 def _unconfirmed(state: State, device: Fault) -> State:
     """Tell beside the cause of a freeze, once, that the output does not confirm it any more."""
     told = any(one.code is FaultCode.OUTPUT_UNCONFIRMED for one in state.faults)
     if state.mode != Mode.FROZEN or state.cause == Cause.DEVICE or told:
         return state
-    found = fault(FaultCode.OUTPUT_UNCONFIRMED, device.words)
-    return replace(state, faults=(*state.faults, found))
+    doubt = fault(FaultCode.OUTPUT_UNCONFIRMED, device.words)
+    return replace(state, faults=(*state.faults, doubt))
 
 
 def _heard(state: State, command: Command) -> tuple[State, Command | None]:
@@ -124,7 +148,7 @@ def _judge(
         )
     unasked = command.seq > state.answered_seq and not command.valid
     if limits.lockstep or unasked:
-        return _answer_tick(limits, pass_time(limits, after, now))
+        return _answer_tick(limits, pass_time(limits, after, now), now)
     return _let_pass(limits, state, after, now)
 
 
@@ -134,21 +158,27 @@ def _let_pass(
     """In real time: the age limit, the ramp, and ticks without a command."""
     later = pass_time(limits, state, now)
     if later.mode != before.mode or later.voltage_V != before.voltage_V:
-        return _answer_tick(limits, later)
+        return _answer_tick(limits, later, now)
+    if read_back_due(limits, later, now):
+        return _answer_tick(limits, later, now)
     if not later.arrivals or later.arrivals[-1].seq <= later.answered_seq:
         return later, ()
     if now - later.arrivals[-1].at_s < ANSWER_PERIODS * limits.period_s:
         return later, ()
-    return _answer_tick(limits, later)
+    return _answer_tick(limits, later, now)
 
 
-def _answer_tick(limits: SafetyLimits, state: State) -> tuple[State, Outputs]:
+def _answer_tick(limits: SafetyLimits, state: State, now: float) -> tuple[State, Outputs]:
     """Answer the newest tick without a command; in lockstep the write is what ends the tick."""
     state = state.settled()
     seq = newest_seq(state.arrivals)
     echo = applied_of(state, seq)
-    if limits.lockstep or state.mode not in (Mode.IDLE, Mode.FROZEN):
-        state = replace(state, answered_seq=seq, unconfirmed=False)
+    if waits_for_read_back(limits, state):
+        asks = read_back_due(limits, state, now)
+        state = replace(state, answered_seq=seq, asked_s=now if asks else state.asked_s)
+        return state, (ReadBack(), echo) if asks else (echo,)
+    if limits.lockstep or not stands(state):
+        state = replace(state, answered_seq=seq, unconfirmed=False, located=False)
         return state, (order_of(state, state), echo)
     return replace(state, answered_seq=seq), (echo,)
 

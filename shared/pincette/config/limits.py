@@ -58,11 +58,12 @@ class Safety(Table):
     following_um: Positive = 3.0
     """Largest distance of the arm from the law's desired position while that rests."""
     following_s: NotNegative = 0.05
-    """Additional distance for each µm/s at which the desired position moves."""
+    """Additional distance for each µm/s at which the desired position moves, up to the speed of
+    the arm at the slew limit."""
     following_for_s: float = Field(default=0.12, gt=0.0, le=2.0)
-    """How long the distance may be exceeded without a break. If a part is lost at
-    ``force_max_mN``, the arm jumps by s_p·F; the slew limit corrects that in s_p·F/(d_p·slew),
-    0.1 s with the demo's numbers."""
+    """How long the distance may be exceeded; a sample within it takes back one beyond it. If a
+    part is lost at ``force_max_mN``, the arm jumps by s_p·F; the slew limit corrects that in
+    s_p·F/(d_p·slew), 0.1 s with the demo's numbers."""
     position_margin: float = Field(default=0.1, ge=0.0, le=1.0)
     """Share of the range of ``limits.position_*`` by which a measured position may lie outside."""
     position_samples: int = Field(default=3, ge=1, le=50)

@@ -194,6 +194,7 @@ class RigFile(Table):
             position_min_um=limits.position_min_um - margin_um,
             position_max_um=limits.position_max_um + margin_um,
             position_samples=safety.position_samples,
+            fastest_um_per_s=limits.slew_V_per_s * abs(self.model.piezo_um_per_V),
         )
 
     @property

@@ -62,6 +62,7 @@ class FaultCode(StrEnum):
     REQUESTED = auto()
     SECOND_CONTROLLER = auto()
     STANDSTILLS = auto()
+    SUSPENDED = auto()
     # The controller.
     LAW_NUMBER = auto()
     ACTUATOR_TRIPPED = auto()

@@ -58,7 +58,23 @@ class CheckWave(FrozenRecord, frozen=True):
     """An output for the instrument: see that the wave it plays has not broken off."""
 
 
-DeviceCommand = SetVoltage | Wave | CheckWave
+class ReadBack(FrozenRecord, frozen=True):
+    """An output for the instrument: say what is put out; ``PutOut`` comes in its place."""
+
+
+class PutOut(FrozenRecord, frozen=True):
+    """What the voltage output says that it puts out."""
+
+    voltage_V: float
+
+
+class Slept(FrozenRecord, frozen=True):
+    """The machine was suspended: no clock that a step is given has counted ``slept_s``."""
+
+    slept_s: float
+
+
+DeviceCommand = SetVoltage | Wave | CheckWave | ReadBack
 
 
 @dataclass(frozen=True, slots=True)

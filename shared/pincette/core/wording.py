@@ -86,6 +86,7 @@ TEXTS: Mapping[FaultCode, str] = {
     FaultCode.REQUESTED: "",
     FaultCode.SECOND_CONTROLLER: "alarm: {commands:.0f} commands of a stranger refused",
     FaultCode.STANDSTILLS: "stood still {times:.0f} times",
+    FaultCode.SUSPENDED: "the machine was suspended for {slept_s:.1f} s",
     FaultCode.LAW_NUMBER: "",
     FaultCode.ACTUATOR_TRIPPED: "the actuator has tripped",
     FaultCode.LEASE_ENDED: (

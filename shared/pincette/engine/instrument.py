@@ -9,10 +9,14 @@ from typing import Any, TypeVar
 from pincette.config import RigFile
 from pincette.core import plugins
 from pincette.core.faults import Fault, FaultCode, fault
+from pincette.core.messages import Message
 from pincette.core.service import (
     Acquired,
     AnyService,
+    CheckWave,
     DeviceCommand,
+    PutOut,
+    ReadBack,
     Reading,
     RefusedError,
     SetVoltage,
@@ -30,6 +34,8 @@ from pincette.instruments.protocols import (
 
 Device = PositionSensor | VoltageOutput | None
 
+ORDERS = (SetVoltage, Wave, CheckWave, ReadBack)
+"""Outputs of a service that are for the instrument."""
 MOST_SAMPLES = 3000
 """Of an acquisition, in one tick; where the loop was late, the rest follows in the next ones."""
 
@@ -61,11 +67,13 @@ class Instrument:
         acquired = Acquired(self._capture_hz, x_um[:MOST_SAMPLES], drive_V[:MOST_SAMPLES])
         return Reading(block.x_um[-1], acquired=acquired)
 
-    def put_out(self, order: DeviceCommand) -> Fault | None:
-        """Give the output its order; returns its fault."""
+    def put_out(self, order: DeviceCommand) -> Fault | PutOut | None:
+        """Give the output its order; returns its fault, or the voltage that it was asked for."""
         try:
             if isinstance(order, SetVoltage):
                 self._device.write_V(order.voltage_V)
+            elif isinstance(order, ReadBack):
+                return PutOut(self._device.read_V())
             elif not isinstance(self._device, WaveOutput):
                 words = "the voltage output plays no waves: it has no buffer"
                 return fault(FaultCode.INSTRUMENT_MISUSED, words)
@@ -88,15 +96,21 @@ class Instrument:
             return fault_of(error)
         return None
 
-    def recover(self) -> float | None:
-        """After a reset, clear a watched output's trip; its voltage, None if it is not watched."""
-        if self._watched is None:
-            return None
+    def recover(self) -> float:
+        """For a reset: clear a watched output's trip, and return what is put out."""
         try:
-            self._watched.clear_trip()
-            return self._watched.read_V()
+            if self._watched is not None:
+                self._watched.clear_trip()
         except InstrumentError as error:
             raise RefusedError(f"the voltage output cannot be reset: {error}") from error
+        return self.read_back_V()
+
+    def read_back_V(self) -> float:
+        """What is put out; raises RefusedError where the output does not say."""
+        try:
+            return float(self._device.read_V())
+        except InstrumentError as error:
+            raise RefusedError(f"the voltage output cannot be read back: {error}") from error
 
     def capture(self, rate_hz: float) -> None:
         """Begin a buffered acquisition, or end the one there is (0 Hz); raises RefusedError."""
@@ -117,6 +131,11 @@ class Instrument:
         """Give the device back."""
         if self._device is not None:
             self._device.close()
+
+
+def published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ...]:
+    """Outputs without what was for the instrument."""
+    return tuple(output for output in outputs if not isinstance(output, ORDERS))
 
 
 def fault_of(error: InstrumentError) -> Fault:

@@ -11,6 +11,7 @@ from pincette.core.messages import Message
 from pincette.core.topics import Request, Topic
 from pincette.engine.node import Node
 from pincette.engine.realtime.gc_tuning import Collector
+from pincette.engine.realtime.sleep_watch import SleepWatch
 from pincette.engine.scheduler import MAX_BATCH, Outputs, Scheduler, Task
 
 Reply = Callable[[Message | str], None]
@@ -33,6 +34,7 @@ class Loop:
         inline: bool = False,
         delay_s: float = 0.0,
         delay_seed: int = 0,
+        sleep_watch: SleepWatch | None = None,
     ) -> None:
         """Join the bus; ``inline`` handles deliveries in the caller, who calls ``step`` in a loop.
 
@@ -56,6 +58,7 @@ class Loop:
         self._unfinished = False
         """Whether a step of the next tick is ready."""
         self._collector = Collector()
+        self._sleep = SleepWatch() if sleep_watch is None else sleep_watch
         self._queue: SimpleQueue[Item] = SimpleQueue()
         self._inbox: Callable[[Item], None] = self._take if inline else self._queue.put
         self._delay_s, self._random = delay_s, random.Random(delay_seed)
@@ -89,6 +92,9 @@ class Loop:
     def turn(self) -> None:
         """Wait for something, make every step that is ready, and those that a timer asks for."""
         self._receive(0.0 if self._unfinished else self._wait_s(self._now()))
+        if self._clocked and (slept_s := self._sleep.slept_s()):
+            for task in self._clocked:
+                self._emit(task.node.slept(slept_s, self._now()))
         now = self._make_ready_steps()
         for task in self._clocked:
             if task.due(now):

@@ -9,28 +9,25 @@ from typing import Any, NamedTuple, cast
 
 from pincette import __version__
 from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse_calibration
-from pincette.core.faults import Cause, Predecessor
+from pincette.control.safety.confirmation import READ_BACK_V
+from pincette.core.faults import Cause, Fault, Predecessor
 from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
 from pincette.core.service import (
     AnyService,
-    CheckWave,
-    DeviceCommand,
+    ReadBack,
     RefusedError,
     Role,
-    SetVoltage,
-    Wave,
+    Slept,
 )
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
-from pincette.engine.instrument import Device, Instrument
+from pincette.engine.instrument import ORDERS, Device, Instrument, published
 from pincette.engine.request_log import RequestRecorder
-from pincette.engine.synchronizer import KEPT, Synchronizer
+from pincette.engine.synchronizer import KEPT, Synchronizer, stream_of
 from pincette.engine.timing_budget import too_slow
 from pincette.instruments.protocols import VoltageOutput
 
 JOIN_WAIT_PERIODS = 0.25
-ORDERS = (SetVoltage, Wave, CheckWave)
-"""Outputs that are for the instrument."""
 
 
 class Pending(NamedTuple):
@@ -78,6 +75,7 @@ class Node:
         self._too_slow = too_slow(rig) if judges else ""
         self._device = Instrument(device, self.period_s)
         self._instrument = service.instrument is not None
+        self._drives = service.instrument == "voltage_output"
         self._joins = Synchronizer(service)
         self._roles: dict[type, Role] = {item.topic.message: item.role for item in service.inputs}
         self._paced = any(item.role == "pace" for item in service.inputs)
@@ -104,9 +102,9 @@ class Node:
         What another epoch or owner says is a stream of its own, and one that is repeated is older:
         neither must push out what counts.
         """
-        stream = _stream(sample)
+        stream = stream_of(sample)
         for pending in self._pending:
-            if pending.sample is not None and _stream(pending.sample) == stream:
+            if pending.sample is not None and stream_of(pending.sample) == stream:
                 if sample.seq <= pending.sample.seq:
                     self.refused += 1
                     return False
@@ -167,6 +165,14 @@ class Node:
             values[0] = fault
         return self._step(values, now)
 
+    def slept(self, slept_s: float, now: float) -> tuple[Message, ...]:
+        """Step because the machine was suspended, where that matters to the instrument."""
+        if not self._drives:
+            return ()
+        values = self._joins.row()
+        values[0] = Slept(slept_s)
+        return self._step(values, now)
+
     def shutdown(self, now: float) -> bool:
         """Bring the instrument to rest before the program ends; true where it is."""
         if self._told_to_end is None and self.service.ending is not None:
@@ -193,16 +199,19 @@ class Node:
         )
         if not self._instrument or not outputs or not isinstance(outputs[0], ORDERS):
             return outputs
-        fault = self._device.put_out(outputs[0])
-        if fault:
+        said = self._device.put_out(outputs[0])
+        while said is not None:
             values = self._joins.row()
-            values[0] = fault
+            values[0] = said
             self.state, outputs = service.step(
                 self.config, self.state, service.inputs_type(*values), now
             )
-            if outputs and isinstance(outputs[0], ORDERS):
-                self._device.put_out(outputs[0])
-        return _published(outputs)
+            if not outputs or not isinstance(outputs[0], ORDERS):
+                break
+            said = self._device.put_out(outputs[0])
+            if not isinstance(outputs[0], ReadBack):
+                break
+        return published(outputs)
 
     def call(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
         """Answer a request: the reply, or the text of a refusal, and what is to be published."""
@@ -215,7 +224,8 @@ class Node:
         try:
             if isinstance(request, Arm):
                 config = self._may_arm(request)
-            found_V = self._device.recover() if isinstance(request, Reset) else None
+            resets = self._drives and isinstance(request, Reset)
+            found_V = self._device.recover() if resets else None
             self.state, reply, outputs = self.service.handle(config, self.state, request, now)
         except RefusedError as error:
             return str(error), ()
@@ -229,11 +239,11 @@ class Node:
         noted = self._notes.taken(request, self.config, self.state)
         if outputs and isinstance(outputs[0], ORDERS):
             fault = self._device.put_out(outputs[0])
-            if fault:
+            if isinstance(fault, Fault):
                 return fault_text(fault), noted
         elif found_V is not None and self.service.initialize_from_output is not None:
             self.state = self.service.initialize_from_output(self.config, self.state, found_V)
-        return reply, (*_published(outputs), *noted)
+        return reply, (*published(outputs), *noted)
 
     def _may_arm(self, request: Arm) -> Any:
         """Return what the service works with in the epoch asked for; raises RefusedError."""
@@ -251,6 +261,10 @@ class Node:
             raise RefusedError(f"the instruments are too slow: {self._too_slow}")
         if self.service.instrument == "position_sensor":
             self._device.capture(request.capture_hz)
+        if self.service.initialize_from_output is not None:
+            found_V = self._device.read_back_V()
+            if abs(found_V - self.state.voltage_V) > READ_BACK_V:
+                self.state = self.service.initialize_from_output(self.config, self.state, found_V)
         if request.calibration == self.calibration.text():
             return self.config
         try:
@@ -282,13 +296,3 @@ class Node:
     def close(self) -> None:
         """Give the instrument back."""
         self._device.close()
-
-
-def _stream(sample: Sample) -> tuple[type[Sample], int, int | None]:
-    """Topic, epoch and owner."""
-    return type(sample), sample.epoch, getattr(sample, "owner", None)
-
-
-def _published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ...]:
-    """Outputs without what was for the instrument."""
-    return tuple(output for output in outputs if not isinstance(output, ORDERS))

@@ -127,3 +127,8 @@ class SequenceFilter:
         twin._epoch, twin._since_s = self._epoch, self._since_s
         twin._newest = dict(self._newest)
         return twin
+
+
+def stream_of(sample: Sample) -> tuple[type[Sample], int, int | None]:
+    """Topic, epoch and owner: what numbers of samples are compared within."""
+    return type(sample), sample.epoch, getattr(sample, "owner", None)

@@ -32,6 +32,9 @@ BITS_PER_BYTE = 10
 QUIET_BYTES = 3
 LEAST_QUIET_S = 0.001
 READ_SIZE = 4096
+UNSENT_PERIODS, LEAST_UNSENT_S = 4.0, 1.0
+"""Timeouts of an exchange, and seconds at least, after which a connection whose other end confirms
+no byte is given up by the system."""
 REMEDIES = {
     errno.ECONNREFUSED: (
         "connection refused; is the instrument switched on, or `pincette run rig` started?"
@@ -220,6 +223,9 @@ class _SocketPort:
         address = (parts.hostname, parts.port)
         self._socket = socket.create_connection(address, timeout=max(timeout_s, 1e-3))
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # Or what was sent to a host that is gone is sent again for a quarter of an hour.
+        most_ms = round(1000.0 * max(UNSENT_PERIODS * write_timeout_s, LEAST_UNSENT_S))
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, most_ms)
         self._socket.settimeout(write_timeout_s)
 
     def write(self, data: bytes) -> None:

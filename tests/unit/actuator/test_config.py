@@ -63,6 +63,7 @@ def test_every_limit_comes_from_its_place(time: str) -> None:
             position_min_um=-10.0 - 0.2 * 100.0,
             position_max_um=90.0 + 0.2 * 100.0,
             position_samples=2,
+            fastest_um_per_s=8.0 * demo_rig().model.piezo_um_per_V,
         ),
         ramp_s=0.03,
         freeze_s=7.0,

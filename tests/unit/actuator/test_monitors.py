@@ -16,7 +16,7 @@ from pincette.core.messages import (
     StatusRequest,
     Trip,
 )
-from pincette.core.service import DeviceCommand, RefusedError, SetVoltage
+from pincette.core.service import DeviceCommand, PutOut, RefusedError, SetVoltage
 from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import SERVICE, Inputs, step
@@ -169,9 +169,13 @@ def test_an_output_that_does_not_confirm_the_ramp_is_left_to_its_watchdog() -> N
     assert (state.mode, state.unconfirmed) == ("ramping", True)
     assert not may_kick_watchdog(state, 0.015)
     state, outputs = play(state, (WAKE, 0.015))
+    assert outputs == [], "nothing is written before it has said where it stands"
+    state, _ = play(state, (Inputs(PutOut(1.0), None, None), 0.015))
+    assert not may_kick_watchdog(state, 0.015)
+    state, outputs = play(state, (WAKE, 0.016))
     assert isinstance(outputs[0], SetVoltage)
     assert may_kick_watchdog(state, 0.02)
-    state, _ = play(state, (fault, 0.015))
+    state, _ = play(state, (fault, 0.016))
     assert not may_kick_watchdog(state, 0.02)
 
 

@@ -32,7 +32,13 @@ UNASKED_S = 0.036
 
 def stood(mode: str) -> State:
     return replace(
-        holding(held=True), mode=mode, cause="estop", since_s=0.02, ran_s=0.03, unconfirmed=True
+        holding(held=True),
+        mode=mode,
+        cause="estop",
+        since_s=0.02,
+        ran_s=0.03,
+        unconfirmed=True,
+        located=True,
     )
 
 

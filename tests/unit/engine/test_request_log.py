@@ -49,7 +49,9 @@ def test_what_is_refused_or_changes_nothing_is_not_told() -> None:
 
 
 def test_an_actuator_tells_of_trip_and_reset_and_of_the_voltage_it_brings() -> None:
-    node = Node(ACTUATOR, RIG, Tape())
+    tape = Tape()
+    node = Node(ACTUATOR, RIG, tape)
+    tape.found_V = 1.5
     asked(node, Reset(acknowledge=True))
     node.state = (
         ACTUATOR.initialize_from_output(node.config, node.state, 1.5)

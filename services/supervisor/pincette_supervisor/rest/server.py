@@ -4,7 +4,7 @@ import asyncio
 from typing import cast
 
 import uvicorn
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 MOST = 384
@@ -73,11 +73,37 @@ class Connection(H11Protocol):
             self._head = None
 
 
+class UnambiguousLength:
+    """Refuses a request with two lengths, and ends its connection.
+
+    Programs before this one may believe the other length, and take the rest for a request of
+    somebody else (RFC 9112, section 6.1).
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer 400 where both lengths are told; else pass the request on."""
+        names = {name for name, _ in scope.get("headers", ())}
+        if scope["type"] != "http" or not names >= {b"content-length", b"transfer-encoding"}:
+            await self._app(scope, receive, send)
+            return
+        text = b"Content-Length and Transfer-Encoding exclude each other\n"
+        headers = [
+            (b"content-type", b"text/plain"),
+            (b"content-length", b"%d" % len(text)),
+            (b"connection", b"close"),
+        ]
+        await send({"type": "http.response.start", "status": 400, "headers": headers})
+        await send({"type": "http.response.body", "body": text})
+
+
 def server_of(app: ASGIApp) -> uvicorn.Server:
     """The server of an application; nothing of a request is logged, least of all its head."""
     return uvicorn.Server(
         uvicorn.Config(
-            app,
+            UnambiguousLength(app),
             http=Connection,
             ws="none",
             log_config=None,

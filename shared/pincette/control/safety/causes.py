@@ -34,6 +34,8 @@ class Cause(StrEnum):
     """The measured position is beyond the hard limits."""
     DEVICE = "device"
     """The voltage output failed or refused."""
+    SUSPEND = "suspend"
+    """The machine was suspended: nobody knows what has become of arm and part meanwhile."""
     SHUTDOWN = "shutdown"
     """The program was told to end."""
     RESTART = "restart"
@@ -67,6 +69,7 @@ OWN = frozenset(
         Cause.FOLLOWING_ERROR,
         Cause.POSITION,
         Cause.DEVICE,
+        Cause.SUSPEND,
         Cause.SHUTDOWN,
         Cause.RESTART,
     }

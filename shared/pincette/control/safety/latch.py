@@ -143,7 +143,9 @@ def reset(limits: SafetyLimits, state: S) -> S:
         state = at_safe(limits, state)
     if state.mode not in (Mode.LATCHED, Mode.FROZEN):
         return state
-    return replace(state, mode=Mode.IDLE, cause=Cause.NONE, faults=(), unconfirmed=False)
+    return replace(
+        state, mode=Mode.IDLE, cause=Cause.NONE, faults=(), unconfirmed=False, located=False
+    )
 
 
 def awake(limits: SafetyLimits, state: S, now: float) -> S:
@@ -163,6 +165,11 @@ def awake(limits: SafetyLimits, state: S, now: float) -> S:
     )
 
 
+def not_located(limits: SafetyLimits, state: SafetyState) -> bool:
+    """Whether the output has failed and not said since what it puts out; never in lockstep."""
+    return state.unconfirmed and not state.located and not limits.lockstep
+
+
 def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
     """What the mere passing of time does: the age limit, the end of a freeze, the ramp."""
     if state.mode == Mode.ARMED and now - state.fresh_s > limits.age.limit_s:
@@ -173,6 +180,10 @@ def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
         return state
     # One step ahead of its clock: the first step comes with the trip.
     share = (now - state.since_s + limits.age.wake_s) / limits.ramp_s
+    if not_located(limits, state):
+        # Nothing is written until the output is read back: see ``confirmation``.
+        over = replace(state, mode=Mode.LATCHED, part_held=False)
+        return over if share >= 1.0 else state
     if share >= 1.0:
         return replace(at_safe(limits, state), moved_s=now)
     voltage_V = ramp(state.ramp_from_V, limits.safe_V, share)

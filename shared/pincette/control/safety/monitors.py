@@ -2,10 +2,12 @@
 
 The hard limits lie beyond those that the controller's guards watch, so that its gentle reaction
 comes first; a limit acts once it has been exceeded for some samples in a row. A sample of which a
-quantity is not known neither counts nor clears.
+quantity is not known neither counts nor clears. The following error is counted leakily: a sample
+within its bound takes back one beyond it, so that an aim that comes and goes is found too.
 """
 
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -30,6 +32,8 @@ class MonitorLimits:
     position_min_um: float
     position_max_um: float
     position_samples: int
+    fastest_um_per_s: float = inf
+    """Speed of the arm at the slew limit: no faster aim can be a plan's, and widens the bound."""
 
 
 class Watch(FrozenRecord, frozen=True):
@@ -41,6 +45,12 @@ class Watch(FrozenRecord, frozen=True):
     def follow(self, excess: Fault | None) -> "Watch":
         """Count a sample; one without excess begins anew."""
         return QUIET if excess is None else Watch(self.count + 1, excess)
+
+    def leak(self, excess: Fault | None) -> "Watch":
+        """Count a sample; one without excess takes one back."""
+        if excess is not None:
+            return Watch(self.count + 1, excess)
+        return QUIET if self.count <= 1 else Watch(self.count - 1, self.newest)
 
     def found(self, samples: int) -> Fault | None:
         """The limit that acts, with the number of samples; None where it does not."""
@@ -85,11 +95,13 @@ def force_excess(limits: MonitorLimits, force_mN: float) -> Fault | None:
 def following_excess(
     limits: MonitorLimits, x_um: float, x_d_um: float, speed_um_per_s: float
 ) -> Fault | None:
-    """Fault where |x - x_d| > following_um + following_s·|dx_d/dt|.
+    """Fault where |x - x_d| > following_um + following_s·min(|dx_d/dt|, fastest_um_per_s).
 
-    The bound grows with the commanded speed, as that of a machine tool does: a fast arm lags.
+    The bound grows with the commanded speed, as that of a machine tool does: a fast arm lags. An
+    aim that jumps is credited no more than the arm could be driven.
     """
-    bound_um, error_um = limits.following_um + limits.following_s * speed_um_per_s, x_um - x_d_um
+    credited_um_per_s = min(speed_um_per_s, limits.fastest_um_per_s)
+    bound_um, error_um = limits.following_um + limits.following_s * credited_um_per_s, x_um - x_d_um
     if abs(error_um) <= bound_um:
         return None
     return fault(
@@ -134,7 +146,7 @@ def watch_command(
     if x_d_um is not None and x_um is not None:
         way_um = 0.0 if aim_um is None else abs(x_d_um - aim_um)
         speed_um_per_s = way_um / ((seq - aim_seq) * limits.period_s)
-        following = following.follow(following_excess(limits, x_um, x_d_um, speed_um_per_s))
+        following = following.leak(following_excess(limits, x_um, x_d_um, speed_um_per_s))
         aim_seq, aim_um = seq, x_d_um
     return Watches(seq, force, following, watches.position, aim_seq, aim_um)
 

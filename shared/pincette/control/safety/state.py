@@ -87,6 +87,10 @@ class SafetyState(FrozenRecord, frozen=True):
     """How the actuator before this one has ended."""
     unconfirmed: bool = False
     """The output has not confirmed what it was told last."""
+    located: bool = False
+    """Since it has failed it has said what it puts out."""
+    asked_s: float = -inf
+    """When it was asked for its voltage last."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:

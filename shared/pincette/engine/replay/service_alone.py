@@ -29,14 +29,16 @@ class Tape:
     """Takes any voltage, and fails where the record says that the instrument did."""
 
     fault: Fault | None = None
+    found_V: float = 0.0
+    """As at rest; the voltage at the begin of the epoch comes from the record."""
 
     def write_V(self, voltage_V: float) -> None:  # noqa: ARG002  it goes nowhere
         """Put out nothing."""
         self.look()
 
     def read_V(self) -> float:
-        """As at rest; the voltage at the begin of the epoch comes from the record."""
-        return 0.0
+        """What it was told to say."""
+        return self.found_V
 
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
         """Put out nothing."""

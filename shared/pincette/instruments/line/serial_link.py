@@ -13,6 +13,9 @@ RETRY_S = 0.5
 GRACE = 0.2
 """Share of the timeout that is waited once more where it has passed: the time may have passed while
 the machine stood still, with the answer on its way all along."""
+UNANSWERED = 8
+"""Exchanges in a row without a byte after which the port is opened anew: the other end may have
+gone without a word, as over a network that was cut."""
 STANDSTILL_S = 0.005
 """A deadline that is missed by more than this was missed by the machine."""
 
@@ -47,9 +50,10 @@ def escaped(data: bytes) -> str:
 class Line:
     """One line to an instrument.
 
-    A port that is lost is opened again by the exchange after the one that lost it, at most once
-    each ``RETRY_S``, and ``on_open`` prepares the instrument before that exchange goes on; all of
-    it within ``timeout_s``. The exchange that lost the port has failed, and is not sent again.
+    A port that is lost, or over which nobody has answered ``UNANSWERED`` exchanges, is opened again
+    by the exchange after that, at most once each ``RETRY_S``, and ``on_open`` prepares the
+    instrument before that exchange goes on; all of it within ``timeout_s``. The exchange that lost
+    the port has failed, and is not sent again.
     """
 
     url: str
@@ -67,6 +71,7 @@ class Line:
     _port: Port | None = field(default=None, init=False)
     _closed: bool = field(default=False, init=False)
     _clean: bool = field(default=True, init=False)
+    _unanswered_count: int = field(default=0, init=False)
     _next_try_s: float = field(default=float("-inf"), init=False)
     _opening_until_s: float | None = field(default=None, init=False)
 
@@ -103,11 +108,22 @@ class Line:
 
     def _noted(self, line: bytes, *, answered: bool) -> bytes:
         try:
-            return self._converse(line, answered=answered)
+            reply = self._converse(line, answered=answered)
+            self._unanswered_count *= not answered
+            return reply
         except InstrumentError as error:
             self._clean = False
+            self._count(error)
             _log.debug("%s: %s -> %s: %s", self.url, _Escaped(line), error.code, error)
             raise
+
+    def _count(self, error: InstrumentError) -> None:
+        """Give a port up over which nobody answers; not while it is being opened."""
+        self._unanswered_count = self._unanswered_count + 1 if error.code == "silent" else 0
+        if self._unanswered_count >= UNANSWERED and self._opening_until_s is None:
+            _log.warning("%s: %d exchanges unanswered; opened anew", self.url, UNANSWERED)
+            self._unanswered_count = 0
+            self._drop()
 
     def _converse(self, line: bytes, *, answered: bool) -> bytes:
         until_s = self._opening_until_s

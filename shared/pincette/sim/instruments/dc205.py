@@ -58,6 +58,13 @@ class SimulatedDC205:
     )
     _errors: dict[bytes, int] = field(default_factory=lambda: {b"LEXE": 0, b"LCME": 0}, init=False)
 
+    def power_cycle(self) -> None:
+        """Lose the supply and get it back: as after *RST, with the output off."""
+        self._states |= {b"RNGE": 0, b"SOUT": 0}
+        self._voltage_V = 0.0
+        self._errors = dict.fromkeys(self._errors, 0)
+        self.put_out(0.0)
+
     def idle(self) -> None:
         """Do nothing: this instrument acts only when told to."""
 

@@ -3,9 +3,10 @@
 from math import nan
 
 import pytest
-from msgspec.structs import replace
 
+from pincette.control.record import replace
 from pincette.control.safety.monitors import (
+    QUIET,
     UNSEEN,
     MonitorLimits,
     Watches,
@@ -103,7 +104,7 @@ def test_a_following_error_acts_at_its_sixth_sample_in_a_row() -> None:
         watches = commanded(watches, seq, x_um=0.0, x_d_um=4.0)
         assert finding(MONITORS, watches) is None
     caught = commanded(watches, 5, x_um=3.0, x_d_um=4.0)
-    assert caught.following.count == 0
+    assert (caught.following.count, caught.following.newest) == (4, watches.following.newest)
     words = found(MONITORS, commanded(watches, 5, x_um=0.0, x_d_um=4.0))
     assert words.startswith("following_error: the arm is at 0.00 µm")
     assert words.endswith("6 samples in a row")
@@ -164,3 +165,27 @@ def test_the_force_is_the_gravest() -> None:
     assert found(MONITORS, watches).startswith("position: ")
     watches = watch_position(MONITORS, watches, 0.0)
     assert found(MONITORS, watches).startswith("following_error: ")
+
+
+FASTEST = replace(MONITORS, fastest_um_per_s=40.0)
+
+
+def test_an_aim_that_jumps_to_and_fro_widens_its_own_bound_no_more_than_the_arm_can_move() -> None:
+    """By 20 µm each sample, 1000 µm/s: it would be credited 50 µm, and the arm stands still."""
+    watches = UNSEEN
+    for seq in range(6):
+        aim_um = 10.0 if seq % 2 else -10.0
+        watches = watch_command(FASTEST, watches, seq=seq, x_um=0.0, x_d_um=aim_um, force_mN=None)
+    assert found(FASTEST, watches).startswith("following_error: ")
+    assert following_excess(FASTEST, 0.0, 5.0, 1000.0) is None
+    assert following_excess(FASTEST, 0.0, 5.01, 1000.0) is not None
+
+
+def test_an_aim_that_is_reached_now_and_then_is_found_too() -> None:
+    watches = UNSEEN
+    for seq in range(12):
+        watches = commanded(watches, seq, x_um=4.0 if seq % 4 == 3 else 0.0, x_d_um=4.0)
+    assert found(MONITORS, watches).startswith("following_error: ")
+    for seq in range(12, 30):
+        watches = commanded(watches, seq, x_um=4.0, x_d_um=4.0)
+    assert watches.following == QUIET

@@ -1,0 +1,41 @@
+"""Whether the machine was suspended: a clock that counts sleep against one that does not.
+
+CLOCK_BOOTTIME goes on while the machine sleeps, CLOCK_MONOTONIC stands still, and with it every
+age. A virtual machine that is paused stands still by both; where its clock is put right afterwards
+it jumps, which the actuator sees as a standstill of its own and forgives only in part.
+"""
+
+from collections.abc import Callable
+from time import CLOCK_BOOTTIME, CLOCK_MONOTONIC, clock_gettime
+
+LEAST_S = 0.01
+"""Sleep that is told; no machine sleeps and wakes in less."""
+APART_S = 0.002
+"""The clocks are compared where all three readings came within this time."""
+
+Clocks = Callable[[int], float]
+
+
+class SleepWatch:
+    """Compares the clocks at each look."""
+
+    def __init__(self, clock: Clocks = clock_gettime) -> None:
+        self._clock = clock
+        self._ahead_s: float | None = None
+        """Of the clock that does not count sleep, as it was last."""
+
+    def slept_s(self) -> float:
+        """How long the machine slept since the last look; 0.0 where it did not."""
+        before_s = self._clock(CLOCK_MONOTONIC)
+        with_sleep_s = self._clock(CLOCK_BOOTTIME)
+        if self._clock(CLOCK_MONOTONIC) - before_s > APART_S:
+            return 0.0  # put off between the readings: the next look compares them
+        ahead_s, known_s = with_sleep_s - before_s, self._ahead_s
+        if known_s is None:
+            self._ahead_s = ahead_s
+            return 0.0
+        slept_s = ahead_s - known_s
+        if slept_s < LEAST_S:
+            return 0.0
+        self._ahead_s = ahead_s
+        return slept_s

@@ -1,0 +1,281 @@
+"""Row 27: an output that does not confirm its voltage is read back before it moves again.
+
+The actuator with each driver and its simulated instrument, in virtual time. A write is lost, its
+answer is lost, the line is gone, the instrument loses its supply: once or for long, with samples
+or without, with a watchdog or without. What is held against the limits is the voltage at the
+terminals.
+"""
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import pytest
+
+from pincette.config import RigFile, read_rig
+from pincette.core.messages import Applied, Arm, Command, Position, Reset
+from pincette.engine.node import Node
+from pincette.instruments.icpdas_i7024 import I7024, I7024Options
+from pincette.instruments.line.memory_link import MemoryLink
+from pincette.instruments.protocols import InstrumentError, Link, VoltageOutput
+from pincette.instruments.srs_dc205 import DC205, DC205Options
+from pincette.sim.instruments.dc205 import SimulatedDC205
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette_actuator import SERVICE
+from pincette_nidaqmx.simulated.daq import SimulatedDaq
+from pincette_nidaqmx.voltage_output import open_output as open_nidaqmx
+from tests.support.rigs import DEMO
+from tests.support.wired_rig import OUTPUT, WIRED, HandRig
+
+T = 0.02
+HIGH_V = 3.0
+CLIMB_S, AFTER_S = 0.6, 0.7
+WATCHED_S = 0.5
+Fate = Literal["write lost", "answer lost", "line gone", "power cycle"]
+DRIVERS = ("icpdas_i7024", "icpdas_i7024 unwatched", "srs_dc205", "nidaqmx")
+SEEDS, SEEDS_IN_FULL = 4, 60
+
+
+@dataclass
+class Wired:
+    """A driver, its instrument, and a line between them with a fate of its own."""
+
+    name: str
+    now_s: float = 0.0
+    fate: Fate | None = None
+    until_s: float = 0.0
+    told: bool = False
+    """Whether the host is speaking: else the instrument moves by itself."""
+    moves: list[tuple[float, float, bool]] = field(default_factory=list)
+    """When which voltage stood at the terminals, and whether the host has said so."""
+    on_open: Callable[[Link], None] | None = None
+    lost: bool = False
+
+    def __post_init__(self) -> None:
+        self.terminator: bytes | None = b"\r"
+        if self.name.startswith("icpdas"):
+            self.instrument: Any = SimulatedI7024(self._put, lambda: self.now_s)
+            watchdog_s = 0.0 if "unwatched" in self.name else WATCHED_S
+            self.output: VoltageOutput = I7024(I7024Options(watchdog_s=watchdog_s), self._connect)
+        elif self.name == "srs_dc205":
+            self.terminator = b"\n"
+            self.instrument = SimulatedDC205(self._put)
+            self.output = DC205(DC205Options(), self._connect)
+        else:
+            self.terminator = None
+            rig = HandRig()
+            rig.put_out = self._put
+            self.instrument = SimulatedDaq(rig, WIRED, lockstep=True)
+            settings = demo_rig_file().output.model_copy(
+                update={"driver": "nidaqmx", "url": f"ni:{OUTPUT}", "options": {}}
+            )
+            self.output = open_nidaqmx(settings, self._connect(lambda _link: None))
+
+    @property
+    def put_V(self) -> float:
+        return self.moves[-1][1] if self.moves else 0.0
+
+    def _put(self, voltage_V: float) -> None:
+        self.moves.append((self.now_s, voltage_V, self.told))
+
+    def _connect(self, on_open: Callable[[Link], None]) -> Link:
+        self.on_open = on_open
+        return MemoryLink(self._answer, self.terminator)
+
+    def begin(self, fate: Fate, for_s: float) -> None:
+        self.fate, self.until_s = fate, self.now_s + for_s
+        if fate == "power cycle":
+            self.instrument.power_cycle()
+
+    def _answer(self, line: bytes) -> bytes | None:
+        if self.now_s < self.until_s:
+            if self.fate == "line gone":
+                self.lost = True
+                raise InstrumentError("the line is gone", "hung_up")
+            if self.fate in ("write lost", "power cycle"):
+                return None
+            self._said(line)
+            return None
+        if self.lost and self.on_open is not None:
+            self.lost = False
+            self.on_open(MemoryLink(self._said, self.terminator))
+        return self._said(line)
+
+    def _said(self, line: bytes) -> bytes | None:
+        self.told = True
+        try:
+            return self.instrument.answer(line)
+        finally:
+            self.told = False
+
+    def idle(self) -> None:
+        self.instrument.idle()
+
+
+def demo_rig_file() -> RigFile:
+    return read_rig(DEMO)
+
+
+class Stage:
+    """An actuator that is armed and commanded, sample by sample."""
+
+    def __init__(self, name: str) -> None:
+        self.rig = demo_rig_file()
+        self.wired = Wired(name)
+        self.node = Node(SERVICE, self.rig, self.wired.output, check_timing=False)
+        self.wake_s = self.node.config.age.wake_s
+        self.seq, self.epoch = 0, 0
+        self.echoes: list[tuple[float, Applied]] = []
+        self.wanted_V = 0.0
+        self.due_s = 0.0
+        self.commanded = False
+
+    @property
+    def now_s(self) -> float:
+        return self.wired.now_s
+
+    def _keep(self, outputs: Any) -> None:
+        self.echoes += [(self.now_s, one) for one in outputs if isinstance(one, Applied)]
+
+    def ask(self, request: Any) -> Any:
+        reply, outputs = self.node.call(request, self.now_s)
+        self._keep(outputs)
+        return reply
+
+    def arm(self) -> Any:
+        self.epoch, self.seq = self.epoch + 1, 0
+        self.wanted_V = self.node.state.voltage_V
+        return self.ask(Arm(self.epoch, 5, self.rig.digest()))
+
+    def run(self, for_s: float, chance: random.Random, *, samples: bool = True) -> None:
+        """Let time pass, with a sample each period and a command that climbs, at any phase."""
+        until_s = self.now_s + for_s
+        while self.now_s < until_s:
+            self.wired.now_s += self.wake_s * chance.uniform(0.9, 1.1)
+            self.wired.idle()
+            if samples and self.now_s >= self.due_s:
+                self.due_s = self.now_s + T
+                self._tick()
+            self._keep(self.node.wake(self.now_s))
+
+    def _tick(self) -> None:
+        self.node.accept(Position(self.epoch, self.seq, self.now_s, 1.0, True), self.now_s)
+        self._keep(self.node.fire(self.now_s))
+        self.wired.now_s += 0.003
+        self.wanted_V = min(HIGH_V, self.wanted_V + 0.15)
+        command = Command(self.epoch, self.seq, 5, self.wanted_V, False, False, False, True)
+        self.node.accept(command, self.now_s)
+        self._keep(self.node.fire(self.now_s))
+        self.seq += 1
+
+    def most_step_V(self) -> float:
+        """The largest step of a ramp, or of a command."""
+        limits = self.node.config
+        return max(limits.voltage.slew_V, HIGH_V * 2.5 * limits.age.wake_s / limits.ramp_s) + 0.002
+
+
+def check_steps(stage: Stage, said: str) -> None:
+    before_V = 0.0
+    for at_s, put_V, told in stage.wired.moves:
+        step_V = abs(put_V - before_V)
+        assert not told or step_V <= stage.most_step_V(), f"{said}: {step_V:.3f} V at {at_s:.4f} s"
+        before_V = put_V
+
+
+def check(name: str, fate: Fate, seed: int) -> None:
+    chance = random.Random(f"{name} {fate} {seed}")
+    said = f"{name}, {fate}, seed {seed}"
+    stage = Stage(name)
+    stage.ask(Reset(acknowledge=True))
+    stage.arm()
+    stage.run(CLIMB_S, chance)
+    assert stage.wired.put_V > 2.5, said
+    # A module that has lost its supply does not answer at once; what nobody can miss, nobody sees.
+    for_s = chance.choice(
+        (0.05, 0.2, 1.0) if fate == "power cycle" else (0.004, 0.02, 0.05, 0.2, 1.0)
+    )
+    stage.run(chance.uniform(0.0, T), chance)
+    stage.wired.begin(fate, for_s)
+    samples = chance.random() < 0.5
+    if not samples:
+        stage.run(2.2 * T, chance)
+    stage.run(for_s, chance, samples=samples)
+    tells_no_untruth(stage, said)
+    stage.run(AFTER_S, chance, samples=samples)
+    check_steps(stage, said)
+    echo = stage.echoes[-1][1]
+    if echo.state == "armed":
+        assert for_s < 2.5 * T, f"{said}: nothing was noticed"
+        return
+    assert echo.state == "latched", f"{said}: {echo}"
+    assert not echo.unconfirmed, said
+    assert stage.wired.put_V == pytest.approx(0.0, abs=0.002), f"{said}: not safe"
+    assert stage.ask(Reset(acknowledge=True)) is not None
+    stage.run(3 * T, chance)
+    stage.arm()
+    stage.run(CLIMB_S, chance)
+    check_steps(stage, f"{said}, armed again")
+
+
+def tells_no_untruth(stage: Stage, said: str) -> None:
+    """What is told as put out is put out, or told as unconfirmed."""
+    echo = stage.echoes[-1][1]
+    if echo.state != "armed" and not echo.unconfirmed and stage.wired.fate != "power cycle":
+        assert stage.wired.put_V == pytest.approx(echo.voltage_V, abs=0.35), f"{said}: {echo}"
+
+
+def fates(name: str) -> tuple[Fate, ...]:
+    """An analog output cannot be read back: that its supply was lost it does not say."""
+    every: tuple[Fate, ...] = ("write lost", "answer lost", "line gone", "power cycle")
+    return every[:2] if name == "nidaqmx" else every
+
+
+CASES = [(name, fate) for name in DRIVERS for fate in fates(name)]
+
+
+@pytest.mark.parametrize(("name", "fate"), CASES)
+def test_an_output_that_confirms_nothing_is_never_stepped(name: str, fate: Fate) -> None:
+    for seed in range(SEEDS):
+        check(name, fate, seed)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("name", "fate"), CASES)
+def test_in_many_cases_an_output_that_confirms_nothing_is_never_stepped(
+    name: str, fate: Fate
+) -> None:
+    for seed in range(SEEDS, SEEDS_IN_FULL):
+        check(name, fate, seed)
+
+
+@pytest.mark.parametrize("name", DRIVERS[:3])
+def test_an_idle_output_that_has_lost_its_voltage_is_not_stepped_by_the_next_job(name: str) -> None:
+    """What it says at the arming counts, not what it was told before."""
+    chance = random.Random(21)
+    stage = Stage(name)
+    stage.ask(Reset(acknowledge=True))
+    stage.arm()
+    stage.run(CLIMB_S, chance)
+    final = Command(stage.epoch, stage.seq, 5, HIGH_V, False, False, True, True)
+    stage.node.accept(Position(stage.epoch, stage.seq, stage.now_s, 1.0, True), stage.now_s)
+    stage.node.fire(stage.now_s)
+    stage.node.accept(final, stage.now_s)
+    stage.node.fire(stage.now_s)
+    assert stage.node.state.mode == "idle"
+    stage.wired.begin("power cycle", 0.0)
+    stage.arm()
+    assert stage.node.state.voltage_V == 0.0
+    stage.run(CLIMB_S, chance)
+    check_steps(stage, name)
+
+
+def test_without_a_fault_nothing_is_read_back_and_nothing_trips() -> None:
+    for name in DRIVERS:
+        stage = Stage(name)
+        stage.ask(Reset(acknowledge=True))
+        stage.arm()
+        stage.run(1.0, random.Random(1))
+        assert {echo.state for _, echo in stage.echoes[2:]} == {"armed"}
+        assert stage.wired.put_V == pytest.approx(HIGH_V, abs=0.002)
+        check_steps(stage, name)

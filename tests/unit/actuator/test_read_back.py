@@ -1,0 +1,42 @@
+"""An output that has failed is asked where it stands, before anything is written again."""
+
+from pincette.core.faults import FaultCode, fault
+from pincette.core.messages import Applied
+from pincette.core.service import PutOut, ReadBack, SetVoltage, Slept
+from pincette_actuator.step import Inputs
+
+from .bench import OFF, WAKE, T, holding, play
+
+FAILED = Inputs(OFF, None, None)
+OVERLOADED = Inputs(fault(FaultCode.INSTRUMENT_INVALID, "overloaded"), None, None)
+
+
+def test_it_is_asked_at_once_and_again_after_a_period_without_any_sample() -> None:
+    state, (order, echo) = play(holding(held=False), (FAILED, 0.01))
+    assert isinstance(order, ReadBack)
+    assert isinstance(echo, Applied)
+    assert echo.unconfirmed
+    state, outputs = play(state, (FAILED, 0.01))
+    assert [type(output) for output in outputs] == [Applied]
+    _, outputs = play(state, (WAKE, 0.01 + 1.1 * T))
+    assert [type(output) for output in outputs] == [ReadBack, Applied]
+
+
+def test_one_that_answers_but_cannot_say_stands_where_it_was_told() -> None:
+    state, _ = play(holding(held=False), (FAILED, 0.01), (OVERLOADED, 0.011))
+    assert (state.mode, state.voltage_V, state.located) == ("ramping", 1.0, True)
+    _, outputs = play(state, (WAKE, 0.012))
+    assert isinstance(outputs[0], SetVoltage)
+
+
+def test_one_that_stands_at_the_safe_voltage_is_left_in_peace() -> None:
+    state, _ = play(holding(held=False), (FAILED, 0.01), (Inputs(PutOut(0.0), None, None), 0.011))
+    assert (state.mode, state.unconfirmed) == ("latched", False)
+    _, outputs = play(state, (WAKE, 0.011 + T))
+    assert not [output for output in outputs if isinstance(output, SetVoltage)]
+
+
+def test_after_a_sleep_an_armed_actuator_asks_before_it_moves() -> None:
+    state, outputs = play(holding(held=True), (Inputs(Slept(3600.0), None, None), 0.01))
+    assert (state.mode, state.cause) == ("frozen", "suspend")
+    assert isinstance(outputs[0], ReadBack)

@@ -1,0 +1,78 @@
+"""A machine that was suspended: two clocks of which one counts it, and the loop that is told."""
+
+from dataclasses import dataclass
+from time import CLOCK_BOOTTIME, CLOCK_MONOTONIC
+
+import pytest
+
+from pincette.bus.memory import MemoryBus
+from pincette.config import read_rig
+from pincette.core.messages import Arm, Reset
+from pincette.engine.loop import Loop
+from pincette.engine.node import Node
+from pincette.engine.realtime.sleep_watch import APART_S, LEAST_S, SleepWatch
+from pincette.engine.replay.service_alone import Tape
+from pincette_actuator import SERVICE
+from tests.support.rigs import DEMO
+
+
+@dataclass
+class Hand:
+    """Both clocks, by hand."""
+
+    awake_s: float = 100.0
+    slept_s: float = 0.0
+    put_off_s: float = 0.0
+    """How long the program is put off before the next reading but one."""
+
+    def __call__(self, clock: int) -> float:
+        if clock == CLOCK_BOOTTIME:
+            now_s = self.awake_s + self.slept_s
+            self.awake_s += self.put_off_s
+            return now_s
+        assert clock == CLOCK_MONOTONIC
+        return self.awake_s
+
+
+def test_awake_nothing_is_told() -> None:
+    hand = Hand()
+    watch = SleepWatch(hand)
+    for _ in range(10):
+        assert watch.slept_s() == 0.0
+        hand.awake_s += 5.0
+
+
+def test_a_sleep_is_told_once_with_its_length() -> None:
+    hand = Hand(slept_s=7.0)
+    watch = SleepWatch(hand)
+    assert watch.slept_s() == 0.0, "what was slept before the program began"
+    hand.slept_s += 3600.0
+    assert watch.slept_s() == pytest.approx(3600.0)
+    assert watch.slept_s() == 0.0
+    hand.slept_s += 0.5 * LEAST_S
+    assert watch.slept_s() == 0.0
+
+
+def test_a_program_that_is_put_off_between_the_readings_has_not_slept() -> None:
+    hand = Hand()
+    watch = SleepWatch(hand)
+    watch.slept_s()
+    hand.put_off_s = 2.0 * APART_S
+    hand.slept_s += 1.0
+    assert watch.slept_s() == 0.0
+    hand.put_off_s = 0.0
+    assert watch.slept_s() == pytest.approx(1.0), "and the sleep is not lost by that"
+
+
+def test_the_loop_tells_its_actuator_which_trips_though_its_own_clock_has_not_moved() -> None:
+    rig, hand = read_rig(DEMO), Hand()
+    node = Node(SERVICE, rig, Tape())
+    loop = Loop([node], MemoryBus(), sleep_watch=SleepWatch(hand))
+    node.call(Reset(acknowledge=True), 0.0)
+    loop.scheduler.begin(0.0)
+    loop.turn()
+    node.call(Arm(1, 1, rig.digest()), 0.0)
+    assert node.state.mode == "armed"
+    hand.slept_s += 2.0
+    loop.turn()
+    assert (node.state.mode, node.state.cause) == ("latched", "suspend")
