@@ -33,7 +33,7 @@ function say(text, tone) {
   said.dataset.tone = tone;
   if (words.textContent !== text) words.textContent = text;
   withdraw.hidden = tone === "good";
-  tries.textContent = tone === "bad" ? `Sent ${sent} times since ${since}.` : "";
+  tries.textContent = tone === "bad" ? `Sent ${sent}× since ${since}.` : "";
 }
 
 /** Remember a press where a reload finds it; a browser may forbid that. */
