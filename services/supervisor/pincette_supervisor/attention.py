@@ -68,7 +68,9 @@ class Attention:
         with self._lock:
             rows = list(self._rows)
         begun = next((row for row in reversed(rows) if row[0] <= since_s), rows[0])
-        spent_s = {share: total - begun[2][share] for share, total in rows[-1][2].items()}
+        spent_s: dict[Share, float] = {
+            share: total - begun[2][share] for share, total in rows[-1][2].items()
+        }
         return rows[-1][1] - begun[1], spent_s
 
     def totals(self) -> tuple[float, dict[Share, float]]:
