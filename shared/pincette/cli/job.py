@@ -13,8 +13,15 @@ from pincette.api.jobs import Job
 from pincette.api.states import ActionType
 from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
-from pincette.cli.moments import MOMENTS, moment
-from pincette.cli.options import Limit, Picture, given_fields, help_text, request_parameters
+from pincette.cli.options import (
+    MOMENTS,
+    Limit,
+    Picture,
+    given_fields,
+    help_text,
+    moment,
+    request_parameters,
+)
 from pincette.cli.results import outcome, show_plan, show_result
 from pincette.cli.terminal import STATE_COLOURS, clock, command, group, screen, table
 from pincette.cli.watch import followed

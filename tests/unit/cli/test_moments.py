@@ -5,7 +5,7 @@ from datetime import datetime
 import pytest
 from typer import BadParameter
 
-from pincette.cli.moments import moment_at
+from pincette.cli.options import moment_at
 
 NOW = datetime.fromisoformat("2026-03-08T15:00:00+00:00")
 
