@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
 
+from pincette.api.rig_states import RIG_STATES
 from pincette.api.states import BEYOND, EVENTS, HOLDS, NEEDS, STATES, Event, JobState
 
 WIDTH, HEIGHT = 980, 452
@@ -100,6 +101,17 @@ def jobs_page() -> str:
             (name, NEEDS.get(name, ""), _ticked(states)) for name, states in HOLDS.items()
         )
     ]
+    rig_states = [("state", "meaning", "a job may start", "the stage may move", "what to do")]
+    rig_states += [
+        (
+            f"`{name}`",
+            row.meaning,
+            "yes" if row.may_start else "no",
+            "yes" if row.may_move else "no",
+            row.remedy,
+        )
+        for name, row in RIG_STATES.items()
+    ]
     return (
         HEAD
         + f"{_everywhere('fail')} {_everywhere('interrupt')}\n\n"
@@ -112,6 +124,10 @@ def jobs_page() -> str:
         + "If the job is already in the requested state, the answer is 200 instead of 202.\n\n"
         + _table(actions)
         + RULES
+        + "\n## The rig\n\n"
+        + "`latch.state` and `standing.state` of a rig, from `pincette.api.rig_states`.\n\n"
+        + _table(rig_states).rstrip("\n")
+        + "\n"
     )
 
 

@@ -48,7 +48,7 @@ def test_a_press_goes_through_a_restart_of_the_supervisor(
         seen = visit(context, f"http://127.0.0.1:{port}")
     seen.page.click("#estop")
     not_confirmed(seen, "the supervisor does not answer")
-    seen.until("#estop-tries", "Sent 3 times since", 15.0)
+    seen.until("#estop-tries", "Sent 3× since", 15.0)
     assert desk.bus.trips == []
     with served(create_app(desk.rigs), port):
         seen.until("#estop-words", "confirmed by the actuator", 15.0)

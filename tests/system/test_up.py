@@ -1,11 +1,13 @@
 """`pincette up` begins and ends: one line a program, and nothing that outlives it."""
 
+import os
 import re
 import signal
 from pathlib import Path
 
 import pytest
 
+from pincette.client import Supervisor
 from pincette.core.topics import LOOP
 from tests.support.checkout import await_text, until_interrupted
 from tests.support.commands import PINCETTE, assert_nothing_is_left, processes_of
@@ -32,3 +34,33 @@ def test_nothing_outlives_it(tmp_path: Path, number: signal.Signals) -> None:
     assert status == (-signal.SIGKILL if number == signal.SIGKILL else 0)
     # Killed, it cannot end the others; they end because their standard input has closed.
     assert_nothing_is_left(rig, path, timeout_s=10.0)
+
+
+def test_a_supervisor_that_was_killed_is_started_again_and_the_part_stays_held(
+    tmp_path: Path,
+) -> None:
+    rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
+    with until_interrupted(command, tmp_path, log) as process:
+        said = await_text(log, "is up at", process, 60.0)
+        pids = dict(re.findall(r"^● (\w+) +(\d+) ", said, re.MULTILINE))
+        url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
+        with Supervisor(url, timeout_s=60.0, patience_s=60.0) as supervisor:
+            desk = supervisor.rig("demo")
+            job = desk.start("grip", until_released=True)
+            while "release" not in job.refresh(0.2).allowed_actions:
+                assert not job.ended
+            for _ in range(2):
+                pid = processes_of(path)
+                (one,) = [number for number, words in pid.items() if "supervisor" in words]
+                os.kill(one, signal.SIGKILL)
+                await_text(log, "the loop and a held part go on", process, 20.0)
+                view = desk.state()
+                assert (view.part, str(view.latch.state)) == ("held", "armed")
+            assert job.refresh().state == "interrupted"
+            assert desk.start("release").wait(30.0).state == "succeeded"
+        now = processes_of(path)
+        assert {int(pids[name]) for name in PROGRAMS - {"supervisor"}} <= now.keys()
+        text = log.read_text(encoding="utf-8")
+        assert len(re.findall(r"^● supervisor .* serves at", text, re.MULTILINE)) == 3

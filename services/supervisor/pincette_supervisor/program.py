@@ -13,6 +13,7 @@ from pincette.engine.program import Context
 from pincette.engine.realtime.os_scheduling import lower_priority
 from pincette_supervisor.access.access import Access, TokenBuckets, authenticator_of, require_key
 from pincette_supervisor.access.key_sync import KeySync
+from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.config import configure
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.listeners import Listeners
@@ -66,6 +67,7 @@ def run(context: Context) -> None:
         bus = stack.enter_context(closing(context.open_bus()))
         clock = stack.enter_context(closing(SuspendAwareClock()))
         clock.start()
+        stack.enter_context(closing(ATTENTION)).start()
         listeners = Listeners()
         factory = RigFactory(
             store, listeners, context.data, context.open_bus, partial(worker.run, played), clock

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from pincette.api import Model, example
 from pincette.api.checks import Check, FaultView
+from pincette.api.rig_states import RigState
 
 Certainty = Literal["known", "believed", "unknown"]
 """Heard just now; heard some time ago, and nothing speaks against it; nothing is known."""
@@ -72,8 +73,8 @@ class Latch(Model):
         clear="POST /api/v1/rigs/demo/reset",
     )
 
-    state: str
-    """latched, idle, armed, frozen, ramping, or unknown."""
+    state: RigState
+    """Of the actuator, as ``standing`` has it; one of a table."""
     cause: str
     """Code of the cause; empty where there is none."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])
@@ -99,8 +100,8 @@ class Standing(Model):
 
     model_config = example(**STANDING)
 
-    state: str
-    """Of the actuator: latched, idle, armed, frozen, ramping, or unknown."""
+    state: RigState
+    """Of the actuator; one of a table."""
     state_certainty: Certainty
     state_age_s: float | None
     """Since the actuator was heard; null where it never was."""

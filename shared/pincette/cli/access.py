@@ -103,7 +103,11 @@ def refusals(url: str, *, as_json: bool) -> Generator[None]:
     except NoAnswerError as error:
         if error.delivered:
             raise CliError(f"no answer has come: {error}", Exit.NO_ANSWER) from error
-        how = "start one with `pincette up`, or name another with --url"
+        how = (
+            "`pincette up` starts a rig with one, and starts it again where it has died; "
+            "`pincette run supervisor` starts one alone, and touches neither loop nor part; "
+            "--url names another"
+        )
         text = f"no supervisor answers at {url}: {error}; {how}"
         raise CliError(text, Exit.NO_ANSWER) from error
     except ProblemError as error:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_args
 
 from rich.console import Console
+from rich.markup import escape
 from typer import Argument, BadParameter, Option, Typer
 
 from pincette.api.job_kinds import JobKind, job_kinds
@@ -12,7 +13,15 @@ from pincette.api.jobs import Job
 from pincette.api.states import ActionType
 from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
-from pincette.cli.options import Limit, Picture, given_fields, help_text, request_parameters
+from pincette.cli.options import (
+    MOMENTS,
+    Limit,
+    Picture,
+    given_fields,
+    help_text,
+    moment,
+    request_parameters,
+)
 from pincette.cli.results import outcome, show_plan, show_result
 from pincette.cli.terminal import STATE_COLOURS, clock, command, group, screen, table
 from pincette.cli.watch import followed
@@ -198,18 +207,44 @@ def list_jobs(
     label: Annotated[
         str | None, Option("--label", metavar="NAME=TEXT", help="only jobs that carry it")
     ] = None,
+    text: Annotated[
+        str | None,
+        Option("--text", metavar="TEXT", help="only jobs with it in id, labels, cause or sender"),
+    ] = None,
+    outcome_: Annotated[
+        str | None, Option("--outcome", metavar="OUTCOME", help="only jobs with this outcome")
+    ] = None,
+    since: Annotated[
+        str | None,
+        Option("--since", metavar="TIME", parser=moment, help=f"taken then or later: {MOMENTS}"),
+    ] = None,
+    until: Annotated[
+        str | None, Option("--until", metavar="TIME", parser=moment, help="taken before then")
+    ] = None,
 ) -> None:
     """List jobs, the newest first."""
-    filters = {"rig": target.rig_name, "state": state, "kind": kind, "label": label}
+    filters = {
+        "rig": target.rig_name,
+        "state": state,
+        "kind": kind,
+        "label": label,
+        "text": text,
+        "outcome": outcome_,
+        "created_from": since,
+        "created_to": until,
+    }
     wanted = {name: value for name, value in filters.items() if value is not None}
     jobs = [handle.job for handle in target.supervisor().jobs(limit, **wanted)]
     rig = ["rig"] if len({job.rig for job in jobs}) > 1 else []
-    rows = table("job", *rig, "kind", "state", "outcome", "begun", right=())
+    labelled = ["labels"] if any(job.labels for job in jobs) else []
+    rows = table("job", *rig, "kind", "state", "outcome", "begun", *labelled, right=())
     for job in jobs:
         state_text = f"[{STATE_COLOURS.get(job.state, 'default')}]{job.state}[/]"
         begun = clock(job.started_at or job.created_at)
         cells = (job.kind, state_text, outcome(job), begun)
-        rows.add_row(job.id, *([job.rig] if rig else []), *cells)
+        said = " ".join(f"{name}={value}" for name, value in job.labels.items())
+        labels = [escape(said)] if labelled else []
+        rows.add_row(job.id, *([job.rig] if rig else []), *cells, *labels)
     none = "no such job" if wanted else "no job yet; `pincette job grip` starts one"
     target.answer(jobs, rows, none)
 

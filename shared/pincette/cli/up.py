@@ -37,6 +37,7 @@ from pincette.engine import logs
 from pincette.engine.fleet import Child, Fleet, FleetError
 from pincette.engine.logs import Form
 from pincette.engine.measuring.kept import changes_of, how, kept, words
+from pincette.engine.revival import Revival
 
 LogFormat = Annotated[
     logs.Form | None,
@@ -162,14 +163,15 @@ def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
     console.print(
         f"rig [bold]{rig.rig.name}[/bold] is up{served} at {_address(rig)}; Ctrl-C ends it"
     )
-    gone: set[str] = set()
+    revival = Revival(fleet)
+    serving = {name: member.process.pid for name, member in fleet.members.items()}
     while True:
         sleep(WATCH_S)
-        for member in fleet.ended():
-            if member.name not in gone:
-                gone.add(member.name)
-                status = member.process.returncode
-                _print_status(console, member, "red", f"ended, status {status}; see {member.log}")
+        revival.look(lambda member, line: _print_status(console, member, "red", line))
+        for name, member in fleet.members.items():
+            if member.process.pid != serving[name] and member.ready.is_set():
+                serving[name] = member.process.pid
+                _print_status(console, member, "green", member.line)
 
 
 def machine_words(rig: RigFile, data: Path) -> list[str]:

@@ -92,7 +92,7 @@ class AsyncRigHandle:
         return AsyncJobHandle(self._transport, await self._transport.send(call))
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
-        """Jobs, the newest first; filters are state, kind, label and before."""
+        """Jobs, the newest first; filters are those of ``AsyncSupervisor.jobs`` but rig."""
         return await jobs(self._transport, limit, rig=self.name, **filters)
 
     async def job(self, name: str) -> AsyncJobHandle:

@@ -98,7 +98,11 @@ class AsyncSupervisor:
         return AsyncJobHandle(self.transport, found)
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
-        """Jobs of every rig, the newest first; filters are rig, state, kind, label and before."""
+        """Jobs of every rig, the newest first.
+
+        Filters are rig, state, kind, outcome, label (``name=value``), text, created_from,
+        created_to (ISO 8601 with a time zone), and before (a job's id).
+        """
         return await jobs(self.transport, limit, **filters)
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:

@@ -39,6 +39,8 @@ class Child:
     name: str
     process: "subprocess.Popen[str]"
     log: Path
+    extra: tuple[str, ...] = ()
+    """Further arguments."""
     ready: threading.Event = field(default_factory=threading.Event)
     line: str = ""
 
@@ -74,8 +76,8 @@ def check_ports(rig: RigFile) -> None:
             except OSError as error:
                 raise FleetError(
                     f"rig {rig.rig.name!r}: {host}:{port} ({purpose}) cannot be used: "
-                    f"{error.strerror}. Is this rig up already? End that one, or give this rig "
-                    "other ports in its file"
+                    f"{error.strerror}. Is this rig up already? Use that one: ending it lets a "
+                    "held part go. Or give this rig other ports in its file"
                 ) from error
 
 
@@ -152,8 +154,8 @@ class Fleet:
             self._say(member.name, member.line)
 
     def _spawn(self, name: str, extra: Iterable[str]) -> Child:
-        log = self._logs / f"{name}.log"
-        with log.open("w", encoding="utf-8") as stream:
+        log, extra = self._logs / f"{name}.log", tuple(extra)
+        with log.open("a" if name in self.members else "w", encoding="utf-8") as stream:
             process = subprocess.Popen(
                 [sys.executable, "-m", "pincette", "run", name, *self._arguments, *extra],
                 stdin=subprocess.PIPE,
@@ -162,10 +164,21 @@ class Fleet:
                 text=True,
                 start_new_session=True,
             )
-        member = Child(name, process, log)
+        member = Child(name, process, log, extra)
         self.members[name] = member
         threading.Thread(target=_listen, args=(member,), daemon=True).start()
         return member
+
+    def revive(self, name: str) -> Child:
+        """Start a program that has ended again, with what it was started with; waits for nothing.
+
+        Its log goes on where it ended.
+        """
+        before = self.members[name]
+        for stream in (before.process.stdin, before.process.stdout):
+            if stream is not None:
+                stream.close()
+        return self._spawn(name, before.extra)
 
     def up(self) -> None:
         """Start everything, first what others need."""

@@ -98,6 +98,15 @@ def test_a_long_poll_by_revision_answers_with_the_next_change(harness: Harness) 
     assert asyncio.run(poll()).json()["revision"] > ready["revision"]
 
 
+def test_a_job_is_found_by_its_outcome_and_by_labels_of_any_alphabet(harness: Harness) -> None:
+    job = str(harness.grip(labels={"sample": 'Größe 7 "µ"'})["id"])
+    harness.ended(job)
+    for query in ({"outcome": "gripped"}, {"text": "Größe 7"}, {"text": "µ"}):
+        found = harness.get("/jobs", **query)["jobs"]
+        assert [one["id"] for one in found] == [job], query
+    assert harness.get("/jobs", outcome="lost")["jobs"] == []
+
+
 def test_an_action_is_kept_with_who_asked_and_when_it_acted(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     assert harness.act(job, "stop", headers={"X-Operator": "x" * 81}).status_code == 422
@@ -127,6 +136,17 @@ def test_jobs_are_found_by_what_they_are(harness: Harness) -> None:
     assert found(state="stopped", kind="grip", rig="demo") == names
     assert found(state="failed") == found(kind="track") == found(rig="other") == []
     assert found(label="part=bead 1") == [names[1]]
+    assert found(text="BEAD 1") == [names[1]]
+    assert found(text="ead") == found(text="part") == names
+    assert found(text=names[2][-6:]) == [names[2]]
+    assert found(text="100%") == found(text="force_mN") == []
+    assert found(outcome="gripped") == []
+    middle = harness.get(f"/jobs/{names[1]}")["created_at"]
+    assert found(created_from=middle) == names[:2]
+    assert found(created_to=middle) == [names[2]]
+    assert found(created_from="2001-01-01T00:00:00+01:00", text="bead 2") == [names[0]]
+    for odd in ({"created_from": "2026-03-01T10:00:00"}, {"created_to": "soon"}, {"text": ""}):
+        assert harness.call("GET", "/api/v1/jobs", params=odd).status_code == 422
     page = harness.get("/jobs", limit=2)
     assert page["next"] == names[1]
     assert found(limit=2, before=page["next"]) == [names[2]]

@@ -10,6 +10,7 @@ import pytest
 from sqlalchemy import text
 
 from pincette_supervisor.journal import store as store_module
+from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import (
     ActionRow,
     JobRow,
@@ -80,7 +81,7 @@ def test_the_newest_come_first(store: Store) -> None:
     for second in range(3):
         store.add(row(f"job{second}", f"2026-03-01T12:00:0{second}.000Z"))
     assert [job.id for job in store.newest(2)] == ["job2", "job1"]
-    assert [job.id for job in store.newest(2, before_number=2)] == ["job0"]
+    assert [job.id for job in store.newest(2, JobFilter(before_number=2))] == ["job0"]
     assert store.get("none") is None
 
 
@@ -94,12 +95,12 @@ def test_the_list_is_narrowed(store: Store) -> None:
     def names(jobs: list[JobRow]) -> list[str]:
         return [job.id for job in jobs]
 
-    assert names(store.newest(9, kind="track")) == ["c"]
-    assert names(store.newest(9, state="failed")) == ["a"]
-    assert names(store.newest(9, rig="demo")) == ["b", "a"]
-    assert names(store.newest(9, label=("cell.line-1", "left"))) == ["b"]
-    assert names(store.newest(9, label=("lot", "8"))) == []
-    assert names(store.newest(9, rig="demo", state="queued")) == ["b"]
+    assert names(store.newest(9, JobFilter(kind="track"))) == ["c"]
+    assert names(store.newest(9, JobFilter(state="failed"))) == ["a"]
+    assert names(store.newest(9, JobFilter(rig="demo"))) == ["b", "a"]
+    assert names(store.newest(9, JobFilter(label=("cell.line-1", "left")))) == ["b"]
+    assert names(store.newest(9, JobFilter(label=("lot", "8")))) == []
+    assert names(store.newest(9, JobFilter(rig="demo", state="queued"))) == ["b"]
 
 
 def test_the_queue_is_in_the_order_of_the_numbers(store: Store) -> None:

@@ -7,12 +7,14 @@ from pincette.core.messages import Ack, Action, Applied
 from pincette.core.topics import ACTION, TELEMETRY, TRIP
 from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.jobs import policies
+from pincette_supervisor.jobs.deafness import Silence
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import ended_words
 from pincette_supervisor.jobs.resumption import resumption
 from pincette_supervisor.jobs.stalls import stall_words
-from pincette_supervisor.jobs.tracker import Tracker, gone_words, silent_words
+from pincette_supervisor.jobs.tracker import Tracker, gone_words
+from pincette_supervisor.jobs.watch import Watch
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
@@ -43,6 +45,9 @@ class JobMonitor:
         self._tracker = Tracker(
             job.epoch, self._rig.rig.period_s, planned.planned_s, lockstep=self._rig.lockstep
         )
+        lease_s = policies.lease_s(job.request, self._rig)
+        self._silence = Silence(context, self._tracker, job.epoch, lease_s)
+        self._watch = Watch(job, planned, self._tracker, context.clock)
         self._last_message_at = context.observer.awake_clock()
         self._applied: Applied | None = None
         """The actuator's newest sample."""
@@ -58,6 +63,7 @@ class JobMonitor:
         """Return when the arming is over by the actuator's sample, or all programs are silent."""
         tracker, job = self._tracker, self._job
         while True:
+            self._watch.look()
             moved = tracker.update(self._collection.drain())
             if moved if self._rig.lockstep else self._actuator_published():
                 self._last_message_at = self._context.observer.awake_clock()
@@ -139,7 +145,9 @@ class JobMonitor:
         job, tracker = self._job, self._tracker
         lasts_s = self._context.observer.awake_clock() - self._last_message_at
         # Once it is over, what comes late has a limit of its own.
-        silence = "" if tracker.over else silent_words(self._context, tracker, lasts_s)
+        silence = "" if tracker.over else self._silence.words(lasts_s, job.id)
+        if self._silence.excused:
+            self._last_message_at = self._context.observer.awake_clock()
         state, moves = job.snapshot
         if STATES[state].terminal:  # stopped, with a part in the gripper
             if silence:
@@ -147,7 +155,7 @@ class JobMonitor:
             return bool(silence)
         if state == "aborting":
             return self._abort(silence)
-        if self._overdue():
+        if self._watch.overdue():
             silence = f"{state} took too long: {tracker.lagging_program()} lags"
         if silence:
             event: Event = "overdue" if "overdue" in STATES[state].events else "trip"
@@ -219,22 +227,11 @@ class JobMonitor:
                 self._close("fail")
                 return True
             return False
-        if silence or self._overdue():
+        if silence or self._watch.overdue():
             job.note_cause(silence or "the actuator did not say in time that it is safe")
             self._close("fail")
             return True
         return False
-
-    def _overdue(self) -> bool:
-        job = self._job
-        on_stop = policies.on_stop(job.request)
-        limit_s = policies.deadline_s(job.state, self._planned, self._rig, on_stop)
-        spent_s = self._context.clock() - job.entered_at
-        if job.state == "running":
-            # In lockstep a machine may take as long as it likes for what is played.
-            lockstep = self._rig.lockstep
-            spent_s = self._tracker.played_s if lockstep else spent_s + job.played_s
-        return limit_s is not None and spent_s > limit_s
 
     def _finish(self) -> None:
         """End a run after its last sample."""

@@ -5,6 +5,7 @@ from typing import cast
 
 from pincette.api.jobs import Progress
 from pincette.api.states import OUTCOMES
+from pincette.config import RigFile
 from pincette.core.faults import TRIPPED, Acted, Outcome
 from pincette.core.messages import (
     Applied,
@@ -195,6 +196,11 @@ def gone_words(context: RigContext) -> str:
     return f"killed or hung: {', '.join(gone)}" if gone else ""
 
 
+def silence_limit_s(rig: RigFile) -> float:
+    """In real time: how long a program of the loop may be silent."""
+    return max(STALE_S, STALE_PERIODS * rig.rig.period_s)
+
+
 def silent_words(context: RigContext, tracker: Tracker, lasts_s: float) -> str:
     """The silent program, in words; empty where all go on."""
     # In lockstep the whole loop stands still when one program does; in real time the actuator
@@ -207,7 +213,7 @@ def silent_words(context: RigContext, tracker: Tracker, lasts_s: float) -> str:
             silent = context.rig.program_of(tracker.lagging_program())
             return f"{silent} is silent: no progress for {context.guard_s:g} s"
         return ""
-    limit_s = max(STALE_S, STALE_PERIODS * context.rig.rig.period_s)
+    limit_s = silence_limit_s(context.rig)
     if lasts_s > limit_s:
         silent = f"actuator: silent for more than {limit_s:g} s"
         return f"{killed}; {silent}" if killed else silent

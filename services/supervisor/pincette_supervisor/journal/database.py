@@ -20,6 +20,8 @@ from sqlalchemy import URL, Connection, Engine, Select, create_engine, event, in
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError, StatementError
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from pincette_supervisor.attention import ATTENTION
+
 MIGRATIONS = Path(__file__).parent / "migrations"
 BUSY_S = 10.0
 """How long a statement waits for another program that has the file."""
@@ -101,7 +103,7 @@ class Database:
                 yield self._written
                 return
             try:
-                with self._writer.begin() as connection:
+                with ATTENTION.at("journal"), self._writer.begin() as connection:
                     self._written = connection
                     yield connection
                 self.trouble = ""

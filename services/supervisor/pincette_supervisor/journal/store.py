@@ -7,8 +7,9 @@ from typing import Any
 from sqlalchemy import Connection, Select, and_, delete, func, insert, select, update
 
 from pincette.api.events import Event
-from pincette.api.states import STATES, JobState
+from pincette.api.states import STATES
 from pincette_supervisor.journal.database import Database, StoreError, columns, matching, rows
+from pincette_supervisor.journal.job_filter import EVERY_JOB, JobFilter
 from pincette_supervisor.journal.tables import (
     ACTIONS,
     CREATIONS,
@@ -104,24 +105,9 @@ class Store(Database):
             found = _select(connection, select(JOBS).where(JOBS.c.id == name))
         return found[0] if found else None
 
-    def newest(
-        self,
-        limit: int,
-        *,
-        kind: str | None = None,
-        state: JobState | None = None,
-        rig: str | None = None,
-        label: tuple[str, str] | None = None,
-        before_number: int | None = None,
-    ) -> list[JobRow]:
-        """Jobs, the newest first; only those that are as named, where something is named."""
-        query = select(JOBS).order_by(JOBS.c.number.desc()).limit(limit)
-        query = matching(query, kind=kind, state=state, rig=rig)
-        if label is not None:
-            name, text = label
-            query = query.where(JOBS.c.request[("labels", name)].as_string() == text)
-        if before_number is not None:
-            query = query.where(JOBS.c.number < before_number)
+    def newest(self, limit: int, found: JobFilter = EVERY_JOB) -> list[JobRow]:
+        """Jobs, the newest first; only those that a filter lets through."""
+        query = found.applied(select(JOBS).order_by(JOBS.c.number.desc()).limit(limit))
         with self.reading() as connection:
             return _select(connection, query)
 

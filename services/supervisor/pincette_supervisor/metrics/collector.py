@@ -17,6 +17,7 @@ from pincette.api.states import STATES
 from pincette.core.faults import Mode
 from pincette.core.messages import Status
 from pincette.core.topics import LOOP
+from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.database import StoreError
 from pincette_supervisor.metrics import families
@@ -55,6 +56,9 @@ class RigCollector:
         yield _metric(families.BUILD, [((__version__,), 1)])
         yield _metric(families.UNUSABLE, [((), len(self._rigs.unusable))])
         yield _metric(families.LEFT_OUT, [((), len(every) - len(exported))])
+        stood_s, spent_s = ATTENTION.totals()
+        shares = [(("stood",), stood_s), *(((share,), each) for share, each in spent_s.items())]
+        yield _metric(families.SUPERVISOR, shares)
         for manager in exported:
             _update_statuses(manager.context)
         yield from self._states(exported)

@@ -116,4 +116,11 @@ JOBS = Family("pincette_jobs", "gauge", ("rig", "kind", "state"), "jobs in the j
 QUEUE_HALTED = Family(
     "pincette_queue_halted", "gauge", ("rig",), "1 where the queue waits for a person"
 )
+SUPERVISOR = Family(
+    "pincette_supervisor_seconds_total",
+    "counter",
+    ("share",),
+    "where the supervisor's time goes: `stood`, nothing of it ran; `bus`, messages; `journal`, "
+    "writes; `drawing`; the shares overlap",
+)
 FAMILIES = [value for value in list(globals().values()) if isinstance(value, Family)]

@@ -7,6 +7,7 @@ from typing import Any, Literal, cast
 from pincette.api.calibrations import CalibrationResult, Proposal, ProposalState, ProposedValue
 from pincette.config import ConfigError
 from pincette_supervisor import problems
+from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store, utc_now
 from pincette_supervisor.kinds.calibrate import KIND
 from pincette_supervisor.model.quantities import ASSUMED, values_of
@@ -45,7 +46,9 @@ class Calibrations:
         return self._view(self._row(name))
 
     def _rows(self, limit: int) -> list[JobRow]:
-        return self._store.newest(limit, kind=KIND.name, state="succeeded", rig=self._rig)
+        return self._store.newest(
+            limit, JobFilter(kind=KIND.name, state="succeeded", rig=self._rig)
+        )
 
     def _row(self, name: str) -> JobRow:
         row = self._store.get(name)

@@ -11,6 +11,7 @@ from pincette_supervisor.access.access import Access
 from pincette_supervisor.rest import (
     routes_access,
     routes_alarms,
+    routes_artifacts,
     routes_calibrations,
     routes_catalog,
     routes_events,
@@ -30,6 +31,7 @@ BASE = "/api/v1"
 VERSIONED = (
     routes_rigs,
     routes_jobs,
+    routes_artifacts,
     routes_catalog,
     routes_calibrations,
     routes_recipes,

@@ -4,21 +4,21 @@ Plain functions run in a pool of threads, so that neither the store nor a slow p
 holds up the event loop.
 """
 
+from datetime import datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
 from fastapi.concurrency import run_in_threadpool
-from fastapi.responses import FileResponse, StreamingResponse
+from pydantic import AwareDatetime
 
-from pincette.api.job_kinds import job_kinds
-from pincette.api.jobs import ActionRequest, Artifact, ArtifactList, Job, JobList
+from pincette.api.jobs import ActionRequest, Job, JobList
 from pincette.api.plans import JobPlan
 from pincette.api.problems import responses
 from pincette.api.requests import JobRequest
 from pincette.api.states import JobState
-from pincette.records import csv_export, folder
-from pincette_supervisor import problems
 from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.journal.job_filter import JobFilter
+from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.kinds.bodies import AnyPlan, Body, KindName
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
@@ -39,7 +39,6 @@ from pincette_supervisor.rest.strict_route import StrictRoute
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 REPLAYED = "Idempotency-Replayed"
 NAME_LENGTH = 100
-CSV = "samples.csv"
 Predict = Annotated[
     bool,
     Query(
@@ -109,6 +108,22 @@ def _label(text: str | None) -> tuple[str, str] | None:
     return name, value
 
 
+def _utc(name: str, time: datetime | None) -> str | None:
+    if time is None:
+        return None
+    try:
+        return utc_text(time)
+    except OverflowError as error:  # within hours of the first or the last year
+        message = f"{name} = {time}: beyond the years 1 to 9999 in UTC"
+        raise ProblemError(
+            422,
+            "invalid-request",
+            "The request cannot be used",
+            message,
+            errors=[{"parameter": name, "message": message}],
+        ) from error
+
+
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 
@@ -156,14 +171,37 @@ def jobs(
     state: JobState | None = None,
     rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
     label: Annotated[str | None, Query(description="name=value", max_length=300)] = None,
+    outcome: Annotated[
+        str | None, Query(description="of the result, such as gripped", max_length=NAME_LENGTH)
+    ] = None,
+    text: Annotated[
+        str | None,
+        Query(
+            description="part of the id, of a label, of the cause, or of who asked",
+            min_length=1,
+            max_length=NAME_LENGTH,
+        ),
+    ] = None,
+    created_from: Annotated[
+        AwareDatetime | None, Query(description="taken then or later, with a time zone")
+    ] = None,
+    created_to: Annotated[AwareDatetime | None, Query(description="taken before then")] = None,
     before: Annotated[
         str | None, Query(description="those taken before this job", max_length=NAME_LENGTH)
     ] = None,
 ) -> JobList:
     """Jobs, the newest first; those alone that are as named."""
-    found = rigs.jobs(
-        limit + 1, kind=kind, state=state, rig=rig, label=_label(label), before=before
+    wanted = JobFilter(
+        kind=kind,
+        state=state,
+        rig=rig,
+        label=_label(label),
+        outcome=outcome,
+        text=text,
+        created_from=_utc("created_from", created_from),
+        created_to=_utc("created_to", created_to),
     )
+    found = rigs.jobs(limit + 1, wanted, before)
     more = len(found) > limit
     return JobList(jobs=found[:limit], next=found[limit - 1].id if more else None)
 
@@ -239,34 +277,3 @@ def act(
     if holds:
         response.status_code = 200
     return changed
-
-
-@router.get("/{job}/artifacts", responses=responses(404), dependencies=[OBSERVE])
-def artifacts(job: str, rigs: AllRigs) -> ArtifactList:
-    """Files of a job's record, with size and SHA-256."""
-    known = rigs.job(job)
-    found = folder.artifacts(rigs.records(known.rig) / known.id)
-    return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
-
-
-@router.get(
-    "/{job}/artifacts/{name}",
-    response_model=None,
-    response_class=FileResponse,
-    responses=responses(404),
-    dependencies=[OBSERVE],
-)
-def artifact(job: str, name: str, rigs: AllRigs) -> Response:
-    """One file of a job's record; ``samples.csv`` is made of ``samples.parquet`` as it goes."""
-    known = rigs.job(job)
-    path = rigs.records(known.rig) / known.id / name
-    samples = path.with_name(folder.SAMPLES)
-    if name == CSV and samples.is_file():
-        attached = {"Content-Disposition": f'attachment; filename="{known.id}.csv"'}
-        rows = csv_export.csv_rows(samples)
-        return StreamingResponse(rows, media_type=csv_export.MEDIA_TYPE, headers=attached)
-    media_type = folder.media_type(name)
-    if media_type is None or not path.is_file():
-        plot = job_kinds()[known.kind].plot
-        raise problems.not_found("artifact", name, [*folder.MEDIA_TYPES, plot, CSV])
-    return FileResponse(path, media_type=media_type, filename=name)

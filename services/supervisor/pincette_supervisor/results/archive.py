@@ -12,6 +12,7 @@ from pincette.api.results import JobResult
 from pincette.config import RigFile
 from pincette.core.messages import Message, Recorded
 from pincette.records.columns import columns
+from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.functions import Evaluation, Run, functions_of
 from pincette_supervisor.planning.planned import Planned
@@ -72,7 +73,8 @@ class Record:
 
 def picture(run: Run, evaluation: Evaluation, name: str) -> bytes:
     """Draw what a job has gathered."""
-    return functions_of(job_kinds()[run.planned.plan.kind]).plot(run, evaluation, name)
+    with ATTENTION.at("drawing"):
+        return functions_of(job_kinds()[run.planned.plan.kind]).plot(run, evaluation, name)
 
 
 def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:

@@ -8,6 +8,7 @@ from time import monotonic
 from typing import NamedTuple, cast
 
 from pincette.api.live import LoopTiming
+from pincette.api.rig_states import RigState
 from pincette.bus.protocol import Bus, BusError
 from pincette.config import ConfigError, RigFile
 from pincette.core.faults import Cause, Mode, Predecessor
@@ -30,6 +31,13 @@ SENSOR_PERIODS, SENSOR_S = 10.0, 0.2
 """The sensor may be silent, or read no position, this long, whichever is longer."""
 PROGRAMS = (*LOOP, "recorder")
 """Those that a job needs."""
+SHOWN: dict[Mode, RigState] = {
+    Mode.IDLE: "idle",
+    Mode.ARMED: "armed",
+    Mode.FROZEN: "frozen",
+    Mode.RAMPING: "ramping",
+    Mode.LATCHED: "latched",
+}
 UNTRUSTED = -1
 """Instance of no program."""
 MET, CLEARED = "actuator_met", "actuator_boot_cleared"
@@ -43,7 +51,7 @@ class LatchState(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """The mode as REST has it."""
+        """The mode in words of its own; for REST see ``Health.state``."""
         return "unknown" if self.mode is None else str(self.mode)
 
 
@@ -139,6 +147,14 @@ class Health:
         if applied is None and actuator is not None and actuator.cause == Cause.RESTART:
             return LatchState(actuator.mode, TripReason(actuator.cause))
         return LatchState() if applied is None else LatchState(applied.state, reason_of(applied))
+
+    @property
+    def state(self) -> RigState:
+        """The actuator's state as last told; a latch that no person must clear is another one."""
+        if self._boot_may_be_cleared():
+            return "switched_on"
+        mode = self.latch().mode
+        return "unknown" if mode is None else SHOWN[mode]
 
     def _boot_may_be_cleared(self) -> bool:
         actuator = self.status("actuator")

@@ -18,6 +18,7 @@ from pincette.core.topics import (
     Topic,
 )
 from pincette_supervisor.alarms.trips import TripMonitor
+from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.metrics.counters import RigCounters
 
 CAPACITY = 4_000_000
@@ -105,6 +106,10 @@ class Observer:
         self._sinks = (*self._sinks, sink)
 
     def _take(self, topic: Topic, message: Message) -> None:
+        with ATTENTION.at("bus"):
+            self._take_in(topic, message)
+
+    def _take_in(self, topic: Topic, message: Message) -> None:
         # Trips first: a trip that is learnt of in another way is found there.
         self.trips.take(topic, message)
         awake_s = self.awake_clock()

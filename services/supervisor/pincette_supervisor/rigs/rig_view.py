@@ -4,6 +4,7 @@ from datetime import UTC, datetime
 
 from pincette.api.checks import fault_views
 from pincette.api.job_kinds import job_kinds
+from pincette.api.rig_states import RIG_STATES
 from pincette.api.rigs import (
     Interlock,
     Latch,
@@ -47,6 +48,9 @@ def rig_view(manager: JobManager) -> Rig:
     if latched is not None:
         words = context.trip_words(latched)
         faults.append(f"actuator: latched ({words}); reset it once the cause is gone")
+    if not faults and not RIG_STATES[stands.state].may_start:
+        entry = RIG_STATES[stands.state]
+        faults.append(f"actuator: {stands.state}: {entry.meaning}; {entry.remedy}")
     reasons = [*faults, *_taken(context, active)]
     unsafe = unsafe_to_move(context, active)
     startable = [] if faults else _startable(context, active)

@@ -3,10 +3,10 @@
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from pincette.api.jobs import Job
 from pincette.api.requests import JobRequest
@@ -18,6 +18,7 @@ from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.jobs.job_view import job_view
 from pincette_supervisor.jobs.refusals import require_job, unready
 from pincette_supervisor.journal.events import EventLog
+from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.listeners import Listeners
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.model.rig_model import RigModel
@@ -118,11 +119,11 @@ class Rigs:
         """One job; raises ProblemError if there is none of this name."""
         return self._view(require_job(self.store, name))
 
-    def jobs(self, limit: int, *, before: str | None = None, **filters: Any) -> list[Job]:
-        """Jobs of all rigs, newest first; see ``Store.newest``; raises ProblemError."""
-        number = None if before is None else require_job(self.store, before).number
-        rows = self.store.newest(limit, before_number=number, **filters)
-        return [self._view(row) for row in rows]
+    def jobs(self, limit: int, found: JobFilter, before: str | None = None) -> list[Job]:
+        """Jobs of all rigs, newest first, taken before one that is named; raises ProblemError."""
+        if before is not None:
+            found = replace(found, before_number=require_job(self.store, before).number)
+        return [self._view(row) for row in self.store.newest(limit, found)]
 
     def _view(self, row: JobRow) -> Job:
         manager = self.find(row.rig)

@@ -9,6 +9,7 @@ believed. In lockstep time is not that of the clock on the wall: the actuator's 
 from math import inf
 from typing import NamedTuple
 
+from pincette.api.rig_states import RigState
 from pincette.api.rigs import Certainty, PartState, Standing
 from pincette.core.faults import Mode
 from pincette.core.messages import Applied
@@ -57,9 +58,11 @@ def _heard_s(context: RigContext) -> float | None:
     return min((age_s for age_s in ages_s if age_s is not None), default=None)
 
 
-def _state(context: RigContext, limits: Limits, heard_s: float | None) -> tuple[str, Certainty]:
+def _state(
+    context: RigContext, limits: Limits, heard_s: float | None
+) -> tuple[RigState, Certainty]:
     """The actuator's state; of one that has gone none is believed."""
-    shown = context.health.latch().shown
+    shown = context.health.state
     if shown == "unknown" or heard_s is None:
         return "unknown", "unknown"
     certainty = limits.certainty(heard_s)

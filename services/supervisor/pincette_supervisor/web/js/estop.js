@@ -33,7 +33,7 @@ function say(text, tone) {
   said.dataset.tone = tone;
   if (words.textContent !== text) words.textContent = text;
   withdraw.hidden = tone === "good";
-  tries.textContent = tone === "bad" ? `Sent ${sent} times since ${since}.` : "";
+  tries.textContent = tone === "bad" ? `Sent ${sent}× since ${since}.` : "";
 }
 
 /** Remember a press where a reload finds it; a browser may forbid that. */
@@ -93,8 +93,8 @@ async function send() {
     sent += 1;
     const attempt = ask().then((body) => pressed === mine && confirmed(body), (error) => {
       if (pressed !== mine) return;
-      say(`E-STOP OF ${rig} NOT CONFIRMED: ${String(error.message).replace(/\.$/, "")}. It is kept, and `
-        + `sent again until the actuator confirms it. ${OTHERWISE}`, "bad");
+      say(`E-STOP OF ${rig} NOT CONFIRMED: ${error.message}; it is kept, and sent again until the `
+        + `actuator confirms it. ${OTHERWISE}`, "bad");
     });
     // A stream holds a connection that the request may be waiting for.
     const need = setTimeout(() => document.dispatchEvent(new CustomEvent("pincette:make-way")), 250);
@@ -102,7 +102,7 @@ async function send() {
     const late = await Promise.race([attempt, pause(PATIENCE_MS).then(() => "late")]);
     if (!pressed) break;
     if (late === "late" && pressed === mine && said.dataset.tone !== "bad") {
-      say(`E-STOP OF ${rig} NOT CONFIRMED: no answer so far. It is kept, and sent again until the `
+      say(`E-STOP OF ${rig} NOT CONFIRMED: no answer so far; it is kept, and sent again until the `
         + `actuator confirms it. ${OTHERWISE}`, "bad");
     }
     if (late !== "late") await pause(PAUSE_MS);

@@ -3,10 +3,14 @@
 import { BASE, get, jobsOfRig } from "./api.js";
 import { outcomeOf } from "./current.js";
 import { byId, chip, h, show } from "./dom.js";
-import { figuresOf, kindOf, mainFigure } from "./kinds.js";
+import { figuresOf, kindOf, kinds, mainFigure } from "./kinds.js";
 import { clock, number, plain, toneOfState } from "./words.js";
 
 const PAGE = 30;
+const TYPED_MS = 250;
+/** Value, label, and the days ago at whose midnights they begin and end. */
+const PERIODS = [["", "any time", null, null], ["today", "today", 0, null], ["yesterday", "yesterday", 1, 0],
+  ["week", "last 7 days", 7, null], ["month", "last 30 days", 30, null]];
 const MOST = 480;
 
 export class Jobs {
@@ -17,11 +21,47 @@ export class Jobs {
     this.artifacts = null;
     this.limit = PAGE;
     this.more = false;
-    byId("panel-jobs").append(h("div", { id: "job-detail" }), h("div", { id: "job-list" }));
+    this.asked = 0;
+    byId("panel-jobs").append(this.search(), h("div", { id: "job-detail" }), h("div", { id: "job-list" }));
+  }
+
+  /** What jobs are looked for; the list follows as it is typed. */
+  search() {
+    const find = () => {
+      this.limit = PAGE;
+      clearTimeout(this.typed);
+      this.typed = setTimeout(() => this.refresh().catch(() => {}), TYPED_MS);
+    };
+    return h("form", { id: "job-search", class: "search", role: "search", onsubmit: (event) => {
+      event.preventDefault();
+      find();
+    } },
+    h("label", { class: "unseen", for: "job-text" }, "Find jobs by sample, label, id, cause or sender"),
+    h("input", { id: "job-text", type: "search", maxlength: "100", oninput: find, autocomplete: "off",
+      placeholder: "Sample, label, id, cause, sender" }),
+    select("job-when", "Taken", PERIODS.map(([value, label]) => [value, label]), find),
+    select("job-kind", "Kind", [["", "every kind"]], find));
+  }
+
+  query() {
+    const kind = byId("job-kind");
+    if (kind.options.length === 1) kind.append(...kinds().map(({ name, label }) => h("option", { value: name }, label)));
+    const asked = new URLSearchParams({ limit: this.limit });
+    const text = byId("job-text").value.trim();
+    if (text) asked.set("text", text);
+    if (byId("job-kind").value) asked.set("kind", byId("job-kind").value);
+    const [, , from, to] = PERIODS.find(([value]) => value === byId("job-when").value);
+    if (from !== null) asked.set("created_from", midnight(from));
+    if (to !== null) asked.set("created_to", midnight(to));
+    this.narrowed = [...asked.keys()].length > 1;
+    return asked;
   }
 
   async refresh() {
-    const { jobs, next } = await jobsOfRig(`limit=${this.limit}`);
+    this.asked += 1;
+    const mine = this.asked;
+    const { jobs, next } = await jobsOfRig(this.query());
+    if (mine !== this.asked) return this.jobs;
     this.jobs = jobs;
     this.more = next !== null;
     this.render();
@@ -40,10 +80,9 @@ export class Jobs {
   /** The chosen job may be older than the list; its files come once it has ended. */
   async refreshChosen() {
     if (!this.chosen) return;
-    if (!this.jobs.some((job) => job.id === this.chosen)) {
-      this.jobs = [...this.jobs, await get(`/jobs/${this.chosen}`)];
-    }
-    const job = this.jobs.find((each) => each.id === this.chosen);
+    let job = this.jobs.find((each) => each.id === this.chosen);
+    if (!job) job = await get(`/jobs/${this.chosen}`);
+    this.shown = job;
     if (job?.ended_at && this.artifacts?.job !== job.id) {
       const { artifacts } = await get(`/jobs/${job.id}/artifacts`);
       this.artifacts = { job: job.id, list: artifacts };
@@ -53,15 +92,18 @@ export class Jobs {
 
   render() {
     const rows = this.jobs.map((job) => [job.id, job.kind, job.state, outcomeOf(job), mainFigure(job)[1],
-      clock(job.created_at), job.position ?? null]);
-    show(byId("job-list"), [rows, this.chosen, this.more], () => this.table());
-    const job = this.jobs.find((each) => each.id === this.chosen);
+      clock(job.created_at), job.position ?? null, labelsOf(job)]);
+    show(byId("job-list"), [rows, this.chosen, this.more, this.narrowed], () => this.table());
+    const job = this.jobs.find((each) => each.id === this.chosen)
+      ?? (this.shown?.id === this.chosen ? this.shown : null);
     show(byId("job-detail"), [job ? { ...job, progress: null } : null, this.artifacts],
       () => (job ? this.detail(job) : []));
   }
 
   table() {
-    if (!this.jobs.length) return h("p", { class: "muted" }, "No job has been taken yet.");
+    if (!this.jobs.length) {
+      return h("p", { class: "muted" }, this.narrowed ? "No such job." : "No job has been taken yet.");
+    }
     const head = ["Time", "Job", "State", "Result"];
     return [h("table", { class: "list jobs" },
       h("caption", { class: "unseen" }, "Jobs, the newest first"),
@@ -82,7 +124,8 @@ export class Jobs {
         "aria-label": `Show ${plain(job.kind)} of ${clock(job.created_at)}`,
         "aria-pressed": String(job.id === this.chosen),
         onclick: () => this.choose(job.id) }, clock(job.created_at))),
-      h("td", {}, plain(job.values?.[kindOf(job.kind).variant_field] ?? job.kind)),
+      h("td", {}, plain(job.values?.[kindOf(job.kind).variant_field] ?? job.kind),
+        labelsOf(job) ? h("span", { class: "muted block" }, labelsOf(job)) : null),
       h("td", {}, chip(plain(job.state) + place, toneOfState(job.state)),
         outcome ? h("span", { class: "muted block" }, outcome) : null),
       h("td", { class: "figures" }, mainFigure(job)[1]));
@@ -92,7 +135,7 @@ export class Jobs {
     const files = this.artifacts?.job === job.id ? this.artifacts.list : [];
     const pictures = files.filter((file) => file.media_type === "image/png");
     const place = (file) => `${BASE}/jobs/${job.id}/artifacts/${encodeURIComponent(file.name)}`;
-    const facts = [...figuresOf(job), ...losses(job)].map(([label, text]) => h("div", {},
+    const facts = [...Object.entries(job.labels), ...figuresOf(job), ...losses(job)].map(([label, text]) => h("div", {},
       h("dt", {}, label), h("dd", {}, text)));
     return h("article", { class: "detail", "aria-labelledby": "job-title" },
       h("h3", { id: "job-title", tabindex: "-1" }, `${plain(job.kind)} ${job.id}`),
@@ -117,6 +160,19 @@ export class Jobs {
         `${clock(each.requested_at)} ${each.type} by ${each.by}`
         + (each.seq === null ? "" : `, acted at sample ${each.seq}`)))));
   }
+}
+
+const labelsOf = (job) => Object.values(job.labels).join(" · ");
+
+/** The midnight of this place some days ago, in UTC. */
+function midnight(days) {
+  const day = new Date();
+  return new Date(day.getFullYear(), day.getMonth(), day.getDate() - days).toISOString();
+}
+
+function select(id, name, options, onchange) {
+  return h("select", { id, "aria-label": name, onchange },
+    ...options.map(([value, label]) => h("option", { value }, label)));
 }
 
 /** Samples and messages that a result lacks. */

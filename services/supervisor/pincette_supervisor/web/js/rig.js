@@ -35,7 +35,7 @@ function facts(rig) {
   const standing = stands(rig);
   const trouble = rig.allowed_actions.includes("reset") || ["frozen", "ramping"].includes(state);
   // A latch that nobody has to clear says only that the rig was switched on.
-  const quiet = ["latched", "unknown"].includes(state) ? "muted" : "good";
+  const quiet = ["switched_on", "unknown"].includes(state) ? "muted" : "good";
   const model = rig.model.version ? `version ${rig.model.version}` : "rig file";
   return [
     fact("Start", "start", chip(...start(rig))),

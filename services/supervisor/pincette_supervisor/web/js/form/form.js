@@ -32,11 +32,14 @@ export class StartForm {
     this.hint = h("p", { class: "hint", id: "kind-hint" });
     this.said = h("p", { class: "fault", id: "start-said", role: "alert" });
     this.queue = h("input", { type: "checkbox", id: "field-queue", onchange: () => this.forget() });
+    this.sample = h("input", { type: "text", id: "field-sample", maxlength: "200", autocomplete: "off",
+      placeholder: "kept with the job as its label sample", oninput: () => this.forget() });
     this.button = h("button", { type: "submit", class: "main", id: "start",
       "data-needs": "operate" }, "Start");
     this.form = h("form", { id: "start-form", novalidate: true },
       h("div", { class: "field" }, h("label", { for: "kind" }, "Job"), this.kind, this.hint),
       this.fields.element, this.fields.more,
+      h("div", { class: "field" }, h("label", { for: "field-sample" }, "Sample"), this.sample),
       h("label", { class: "check", id: "queue-line", hidden: true }, this.queue,
         h("span", {}, "Wait in the queue until the rig is free")),
       h("div", { class: "buttons" }, this.button,
@@ -114,7 +117,8 @@ export class StartForm {
   }
 
   request() {
-    return { kind: this.kind.value, ...this.fields.read() };
+    const sample = this.sample.value.trim();
+    return { kind: this.kind.value, ...this.fields.read(), ...(sample ? { labels: { sample } } : {}) };
   }
 
   /** Tell a problem at the fields that it is about, the rest of it below the buttons. */

@@ -1,0 +1,105 @@
+"""Where the supervisor's time goes: what it was at while it heard nothing.
+
+A thread wakes on a grid and measures how late it comes: so long nothing of this process ran, since
+the processor or the interpreter's lock was another's. Beside it stands what the process was at:
+messages of the bus, writes of the journal, drawing. The shares overlap, since threads do.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from time import monotonic
+from typing import Literal
+
+Share = Literal["bus", "journal", "drawing"]
+GRID_S = 0.05
+LATE_S = 0.02
+"""Up to here a thread is not late."""
+KEPT = 1200
+"""Rows of the grid that are kept: a minute."""
+WORDS: dict[Share, str] = {
+    "bus": "messages of the bus",
+    "journal": "the journal",
+    "drawing": "drawing",
+}
+
+
+class Attention:
+    """Counts, and keeps the last minute of it; safe to use from several threads."""
+
+    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._spent_s: dict[Share, float] = dict.fromkeys(WORDS, 0.0)
+        self._late_s = 0.0
+        self._sampled_s = clock()
+        self._rows: deque[tuple[float, float, dict[Share, float]]] = deque(maxlen=KEPT)
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @contextmanager
+    def at(self, share: Share) -> Generator[None]:
+        """Count the time within the block."""
+        begun_s = self._clock()
+        try:
+            yield
+        finally:
+            self.add(share, self._clock() - begun_s)
+
+    def add(self, share: Share, duration_s: float) -> None:
+        """Count time that was spent."""
+        with self._lock:
+            self._spent_s[share] += duration_s
+
+    def sample(self) -> None:
+        """Note how late the grid's thread comes."""
+        now_s = self._clock()
+        with self._lock:
+            late_s = now_s - self._sampled_s - GRID_S
+            self._sampled_s = now_s
+            self._late_s += late_s if late_s > LATE_S else 0.0
+            self._rows.append((now_s, self._late_s, dict(self._spent_s)))
+
+    def within(self, last_s: float) -> tuple[float, dict[Share, float]]:
+        """For how long nothing ran, and what was spent on each share, in the last seconds."""
+        self.sample()
+        since_s = self._clock() - last_s
+        with self._lock:
+            rows = list(self._rows)
+        begun = next((row for row in reversed(rows) if row[0] <= since_s), rows[0])
+        spent_s: dict[Share, float] = {
+            share: total - begun[2][share] for share, total in rows[-1][2].items()
+        }
+        return rows[-1][1] - begun[1], spent_s
+
+    def totals(self) -> tuple[float, dict[Share, float]]:
+        """The same since the start."""
+        with self._lock:
+            return self._late_s, dict(self._spent_s)
+
+    def start(self) -> None:
+        """Measure from here on, in a thread."""
+        self._thread = threading.Thread(target=self._work, name="attention", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Measure no more."""
+        self._closing.set()
+        if self._thread is not None:
+            self._thread.join(2.0)
+
+    def _work(self) -> None:
+        while not self._closing.wait(GRID_S):
+            self.sample()
+
+
+ATTENTION = Attention()
+"""Of this process, as processor time is."""
+
+
+def share_words(last_s: float, attention: Attention = ATTENTION) -> str:
+    """Where the last seconds went, for people."""
+    stood_s, spent_s = attention.within(last_s)
+    shares = ", ".join(f"{WORDS[share]} {value:.2f} s" for share, value in spent_s.items())
+    return f"of the last {last_s:.1f} s this program stood still for {stood_s:.2f} s; {shares}"

@@ -1,0 +1,78 @@
+"""Whether the loop is silent, or the supervisor does not hear it.
+
+A supervisor that is not scheduled, or whose router is not, hears nothing of a loop that is well:
+the programs of the loop are linked to each other, not through the supervisor. To trip it then would
+drop a part for nothing. So before silence counts, the actuator itself is asked:
+
+- it is armed for this job: the loop is well, and the supervisor was deaf;
+- it is not: its last sample, which says why, is fetched;
+- it does not answer, and other programs are heard: the actuator is silent;
+- nobody is heard, and nobody answers: the line is cut. The loop goes on under the lease, and ends
+  by itself with it; only then the silence counts.
+"""
+
+from pincette.bus.protocol import BusError
+from pincette.core.faults import Mode
+from pincette.core.messages import Applied, Estimate, Position, Telemetry
+from pincette.core.topics import APPLIED, TELEMETRY
+from pincette.engine.arming import status
+from pincette_supervisor.attention import share_words
+from pincette_supervisor.jobs.tracker import Tracker, silence_limit_s, silent_words
+from pincette_supervisor.rigs.rig_context import RigContext
+
+ASK_S = 0.7
+OTHERS = (Position, Estimate, Telemetry)
+ACTUATOR = "actuator"
+CAUSE = "supervisor.deaf"
+
+
+class Silence:
+    """Judges silences of one job's loop in real time; of a loop in lockstep by its words alone."""
+
+    def __init__(self, context: RigContext, tracker: Tracker, epoch: int, lease_s: float) -> None:
+        """``lease_s``: after so long without the supervisor the loop ends by itself; 0: never."""
+        self._context, self._tracker, self._epoch = context, tracker, epoch
+        self._lease_s = lease_s
+        self._told = False
+        self.excused = False
+        """Whether what was asked last has shown that the loop is well, or has ended."""
+
+    def words(self, lasts_s: float, job: str) -> str:
+        """Why the loop counts as silent after so long without a sample; empty where it does not."""
+        self.excused = False
+        words = silent_words(self._context, self._tracker, lasts_s)
+        if not words or self._context.rig.lockstep or self._context.observer.gone((ACTUATOR,)):
+            return words
+        try:
+            actuator = status(self._context.bus, ACTUATOR, ASK_S)
+        except BusError:
+            return words if self._hears() or lasts_s > self._lease_s else ""
+        if actuator.mode != Mode.ARMED or actuator.epoch != self._epoch:
+            fetch = self._context.observer.fetch_latest
+            self._tracker.update([*fetch(TELEMETRY), *fetch(APPLIED)])
+            self.excused = self._tracker.over or self._tracker.trip is not None
+            return "" if self.excused else words
+        self.excused = True
+        self._tell(lasts_s, job)
+        return ""
+
+    def _hears(self) -> bool:
+        """Whether any other program of the loop is heard."""
+        observer, limit_s = self._context.observer, silence_limit_s(self._context.rig)
+        ages_s = [observer.silent_s(kind) for kind in OTHERS]
+        return any(age_s is not None and age_s <= limit_s for age_s in ages_s)
+
+    def _tell(self, lasts_s: float, job: str) -> None:
+        """Once a job, since what follows is the same."""
+        if self._told:
+            return
+        self._told = True
+        age_s = self._context.observer.age_s(Applied)
+        shares = share_words(max(lasts_s, age_s or 0.0))
+        words = (
+            f"the supervisor heard no sample of the actuator for {lasts_s:.1f} s, which answered "
+            f"that it is armed: the loop is well and goes on; {shares}"
+        )
+        self._context.alarms.raise_alarm(
+            CAUSE, words, severity="warning", clears="acknowledge", job=job
+        )

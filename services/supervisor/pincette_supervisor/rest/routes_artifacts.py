@@ -1,0 +1,47 @@
+"""Files of the records of jobs over REST."""
+
+from fastapi import APIRouter, Response
+from fastapi.responses import FileResponse, StreamingResponse
+
+from pincette.api.job_kinds import job_kinds
+from pincette.api.jobs import Artifact, ArtifactList
+from pincette.api.problems import responses
+from pincette.records import csv_export, folder
+from pincette_supervisor import problems
+from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs
+from pincette_supervisor.rest.strict_route import StrictRoute
+
+CSV = "samples.csv"
+
+router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
+
+
+@router.get("/{job}/artifacts", responses=responses(404), dependencies=[OBSERVE])
+def artifacts(job: str, rigs: AllRigs) -> ArtifactList:
+    """Files of a job's record, with size and SHA-256."""
+    known = rigs.job(job)
+    found = folder.artifacts(rigs.records(known.rig) / known.id)
+    return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
+
+
+@router.get(
+    "/{job}/artifacts/{name}",
+    response_model=None,
+    response_class=FileResponse,
+    responses=responses(404),
+    dependencies=[OBSERVE],
+)
+def artifact(job: str, name: str, rigs: AllRigs) -> Response:
+    """One file of a job's record; ``samples.csv`` is made of ``samples.parquet`` as it goes."""
+    known = rigs.job(job)
+    path = rigs.records(known.rig) / known.id / name
+    samples = path.with_name(folder.SAMPLES)
+    if name == CSV and samples.is_file():
+        attached = {"Content-Disposition": f'attachment; filename="{known.id}.csv"'}
+        rows = csv_export.csv_rows(samples)
+        return StreamingResponse(rows, media_type=csv_export.MEDIA_TYPE, headers=attached)
+    media_type = folder.media_type(name)
+    if media_type is None or not path.is_file():
+        plot = job_kinds()[known.kind].plot
+        raise problems.not_found("artifact", name, [*folder.MEDIA_TYPES, plot, CSV])
+    return FileResponse(path, media_type=media_type, filename=name)

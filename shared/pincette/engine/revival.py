@@ -1,0 +1,57 @@
+"""When a program that has ended is started again: at once, then less often, and not for ever."""
+
+from collections.abc import Callable, Sequence
+from time import monotonic
+
+from pincette.engine.fleet import Child, Fleet
+
+REVIVED = ("supervisor",)
+"""Programs that are started again. They are no part of the loop: the loop goes on without them, and
+a held part stays held. What is part of it has a person look first."""
+FIRST_S, LONGEST_S = 0.5, 10.0
+WELL_S = 60.0
+"""A program that has run for so long begins with the shortest wait again."""
+UNUSABLE = 2
+"""Status of a program that cannot use its arguments or its files; another start cannot either."""
+
+
+class Revival:
+    """Starts ended programs of a fleet again; ``look`` is called several times a second."""
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        names: Sequence[str] = REVIVED,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._fleet, self._names, self._clock = fleet, names, clock
+        self._wait_s = dict.fromkeys(names, FIRST_S)
+        self._begun_s = dict.fromkeys(names, clock())
+        self._due_s: dict[str, float] = {}
+        self._told: set[int] = set()
+        """Processes whose end was told."""
+
+    def look(self, say: Callable[[Child, str], None]) -> None:
+        """Tell of each end, and of each start that has come to serve."""
+        for member in self._fleet.ended():
+            if member.process.pid not in self._told:
+                self._told.add(member.process.pid)
+                say(member, self._ended(member))
+            elif self._clock() >= self._due_s.get(member.name, float("inf")):
+                del self._due_s[member.name]
+                self._begun_s[member.name] = self._clock()
+                self._fleet.revive(member.name)
+
+    def _ended(self, member: Child) -> str:
+        status, name = member.process.returncode, member.name
+        words = f"ended, status {status}; see {member.log}"
+        if name not in self._names:
+            return words
+        if status == UNUSABLE:
+            return f"{words}; it is not started again, since it cannot use what it was given"
+        if self._clock() - self._begun_s[name] > WELL_S:
+            self._wait_s[name] = FIRST_S
+        wait_s = self._wait_s[name]
+        self._wait_s[name] = min(2.0 * wait_s, LONGEST_S)
+        self._due_s[name] = self._clock() + wait_s
+        return f"{words}; started again in {wait_s:g} s, the loop and a held part go on"

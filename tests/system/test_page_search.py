@@ -1,0 +1,81 @@
+"""Yesterday's job of a sample, its picture and its force are found on the page."""
+
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser
+
+from pincette.client import Supervisor
+from pincette_supervisor.journal.database import Database
+from tests.support.browser import visit
+from tests.support.rigs import demo_rig
+from tests.support.served import served
+from tests.unit.supervisor.harness import Harness
+
+
+@pytest.fixture
+def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
+    assert browser.is_connected()
+    desk = Harness(demo_rig(time="lockstep"), tmp_path)
+    yield desk
+    desk.close()
+
+
+def gripped(address: str, sample: str) -> str:
+    """A grip that has ended; over the network, since the browser has this thread's event loop."""
+    with Supervisor(address) as supervisor:
+        job = supervisor.rig("demo").start("grip", labels={"sample": sample}, queue=True)
+        job.wait(60.0)
+        return job.id
+
+
+def a_day_earlier(store: Database, job: str) -> None:
+    with store.writing() as connection:
+        connection.exec_driver_sql(
+            "UPDATE jobs SET created_at = strftime('%Y-%m-%dT%H:%M:%fZ', created_at, '-1 day') "
+            "WHERE id = ?",
+            (job,),
+        )
+
+
+def test_yesterdays_job_of_a_sample_is_found(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context(color_scheme="dark")
+    with served(desk.app) as address:
+        wanted, other, today = (gripped(address, sample) for sample in ("B7", "B8", "B7"))
+        for job in (wanted, other):
+            a_day_earlier(desk.store, job)
+        seen = visit(context, address)
+        seen.page.click("#tab-jobs")
+        seen.page.wait_for_selector(f"#open-{today}")
+        seen.page.fill("#job-text", "b7")
+        seen.page.select_option("#job-when", "yesterday")
+        seen.until_true(
+            lambda: seen.page.locator("#job-list tbody tr").count() == 1, "not narrowed"
+        )
+        seen.page.click(f"#open-{wanted}")
+        seen.until("#job-detail", "B7")
+        seen.until("#job-detail", "mN")
+        seen.page.wait_for_selector("#job-detail img.picture")
+        seen.page.fill("#job-text", "nothing like it")
+        seen.until("#job-list", "No such job.")
+        seen.until("#job-detail", wanted)
+        seen.page.select_option("#job-when", "")
+        seen.page.fill("#job-text", "")
+        seen.page.select_option("#job-kind", "move")
+        seen.until("#job-list", "No such job.")
+        assert seen.errors == []
+    context.close()
+
+
+def test_a_sample_is_given_where_a_job_is_started(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context()
+    with served(desk.app) as address:
+        seen = visit(context, address)
+        seen.until_true(lambda: seen.page.input_value("#field-force_mN") != "", "no defaults came")
+        seen.page.fill("#field-sample", " B9 ")
+        seen.page.click("#start")
+        seen.until_true(lambda: bool(desk.store.newest(1)), "no job was started")
+    (job,) = desk.store.newest(2)
+    assert job.request["labels"] == {"sample": "B9"}
+    context.close()

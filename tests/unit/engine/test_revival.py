@@ -1,0 +1,102 @@
+"""A program beside the loop that dies is started again, at once and then less often."""
+
+import subprocess
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from pincette.engine.fleet import Child, Fleet
+from pincette.engine.revival import FIRST_S, LONGEST_S, WELL_S, Revival
+
+
+class Process:
+    """Has a number and perhaps a status."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid, self.returncode = pid, cast("int | None", None)
+
+
+class Programs:
+    """Stands in for processes of the operating system."""
+
+    def __init__(self, *names: str) -> None:
+        self.members = {name: self._child(name, 100 + n) for n, name in enumerate(names)}
+        self.revived: list[str] = []
+
+    def _child(self, name: str, pid: int) -> Child:
+        process = cast("subprocess.Popen[str]", Process(pid))
+        return Child(name, process, Path(f"{name}.log"))
+
+    def ended(self) -> list[Child]:
+        return [one for one in self.members.values() if one.process.returncode is not None]
+
+    def revive(self, name: str) -> Child:
+        self.revived.append(name)
+        self.members[name] = self._child(name, 200 + len(self.revived))
+        return self.members[name]
+
+
+@pytest.fixture
+def programs() -> Programs:
+    return Programs("supervisor", "controller")
+
+
+class Watched:
+    """Lets time pass, and keeps what is said."""
+
+    def __init__(self, programs: Programs) -> None:
+        self.now_s, self.said = 0.0, list[str]()
+        self.revival = Revival(cast(Fleet, programs), clock=lambda: self.now_s)
+
+    def after(self, duration_s: float) -> None:
+        self.now_s += duration_s
+        self.revival.look(lambda member, line: self.said.append(f"{member.name}: {line}"))
+
+
+def test_a_supervisor_is_started_again_and_told_once(programs: Programs) -> None:
+    watched = Watched(programs)
+    programs.members["supervisor"].process.returncode = -9
+    for _ in range(3):
+        watched.after(0.1)
+    assert programs.revived == []
+    watched.after(FIRST_S)
+    assert programs.revived == ["supervisor"]
+    (line,) = watched.said
+    assert line.startswith("supervisor: ended, status -9; see supervisor.log; started again in 0.5")
+    assert "a held part go on" in line
+
+
+def test_the_loop_is_left_to_a_person(programs: Programs) -> None:
+    watched = Watched(programs)
+    programs.members["controller"].process.returncode = 1
+    watched.after(100.0)
+    watched.after(100.0)
+    assert programs.revived == []
+    assert watched.said == ["controller: ended, status 1; see controller.log"]
+
+
+def test_one_that_cannot_use_its_files_is_left_alone(programs: Programs) -> None:
+    watched = Watched(programs)
+    programs.members["supervisor"].process.returncode = 2
+    watched.after(0.1)
+    watched.after(100.0)
+    assert programs.revived == []
+    assert "it is not started again" in watched.said[0]
+
+
+def test_one_that_dies_again_and_again_is_waited_for_longer(programs: Programs) -> None:
+    watched = Watched(programs)
+    waits_s: list[float] = []
+    for _ in range(8):
+        programs.members["supervisor"].process.returncode = 1
+        watched.after(0.1)
+        begun_s, count = watched.now_s, len(programs.revived)
+        while len(programs.revived) == count:
+            watched.after(0.25)
+        waits_s.append(watched.now_s - begun_s)
+    assert waits_s == pytest.approx([0.5, 1.0, 2.0, 4.0, 8.0, *[LONGEST_S] * 3])
+    watched.after(WELL_S)
+    programs.members["supervisor"].process.returncode = 1
+    watched.after(0.1)
+    assert "started again in 0.5 s" in watched.said[-1]

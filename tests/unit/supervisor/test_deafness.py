@@ -1,0 +1,108 @@
+"""A supervisor that hears nothing asks before it trips: a loop that is well goes on."""
+
+import threading
+from collections.abc import Callable
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.config import RigFile
+from pincette.core.faults import Mode
+from pincette.core.messages import Position
+from pincette_supervisor.attention import GRID_S, Attention, share_words
+
+from .canned import PROGRAMS
+from .harness import Harness
+
+HOLD = 445
+"""Tick at which the part is held."""
+DEAF_S = 2.5
+"""Longer than the silence after which an actuator counts as silent."""
+
+
+@pytest.fixture
+def desk(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
+    desk = open_harness(real_time)
+    desk.bus.idle()
+    return desk
+
+
+def held(desk: Harness) -> str:
+    """A grip that holds its part, of which nothing more is heard."""
+    over = threading.Event()
+
+    def sensor() -> None:
+        while not over.wait(0.02):
+            desk.bus.publish(Position(0, 0, 0.0, 0.01, valid=True))
+
+    thread = threading.Thread(target=sensor)
+    thread.start()
+    try:
+        return desk.playing_to(HOLD)
+    finally:
+        desk.bus.mode = Mode.ARMED
+        over.set()
+        thread.join()
+
+
+def alarms(desk: Harness) -> list[str]:
+    return [str(row["words"]) for row in desk.get("/alarms", cause="supervisor.deaf")["alarms"]]
+
+
+def test_a_loop_that_answers_is_not_tripped_and_goes_on(desk: Harness) -> None:
+    job = held(desk)
+    sleep(DEAF_S)
+    assert desk.get(f"/jobs/{job}")["state"] == "running"
+    assert desk.bus.trips == []
+    (words,) = alarms(desk)
+    assert "the loop is well and goes on" in words
+    assert "this program stood still for" in words
+    desk.bus.play()
+    assert desk.ended(job)["state"] == "succeeded"
+
+
+def test_a_line_that_is_cut_is_left_to_the_lease(desk: Harness) -> None:
+    job = held(desk)
+    desk.bus.silent.update(PROGRAMS)
+    sleep(DEAF_S)
+    assert desk.get(f"/jobs/{job}")["state"] == "running"
+    desk.bus.silent.clear()
+    desk.bus.play()
+    assert desk.ended(job)["state"] == "succeeded"
+    assert desk.bus.trips == []
+
+
+def test_an_actuator_that_is_silent_while_others_are_heard_ends_the_job(desk: Harness) -> None:
+    job = held(desk)
+    desk.bus.silent.add("actuator")
+    begun_s = monotonic()
+    while desk.get(f"/jobs/{job}")["state"] == "running" and monotonic() - begun_s < 20.0:
+        desk.bus.publish(Position(desk.bus.epoch, HOLD, 0.0, 30.0, valid=True))
+        sleep(0.1)
+    assert "actuator: silent for more than 1 s" in desk.ended(job)["cause"]
+
+
+def test_without_a_lease_a_line_that_is_cut_ends_the_job(
+    real_time: RigFile, open_harness: Callable[..., Harness]
+) -> None:
+    safety = real_time.safety.model_copy(update={"lease_s": 0.0})
+    desk = open_harness(real_time.model_copy(update={"safety": safety}))
+    desk.bus.idle()
+    job = held(desk)
+    desk.bus.silent.update(PROGRAMS)
+    assert "actuator: silent" in desk.ended(job)["cause"]
+
+
+def test_a_standstill_of_the_process_is_measured_with_what_it_was_at() -> None:
+    now_s = 100.0
+    attention = Attention(lambda: now_s)
+    for _ in range(20):
+        now_s += GRID_S
+        attention.sample()
+    attention.add("drawing", 0.7)
+    now_s += 1.25
+    stood_s, spent_s = attention.within(2.0)
+    assert stood_s == pytest.approx(1.25 - GRID_S)
+    assert spent_s == {"bus": 0.0, "journal": 0.0, "drawing": 0.7}
+    assert share_words(1.5, attention).startswith("of the last 1.5 s this program stood still")
+    assert attention.totals()[0] == pytest.approx(1.25 - GRID_S)

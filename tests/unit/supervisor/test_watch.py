@@ -1,0 +1,58 @@
+"""A deadline is not passed by the time in which the supervisor itself stood still."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from pincette_supervisor.jobs.job import LiveJob
+from pincette_supervisor.jobs.tracker import Tracker
+from pincette_supervisor.jobs.watch import LOOK_S, Watch
+from pincette_supervisor.planning.planned import Planned
+
+RESUMING_S = 5.0
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now_s = 10.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def watched(clock: Clock, *, lockstep: bool = False) -> Watch:
+    job = SimpleNamespace(
+        state="resuming",
+        moves=3,
+        entered_at=clock(),
+        played_s=0.0,
+        request=SimpleNamespace(kind="grip"),
+    )
+    rig = SimpleNamespace(lockstep=lockstep)
+    planned = SimpleNamespace(model=SimpleNamespace(rig=rig))
+    tracker = SimpleNamespace(played_s=0.0)
+    return Watch(cast(LiveJob, job), cast(Planned, planned), cast(Tracker, tracker), clock, clock)
+
+
+@pytest.mark.parametrize("stood_s", [6.0, 600.0])
+def test_a_standstill_is_not_the_jobs_time(stood_s: float) -> None:
+    clock = Clock()
+    watch = watched(clock)
+    watch.look()
+    clock.now_s += stood_s
+    watch.look()
+    assert not watch.overdue()
+    for _ in range(round(RESUMING_S / LOOK_S)):
+        clock.now_s += LOOK_S
+        watch.look()
+    assert watch.overdue()
+
+
+def test_who_looks_often_misses_nothing() -> None:
+    clock = Clock()
+    watch = watched(clock)
+    while not watch.overdue():
+        clock.now_s += 0.02
+        watch.look()
+    assert clock.now_s - 10.0 == pytest.approx(RESUMING_S, abs=0.05)
