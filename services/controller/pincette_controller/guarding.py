@@ -1,8 +1,11 @@
 """What ends a segment early: contact, too much force, a lost part, a limit of position."""
 
+from math import exp
+
 from msgspec.structs import replace
 
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.quick_grip import LONGEST
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.player_state import Player, enter, follow, has_phase, jump, leave
@@ -11,6 +14,12 @@ RETREAT_S = 2.0
 """How long the way back takes where a program has none."""
 STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
+LINE_AFTER_UM = 1.2
+"""Way of the arm under load from which the contact line is followed,"""
+LINE_S = 0.02
+"""the time constant with which it is, and"""
+LINE_BEYOND = 3.0
+"""by what factor it may leave the planned tolerance until the load is judged."""
 WATCHED = (Phase.HOLD, Phase.SETTLE, Phase.TRACK)
 """Phases in which a part can be lost; in a pause it can be in any."""
 
@@ -33,7 +42,8 @@ def guard(program: Program, player: Player, estimate: Estimate, period_s: float)
         return _watch_way(program, player, estimate)
     elif segment.phase == Phase.LOAD and not (player.paused or player.resumed):
         line = player.line.add(estimate.x_um, F_mN, player.force_r_mN)
-        return replace(player, line=line)
+        player = replace(player, line=line)
+        return _follow_line(guards, player, estimate, period_s) if segment.follows else player
     elif segment.presses and (segment.phase in WATCHED or player.paused):
         return _watch_part(program, player, estimate)
     return player
@@ -75,7 +85,7 @@ def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
         return replace(player, count=0)
     if player.count + 1 < guards.contact_samples:
         return replace(player, count=player.count + 1)
-    K_e = program.contact_stiffness_mN_per_um
+    K_e, following = program.contact_stiffness_mN_per_um, program.segments[player.index + 1]
     touched = replace(
         player,
         contact_x_um=estimate.x_um - estimate.force_mN / K_e,
@@ -86,7 +96,44 @@ def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
         held=True,
         bump=True,
     )
-    return enter(touched, player.index + 1, program.segments[player.index + 1])
+    entered = enter(touched, player.index + 1, following)
+    if not following.follows:
+        return entered
+    rate = load_rate(following, estimate.force_mN, K_e * player.speed_um_per_s)
+    return replace(entered, from_rate_mN_per_s=rate)
+
+
+def load_rate(load: Segment, force_mN: float, rate_mN_per_s: float) -> float:
+    """Rate with which F_r begins a load: as it rises, but not so that it passes the load's end."""
+    way_mN, duration_s = (load.force_to_mN or 0.0) - force_mN, load.move_s or load.duration_s
+    if way_mN <= 0.0 or not duration_s:
+        return 0.0
+    return min(rate_mN_per_s, LONGEST * way_mN / duration_s)
+
+
+def _follow_line(
+    guards: Guards, player: Player, estimate: Estimate, period_s: float
+) -> Player:
+    """Let the contact line go towards what the load has shown of it, once there is enough.
+
+    K ← K + (1 - e^(-T/τ))·(K_fit - K), and x_e likewise. A fit that cannot be of this arm and a
+    part is left out; whether it is the planned part is judged at the load's end.
+    """
+    if not abs(estimate.x_um - player.line.first_x_um) >= LINE_AFTER_UM:
+        return player
+    fit = player.line.fit()
+    x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
+    if fit is None or x_e_um is None or K_e is None:
+        return player
+    softest = guards.stiffness_min_mN_per_um / LINE_BEYOND
+    if not softest <= fit.K_e_mN_per_um <= LINE_BEYOND * guards.stiffness_max_mN_per_um:
+        return player
+    share = 1.0 - exp(-period_s / LINE_S)
+    return replace(
+        player,
+        contact_x_um=x_e_um + share * (fit.x_e_um - x_e_um),
+        K_e_mN_per_um=K_e + share * (fit.K_e_mN_per_um - K_e),
+    )
 
 
 def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
@@ -98,6 +145,9 @@ def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
     if player.count + 1 < guards.contact_samples:
         return replace(player, count=player.count + 1)
     x_um = estimate.x_um
+    if player.segment.phase == Phase.APPROACH:
+        # A part that stands nearer than planned is let go at once.
+        return _give_up(program, replace(player, outcome=Outcome.CONTACT), x_um)
     touched = replace(
         player,
         outcome=Outcome.CONTACT,

@@ -23,6 +23,8 @@ from pincette.control.response.hysteresis import HysteresisModel
 MARGIN_UM = 1.0
 """Beyond the contact's tolerance, on both sides: tracking lag, and the samples of the guard."""
 CONTACT_SAMPLES = 3
+RUN_UP_PERIODS = 5
+"""In which a seek that does not stop at the touch comes to its speed."""
 LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
 ZERO_WAIT_S = 1.0
@@ -120,6 +122,8 @@ def plan_contact(
     rig: PlannedRig,
     pressing: Sequence[Segment],
     pointers: Mapping[str, str],
+    *,
+    flying: bool = False,
 ) -> ContactPlan:
     """Plan zero, approach, zero, contact, what is done while pressed, and the retreat.
 
@@ -129,6 +133,8 @@ def plan_contact(
         From the load to the unload.
     pointers
         The member of the request that leads beyond a limit, by the phase in which it does.
+    flying
+        Whether the load begins at the touch without a stop, after an approach that watches for one.
 
     Raises
     ------
@@ -145,8 +151,8 @@ def plan_contact(
     )
     retreat_s = move_duration(request.contact_um - arm.x_start_um, request.approach_um_per_s)
     retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um)
-    segments = (*_way_there(request, arm), *pressing, retreat)
-    phases = _phases(request, arm, segments)
+    segments = (*_way_there(request, arm, rig.period_s if flying else None), *pressing, retreat)
+    phases = _phases(request, arm, segments, rig.period_s)
     require_bounded([(phase.phase, phase.duration_s) for phase in phases])
     course = sample_course(arm, phases, rig.period_s)
     broken = [_violation(found, pointers) for found in excursions(course, rig.limits)]
@@ -164,7 +170,18 @@ def _softest(request: ContactRequest) -> float:
     return request.stiffness_mN_per_um * (1.0 - request.stiffness_tolerance)
 
 
-def _way_there(request: ContactRequest, arm: PlannedArm) -> tuple[Segment, ...]:
+def force_at_touch_mN(
+    contact_force_mN: float, K_e: float, compliance_um_per_mN: float, v: float, period_s: float
+) -> float:
+    """Force when the touch is believed, at the speed v in µm/s before it: F + K_e/S·v·n·T."""
+    series = 1.0 / (1.0 / K_e + compliance_um_per_mN)
+    return contact_force_mN + series * v * CONTACT_SAMPLES * period_s
+
+
+def _way_there(
+    request: ContactRequest, arm: PlannedArm, flying_s: float | None
+) -> tuple[Segment, ...]:
+    """``flying_s``: the period, where the arm does not stop at the touch."""
     stand_off_um = request.stand_off_um
     # Far enough for the softest part that is admitted, touched last, to reach the contact force.
     seek_to_um = (
@@ -173,13 +190,17 @@ def _way_there(request: ContactRequest, arm: PlannedArm) -> tuple[Segment, ...]:
         + MARGIN_UM
         + request.contact_force_mN / _softest(request)
     )
-    seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s
+    seek_s, flying = (seek_to_um - stand_off_um) / request.seek_um_per_s, flying_s is not None
+    up_s = None if flying_s is None else RUN_UP_PERIODS * flying_s
+    if up_s is not None:
+        # Where the touch is met last there are samples left to believe it.
+        seek_s += 0.5 * up_s
     approach_s = move_duration(stand_off_um - arm.x_start_um, request.approach_um_per_s)
     return (
         Segment("zero", "zero", request.zero_s),
-        Segment("approach", "free", approach_s, x_to_um=stand_off_um),
+        Segment("approach", "free", approach_s, x_to_um=stand_off_um, guarded=flying),
         Segment("approach", "zero", request.zero_s),
-        Segment("contact", "seek", seek_s, x_to_um=seek_to_um),
+        Segment("contact", "seek", seek_s, x_to_um=seek_to_um, move_s=up_s),
     )
 
 
@@ -197,16 +218,21 @@ def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
 
 
 def _phases(
-    request: ContactRequest, arm: PlannedArm, segments: Sequence[Segment]
+    request: ContactRequest, arm: PlannedArm, segments: Sequence[Segment], period_s: float
 ) -> tuple[PlannedPhase, ...]:
     """Follow the segments in time; contact is met where it is expected."""
     phases: list[PlannedPhase] = []
-    start_s, x_um, force_mN = 0.0, arm.x_start_um, 0.0
+    start_s, x_um, force_mN, rate = 0.0, arm.x_start_um, 0.0, 0.0
     for segment in segments:
         duration_s = SHORTEST_MOVE_S if segment.duration_s is None else segment.duration_s
         if segment.kind == "seek":
-            force_mN = request.contact_force_mN
-            duration_s = (arm.pressed_um(force_mN) - x_um) / request.seek_um_per_s
+            force_mN, flying = request.contact_force_mN, segment.move_s is not None
+            speed = request.seek_um_per_s
+            if flying:
+                K_e, s_p = arm.stiffness_mN_per_um, arm.compliance_um_per_mN
+                force_mN = force_at_touch_mN(force_mN, K_e, s_p, speed, period_s)
+                rate = K_e * speed
+            duration_s = (arm.pressed_um(force_mN) - x_um) / speed + 0.5 * (segment.move_s or 0.0)
             x_um = arm.pressed_um(force_mN)
         elif segment.path is not None:
             force_mN = segment.path.at(duration_s)
@@ -217,7 +243,16 @@ def _phases(
         elif segment.x_to_um is not None:
             x_um = segment.x_to_um
         planned = PlannedPhase(
-            segment.phase, segment.kind, start_s, duration_s, x_um, force_mN, 0.0, segment.path
+            segment.phase,
+            segment.kind,
+            start_s,
+            duration_s,
+            x_um,
+            force_mN,
+            0.0,
+            segment.path,
+            rate if segment.follows else 0.0,
+            segment.move_s or 0.0,
         )
         phases.append(planned)
         start_s = planned.end_s
