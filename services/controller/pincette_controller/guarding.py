@@ -20,6 +20,8 @@ LINE_S = 0.02
 """the time constant with which it is, and"""
 LINE_BEYOND = 3.0
 """by what factor it may leave the planned tolerance until the load is judged."""
+DRIFT_S = 0.2
+"""Over which the force of a free approach is averaged."""
 WATCHED = (Phase.HOLD, Phase.SETTLE, Phase.TRACK)
 """Phases in which a part can be lost; in a pause it can be in any."""
 
@@ -39,6 +41,8 @@ def guard(program: Program, player: Player, estimate: Estimate, period_s: float)
     elif segment.kind == "seek":
         return _seek(program, player, estimate)
     elif segment.guarded and estimate.zero_age_s is not None:
+        if segment.phase == Phase.APPROACH:
+            return _watch_approach(program, player, estimate, period_s)
         return _watch_way(program, player, estimate)
     elif segment.phase == Phase.LOAD and not (player.paused or player.resumed):
         line = player.line.add(estimate.x_um, F_mN, player.force_r_mN)
@@ -111,9 +115,7 @@ def load_rate(load: Segment, force_mN: float, rate_mN_per_s: float) -> float:
     return min(rate_mN_per_s, LONGEST * way_mN / duration_s)
 
 
-def _follow_line(
-    guards: Guards, player: Player, estimate: Estimate, period_s: float
-) -> Player:
+def _follow_line(guards: Guards, player: Player, estimate: Estimate, period_s: float) -> Player:
     """Let the contact line go towards what the load has shown of it, once there is enough.
 
     K ← K + (1 - e^(-T/τ))·(K_fit - K), and x_e likewise. A fit that cannot be of this arm and a
@@ -136,6 +138,26 @@ def _follow_line(
     )
 
 
+def _watch_approach(
+    program: Program, player: Player, estimate: Estimate, period_s: float
+) -> Player:
+    """Go back where a part is met before the stand-off.
+
+    On its first way the free arm's force may be read wrong by more than is stated, but that comes
+    little by little; a touch at the speed of an approach is a jump. It counts from the force's mean
+    over the time before. A part that is met slowly, near the end, is found by the zero there.
+    """
+    guards = program.guards
+    jump_mN = estimate.force_mN - player.drift_mN
+    if jump_mN - estimate.force_uncertainty_mN < guards.contact_force_mN:
+        share = 1.0 - exp(-period_s / DRIFT_S)
+        drift_mN = player.drift_mN + share * jump_mN
+        return replace(player, count=0, drift_mN=drift_mN)
+    if player.count + 1 < guards.contact_samples:
+        return replace(player, count=player.count + 1)
+    return _give_up(program, replace(player, outcome=Outcome.CONTACT), estimate.x_um)
+
+
 def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
     """Come to rest where the arm meets something: a force beyond what the estimate may err by."""
     guards = program.guards
@@ -145,9 +167,6 @@ def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
     if player.count + 1 < guards.contact_samples:
         return replace(player, count=player.count + 1)
     x_um = estimate.x_um
-    if player.segment.phase == Phase.APPROACH:
-        # A part that stands nearer than planned is let go at once.
-        return _give_up(program, replace(player, outcome=Outcome.CONTACT), x_um)
     touched = replace(
         player,
         outcome=Outcome.CONTACT,

@@ -30,6 +30,8 @@ class Player(FrozenRecord, frozen=True):
     line: ContactLine = field(default_factory=ContactLine)
     count: int = 0
     """Consecutive samples that a guard has seen."""
+    drift_mN: float = 0.0
+    """The estimated force as an approach has it on average, in which a touch is a jump."""
     zeroing: bool = False
     """The estimator has been asked for a zero and has not answered."""
     zero: bool = False
@@ -99,9 +101,7 @@ def _press(player: Player, force_to_mN: float, t_s: float) -> Player:
     if x_e_um is None or not K_e:
         return player
     if player.segment.follows and duration_s:
-        load = move(
-            player.from_force_mN, player.from_rate_mN_per_s, force_to_mN, 0.0, duration_s
-        )
+        load = move(player.from_force_mN, player.from_rate_mN_per_s, force_to_mN, 0.0, duration_s)
         force_r_mN = load.position(t_s)
         x_r_um = x_e_um + force_r_mN / K_e
         return replace(player, x_r_um=x_r_um, speed_um_per_s=0.0, force_r_mN=force_r_mN)

@@ -52,5 +52,5 @@ def plan_grip(request: GripRequest, rig: PlannedRig) -> ContactPlan:
         Segment("hold", "force", hold_s, force_to_mN=force_mN, move_s=settle_s),
         Segment("unload", "force", request.unload_s or load_s, force_to_mN=0.0),
     )
-    pointers = dict.fromkeys(PRESSING, "/force_mN")
+    pointers: dict[str, str] = dict.fromkeys(PRESSING, "/force_mN")
     return plan_contact(request, rig, pressing, pointers, flying=request.quick)

@@ -73,6 +73,15 @@ class QuickSpeeds(NamedTuple):
     violations: tuple[Violation, ...]
     """Of what the request says."""
 
+    def values(self) -> dict[str, float]:
+        """Members of a ``GripRequest``."""
+        return {
+            "approach_um_per_s": self.approach_um_per_s,
+            "seek_um_per_s": self.seek_um_per_s,
+            "load_s": self.load_s,
+            "unload_s": self.unload_s,
+        }
+
 
 def speed_limit(touch: Touch, rig: PlannedRig) -> float:
     """Highest speed in µm/s at which the touch is believed in time; 0 or less where none is."""
@@ -160,9 +169,7 @@ def _way_um(touch: Touch, rig: PlannedRig, speed: float) -> float:
     return max(0.1 * touch.force_mN, touch.force_mN - begun_mN) / K_e
 
 
-def _too_fast(
-    name: str, value: float, limit: float, touch: Touch, rig: PlannedRig
-) -> Violation:
+def _too_fast(name: str, value: float, limit: float, touch: Touch, rig: PlannedRig) -> Violation:
     at_mN = force_at_touch_mN(
         touch.contact_force_mN,
         touch.hardest_mN_per_um,
