@@ -5,9 +5,15 @@ IEEE T-ASE 10(3), 2013 vanish where the rig is as the plan assumes.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 from pincette.control.checks import require_positive
+from pincette.control.planning.contact_request import (
+    CONTACT_SAMPLES,
+    MARGIN_UM,
+    ContactRequest,
+    force_at_touch_mN,
+)
 from pincette.control.planning.course import (
     Course,
     PlannedArm,
@@ -20,46 +26,11 @@ from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.response.hysteresis import HysteresisModel
 
-MARGIN_UM = 1.0
-"""Beyond the contact's tolerance, on both sides: tracking lag, and the samples of the guard."""
-CONTACT_SAMPLES = 3
 RUN_UP_PERIODS = 5
 """In which a seek that does not stop at the touch comes to its speed."""
 LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
 ZERO_WAIT_S = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ContactRequest:
-    """How a part is to be met, loaded and left; all positive but ``contact_um``."""
-
-    load_s: float
-    approach_um_per_s: float
-    seek_um_per_s: float
-    contact_force_mN: float
-    zero_s: float
-    contact_um: float
-    """x_e, the position of the arm at first touch."""
-    contact_tolerance_um: float
-    stiffness_mN_per_um: float
-    """K_e."""
-    stiffness_tolerance: float
-    """Share of K_e by which the part may differ; below 1."""
-
-    @property
-    def stand_off_um(self) -> float:
-        """Where the arm is zeroed, surely free of the part."""
-        return self.contact_um - self.contact_tolerance_um - MARGIN_UM
-
-
-def check_contact(request: ContactRequest) -> None:
-    """Refuse impossible numbers; raises ValueError."""
-    for field in fields(ContactRequest):
-        if field.name != "contact_um":
-            require_positive(field.name, getattr(request, field.name), "")
-    if request.stiffness_tolerance >= 1.0:
-        raise ValueError(f"stiffness_tolerance = {request.stiffness_tolerance} must be below 1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +120,9 @@ def plan_contact(
         stiffness_mN_per_um=request.stiffness_mN_per_um,
         free_response=rig.free_response,
     )
-    retreat_s = move_duration(request.contact_um - arm.x_start_um, request.approach_um_per_s)
+    # A quick one may begin where no part was met, or one is lost, and must not be too fast then.
+    from_um = request.furthest_um if flying else request.contact_um
+    retreat_s = move_duration(from_um - arm.x_start_um, request.approach_um_per_s)
     retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um)
     segments = (*_way_there(request, arm, rig.period_s if flying else None), *pressing, retreat)
     phases = _phases(request, arm, segments, rig.period_s)
@@ -166,30 +139,12 @@ def plan_contact(
     )
 
 
-def _softest(request: ContactRequest) -> float:
-    return request.stiffness_mN_per_um * (1.0 - request.stiffness_tolerance)
-
-
-def force_at_touch_mN(
-    contact_force_mN: float, K_e: float, compliance_um_per_mN: float, v: float, period_s: float
-) -> float:
-    """Force when the touch is believed, at the speed v in µm/s before it: F + K_e/S·v·n·T."""
-    series = 1.0 / (1.0 / K_e + compliance_um_per_mN)
-    return contact_force_mN + series * v * CONTACT_SAMPLES * period_s
-
-
 def _way_there(
     request: ContactRequest, arm: PlannedArm, flying_s: float | None
 ) -> tuple[Segment, ...]:
     """``flying_s``: the period, where the arm does not stop at the touch."""
     stand_off_um = request.stand_off_um
-    # Far enough for the softest part that is admitted, touched last, to reach the contact force.
-    seek_to_um = (
-        request.contact_um
-        + request.contact_tolerance_um
-        + MARGIN_UM
-        + request.contact_force_mN / _softest(request)
-    )
+    seek_to_um = request.furthest_um
     seek_s, flying = (seek_to_um - stand_off_um) / request.seek_um_per_s, flying_s is not None
     up_s = None if flying_s is None else RUN_UP_PERIODS * flying_s
     if up_s is not None:
@@ -211,7 +166,7 @@ def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
         force_max_mN=limits.force_max_mN,
         lost_fraction=LOST_FRACTION,
         lost_samples=LOST_SAMPLES,
-        stiffness_min_mN_per_um=_softest(request),
+        stiffness_min_mN_per_um=request.softest_mN_per_um,
         stiffness_max_mN_per_um=request.stiffness_mN_per_um * (1.0 + request.stiffness_tolerance),
         zero_wait_s=ZERO_WAIT_S,
     )

@@ -3,13 +3,8 @@
 from dataclasses import dataclass
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.contact_plan import (
-    ContactPlan,
-    ContactRequest,
-    PlannedRig,
-    check_contact,
-    plan_contact,
-)
+from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, plan_contact
+from pincette.control.planning.contact_request import ContactRequest, check_contact
 from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.program import Segment
 
