@@ -144,12 +144,12 @@ def _way_there(
 ) -> tuple[Segment, ...]:
     """``flying_s``: the period, where the arm does not stop at the touch."""
     stand_off_um = request.stand_off_um
-    seek_to_um = request.furthest_um
-    seek_s, flying = (seek_to_um - stand_off_um) / request.seek_um_per_s, flying_s is not None
-    up_s = None if flying_s is None else RUN_UP_PERIODS * flying_s
-    if up_s is not None:
-        # Where the touch is met last there are samples left to believe it.
-        seek_s += 0.5 * up_s
+    seek_to_um, flying, up_s = request.furthest_um, flying_s is not None, None
+    if flying_s is not None:
+        # At speed the samples of the guard are a way of their own.
+        seek_to_um += CONTACT_SAMPLES * flying_s * request.seek_um_per_s
+        up_s = RUN_UP_PERIODS * flying_s
+    seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s + 0.5 * (up_s or 0.0)
     approach_s = move_duration(stand_off_um - arm.x_start_um, request.approach_um_per_s)
     return (
         Segment("zero", "zero", request.zero_s),
