@@ -62,6 +62,7 @@ def applied_of(
         answered=command is not None,
         refused=state.refused,
         command_age_s=age_s,
+        slewing_s=None if command is None else state.slewing_s,
     )
 
 
