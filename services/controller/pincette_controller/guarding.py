@@ -155,7 +155,11 @@ def _watch_approach(
         return replace(player, count=0, drift_mN=drift_mN)
     if player.count + 1 < guards.contact_samples:
         return replace(player, count=player.count + 1)
-    return _give_up(program, replace(player, outcome=Outcome.CONTACT), estimate.x_um)
+    # At the speed of the approach the way back would begin forwards.
+    touched = replace(
+        player, outcome=Outcome.CONTACT, x_r_um=estimate.x_um, speed_um_per_s=0.0, bump=True
+    )
+    return _give_up(program, touched, estimate.x_um)
 
 
 def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
