@@ -122,7 +122,7 @@ def test_a_result_says_how_well_the_law_knew_the_arm(
 
 def test_the_error_of_the_perturbation_is_the_noise_of_the_sensor_where_nothing_moves() -> None:
     """By (6) and (8): p̃ is k·(x_{k-1} - x_k), since a voltage at rest and the mass count little."""
-    held = played("grip", "pbsmic", "consistent")
+    held = ended({"kind": "grip", "profile": "gentle"})
     table = held.run.table
     x_um = [x for x, phase in zip(table["x_um"], table["phase"], strict=True) if phase == "hold"]
     true_um = [

@@ -21,9 +21,9 @@ EPOCH = 2
 def make(folder: Path) -> None:
     """Play, and write ``job.mcap``."""
     desk = Desk(demo_rig(time="lockstep"))
-    short = GripJobRequest(kind="grip", hold_s=0.2, load_s=0.3)
+    short = GripJobRequest(kind="grip", profile="gentle", hold_s=0.2, load_s=0.3)
     desk.play(plan_job(short, desk.rig).program, 1)
-    held = GripJobRequest(kind="grip", until_released=True, load_s=0.3)
+    held = GripJobRequest(kind="grip", profile="gentle", until_released=True, load_s=0.3)
     let_go = at("hold", 5, lambda desk: desk.act("release"))
     messages = desk.play(plan_job(held, desk.rig).program, EPOCH, let_go)
     recorded(folder, desk.rig, messages, EPOCH)

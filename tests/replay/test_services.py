@@ -13,7 +13,7 @@ from tests.support.alone import recording, service_alone
 from tests.support.rigs import demo_rig
 
 RIG = demo_rig(time="lockstep")
-PROGRAM = plan_job(GripJobRequest(kind="grip", hold_s=1.0, load_s=1.0), RIG).program
+PROGRAM = plan_job(GripJobRequest(kind="grip", hold_s=4.0, load_s=1.0), RIG).program
 
 
 @cache

@@ -72,6 +72,9 @@ SITTINGS: dict[str, Sitting] = {
         ),
         up=DEMO,
     ),
+    "docs/how-to/quick-grip.md": Sitting(
+        (Typed("pincette job grip --profile gentle", r"outcome +gripped"),), up=DEMO
+    ),
     "docs/how-to/recipes.md": Sitting(
         (Typed("curl -s http://127.0.0.1:8000/api/v1/recipes", r'"recipe":\{?.*bead-1mm'),), up=DEMO
     ),

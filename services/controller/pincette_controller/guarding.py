@@ -4,9 +4,12 @@ On its way through free space the arm must meet nothing, from the first sample o
 the estimator has found stops the motion, and the arm goes back to where it was free.
 """
 
+from math import exp
+
 from msgspec.structs import replace
 
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.quick_grip import LONGEST
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.player_state import Player, enter, follow, has_phase, jump, leave
@@ -17,6 +20,14 @@ BACK_UM, BACK_SHARE = 2.0, 0.1
 """Way out of what was met on the way back, in µm, or as a share of the voltage gone back."""
 STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
+LINE_AFTER_UM = 1.2
+"""Way of the arm under load from which the contact line is followed,"""
+LINE_S = 0.02
+"""the time constant with which it is, and"""
+LINE_BEYOND = 3.0
+"""by what factor it may leave the planned tolerance until the load is judged."""
+DRIFT_S = 0.2
+"""Over which the force of a free approach is averaged."""
 WATCHED = (Phase.HOLD, Phase.SETTLE, Phase.TRACK)
 """Phases in which a part can be lost; in a pause it can be in any."""
 
@@ -37,10 +48,13 @@ def guard(program: Program, player: Player, estimate: Estimate, period_s: float)
     elif segment.kind == "seek":
         return _seek(program, player, estimate)
     elif segment.guarded and player.outcome != Outcome.CONTACT:
-        return _watch_way(program, player, estimate)
+        return _watch_way(program, player, estimate, period_s)
     elif segment.phase == Phase.LOAD and not (player.paused or player.resumed):
         line = player.line.add(estimate.x_um, estimate.force_mN, player.force_r_mN)
-        return replace(player, line=line)
+        player = replace(player, line=line)
+        if segment.follows:
+            return _follow_line(program.guards, player, estimate, period_s)
+        return player
     elif segment.presses and (segment.phase in WATCHED or player.paused):
         return _watch_part(program, player, estimate)
     return player
@@ -96,7 +110,7 @@ def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
         return replace(player, count=0)
     if player.count + 1 < guards.contact_samples:
         return replace(player, count=player.count + 1)
-    K_e = program.contact_stiffness_mN_per_um
+    K_e, following = program.contact_stiffness_mN_per_um, program.segments[player.index + 1]
     touched = replace(
         player,
         contact_x_um=estimate.x_um - estimate.force_mN / K_e,
@@ -107,13 +121,56 @@ def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
         held=True,
         bump=True,
     )
-    return enter(touched, player.index + 1, program.segments[player.index + 1])
+    entered = enter(touched, player.index + 1, following)
+    if not following.follows:
+        return entered
+    rate = load_rate(following, estimate.force_mN, K_e * player.speed_um_per_s)
+    return replace(entered, from_rate_mN_per_s=rate)
 
 
-def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
-    """Turn back where the arm meets something; what it still left behind it must clear first."""
-    guards, touch_mN = program.guards, abs(estimate.touch_mN or 0.0)
-    if touch_mN < guards.contact_force_mN:
+def load_rate(load: Segment, force_mN: float, rate_mN_per_s: float) -> float:
+    """Rate with which F_r begins a load: as it rises, but not so that it passes the load's end."""
+    way_mN, duration_s = (load.force_to_mN or 0.0) - force_mN, load.move_s or load.duration_s
+    if way_mN <= 0.0 or not duration_s:
+        return 0.0
+    return min(rate_mN_per_s, LONGEST * way_mN / duration_s)
+
+
+def _follow_line(guards: Guards, player: Player, estimate: Estimate, period_s: float) -> Player:
+    """Let the contact line go towards what the load has shown of it, once there is enough.
+
+    K ← K + (1 - e^(-T/τ))·(K_fit - K), and x_e likewise. A fit that cannot be of this arm and a
+    part is left out; whether it is the planned part is judged at the load's end.
+    """
+    if not abs(estimate.x_um - player.line.first_x_um) >= LINE_AFTER_UM:
+        return player
+    fit = player.line.fit()
+    x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
+    if fit is None or x_e_um is None or K_e is None:
+        return player
+    softest = guards.stiffness_min_mN_per_um / LINE_BEYOND
+    if not softest <= fit.K_e_mN_per_um <= LINE_BEYOND * guards.stiffness_max_mN_per_um:
+        return player
+    share = 1.0 - exp(-period_s / LINE_S)
+    return replace(
+        player,
+        contact_x_um=x_e_um + share * (fit.x_e_um - x_e_um),
+        K_e_mN_per_um=K_e + share * (fit.K_e_mN_per_um - K_e),
+    )
+
+
+def _watch_way(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
+    """Turn back where the arm meets something; what it still left behind it must clear first.
+
+    A touch is what the estimator has found, or a jump of the force on the way to the stand-off.
+    """
+    guards = program.guards
+    if player.segment.phase == Phase.APPROACH and estimate.zero_age_s is not None:
+        player, jumped = _watch_jump(program, player, estimate, period_s)
+        if jumped:
+            return _turn_back(program, player, estimate, estimate.x_um, estimate.force_mN)
+    touch_mN = estimate.touch_mN or 0.0
+    if abs(touch_mN) < guards.contact_force_mN:
         if player.clear and not player.touching:
             return player
         return replace(player, clear=True, touching=0)
@@ -121,17 +178,39 @@ def _watch_way(program: Program, player: Player, estimate: Estimate) -> Player:
         return player
     if player.touching + 1 < guards.contact_samples:
         return replace(player, touching=player.touching + 1)
-    return _turn_back(program, player, estimate)
+    return _turn_back(program, player, estimate, estimate.touch_x_um, touch_mN)
 
 
-def _turn_back(program: Program, player: Player, estimate: Estimate) -> Player:
+def _watch_jump(
+    program: Program, player: Player, estimate: Estimate, period_s: float
+) -> tuple[Player, bool]:
+    """Whether the force has left its mean over the time before.
+
+    On its first way the free arm's force may be read wrong by more than is stated, but that comes
+    little by little; a touch at the speed of an approach is a jump. A part that is met slowly, near
+    the end, is found by the zero there.
+    """
+    guards, jump_mN = program.guards, estimate.force_mN - player.drift_mN
+    if jump_mN - estimate.force_uncertainty_mN < guards.contact_force_mN:
+        share = 1.0 - exp(-period_s / DRIFT_S)
+        return replace(player, count=0, drift_mN=player.drift_mN + share * jump_mN), False
+    return replace(player, count=player.count + 1), player.count + 1 >= guards.contact_samples
+
+
+def _turn_back(
+    program: Program,
+    player: Player,
+    estimate: Estimate,
+    touch_x_um: float | None,
+    touch_mN: float,
+) -> Player:
     """Go back to where the program began, or out of what is in the way on the way back."""
-    x_um, behind = estimate.x_um, (estimate.touch_mN or 0.0) < 0.0
+    x_um, behind = estimate.x_um, touch_mN < 0.0
     touched = replace(
         player,
         outcome=Outcome.CONTACT,
-        touch_x_um=estimate.touch_x_um,
-        touch_mN=estimate.touch_mN,
+        touch_x_um=touch_x_um,
+        touch_mN=touch_mN,
         x_r_um=x_um,
         speed_um_per_s=0.0,
         bump=True,

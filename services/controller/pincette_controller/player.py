@@ -76,7 +76,8 @@ def _at_rest(player: Player, period_s: float) -> bool:
         return False
     if _is_over(player, period_s):
         return True
-    if player.ticks == 0 and player.segment.kind == "free" and player.from_speed_um_per_s != 0.0:
+    begins_moving = player.from_speed_um_per_s if player.segment.kind == "free" else 0.0
+    if player.ticks == 0 and (begins_moving != 0.0 or player.from_rate_mN_per_s != 0.0):
         return False
     before, here, after = (
         (near.x_r_um, near.force_r_mN, near.voltage_V)

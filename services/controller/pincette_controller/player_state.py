@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from pincette.control.planning.contact_line import ContactLine
 from pincette.control.planning.paths import Path
-from pincette.control.planning.profiles import move, quintic
+from pincette.control.planning.profiles import move, quintic, run_up
 from pincette.control.planning.program import Program, Segment
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Outcome, Phase
@@ -23,11 +23,15 @@ class Player(FrozenRecord, frozen=True):
     from_x_um: float
     from_speed_um_per_s: float
     from_force_mN: float
+    from_rate_mN_per_s: float = 0.0
+    """At which F_r comes into the segment."""
     contact_x_um: float | None = None
     K_e_mN_per_um: float | None = None
     line: ContactLine = field(default_factory=ContactLine)
     count: int = 0
     """Consecutive samples that a guard has seen."""
+    drift_mN: float = 0.0
+    """The estimated force as an approach has it on average, in which a touch is a jump."""
     zeroing: bool = False
     """The estimator has been asked for a zero and has not answered."""
     zero: bool = False
@@ -82,8 +86,9 @@ def at_tick(player: Player, ticks: int, period_s: float) -> Player:
         )
         return replace(player, x_r_um=path.position(t_s), speed_um_per_s=path.speed(t_s))
     if segment.kind == "seek" and segment.x_to_um is not None and segment.duration_s:
-        speed = (segment.x_to_um - player.from_x_um) / segment.duration_s
-        return replace(player, x_r_um=player.from_x_um + speed * t_s, speed_um_per_s=speed)
+        way_um, up_s = segment.x_to_um - player.from_x_um, segment.move_s or 0.0
+        gone_um, speed = run_up(way_um, segment.duration_s, up_s, t_s)
+        return replace(player, x_r_um=player.from_x_um + gone_um, speed_um_per_s=speed)
     if segment.kind == "force" and segment.force_to_mN is not None:
         return _press(player, segment.force_to_mN, t_s)
     if segment.kind == "voltage" and segment.voltage_to_V is not None and segment.duration_s:
@@ -105,6 +110,11 @@ def _press(player: Player, force_to_mN: float, t_s: float) -> Player:
     x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
     if x_e_um is None or not K_e:
         return player
+    if player.segment.follows and duration_s:
+        load = move(player.from_force_mN, player.from_rate_mN_per_s, force_to_mN, 0.0, duration_s)
+        force_r_mN = load.position(t_s)
+        x_r_um = x_e_um + force_r_mN / K_e
+        return replace(player, x_r_um=x_r_um, speed_um_per_s=0.0, force_r_mN=force_r_mN)
     x_to_um = x_e_um + force_to_mN / K_e
     return replace(
         player,
@@ -136,6 +146,7 @@ def enter(player: Player, index: int, segment: Segment) -> Player:
         from_x_um=player.x_r_um,
         from_speed_um_per_s=player.speed_um_per_s,
         from_force_mN=player.force_r_mN,
+        from_rate_mN_per_s=0.0,
         from_V=player.applied_V,
         voltage_V=player.applied_V,
     )

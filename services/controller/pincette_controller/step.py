@@ -160,13 +160,17 @@ def _play(
     if anew or player.segment.law != before.segment.law:
         # Another law alone: the references go on, and the newest sample belongs to those before.
         known = player if anew else before
+        x_r_um, r_mN = known.x_r_um, known.force_r_mN
+        if player.bump and player.segment.follows:
+            # References that begin in motion: those of the newest sample, where it was touched.
+            x_r_um, r_mN = player.from_x_um, player.from_force_mN
         memory = control_law.rebase(
             law,
             memory,
             x_um=estimate.x_um,
-            x_r_um=known.x_r_um,
+            x_r_um=x_r_um,
             force_mN=force_mN,
-            force_r_mN=known.force_r_mN if player.pressing else 0.0,
+            force_r_mN=r_mN if player.pressing else 0.0,
         )
     after, output = control_law.step(
         law,

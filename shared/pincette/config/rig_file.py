@@ -72,9 +72,32 @@ class Calibrating(Table):
     """From the measurement on; None: without limit."""
 
 
-class Grip(Table):
-    """Defaults of a grip job; a request may replace each."""
+class QuickGrip(Table):
+    """Speeds of a quick grip, at most: its force, the period and the slew limit may ask for less.
 
+    A request may replace the first three.
+    """
+
+    approach_um_per_s: Positive = 120.0
+    """Peak speed of the free arm on its way to the part and back."""
+    seek_um_per_s: Positive = 40.0
+    """Speed with which the part is touched, and the load begins."""
+    load_um_per_s: Positive = 40.0
+    """Peak speed while the part is loaded and unloaded."""
+    zero_s: Positive = 0.3
+    """Time at rest in which the force estimate is set to zero."""
+
+
+class Grip(Table):
+    """Defaults of a grip job; a request may replace each.
+
+    The three speeds are those of a gentle grip, and of other jobs.
+    """
+
+    profile: Literal["quick", "gentle"] | None = None
+    """``quick``: the load begins at the touch without a stop, and the contact line is followed as
+    it is identified; ``gentle``: the arm stops at the touch, and the line is identified over the
+    load. None: quick where the free response is identified and the force is large enough."""
     force_mN: Positive = 20.0
     """Force that is held, compressive."""
     hold_s: Positive = 4.0
@@ -89,6 +112,8 @@ class Grip(Table):
     """Estimated force that counts as touch."""
     zero_s: Positive = 0.4
     """Time at rest before the arm moves, in which the force estimate is set to zero."""
+    quick: QuickGrip = QuickGrip()
+    """Of a quick grip."""
 
 
 class Track(Table):

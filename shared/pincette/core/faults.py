@@ -45,6 +45,7 @@ class Outcome(StrEnum):
 class Phase(StrEnum):
     """Phases that the controller itself knows; a program may have others, as levels of voltage."""
 
+    APPROACH = "approach"
     LOAD = "load"
     HOLD = "hold"
     SETTLE = "settle"

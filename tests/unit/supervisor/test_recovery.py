@@ -29,7 +29,7 @@ def test_a_part_that_a_trip_has_frozen_is_kept_by_a_reset_and_let_go_by_a_job(
     view = harness.get("/rigs/demo")
     assert (view["part"], view["can_start"], view["startable"]) == ("held", False, HOLDING)
     refused = harness.post("/jobs", {"kind": "grip"})
-    assert refused.status_code == 409
+    assert refused.status_code == 409, refused.text
     assert refused.json()["type"].endswith("part-held")
     harness.bus.pause_at = None
     release = harness.post("/jobs", {"kind": "release"})

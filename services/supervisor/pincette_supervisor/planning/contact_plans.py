@@ -28,7 +28,7 @@ def contact_values(request: BaseModel, names: tuple[str, ...], rig: RigFile) -> 
     }
 
 
-def part_values(rig: RigFile) -> dict[str, float]:
+def part_values(rig: RigFile) -> dict[str, Any]:
     """What the rig file says of the contact."""
     part = rig.part
     return {

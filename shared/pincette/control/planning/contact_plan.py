@@ -5,9 +5,15 @@ IEEE T-ASE 10(3), 2013 vanish where the rig is as the plan assumes.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 from pincette.control.checks import require_positive
+from pincette.control.planning.contact_request import (
+    CONTACT_SAMPLES,
+    MARGIN_UM,
+    ContactRequest,
+    force_at_touch_mN,
+)
 from pincette.control.planning.course import (
     Course,
     PlannedArm,
@@ -20,44 +26,11 @@ from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.response.hysteresis import HysteresisModel
 
-MARGIN_UM = 1.0
-"""Beyond the contact's tolerance, on both sides: tracking lag, and the samples of the guard."""
-CONTACT_SAMPLES = 3
+RUN_UP_PERIODS = 5
+"""In which a seek that does not stop at the touch comes to its speed."""
 LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
 ZERO_WAIT_S = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ContactRequest:
-    """How a part is to be met, loaded and left; all positive but ``contact_um``."""
-
-    load_s: float
-    approach_um_per_s: float
-    seek_um_per_s: float
-    contact_force_mN: float
-    zero_s: float
-    contact_um: float
-    """x_e, the position of the arm at first touch."""
-    contact_tolerance_um: float
-    stiffness_mN_per_um: float
-    """K_e."""
-    stiffness_tolerance: float
-    """Share of K_e by which the part may differ; below 1."""
-
-    @property
-    def stand_off_um(self) -> float:
-        """Where the arm is zeroed, surely free of the part."""
-        return self.contact_um - self.contact_tolerance_um - MARGIN_UM
-
-
-def check_contact(request: ContactRequest) -> None:
-    """Refuse impossible numbers; raises ValueError."""
-    for field in fields(ContactRequest):
-        if field.name != "contact_um":
-            require_positive(field.name, getattr(request, field.name), "")
-    if request.stiffness_tolerance >= 1.0:
-        raise ValueError(f"stiffness_tolerance = {request.stiffness_tolerance} must be below 1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +93,8 @@ def plan_contact(
     rig: PlannedRig,
     pressing: Sequence[Segment],
     pointers: Mapping[str, str],
+    *,
+    flying: bool = False,
 ) -> ContactPlan:
     """Plan zero, approach, zero, contact, what is done while pressed, and the retreat.
 
@@ -129,6 +104,8 @@ def plan_contact(
         From the load to the unload.
     pointers
         The member of the request that leads beyond a limit, by the phase in which it does.
+    flying
+        Whether the load begins at the touch without a stop, after an approach that watches for one.
 
     Raises
     ------
@@ -143,10 +120,12 @@ def plan_contact(
         stiffness_mN_per_um=request.stiffness_mN_per_um,
         free_response=rig.free_response,
     )
-    retreat_s = move_duration(request.contact_um - arm.x_start_um, request.approach_um_per_s)
+    # A quick one may begin where no part was met, or one is lost, and must not be too fast then.
+    from_um = request.furthest_um if flying else request.contact_um
+    retreat_s = move_duration(from_um - arm.x_start_um, request.approach_um_per_s)
     retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um, guarded=True)
-    segments = (*_way_there(request, arm), *pressing, retreat)
-    phases = _phases(request, arm, segments)
+    segments = (*_way_there(request, arm, rig.period_s if flying else None), *pressing, retreat)
+    phases = _phases(request, arm, segments, rig.period_s)
     require_bounded([(phase.phase, phase.duration_s) for phase in phases])
     course = sample_course(arm, phases, rig.period_s)
     broken = [_violation(found, pointers) for found in excursions(course, rig.limits)]
@@ -160,26 +139,23 @@ def plan_contact(
     )
 
 
-def _softest(request: ContactRequest) -> float:
-    return request.stiffness_mN_per_um * (1.0 - request.stiffness_tolerance)
-
-
-def _way_there(request: ContactRequest, arm: PlannedArm) -> tuple[Segment, ...]:
+def _way_there(
+    request: ContactRequest, arm: PlannedArm, flying_s: float | None
+) -> tuple[Segment, ...]:
+    """``flying_s``: the period, where the arm does not stop at the touch."""
     stand_off_um = request.stand_off_um
-    # Far enough for the softest part that is admitted, touched last, to reach the contact force.
-    seek_to_um = (
-        request.contact_um
-        + request.contact_tolerance_um
-        + MARGIN_UM
-        + request.contact_force_mN / _softest(request)
-    )
-    seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s
+    seek_to_um, up_s = request.furthest_um, None
+    if flying_s is not None:
+        # At speed the samples of the guard are a way of their own.
+        seek_to_um += CONTACT_SAMPLES * flying_s * request.seek_um_per_s
+        up_s = RUN_UP_PERIODS * flying_s
+    seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s + 0.5 * (up_s or 0.0)
     approach_s = move_duration(stand_off_um - arm.x_start_um, request.approach_um_per_s)
     return (
         Segment("zero", "zero", request.zero_s, guarded=True),
         Segment("approach", "free", approach_s, x_to_um=stand_off_um, guarded=True),
         Segment("approach", "zero", request.zero_s, guarded=True),
-        Segment("contact", "seek", seek_s, x_to_um=seek_to_um),
+        Segment("contact", "seek", seek_s, x_to_um=seek_to_um, move_s=up_s),
     )
 
 
@@ -190,23 +166,28 @@ def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
         force_max_mN=limits.force_max_mN,
         lost_fraction=LOST_FRACTION,
         lost_samples=LOST_SAMPLES,
-        stiffness_min_mN_per_um=_softest(request),
+        stiffness_min_mN_per_um=request.softest_mN_per_um,
         stiffness_max_mN_per_um=request.stiffness_mN_per_um * (1.0 + request.stiffness_tolerance),
         zero_wait_s=ZERO_WAIT_S,
     )
 
 
 def _phases(
-    request: ContactRequest, arm: PlannedArm, segments: Sequence[Segment]
+    request: ContactRequest, arm: PlannedArm, segments: Sequence[Segment], period_s: float
 ) -> tuple[PlannedPhase, ...]:
     """Follow the segments in time; contact is met where it is expected."""
     phases: list[PlannedPhase] = []
-    start_s, x_um, force_mN = 0.0, arm.x_start_um, 0.0
+    start_s, x_um, force_mN, rate = 0.0, arm.x_start_um, 0.0, 0.0
     for segment in segments:
         duration_s = SHORTEST_MOVE_S if segment.duration_s is None else segment.duration_s
         if segment.kind == "seek":
-            force_mN = request.contact_force_mN
-            duration_s = (arm.pressed_um(force_mN) - x_um) / request.seek_um_per_s
+            force_mN, flying = request.contact_force_mN, segment.move_s is not None
+            speed = request.seek_um_per_s
+            if flying:
+                K_e, s_p = arm.stiffness_mN_per_um, arm.compliance_um_per_mN
+                force_mN = force_at_touch_mN(force_mN, K_e, s_p, speed, period_s)
+                rate = K_e * speed
+            duration_s = (arm.pressed_um(force_mN) - x_um) / speed + 0.5 * (segment.move_s or 0.0)
             x_um = arm.pressed_um(force_mN)
         elif segment.path is not None:
             force_mN = segment.path.at(duration_s)
@@ -217,7 +198,16 @@ def _phases(
         elif segment.x_to_um is not None:
             x_um = segment.x_to_um
         planned = PlannedPhase(
-            segment.phase, segment.kind, start_s, duration_s, x_um, force_mN, 0.0, segment.path
+            segment.phase,
+            segment.kind,
+            start_s,
+            duration_s,
+            x_um,
+            force_mN,
+            0.0,
+            segment.path,
+            rate if segment.follows else 0.0,
+            segment.move_s or 0.0,
         )
         phases.append(planned)
         start_s = planned.end_s

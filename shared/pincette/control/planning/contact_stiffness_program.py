@@ -16,12 +16,8 @@ from msgspec.structs import replace
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.calibration_programs import voltage_moves
-from pincette.control.planning.contact_plan import (
-    ContactPlan,
-    ContactRequest,
-    PlannedRig,
-    plan_contact,
-)
+from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, plan_contact
+from pincette.control.planning.contact_request import ContactRequest
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Program, Segment
 

@@ -14,7 +14,7 @@ from math import fsum
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.paths import Path
-from pincette.control.planning.profiles import quintic
+from pincette.control.planning.profiles import move, quintic, run_up
 from pincette.control.planning.program import SegmentKind
 from pincette.control.response.hysteresis import HysteresisModel, free_voltages
 
@@ -67,6 +67,10 @@ class PlannedPhase:
     force_mN: float
     voltage_V: float
     path: Path | None = None
+    begins_mN_per_s: float = 0.0
+    """Rate of the force with which a load begins."""
+    run_up_s: float = 0.0
+    """Of a seek: in which it comes to its speed."""
 
     @property
     def end_s(self) -> float:
@@ -141,10 +145,16 @@ def _point(
         value = phase.path.at(t_s)
         return (arm.pressed_um(value), value) if phase.path.quantity == "force" else (value, 0.0)
     share = min(1.0, t_s / phase.duration_s)
+    if phase.begins_mN_per_s:
+        load = move(force_from_mN, phase.begins_mN_per_s, phase.force_mN, 0.0, phase.duration_s)
+        return arm.pressed_um(load.position(t_s)), load.position(t_s)
     if phase.kind == "force":
         force_mN = force_from_mN + (phase.force_mN - force_from_mN) * quintic(share)
         return arm.pressed_um(force_mN), force_mN
     if phase.kind == "seek":
         x_um = x_from_um + (phase.x_um - x_from_um) * share
+        if phase.run_up_s:
+            way_um = phase.x_um - x_from_um
+            x_um = x_from_um + run_up(way_um, phase.duration_s, phase.run_up_s, t_s)[0]
         return x_um, max(0.0, arm.stiffness_mN_per_um * (x_um - arm.contact_um))
     return x_from_um + (phase.x_um - x_from_um) * quintic(share), 0.0

@@ -3,13 +3,8 @@
 from dataclasses import dataclass
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.contact_plan import (
-    ContactPlan,
-    ContactRequest,
-    PlannedRig,
-    check_contact,
-    plan_contact,
-)
+from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, plan_contact
+from pincette.control.planning.contact_request import ContactRequest, check_contact
 from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.program import Segment
 
@@ -29,12 +24,18 @@ class GripRequest(ContactRequest):
     force_mN: float
     hold_s: float | None
     """None: until an action ends it."""
+    unload_s: float | None = None
+    """None: as long as the load."""
+    quick: bool = False
+    """Whether the load begins at the touch without a stop, and the contact line is followed."""
 
     def __post_init__(self) -> None:
         check_contact(self)
         require_positive("force_mN", self.force_mN, "")
         if self.hold_s is not None:
             require_positive("hold_s", self.hold_s, "")
+        if self.unload_s is not None:
+            require_positive("unload_s", self.unload_s, "")
 
 
 def plan_grip(request: GripRequest, rig: PlannedRig) -> ContactPlan:
@@ -42,8 +43,9 @@ def plan_grip(request: GripRequest, rig: PlannedRig) -> ContactPlan:
     force_mN, load_s, hold_s = request.force_mN, request.load_s, request.hold_s
     settle_s = SHORTEST_MOVE_S if hold_s is None else min(SHORTEST_MOVE_S, hold_s)
     pressing = (
-        Segment("load", "force", load_s, force_to_mN=force_mN),
+        Segment("load", "force", load_s, force_to_mN=force_mN, follows=request.quick),
         Segment("hold", "force", hold_s, force_to_mN=force_mN, move_s=settle_s),
-        Segment("unload", "force", load_s, force_to_mN=0.0),
+        Segment("unload", "force", request.unload_s or load_s, force_to_mN=0.0),
     )
-    return plan_contact(request, rig, pressing, dict.fromkeys(PRESSING, "/force_mN"))
+    pointers: dict[str, str] = dict.fromkeys(PRESSING, "/force_mN")
+    return plan_contact(request, rig, pressing, pointers, flying=request.quick)

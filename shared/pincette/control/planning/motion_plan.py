@@ -14,12 +14,8 @@ from msgspec.structs import replace
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.planning.calibration_programs import FREE, voltage_moves
-from pincette.control.planning.contact_plan import (
-    CONTACT_SAMPLES,
-    MotionPlan,
-    PlannedRig,
-    named_violation,
-)
+from pincette.control.planning.contact_plan import MotionPlan, PlannedRig, named_violation
+from pincette.control.planning.contact_request import CONTACT_SAMPLES
 from pincette.control.planning.course import require_bounded
 from pincette.control.planning.feasibility import excursions
 from pincette.control.planning.motion_course import Leg, motion_course, planned_phases

@@ -97,6 +97,24 @@ def move(
     )
 
 
+def run_up(distance: float, duration_s: float, up_s: float, t_s: float) -> tuple[float, float]:
+    """Way and speed at ``t_s`` of a motion that comes to its speed smoothly and then keeps it.
+
+    With v = distance/(duration - up/2) and s = t/up the speed is v·(3s² - 2s³) until s = 1, so that
+    the acceleration vanishes at both ends, and v from there. Without ``up_s`` it is v at once.
+
+    Raises
+    ------
+    ZeroDivisionError
+        Where the duration is half of ``up_s``.
+    """
+    speed = distance / (duration_s - 0.5 * up_s)
+    if t_s >= up_s:
+        return speed * (t_s - 0.5 * up_s), speed
+    s = t_s / up_s
+    return speed * up_s * s * s * s * (1.0 - 0.5 * s), speed * s * s * (3.0 - 2.0 * s)
+
+
 def minimum_duration(distance: float, speed: float, acceleration: float | None = None) -> float:
     """Shortest time in s of a move from rest to rest within a peak speed and acceleration.
 

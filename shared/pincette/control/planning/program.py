@@ -30,7 +30,8 @@ class Segment(FrozenRecord, frozen=True):
 
     ``zero``   the arm rests, free of contact; at its end the force estimator is re-zeroed.
     ``free``   x_r moves smoothly to ``x_to_um``; the law gets no force.
-    ``seek``   x_r moves at constant speed to ``x_to_um`` until the contact guard fires.
+    ``seek``   x_r moves at constant speed to ``x_to_um`` until the contact guard fires; it comes to
+               that speed in ``move_s``, or without it at once.
     ``force``  F_r moves smoothly to ``force_to_mN`` and x_r with it, on the contact line
                F_r = K_e·(x_r - x_e), in ``move_s``; then both rest until ``duration_s``.
     ``path``   of force: F_r follows ``path`` and x_r with it, on the contact line; of position:
@@ -57,6 +58,9 @@ class Segment(FrozenRecord, frozen=True):
     """Of a voltage: at its end the force estimator is re-zeroed."""
     guarded: bool = False
     """Free of contact: what the arm meets ends the program as ``contact``."""
+    follows: bool = False
+    """Of a force, after a seek: it begins with the speed of the seek, and x_r follows the contact
+    line as it is identified meanwhile."""
 
     @property
     def stamps_zero(self) -> bool:

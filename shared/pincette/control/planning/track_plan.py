@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 from pincette.control.checks import require_positive
 from pincette.control.planning.contact_plan import (
     ContactPlan,
-    ContactRequest,
     PlannedRig,
     Violation,
-    check_contact,
     named_violation,
     plan_contact,
 )
+from pincette.control.planning.contact_request import ContactRequest, check_contact
 from pincette.control.planning.feasibility import Excursion
 from pincette.control.planning.path_shapes import Peaks, peaks
 from pincette.control.planning.paths import Path

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pincette.config import Simulation, derived
 from pincette.control.calibration.contact_stiffness import Swing
 from pincette.control.planning.calibration_programs import full_cycles
-from pincette.control.planning.contact_plan import ContactRequest, PlannedRig
+from pincette.control.planning.contact_plan import PlannedRig
+from pincette.control.planning.contact_request import ContactRequest
 from pincette.control.planning.contact_stiffness_program import (
     LEVEL_CYCLES,
     LEVELS_V,

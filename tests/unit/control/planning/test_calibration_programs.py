@@ -11,7 +11,8 @@ from pincette.control.planning.calibration_programs import (
     full_cycles,
     noise_program,
 )
-from pincette.control.planning.contact_plan import ContactRequest, PlannedRig
+from pincette.control.planning.contact_plan import PlannedRig
+from pincette.control.planning.contact_request import ContactRequest
 from pincette.control.planning.contact_stiffness_program import (
     LEVELS_V,
     SETTLING_CYCLES,

@@ -5,9 +5,9 @@ from typing import Literal
 from pydantic import model_validator
 
 from pincette.api import example
-from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, number
+from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, choices, number
 from pincette.api.plans import Plan
-from pincette.api.requests import ContactJobRequest, Duration, Positive
+from pincette.api.requests import ContactJobRequest, Duration, Positive, Speed
 from pincette.api.results import COMMON, ClosedLoopResult
 from pincette_supervisor.kinds import fields
 
@@ -24,6 +24,19 @@ class GripJobRequest(ContactJobRequest, frozen=True):
     """Time to hold it."""
     until_released: bool = False
     """Hold until the action ``release``; excludes ``hold_s``."""
+    profile: Literal["quick", "gentle"] | None = None
+    """``quick``: the load begins at the touch without a stop; ``gentle``: the arm stops there."""
+    load_um_per_s: Speed | None = None
+    """Peak speed of a quick load and unload; excludes ``load_s``."""
+
+    @model_validator(mode="after")
+    def _one_load(self) -> "GripJobRequest":
+        if self.load_um_per_s is not None and self.load_s is not None:
+            raise ValueError(
+                f"load_s = {self.load_s} s and load_um_per_s = {self.load_um_per_s} µm/s exclude "
+                "each other: one follows from the other, leave one out"
+            )
+        return self
 
     @model_validator(mode="after")
     def _one_hold(self) -> "GripJobRequest":
@@ -92,11 +105,22 @@ KIND = JobKind(
         FieldSpec(name="force_mN", label="Force", limit="force_max", planned="load.force_mN"),
         FieldSpec(name="hold_s", label="Hold", planned="hold.duration_s"),
         FieldSpec(name="until_released", label="Hold until released", excludes="hold_s"),
+        FieldSpec(
+            name="profile",
+            label="Profile",
+            choices=choices(
+                ("", "quick, where the model allows it"),
+                ("quick", "quick: loads at the touch"),
+                ("gentle", "gentle: stops at the touch"),
+            ),
+            advanced=True,
+        ),
+        FieldSpec(name="load_um_per_s", label="Load at most at", advanced=True),
         *fields.LAW,
         *fields.POLICIES,
     ),
     figures=FIGURES,
     predicted=True,
-    recipe=RecipeRules(exclusive=(("hold_s", "until_released"),)),
+    recipe=RecipeRules(exclusive=(("hold_s", "until_released"), ("load_s", "load_um_per_s"))),
     place=10,
 )

@@ -1,6 +1,7 @@
 """Plan, result and plot of a grip."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
 from pincette_supervisor.kinds.grip import GripJobRequest, GripResult
+from pincette_supervisor.kinds.grip.profile import chosen_speeds
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.contact_plans import (
     CONTACT_FIELDS,
@@ -36,7 +38,15 @@ def plan(request: GripJobRequest, model: ModelInUse, _present: Present) -> Plann
     values = contact_values(request, ("force_mN", "hold_s", *CONTACT_FIELDS), rig)
     if request.until_released:
         values["hold_s"] = None
-    made = plan_grip(GripRequest(**values, **part_values(rig)), derived.planned_rig(rig))
+    part = part_values(rig)
+    speeds = chosen_speeds(request, rig)
+    if speeds is not None:
+        values |= speeds.values()
+        part |= {"zero_s": rig.grip.quick.zero_s, "quick": True}
+    made = plan_grip(GripRequest(**values, **part), derived.planned_rig(rig))
+    if speeds is not None:
+        made = replace(made, violations=(*speeds.violations, *made.violations))
+    values["profile"] = "gentle" if speeds is None else "quick"
     return contact_job(request, model, made, (0.0, values["force_mN"]), values)
 
 

@@ -14,7 +14,7 @@ from pincette.control.calibration.contact_stiffness import (
 )
 from pincette.control.calibration.first_touch import FirstTouch, first_touch
 from pincette.control.planning.calibration_programs import full_cycles
-from pincette.control.planning.contact_plan import ContactRequest
+from pincette.control.planning.contact_request import ContactRequest
 from pincette.control.planning.contact_stiffness_program import (
     LEVEL_CYCLES,
     contact_stiffness_program,

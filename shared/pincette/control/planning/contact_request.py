@@ -1,0 +1,64 @@
+"""What a request for a motion that meets a part says, and where and how the part is met."""
+
+from dataclasses import dataclass, fields
+
+from pincette.control.checks import require_positive
+
+MARGIN_UM = 1.0
+"""Beyond the contact's tolerance, on both sides: tracking lag, and the samples of the guard."""
+CONTACT_SAMPLES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactRequest:
+    """How a part is to be met, loaded and left; all positive but ``contact_um``."""
+
+    load_s: float
+    approach_um_per_s: float
+    seek_um_per_s: float
+    contact_force_mN: float
+    zero_s: float
+    contact_um: float
+    """x_e, the position of the arm at first touch."""
+    contact_tolerance_um: float
+    stiffness_mN_per_um: float
+    """K_e."""
+    stiffness_tolerance: float
+    """Share of K_e by which the part may differ; below 1."""
+
+    @property
+    def stand_off_um(self) -> float:
+        """Where the arm is zeroed, surely free of the part."""
+        return self.contact_um - self.contact_tolerance_um - MARGIN_UM
+
+    @property
+    def softest_mN_per_um(self) -> float:
+        """K_e of the softest part that is admitted."""
+        return self.stiffness_mN_per_um * (1.0 - self.stiffness_tolerance)
+
+    @property
+    def furthest_um(self) -> float:
+        """Where the softest part, touched last, has the contact force."""
+        return (
+            self.contact_um
+            + self.contact_tolerance_um
+            + MARGIN_UM
+            + self.contact_force_mN / self.softest_mN_per_um
+        )
+
+
+def check_contact(request: ContactRequest) -> None:
+    """Refuse impossible numbers; raises ValueError."""
+    for field in fields(ContactRequest):
+        if field.name != "contact_um":
+            require_positive(field.name, getattr(request, field.name), "")
+    if request.stiffness_tolerance >= 1.0:
+        raise ValueError(f"stiffness_tolerance = {request.stiffness_tolerance} must be below 1")
+
+
+def force_at_touch_mN(
+    contact_force_mN: float, K_e: float, compliance_um_per_mN: float, v: float, period_s: float
+) -> float:
+    """Force when the touch is believed, at the speed v in µm/s before it: F + K_e/S·v·n·T."""
+    series = 1.0 / (1.0 / K_e + compliance_um_per_mN)
+    return contact_force_mN + series * v * CONTACT_SAMPLES * period_s

@@ -1,0 +1,182 @@
+"""Speeds of a quick grip: the load begins at the touch without a stop.
+
+The touch is believed after n samples above the contact force. Until then the voltage goes on, and
+the force rises by the stiffness K_e/S of part and arm in series:
+
+    F = F_touch + K_e/S·v·n·T,    K_e/S = 1/(1/K_e + s_p),  S = 1 + s_p·K_e
+
+At the touch this must be below half of the planned force, of the hardest part there may be, so that
+the other half is left for the load. From there F_r is a quintic that begins with the rate K_e·v and
+ends at rest. With the way ΔF/K_e still to go it falls smoothly from v to 0 in 2·ΔF/(K_e·v), and
+passes its end where it takes more than 2.5·ΔF/(K_e·v).
+"""
+
+from typing import NamedTuple
+
+from pincette.control.planning.contact_plan import PlannedRig, Violation
+from pincette.control.planning.contact_request import CONTACT_SAMPLES, force_at_touch_mN
+from pincette.control.planning.profiles import minimum_duration, move
+
+LOAD_PERIODS = 15
+"""That a load takes at least, so that the contact line is identified meanwhile."""
+SMOOTH, LONGEST = 2.0, 2.5
+"""Duration of a load from the speed v over the way d, in d/v: falling smoothly, and without passing
+its end."""
+FORCE_SHARE = 0.5
+"""Of the planned force that may be there when the touch is believed."""
+SLEW_SHARE = 0.6
+"""Of the slew limit that an approach uses where nobody names its speed: hysteresis takes more."""
+HALVINGS = 30
+
+
+class AskedSpeeds(NamedTuple):
+    """What a request says; None: nothing."""
+
+    approach_um_per_s: float | None
+    seek_um_per_s: float | None
+    load_um_per_s: float | None
+    load_s: float | None
+
+
+class UsualSpeeds(NamedTuple):
+    """Those of the rig file: where a request names none, at most these."""
+
+    approach_um_per_s: float
+    seek_um_per_s: float
+    load_um_per_s: float
+
+
+class Touch(NamedTuple):
+    """What is to be met."""
+
+    force_mN: float
+    """Planned."""
+    contact_force_mN: float
+    """That counts as touch."""
+    stiffness_mN_per_um: float
+    """K_e."""
+    hardest_mN_per_um: float
+    """Largest K_e of a part that may be there."""
+
+
+class QuickSpeeds(NamedTuple):
+    """Speeds of a grip, and what the load and the unload take."""
+
+    approach_um_per_s: float
+    seek_um_per_s: float
+    load_s: float
+    unload_s: float
+    violations: tuple[Violation, ...]
+    """Of what the request says."""
+
+    def values(self) -> dict[str, float]:
+        """Members of a ``GripRequest``."""
+        return {
+            "approach_um_per_s": self.approach_um_per_s,
+            "seek_um_per_s": self.seek_um_per_s,
+            "load_s": self.load_s,
+            "unload_s": self.unload_s,
+        }
+
+
+def speed_limit(touch: Touch, rig: PlannedRig) -> float:
+    """Highest speed in µm/s at which the touch is believed in time; 0 or less where none is."""
+    series = 1.0 / (1.0 / touch.hardest_mN_per_um + rig.compliance_um_per_mN)
+    room_mN = FORCE_SHARE * touch.force_mN - touch.contact_force_mN
+    return room_mN / (series * CONTACT_SAMPLES * rig.period_s)
+
+
+def load_duration(way_um: float, speed: float, peak_speed: float) -> float:
+    """Shortest time in s of a load over ``way_um`` from ``speed`` to rest, never above a speed."""
+    longest_s = SMOOTH * way_um / speed
+    if peak_speed <= speed:
+        return longest_s
+    low_s, high_s = way_um / peak_speed, longest_s
+    for _ in range(HALVINGS):
+        middle_s = 0.5 * (low_s + high_s)
+        path = move(0.0, speed, way_um, 0.0, middle_s)
+        if max(path.speed(middle_s * place / 32) for place in range(32)) > peak_speed:
+            low_s = middle_s
+        else:
+            high_s = middle_s
+    return high_s
+
+
+def quick_speeds(
+    asked: AskedSpeeds, usual: UsualSpeeds, touch: Touch, rig: PlannedRig
+) -> QuickSpeeds | None:
+    """Choose the speeds of a quick grip; None where no speed is slow enough for the force.
+
+    Raises
+    ------
+    ValueError
+        Where a speed or a time is not finite and positive.
+    """
+    limit = speed_limit(touch, rig)
+    if limit <= 0.0:
+        return None
+    least_s = LOAD_PERIODS * rig.period_s
+    slew = SLEW_SHARE * rig.limits.slew_V_per_s * rig.piezo_um_per_V
+    approach = asked.approach_um_per_s or min(usual.approach_um_per_s, limit, slew)
+    peak = asked.load_um_per_s or usual.load_um_per_s
+    seek = asked.seek_um_per_s or min(usual.seek_um_per_s, peak, limit)
+    way_um = _way_um(touch, rig, seek)
+    if asked.seek_um_per_s is None:
+        # A load that takes longer, by request or by the period, begins more slowly.
+        seek = min(seek, SMOOTH * way_um / max(asked.load_s or 0.0, least_s))
+        way_um = _way_um(touch, rig, seek)
+    load_s = asked.load_s or max(least_s, load_duration(way_um, seek, peak))
+    unload_um = touch.force_mN / touch.stiffness_mN_per_um
+    unload_s = asked.load_s or max(least_s, minimum_duration(unload_um, peak))
+    longest_s = max(least_s, LONGEST * way_um / seek)
+    found: list[Violation] = []
+    for name, value in (("approach", asked.approach_um_per_s), ("seek", asked.seek_um_per_s)):
+        if value is not None and value > limit * (1.0 + 1e-9):
+            found.append(_too_fast(f"{name}_um_per_s", value, limit, touch, rig))
+    if asked.load_um_per_s is not None and asked.load_um_per_s < seek * (1.0 - 1e-9):
+        message = (
+            f"load_um_per_s = {asked.load_um_per_s:g} µm/s is below the speed of the seek, "
+            f"{seek:g} µm/s, with which the load begins: seek more slowly, or load faster"
+        )
+        value = asked.load_um_per_s
+        found.append(Violation("/load_um_per_s", "speed", value, seek, "µm/s", 0.0, message))
+    if load_s < least_s * (1.0 - 1e-9):
+        message = (
+            f"load_s = {load_s:g} s is below {least_s:g} s, {LOAD_PERIODS} periods, in which the "
+            "contact line is identified: load longer"
+        )
+        found.append(Violation("/load_s", "duration", load_s, least_s, "s", 0.0, message))
+    elif load_s > longest_s * (1.0 + 1e-9):
+        message = (
+            f"load_s = {load_s:g} s is above {longest_s:.3g} s, after which a load that begins "
+            f"with {seek:g} µm/s passes its end: load in less time, seek more slowly, or grip with "
+            'profile = "gentle"'
+        )
+        found.append(Violation("/load_s", "duration", load_s, longest_s, "s", 0.0, message))
+    return QuickSpeeds(approach, seek, load_s, unload_s, tuple(found))
+
+
+def _way_um(touch: Touch, rig: PlannedRig, speed: float) -> float:
+    """Way from where the touch is believed to the planned force; a tenth of it at least."""
+    K_e = touch.stiffness_mN_per_um
+    begun_mN = force_at_touch_mN(
+        touch.contact_force_mN, K_e, rig.compliance_um_per_mN, speed, rig.period_s
+    )
+    return max(0.1 * touch.force_mN, touch.force_mN - begun_mN) / K_e
+
+
+def _too_fast(name: str, value: float, limit: float, touch: Touch, rig: PlannedRig) -> Violation:
+    at_mN = force_at_touch_mN(
+        touch.contact_force_mN,
+        touch.hardest_mN_per_um,
+        rig.compliance_um_per_mN,
+        value,
+        rig.period_s,
+    )
+    message = (
+        f"{name} = {value:g} µm/s is above {limit:.3g} µm/s: within {CONTACT_SAMPLES} periods of "
+        f"{rig.period_s:g} s the force would be {at_mN:.2f} mN before the touch is believed, more "
+        f"than half of {touch.force_mN:g} mN: go more slowly, shorten the period, or plan more "
+        "force"
+    )
+    return Violation(f"/{name}", "speed", value, limit, "µm/s", 0.0, message)

@@ -1,0 +1,177 @@
+"""A quick grip: through the touch without a stop, and along the line as it is identified."""
+
+from itertools import pairwise
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.control.planning.program import Program
+from pincette_controller.actions import pause, resume, stop
+from pincette_controller.guarding import LINE_AFTER_UM, load_rate
+
+from .bench import ARM, X_E_UM, Bench, program
+from .ideal_arm import K_E, PROGRAM, Arm, T
+
+SPEED = 40.0
+LOAD = 3
+
+
+def quick(from_: Program = PROGRAM, load_s: float = 0.36) -> Program:
+    """The grip of the other tests, quick: 40 µm/s until the touch."""
+    zero, approach, contact, load, *others = from_.segments
+    return replace(
+        from_,
+        segments=(
+            zero,
+            replace(approach, guarded=True),
+            replace(contact, x_to_um=18.0, duration_s=8.0 / SPEED + 0.05, move_s=0.1),
+            replace(load, duration_s=load_s, follows=True),
+            *others,
+        ),
+    )
+
+
+QUICK = quick()
+
+
+def test_a_quick_grip_goes_through_every_phase_and_ends_gripped() -> None:
+    arm = Arm(program=QUICK)
+    arm.until()
+    assert arm.phases == ["zero", "approach", "contact", "load", "hold", "unload", "retreat"]
+    assert arm.player.outcome == "gripped"
+
+
+def test_the_load_begins_with_the_speed_of_the_seek_and_ends_at_rest() -> None:
+    arm = Arm(program=QUICK)
+    arm.until("load")
+    touch, x_um = arm.player, [arm.player.from_x_um, arm.player.x_r_um]
+    assert touch.from_rate_mN_per_s == pytest.approx(K_E * SPEED)
+    forces_mN = [touch.from_force_mN, touch.force_r_mN]
+    while arm.player.segment.phase == "load":
+        arm.tick()
+        x_um.append(arm.player.x_r_um)
+        forces_mN.append(arm.player.force_r_mN)
+    rates = [(b - a) / T for a, b in pairwise(x_um)]
+    assert rates[0] == pytest.approx(SPEED, rel=0.02)
+    assert rates[-2] < 0.05 * SPEED
+    assert max(forces_mN) <= 20.0 + 1e-9
+    # Where the part is the planned one, nothing moves the line, and no reference jumps.
+    jerks = [b - a for a, b in pairwise(rates)]
+    assert max(map(abs, jerks)) < 0.15 * SPEED
+
+
+@pytest.mark.parametrize("stiffness", [1.6, 2.0, 2.4])
+def test_the_references_follow_the_line_while_the_load_goes_on(stiffness: float) -> None:
+    arm = Arm(stiffness=stiffness, contact_um=12.0, program=QUICK)
+    arm.until("load")
+    first_um = arm.player.from_x_um
+    while arm.player.segment.phase == "load":
+        player = arm.player
+        assert player.K_e_mN_per_um is not None
+        assert player.contact_x_um is not None
+        on_line_um = player.contact_x_um + player.force_r_mN / player.K_e_mN_per_um
+        assert player.x_r_um == pytest.approx(on_line_um)
+        if abs(player.x_r_um - first_um) < LINE_AFTER_UM:
+            assert player.K_e_mN_per_um == K_E
+        if player.ticks * T > 0.2:
+            assert player.K_e_mN_per_um == pytest.approx(stiffness, rel=0.01)
+            assert player.contact_x_um == pytest.approx(12.0, abs=0.05)
+        arm.tick()
+
+
+@pytest.mark.parametrize("stiffness", [0.5 * K_E, 2.0 * K_E])
+def test_a_part_far_from_the_plan_is_loaded_as_planned_and_let_go(stiffness: float) -> None:
+    arm = Arm(stiffness=stiffness, program=QUICK)
+    forces_mN: list[float] = []
+    while not arm.player.ended:
+        arm.tick()
+        forces_mN.append(arm.estimate().force_mN)
+    assert max(forces_mN) < 21.0
+    assert arm.player.outcome == "wrong_stiffness"
+    assert "hold" not in arm.phases
+
+
+def test_the_rate_of_the_load_does_not_lead_past_its_end() -> None:
+    load = QUICK.segments[LOAD]
+    assert load_rate(load, 4.0, 80.0) == 80.0
+    assert load_rate(load, 12.0, 80.0) == pytest.approx(2.5 * 8.0 / 0.36)
+    assert load_rate(load, 21.0, 80.0) == 0.0
+
+
+def test_a_pause_at_the_touch_waits_for_the_end_of_the_load() -> None:
+    arm = Arm(program=QUICK)
+    arm.until("load")
+    arm.player = pause(arm.player)
+    for _ in range(30):
+        arm.tick()
+    assert arm.player.paused
+    assert arm.player.segment.phase == "load"
+    assert arm.player.force_r_mN == pytest.approx(20.0)
+    arm.player = resume(arm.player)
+    arm.until()
+    assert arm.player.outcome == "gripped"
+
+
+def test_a_stop_in_flight_holds_the_force_that_is_there() -> None:
+    arm = Arm(program=QUICK)
+    arm.until("load")
+    for _ in range(4):
+        arm.tick()
+    force_mN = arm.player.force_r_mN
+    arm.player = stop(arm.player)
+    for _ in range(40):
+        arm.tick()
+        assert arm.estimate().force_mN == pytest.approx(force_mN, abs=0.5)
+    assert arm.player.held
+    assert arm.player.segment.phase == "hold"
+
+
+@pytest.mark.parametrize("contact_um", [2.0, 5.0, 8.0])
+def test_a_part_that_stands_nearer_than_planned_is_felt_on_the_approach(contact_um: float) -> None:
+    arm = Arm(contact_um=contact_um, program=QUICK)
+    forces_mN: list[float] = []
+    while not arm.player.ended:
+        arm.tick()
+        forces_mN.append(arm.estimate().force_mN)
+    assert arm.player.outcome == "contact"
+    assert arm.phases == ["zero", "approach", "retreat"]
+    # Of 20 mN that are planned.
+    assert max(forces_mN) < 12.0
+    assert forces_mN[-1] == 0.0
+
+
+def test_a_force_that_creeps_in_on_the_approach_is_no_part() -> None:
+    """The free response may be wrong by more than is stated, but not in a moment."""
+    arm = Arm(program=QUICK)
+    arm.until("approach")
+    begun = arm.seq
+    plain = arm.estimate
+
+    def drifting() -> object:
+        found = plain()
+        if arm.player.segment.kind != "free" or found.zero_age_s is None:
+            return found
+        return replace(found, force_mN=found.force_mN + 0.15 * (arm.seq - begun))
+
+    arm.estimate = drifting  # type: ignore[method-assign, assignment]
+    arm.until("contact")
+    assert arm.player.outcome == ""
+
+
+def test_the_law_goes_through_the_touch_without_a_bump() -> None:
+    """The controller's step over an arm that is (4): the voltage goes on as it rose before."""
+    bench = Bench(quick(program()))
+    bench.until("load")
+    touch = len(bench.ticks)
+    before_V = bench.ticks[-1].estimate.applied_V - bench.ticks[-2].estimate.applied_V
+    bench.until("hold")
+    voltages_V = [tick.command.voltage_V for tick in bench.ticks[touch - 3 :]]
+    steps_V = [b - a for a, b in pairwise(voltages_V)]
+    # Free, x = d_p·u; in contact u rises by 1 + s_p·K_e as much for the same speed.
+    most_V = SPEED * T / 19.0 * (1.0 + 0.46 * K_E)
+    assert before_V > 0.0
+    assert min(steps_V[:6]) > 0.0
+    assert max(steps_V) < 1.35 * most_V
+    assert bench.ticks[-1].estimate.force_mN == pytest.approx(20.0, abs=0.3)
+    assert bench.ticks[-1].estimate.x_um == pytest.approx(X_E_UM + 10.0, abs=0.2)
+    assert ARM.k > 0.0
