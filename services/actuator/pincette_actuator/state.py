@@ -62,6 +62,8 @@ def applied_of(
         answered=command is not None,
         refused=state.refused,
         command_age_s=age_s,
+        segment=None if command is None else command.segment,
+        segment_tick=0 if command is None else command.segment_tick,
     )
 
 

@@ -50,6 +50,7 @@ def telemetry_of(
     player: Player,
     output: LawOutput,
     acted: tuple[Acted, ...],
+    correction_um: float,
 ) -> Telemetry:
     """Telemetry of sample k: its references are those that the tick before set for it."""
     return Telemetry(
@@ -73,6 +74,7 @@ def telemetry_of(
         held=player.held,
         acted=acted,
         paused=player.paused,
+        correction_um=correction_um,
     )
 
 

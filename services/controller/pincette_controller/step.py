@@ -44,6 +44,7 @@ from pincette_controller.actions import (
     lease_objection,
 )
 from pincette_controller.config import ControllerConfig, configure
+from pincette_controller.learning import Learning, begin_learning, check_cycle, correct, learn
 from pincette_controller.outputs import (
     check_command,
     invalid_command,
@@ -80,6 +81,8 @@ class State(FrozenRecord, frozen=True):
     """Those of ``program``."""
     player: Player | None = None
     memory: LawState | None = None
+    learning: Learning | None = None
+    """Along the cycles of a program that learns."""
     pending: tuple[Action, ...] = ()
     lease: RunningLease | None = None
     """Without one the program plays to its end, with or without a supervisor."""
@@ -146,6 +149,10 @@ def _play(
     player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
     player = advance(program, player, estimate, config.period_s)
     law = state.laws[player.segment.law]
+    learning = state.learning or begin_learning(program)
+    told_um = learning.correction_um
+    learning = learn(learning, before, estimate, config.period_s)
+    learning = correct(learning, player, config.period_s)
     force_mN = estimate.force_mN if player.pressing else 0.0
     force_r_mN = player.force_r_mN if player.pressing else 0.0
     if player.segment.open_loop:
@@ -170,7 +177,7 @@ def _play(
         x_um=estimate.x_um,
         force_mN=force_mN,
         applied_V=estimate.applied_V,
-        x_r_um=player.x_r_um,
+        x_r_um=player.x_r_um + learning.correction_um,
         force_r_mN=force_r_mN,
         limited=_limited(estimate.limits_active),
     )
@@ -187,10 +194,12 @@ def _play(
         sweep=None if player.ended else player.segment.sweep,
         force_mN=zeroed_force_mN(estimate),
         x_d_um=None if player.ended or not steered else memory.x_d_um,
+        segment=player.index if 0 <= player.index < len(program.segments) else None,
+        segment_tick=player.ticks,
     )
     watches, command = check_command(config, state.watches, command, estimate)
     acted = acted_in_tick(effects, before, player)
-    telemetry = telemetry_of(estimate, before, memory, player, output, acted)
+    telemetry = telemetry_of(estimate, before, memory, player, output, acted, told_um)
     astray = number_out_of_bounds(telemetry)
     if astray and command.valid:
         command = invalid_command(command, estimate, astray, known=True)
@@ -200,6 +209,7 @@ def _play(
         playing=command.valid and not player.ended,
         player=player,
         memory=after,
+        learning=learning,
         pending=later if command.valid else (),
         watches=watches,
     )
@@ -256,6 +266,10 @@ def _check_laws(config: ControllerConfig, program: Program) -> None:
         laws = config.laws(program)
     except ValueError as error:
         raise RefusedError(f"a law of the program: {error}") from error
+    try:
+        check_cycle(program, config.period_s)
+    except ValueError as error:
+        raise RefusedError(str(error)) from error
     for segment in program.segments:
         if not 0 <= segment.law < len(laws):
             raise RefusedError(f"{segment.phase} names law {segment.law}, there are {len(laws)}")

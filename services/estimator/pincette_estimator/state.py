@@ -92,6 +92,8 @@ class State(FrozenRecord, frozen=True):
     """Of the voltage, since the zero."""
     highest_V: float = 0.0
     """Highest voltage that ``response`` has ever followed."""
+    missed_um: float | None = None
+    """What x_1 misses at the newest tick by the residual table; None: it does not know."""
     known_V: float = 0.0
     """``highest_V`` as this epoch began: up to there ``response`` has the arm's memory."""
     refused: int = 0

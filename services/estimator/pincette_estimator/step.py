@@ -43,6 +43,7 @@ def step(
     if applied is None:
         return state, (_degraded(config, state, position, None),)
     state = _follow_voltage(config, state, position.seq, applied.voltage_V)
+    state = _follow_program(config, state, applied)
     measured = position.valid and _within(config.position_um, position.x_um)
     if measured:
         stuck = state.stuck.follow(position.x_um, applied.voltage_V, config.stuck_V)
@@ -66,6 +67,14 @@ def _follow_voltage(config: EstimatorConfig, state: State, seq: int, voltage_V: 
     )
 
 
+def _follow_program(config: EstimatorConfig, state: State, applied: Applied) -> State:
+    """Take up what x_1 misses at the tick that the voltage is of; without one it stays."""
+    if config.residual is None or applied.segment is None:
+        return state
+    missed_um = config.residual.at(applied.segment, applied.segment_tick)
+    return replace(state, missed_um=missed_um)
+
+
 def _take_sample(
     config: EstimatorConfig, state: State, position: Position, applied: Applied
 ) -> tuple[State, float, float]:
@@ -77,7 +86,8 @@ def _take_sample(
     if applied.zero:
         state = _zero(config, state, position, applied)
     zeroed = applied.zero and not state.zero_refusal
-    observer, free_um = state.observer, state.response.position_um()
+    observer = state.observer
+    free_um = state.response.position_um() + (state.missed_um or 0.0)
     if first or missed or zeroed:
         observer = observer.restart(x_um, free_um, voltage_V)
     observer, F_mN = observer.observe(x_um, free_um, voltage_V)
@@ -101,12 +111,14 @@ def _follow_free_motion(
 ) -> State:
     """Keep the sample if the arm is free, and look for a contact; the first one begins x_1."""
     first = state.observed_seq is None
-    response = state.response.begin(x_um) if first else state.response
+    # What x_1 is known to miss is no matter of its offset.
+    modelled_um = x_um - (state.missed_um or 0.0)
+    response = state.response.begin(modelled_um) if first else state.response
     nominal_um = response.nominal_um_per_V * applied.voltage_V
     detector = ContactDetector(nominal_um, x_um) if first else state.contact_detector
     samples: tuple[FreeSample, ...] = ()
     if not applied.part_held:
-        samples = (*state.samples[1 - FREE_SAMPLES :], response.sample(x_um))
+        samples = (*state.samples[1 - FREE_SAMPLES :], response.sample(modelled_um))
     return replace(
         state,
         response=response,
@@ -158,7 +170,7 @@ def _estimate(
     u_F_mN = uncertainty(
         noise_um=config.noise_um,
         free_error_um=hypot(
-            state.response.error_um(),
+            _free_error_um(config, state),
             standard_uncertainty_um(state.unknown.error_um(state.response)),
         ),
         compliance_um_per_mN=config.compliance_um_per_mN,
@@ -186,6 +198,14 @@ def _estimate(
         degraded=False,
         valid=True,
     )
+
+
+def _free_error_um(config: EstimatorConfig, state: State) -> float:
+    """Standard error of x_1 since the zero; what a table has of this tick errs by its own."""
+    error_um = state.response.error_um()
+    if config.residual is None or state.missed_um is None:
+        return error_um
+    return min(error_um, config.residual.error_um)
 
 
 def _creep_um(config: EstimatorConfig, age_s: float) -> float:

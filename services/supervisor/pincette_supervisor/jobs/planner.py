@@ -1,12 +1,16 @@
 """Plans jobs with the model in use, from where the arm stands."""
 
+from dataclasses import replace
+
 from pincette.api.requests import JobRequest
 from pincette_supervisor import problems
 from pincette_supervisor.journal.recipes import RecipeRepository
 from pincette_supervisor.kinds.functions import kind_of
 from pincette_supervisor.planning.errors import FaultyRequestError, UnsupportedError
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
 from pincette_supervisor.planning.recipes import completed, pinned, plan_with_recipe
+from pincette_supervisor.planning.recorded_jobs import recorded_motion
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rigs.part import present
 from pincette_supervisor.rigs.rig_context import RigContext
@@ -19,6 +23,9 @@ def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
         raise problems.not_found("rig", request.rig, [rig.rig.name])
     try:
         stands = None if moving and not kind_of(request).from_present else present(context)
+        if request.plays is not None:
+            recorded = recorded_motion(context.store, context.records, rig, request.plays)
+            stands = replace(stands or Present(), recorded=recorded)
         return plan_with_recipe(
             request, context.model.in_use, stands, RecipeRepository(context.store).find
         )

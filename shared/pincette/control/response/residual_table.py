@@ -1,0 +1,54 @@
+"""What the free-response model misses along one program, by segment and tick.
+
+    r_k = (x_k - H_k) - mean over the last zero
+
+with the position x of the free arm and the displacement H of the model, k a tick of the program's
+own voltages. Since the program repeats, so does most of r: with it F̂ = (offset + H + r - x)/s_p.
+"""
+
+from dataclasses import dataclass
+
+from pincette.control.checks import require_not_negative
+
+MOST_KNOTS = 2400
+"""Of a whole table: what travels with an arming beside the model."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualTable:
+    """Residuals r in µm at every ``stride``-th tick of each segment, straight in between.
+
+    Raises
+    ------
+    ValueError
+        Where stride or error are impossible, or the knots are too many.
+    """
+
+    stride: int
+    """Ticks from one knot to the next."""
+    knots_um: tuple[tuple[float, ...], ...]
+    """By segment of the program; the first knot of a segment is that of its tick 0. A segment that
+    was not played has none."""
+    error_um: float
+    """Standard error of r in a later run."""
+
+    def __post_init__(self) -> None:
+        if self.stride < 1:
+            raise ValueError(f"stride = {self.stride} ticks, must be at least 1")
+        require_not_negative("error of the residual", self.error_um, "µm")
+        count = sum(len(knots) for knots in self.knots_um)
+        if count > MOST_KNOTS:
+            raise ValueError(f"{count} knots, limit {MOST_KNOTS}: choose a longer stride")
+
+    def at(self, segment: int, tick: int) -> float | None:
+        """Return r at a tick of a segment, beyond its last knot that knot; None without any."""
+        if not 0 <= segment < len(self.knots_um) or tick < 0:
+            return None
+        knots = self.knots_um[segment]
+        if not knots:
+            return None
+        place, past = divmod(tick, self.stride)
+        if place + 1 >= len(knots):
+            return knots[-1]
+        share = past / self.stride
+        return knots[place] + share * (knots[place + 1] - knots[place])
