@@ -71,8 +71,7 @@ def _follow_program(config: EstimatorConfig, state: State, applied: Applied) -> 
     """Take up what x_1 misses at the tick that the voltage is of; without one it stays."""
     if config.residual is None or applied.segment is None:
         return state
-    missed_um = config.residual.at(applied.segment, applied.segment_tick)
-    return replace(state, missed_um=missed_um)
+    return replace(state, missed=config.residual.at(applied.segment, applied.segment_tick))
 
 
 def _take_sample(
@@ -87,7 +86,7 @@ def _take_sample(
         state = _zero(config, state, position, applied)
     zeroed = applied.zero and not state.zero_refusal
     observer = state.observer
-    free_um = state.response.position_um() + (state.missed_um or 0.0)
+    free_um = state.response.position_um() + state.missed_um
     if first or missed or zeroed:
         observer = observer.restart(x_um, free_um, voltage_V)
     observer, F_mN = observer.observe(x_um, free_um, voltage_V)
@@ -112,7 +111,7 @@ def _follow_free_motion(
     """Keep the sample if the arm is free, and look for a contact; the first one begins x_1."""
     first = state.observed_seq is None
     # What x_1 is known to miss is no matter of its offset.
-    modelled_um = x_um - (state.missed_um or 0.0)
+    modelled_um = x_um - state.missed_um
     response = state.response.begin(modelled_um) if first else state.response
     nominal_um = response.nominal_um_per_V * applied.voltage_V
     detector = ContactDetector(nominal_um, x_um) if first else state.contact_detector
@@ -167,21 +166,7 @@ def _estimate(
     """State the force of the sample just taken in, and its uncertainty."""
     t_s = position.seq * config.period_s
     age_s = None if state.zero_s is None else t_s - state.zero_s
-    u_F_mN = uncertainty(
-        noise_um=config.noise_um,
-        free_error_um=hypot(
-            _free_error_um(config, state),
-            standard_uncertainty_um(state.unknown.error_um(state.response)),
-        ),
-        compliance_um_per_mN=config.compliance_um_per_mN,
-        creep_mN_per_decade=config.creep_mN_per_decade,
-        zero_age_s=t_s if age_s is None else age_s,
-        forgotten_mN=forgotten_mN(
-            state.reversal_memory.total_V,
-            full_mN=config.forgotten_mN,
-            scale_V=config.forgotten_scale_V,
-        ),
-    )
+    u_F_mN = _uncertainty_mN(config, state, t_s if age_s is None else age_s)
     return Estimate(
         epoch=position.epoch,
         seq=position.seq,
@@ -200,12 +185,30 @@ def _estimate(
     )
 
 
-def _free_error_um(config: EstimatorConfig, state: State) -> float:
-    """Standard error of x_1 since the zero; what a table has of this tick errs by its own."""
-    error_um = state.response.error_um()
-    if config.residual is None or state.missed_um is None:
-        return error_um
-    return min(error_um, config.residual.error_um)
+def _uncertainty_mN(config: EstimatorConfig, state: State, zero_age_s: float) -> float:
+    """Uncertainty of the force.
+
+    A residual table has what x_1 misses of hysteresis, reversals and creep along the very motion;
+    what is left of them is its error. Past the end of what was played creep begins anew.
+    """
+    free_um = state.response.error_um()
+    lost_mN = forgotten_mN(
+        state.reversal_memory.total_V,
+        full_mN=config.forgotten_mN,
+        scale_V=config.forgotten_scale_V,
+    )
+    if config.residual is not None and state.missed is not None and state.zero_s is not None:
+        free_um, lost_mN = config.residual.error_um, 0.0
+        zero_age_s = state.missed.beyond * config.period_s
+    unknown_um = standard_uncertainty_um(state.unknown.error_um(state.response))
+    return uncertainty(
+        noise_um=config.noise_um,
+        free_error_um=hypot(free_um, unknown_um),
+        compliance_um_per_mN=config.compliance_um_per_mN,
+        creep_mN_per_decade=config.creep_mN_per_decade,
+        zero_age_s=zero_age_s,
+        forgotten_mN=lost_mN,
+    )
 
 
 def _creep_um(config: EstimatorConfig, age_s: float) -> float:

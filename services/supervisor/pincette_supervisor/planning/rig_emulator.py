@@ -197,8 +197,8 @@ class RigEmulator:
         if self._instruments.plays_wave:
             return SWEEP
         if self._residual is not None and command.segment is not None:
-            missed_um = self._residual.at(command.segment, command.segment_tick)
-            self._instruments.missed_um = missed_um
+            known = self._residual.at(command.segment, command.segment_tick)
+            self._instruments.missed_um = None if known is None else known.value_um
         self._instruments.settle()
         self.ended = applied.final
         if applied.state in TRIPPED:

@@ -7,11 +7,20 @@ own voltages. Since the program repeats, so does most of r: with it F̂ = (offse
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from pincette.control.checks import require_not_negative
 
 MOST_KNOTS = 2400
 """Of a whole table: what travels with an arming beside the model."""
+
+
+class Residual(NamedTuple):
+    """What is known of one tick."""
+
+    value_um: float
+    beyond: int
+    """Ticks past the end of what was played of the segment: the last value stays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +49,8 @@ class ResidualTable:
         if count > MOST_KNOTS:
             raise ValueError(f"{count} knots, limit {MOST_KNOTS}: choose a longer stride")
 
-    def at(self, segment: int, tick: int) -> float | None:
-        """Return r at a tick of a segment, beyond its last knot that knot; None without any."""
+    def at(self, segment: int, tick: int) -> Residual | None:
+        """Return r at a tick of a segment; None where the segment was not played."""
         if not 0 <= segment < len(self.knots_um) or tick < 0:
             return None
         knots = self.knots_um[segment]
@@ -49,6 +58,6 @@ class ResidualTable:
             return None
         place, past = divmod(tick, self.stride)
         if place + 1 >= len(knots):
-            return knots[-1]
+            return Residual(knots[-1], tick - (len(knots) - 1) * self.stride)
         share = past / self.stride
-        return knots[place] + share * (knots[place + 1] - knots[place])
+        return Residual(knots[place] + share * (knots[place + 1] - knots[place]), 0)
