@@ -23,6 +23,12 @@ def program_digest(program: Program) -> str:
     return hashlib.sha256(msgspec.json.encode(bare)).hexdigest()[:16]
 
 
+def learning_digest(program: Program, rig: RigFile) -> str:
+    """Names what a program learns: of its motion, its law, and the free response behind it."""
+    text = f"{program_digest(program)} {rig.model.response_digest()}"
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
 def motion_digest(program: Program) -> str:
     """Names the motion of a program: another law plays nearly the same voltages."""
     return program_digest(changed(program, laws=()))
