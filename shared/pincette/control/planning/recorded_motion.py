@@ -15,6 +15,10 @@ RETURN_S = 0.5
 """To the first voltage of the motion, and"""
 REST_S = 1.0
 """the rest there."""
+SPREAD = 0.005
+"""Share by which runs are played wider and narrower in turn. Later jobs do not repeat a motion to
+the last bit: noise and the contact line move its turning points by about so much, and with them
+the branches of the hysteresis. What the runs differ by then says how much that matters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +83,11 @@ def recorded_program(
     begins: list[int] = []
     for run in range(1, runs + 1):
         first_V = motion.segments[0].voltages_V[0]
+        width = 1.0 + (SPREAD if run % 2 else -SPREAD)
         segments.append(Segment(f"return {run}", "voltage", RETURN_S, voltage_to_V=first_V))
         segments.append(Segment(f"rest {run}", "voltage", REST_S))
         begins.append(len(segments))
-        segments += [_played(one, run, rig.period_s) for one in motion.segments]
+        segments += [_played(one, run, rig, first_V, width) for one in motion.segments]
     if waits:
         segments.append(Segment("part back", "voltage", None))
     guards = Guards(
@@ -98,14 +103,18 @@ def recorded_program(
     return Program(tuple(segments), guards, contact_stiffness_mN_per_um=1.0), tuple(begins)
 
 
-def _played(one: RecordedSegment, run: int, period_s: float) -> Segment:
+def _played(
+    one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, width: float
+) -> Segment:
     """A segment with the ticks that it had; the one that zeroes takes one more for the stamp."""
     ticks = len(one.voltages_V) - int(one.zeroes)
+    low_V, high_V = rig.limits.voltage_min_V, rig.limits.voltage_max_V
+    volts = (first_V + width * (voltage_V - first_V) for voltage_V in one.voltages_V)
     return Segment(
         f"{one.phase} {run}",
         "voltage",
-        ticks * period_s,
-        voltages_V=one.voltages_V,
+        ticks * rig.period_s,
+        voltages_V=tuple(min(high_V, max(low_V, voltage_V)) for voltage_V in volts),
         zeroes=one.zeroes,
         guarded=True,
     )

@@ -39,7 +39,8 @@ class IdentifiedResidual(NamedTuple):
     residual_um: Column
     """Mean of the runs, smoothed."""
     error_um: float
-    """R.m.s. by which a run is missed, the sensor's noise taken off."""
+    """Standard error in a later run: the r.m.s. by which a run is missed, the sensor's noise taken
+    off, its square times (n + 1)/(n - 1) for n runs."""
 
 
 def identify_residual(
@@ -69,8 +70,9 @@ def identify_residual(
     )
     mean_um = smoothed(np.mean(runs, axis=0), width)
     # A later run meets the error of the table, and what it does not repeat itself: what was missed
-    # above was predicted by one run fewer.
-    error_um = sqrt(max(0.0, missed_um**2 - noise_um**2))
+    # above was predicted by one run fewer. Few runs tell little of how far others go astray.
+    few = (len(runs) + 1) / (len(runs) - 1)
+    error_um = sqrt(few * max(0.0, missed_um**2 - noise_um**2))
     stride = _stride(width, places)
     table = ResidualTable(stride, _knots(places, mean_um, stride), error_um)
     return IdentifiedResidual(table, width, mean_um, error_um)
