@@ -20,7 +20,7 @@ MOST_UM = 1.0
 """Bound of |l|: beyond it something else is wrong than what repeats."""
 MOST_CYCLES = 12
 """After which the sensor's noise adds more than is left to learn."""
-PATIENCE = 3
+PATIENCE = 5
 """Cycles in a row without a lower error that end the learning."""
 MOST_TICKS = 2000
 """Of a cycle: what travels with a program."""

@@ -53,6 +53,7 @@ def program(request: ResidualRequest, model: ModelInUse, present: Present) -> Ca
         "motion": motion.program,
         "runs": list(begins),
         "ticks": [len(one.voltages_V) for one in motion.segments],
+        "zeroes": [one.zeroes for one in motion.segments],
     }
     return made, values, waits
 
@@ -76,7 +77,8 @@ def analyse(run: Run) -> Analysis:
         for segment, ticks in enumerate(values["ticks"])
         for tick in range(1, ticks + 1)
     ]
-    runs_um = [_residual_um(run.table, begin, places, rig) for begin in values["runs"]]
+    rest = _rest(places, values["zeroes"], run.period_s)
+    runs_um = [_residual_um(run.table, begin, places, rest, rig) for begin in values["runs"]]
     s_p, noise_um = rig.model.compliance_um_per_mN, rig.sensor.noise_um
     contact_mN = rig.grip.contact_force_mN
     largest_mN = max(float(np.abs(one).max()) for one in runs_um) / s_p
@@ -125,7 +127,18 @@ def analyse(run: Run) -> Analysis:
     )
 
 
-def _residual_um(table: Columns, begin: int, places: list[Place], rig: RigFile) -> Series:
+def _rest(places: list[Place], zeroes: list[bool], period_s: float) -> slice:
+    """Ticks of the rest on which the recorded job made its last zero."""
+    if not any(zeroes):
+        raise ValueError("the recorded job never zeroed its force")
+    last = len(zeroes) - 1 - zeroes[::-1].index(True)
+    end = max(number for number, place in enumerate(places) if place.segment == last)
+    return slice(max(0, end - derived.rest_samples(period_s)), end)
+
+
+def _residual_um(
+    table: Columns, begin: int, places: list[Place], rest: slice, rig: RigFile
+) -> Series:
     """Residual of one run at each of its ticks: x_k answers to the voltage of the tick before."""
     s_p, period_s = rig.model.compliance_um_per_mN, rig.rig.period_s
     numbers, ticks = series(table, "segment"), series(table, "segment_tick")
@@ -144,7 +157,10 @@ def _residual_um(table: Columns, begin: int, places: list[Place], rig: RigFile) 
         raise ValueError(f"{int(gaps.sum())} of {len(found)} samples of a run are missing")
     grid = np.arange(len(found))
     found = np.interp(grid, grid[~gaps], found[~gaps])
-    return np.asarray(chained(found.tolist(), zeroed, derived.rest_samples(period_s)))
+    if not any(zeroed):
+        raise ValueError("the force could not be zeroed: nothing would have shown a touch")
+    residual_um = np.asarray(chained(found.tolist(), zeroed, derived.rest_samples(period_s)))
+    return residual_um - np.mean(residual_um[rest])
 
 
 def _drawn(
