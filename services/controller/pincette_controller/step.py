@@ -43,8 +43,8 @@ from pincette_controller.actions import (
     lease_end,
     lease_objection,
 )
-from pincette_controller.config import ControllerConfig, configure
-from pincette_controller.learning import Learning, begin_learning, check_cycle, correct, learn
+from pincette_controller.config import ControllerConfig, check_program, configure
+from pincette_controller.learning import Learning, begin_learning, correct, learn
 from pincette_controller.outputs import (
     check_command,
     invalid_command,
@@ -230,9 +230,10 @@ def handle(
 ) -> tuple[State, Message, tuple[Message, ...]]:
     """Load a program, begin an epoch with it, or note an action."""
     if isinstance(request, Load):
-        if not request.program.segments:
-            raise RefusedError("the program has no segments")
-        _check_laws(config, request.program)
+        try:
+            check_program(config, request.program)
+        except ValueError as error:
+            raise RefusedError(str(error)) from error
         return replace(state, loaded=request.program), Ack(state.seq), ()
     if isinstance(request, Arm):
         if state.loaded is None:
@@ -259,20 +260,6 @@ def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tupl
     if why := lease_objection(lease, state.epoch, playing=state.playing, ended=ended):
         raise RefusedError(why)
     return replace(state, lease=RunningLease(lease, now)), Ack(state.seq), ()
-
-
-def _check_laws(config: ControllerConfig, program: Program) -> None:
-    try:
-        laws = config.laws(program)
-    except ValueError as error:
-        raise RefusedError(f"a law of the program: {error}") from error
-    try:
-        check_cycle(program, config.period_s)
-    except ValueError as error:
-        raise RefusedError(str(error)) from error
-    for segment in program.segments:
-        if not 0 <= segment.law < len(laws):
-            raise RefusedError(f"{segment.phase} names law {segment.law}, there are {len(laws)}")
 
 
 def _note(state: State, request: Action) -> tuple[State, Message, tuple[Message, ...]]:

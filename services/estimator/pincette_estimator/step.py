@@ -1,23 +1,20 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
-from math import hypot, log10
-
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.arm.plant import perturbation
 from pincette.control.force.contact_detector import ContactDetector
-from pincette.control.force.estimation import COVERAGE, uncertainty
-from pincette.control.force.reversal_memory import ReversalMemory, forgotten_mN
+from pincette.control.force.reversal_memory import ReversalMemory
 from pincette.control.force.zeroing import zero_refusal
 from pincette.control.response.free_response import FreeSample
-from pincette.control.response.unknown_past import standard_uncertainty_um
 from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
 from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.state import Inputs, State
+from pincette_estimator.uncertainty import creep_um, uncertainty_mN
 
 FREE_SAMPLES = 128
 """Samples of free motion kept, enough for the branch that leads to a rest."""
@@ -135,7 +132,7 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
         state.samples,
         part_held=applied.part_held,
         limits=config.zero_limits,
-        creep_um=_creep_um(config, t_s if state.zero_s is None else t_s - state.zero_s)
+        creep_um=creep_um(config, t_s if state.zero_s is None else t_s - state.zero_s)
         + state.unknown.error_um(response),
         touch=state.contact_detector.touch,
         zeroed=state.zero_s is not None,
@@ -166,7 +163,7 @@ def _estimate(
     """State the force of the sample just taken in, and its uncertainty."""
     t_s = position.seq * config.period_s
     age_s = None if state.zero_s is None else t_s - state.zero_s
-    u_F_mN = _uncertainty_mN(config, state, t_s if age_s is None else age_s)
+    u_F_mN = uncertainty_mN(config, state, t_s if age_s is None else age_s)
     return Estimate(
         epoch=position.epoch,
         seq=position.seq,
@@ -183,38 +180,6 @@ def _estimate(
         degraded=False,
         valid=True,
     )
-
-
-def _uncertainty_mN(config: EstimatorConfig, state: State, zero_age_s: float) -> float:
-    """Uncertainty of the force.
-
-    A residual table has what x_1 misses of hysteresis, reversals and creep along the very motion;
-    what is left of them is its error. Past the end of what was played creep begins anew.
-    """
-    free_um = state.response.error_um()
-    lost_mN = forgotten_mN(
-        state.reversal_memory.total_V,
-        full_mN=config.forgotten_mN,
-        scale_V=config.forgotten_scale_V,
-    )
-    if config.residual is not None and state.missed is not None and state.zero_s is not None:
-        free_um, lost_mN = config.residual.error_um, 0.0
-        zero_age_s = state.missed.beyond * config.period_s
-    unknown_um = standard_uncertainty_um(state.unknown.error_um(state.response))
-    return uncertainty(
-        noise_um=config.noise_um,
-        free_error_um=hypot(free_um, unknown_um),
-        compliance_um_per_mN=config.compliance_um_per_mN,
-        creep_mN_per_decade=config.creep_mN_per_decade,
-        zero_age_s=zero_age_s,
-        forgotten_mN=lost_mN,
-    )
-
-
-def _creep_um(config: EstimatorConfig, age_s: float) -> float:
-    """How far creep may have moved the arm since a zero of this age, at two standard errors."""
-    creep_mN = config.creep_mN_per_decade * log10(1.0 + max(0.0, age_s))
-    return COVERAGE * creep_mN * config.compliance_um_per_mN
 
 
 def _within(range_: tuple[float, float], value: float) -> bool:
