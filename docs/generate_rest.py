@@ -29,9 +29,10 @@ Generated from the supervisor's OpenAPI document and the models of `pincette.api
 a test compares the two. Programs read [deploy/openapi.json](../../deploy/openapi.json), which the
 supervisor serves at `/openapi.json`.
 
-Names of fields contain the units. The supervisor refuses unknown fields and numbers that are not
-finite. If the supervisor has [keys](../how-to/rest-keys.md), a request needs one with the scope
-that is named at each path: `Authorization: Bearer KEY`. A page that has signed in sends a cookie
+Names of fields contain the units. The supervisor refuses unknown fields and query parameters,
+those that come twice, and numbers that are not finite; an emergency stop alone passes over them.
+If the supervisor has [keys](../how-to/rest-keys.md), a request needs one with the scope that is
+named at each path: `Authorization: Bearer KEY`. A page that has signed in sends a cookie
 instead. *Required* marks a field without a default: a request must have it, and an answer always
 has it.
 

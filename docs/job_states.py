@@ -48,6 +48,11 @@ RULES = """\
 ## What to rely on
 
 - A job is a resource with a state. Losing the connection to the supervisor loses no job.
+- One `Idempotency-Key` creates one job, from the moment it is seen: a second request waits while
+  the first one is planned, and gets its job; also after a restart. If the first is refused, the
+  next is planned in its place.
+- A request whose caller hangs up before the job is planned begins nothing: nobody would know of
+  the motion. The audit log says so. With its key it can be sent again.
 - A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which
   leads to `aborting`, and from there to `failed`: no job hangs.
 - `pause` acts at the next safe point, where the references are at rest. From then on they stay,

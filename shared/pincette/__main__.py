@@ -1,7 +1,40 @@
-"""``python -m pincette`` is the command ``pincette``."""
+"""The command ``pincette``, also ``python -m pincette``.
+
+``run`` loads only what a program of the loop needs. So a program starts fast, and where only the
+packages of the loop are installed.
+"""
 
 import sys
+from collections.abc import Sequence
 
-from pincette.cli.entrypoint import main
+from pincette import __version__
+from pincette.cli import Exit
 
-sys.exit(main())
+INCOMPLETE = """\
+pincette: {missing} is not installed: of pincette's commands only `run NAME` works here,
+for the programs of the loop, the rig and the router. The image `pincette` has all of them.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit status."""
+    given = sys.argv[1:] if arguments is None else arguments
+    if given[:1] == ["run"]:
+        from pincette.cli import run
+
+        return run.main(given[1:])
+    try:
+        from pincette.cli.main import main as every_command
+    except ModuleNotFoundError as error:
+        if not error.name or error.name.partition(".")[0] == "pincette":
+            raise
+        if given == ["--version"]:
+            print(f"pincette {__version__}")
+            return Exit.DONE
+        sys.stderr.write(INCOMPLETE.format(missing=error.name.partition(".")[0]))
+        return Exit.USAGE
+    return every_command(given)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

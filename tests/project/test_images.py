@@ -17,7 +17,7 @@ from packaging.utils import canonicalize_name
 from pincette.config import parse_rig
 
 PROGRAMS_OF_THE_LOOP = (
-    "pincette.cli.entrypoint",
+    "pincette.__main__",
     "pincette.engine.program",
     "pincette.instruments.keyence_lkg",
     "pincette.instruments.icpdas_i7024",

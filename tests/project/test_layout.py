@@ -19,7 +19,6 @@ MOST_FILES = 25
 FEW_LINES = 40
 
 SMALL_FOR_A_REASON = {
-    "pincette.cli.entrypoint": "starts programs without loading the command line",
     "pincette.control.safety.watchdog_feed": "part of the safety module, with mutants of its own",
     "pincette_supervisor.planning.job_plans": "the one way from a request to a plan, also of tests",
     "pincette_supervisor.rest.routes_catalog": "a router a module",

@@ -200,7 +200,7 @@ SITTINGS: dict[str, Sitting] = {
         (
             Told("pincette latency", "it measures for minutes; tests/bench/realtime runs it"),
             Told("docker compose", DOCKER),
-            Told("pincette doctor", "tests/unit/cli/test_doctor_machine.py asks what it says"),
+            Told("pincette doctor", "tests/unit/diagnostics/test_machine.py asks what it says"),
             Told("chrt", "it changes priorities, which root may alone"),
             Told("pincette timing", "tests/unit/cli/test_timing.py shows it"),
         )

@@ -17,9 +17,9 @@ PATIENCE_S = 60.0
 
 
 @contextmanager
-def served(app: ASGIApp) -> Generator[str]:
+def served(app: ASGIApp, port: int | None = None) -> Generator[str]:
     """Serve until the end; gives the address, such as ``http://127.0.0.1:16123``."""
-    port = free_ports(1)
+    port = free_ports(1) if port is None else port
     listener = bind(HOST, port)
     server = server_of(app)
     thread = threading.Thread(target=server.run, args=([listener],), name="served")

@@ -2,6 +2,7 @@
 
 from pincette.control.planning.program import Program as Played
 from pincette.control.quantities import Document
+from pincette.core.faults import Predecessor
 from pincette.core.messages import Arm, Load, Message, Reset
 from pincette.engine.arming import ORDER
 from tests.support.virtual_loop_engine import Engine
@@ -38,6 +39,8 @@ class VirtualLoop(Engine):
 
     def kill(self, name: str) -> None:
         self.programs[name].alive = False
+        if self.program("actuator") is self.programs[name]:
+            self.predecessor = Predecessor.DIED
 
     def stop(self, name: str, for_s: float) -> None:
         """The program stands still; what comes waits."""

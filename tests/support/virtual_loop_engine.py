@@ -22,6 +22,7 @@ from pincette.config import RigFile
 from pincette.core import plugins
 from pincette.core.codec import decode, encode
 from pincette.core.codec.refusals import CodecError
+from pincette.core.faults import Predecessor
 from pincette.core.messages import Applied, Message
 from pincette.core.service import member_services
 from pincette.core.topics import TOPIC_OF, Topic
@@ -62,6 +63,8 @@ class Engine:
         self._number = 0
         self._arrived: dict[Link, float] = {}
         self.instances = FIRST_INSTANCE
+        self.predecessor = Predecessor.NONE
+        """How the actuator of before has ended."""
         for name in rig.programs:
             self.add(name)
         self.fresh = {
@@ -84,7 +87,8 @@ class Engine:
         for service in member_services(name):
             device = devices[service]() if service in devices else None
             known = plugins.load(plugins.SERVICES, service)
-            nodes.append(Node(known, self.rig, device, self.instances + len(nodes)))
+            instance = self.instances + len(nodes)
+            nodes.append(Node(known, self.rig, device, instance, predecessor=self.predecessor))
         return self.start(name, nodes)
 
     def start(self, name: str, nodes: Sequence[Node]) -> Program:
@@ -277,5 +281,5 @@ class Engine:
         twin.listeners = {kind: list(names) for kind, names in self.listeners.items()}
         twin._events = list(self._events)
         twin._arrived = dict(self._arrived)
-        twin.instances = self.instances
+        twin.instances, twin.predecessor = self.instances, self.predecessor
         return twin

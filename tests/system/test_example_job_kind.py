@@ -1,9 +1,7 @@
 """The how-to's kind of job, installed from outside the tree: over REST, CLI and page."""
 
 import json
-import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Generator
@@ -13,6 +11,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from tests.support.browser import looked_at
+from tests.support.example_packages import installed, python_path
 from tests.support.grips import SHORT, make_ready
 from tests.support.rigs import paced_rig
 from tests.support.running import RunningRig, running_rig
@@ -27,29 +26,10 @@ def example() -> Path:
 
 
 @pytest.fixture(scope="module")
-def place(example: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that the package is installed in, from a copy, so that nothing is left beside it."""
-    copy = tmp_path_factory.mktemp("source") / "job_kind"
-    shutil.copytree(example, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    target = tmp_path_factory.mktemp("installed")
-    options = ["--isolated", "--disable-pip-version-check", "--no-deps", "--no-build-isolation"]
-    command = [sys.executable, "-m", "pip", "install", *options, "--no-index", "--quiet"]
-    done = subprocess.run(
-        [*command, "--target", target, copy],
-        capture_output=True,
-        text=True,
-        timeout=120.0,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return target
-
-
-@pytest.fixture(scope="module")
-def rig(place: Path, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     """A rig whose programs find the package."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(place), prepend=os.pathsep)
+        patch.setenv("PYTHONPATH", python_path(installed("job_kind", tmp_path_factory)))
         with running_rig(paced_rig(SHORT), tmp_path_factory.mktemp("rig")) as running:
             make_ready(running, LONG_S)
             yield running

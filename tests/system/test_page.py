@@ -205,16 +205,6 @@ def test_estop_works_while_the_rest_of_the_server_is_slow(rig: RunningRig, seen:
     until_tripped(rig, seen)
 
 
-def test_an_estop_that_nobody_confirms_says_what_to_do(seen: Visit) -> None:
-    seen.page.route("**/estop", lambda route: route.abort())
-    seen.page.click("#estop")
-    seen.until("#estop-said", "switch the amplifier off by hand", 10.0)
-    asked = [address for address in seen.addresses if address.endswith("/estop")]
-    assert len(asked) == 3
-    assert all("ERR_FAILED" in error for error in seen.errors), seen.errors
-    seen.errors.clear()
-
-
 def test_a_reload_in_a_running_job_keeps_its_state(rig: RunningRig, seen: Visit) -> None:
     name = start_endless(seen)
     seen.page.reload()

@@ -85,13 +85,14 @@ def test_signing_in_and_what_it_allows(bench: Bench, context: BrowserContext) ->
     seer, operator = bench.key("seer", "observe"), bench.key("cell-7", "operate")
     seen.until("#sign-in", "This supervisor wants a key")
     seen.page.click("#estop")
-    seen.until("#estop-said", "this supervisor wants a key")
+    seen.until("#estop-said", "confirmed by the actuator")
+    bench.desk.manager.latch.reset("test")
     sign_in(seen, "pincette_wrong")
     seen.until("#sign-in-said", "opens nothing")
 
     sign_in(seen, seer)
     seen.until("#who", "seer · observe")
-    seen.until("#may", "see everything, and stop at once")
+    seen.until("#may", "see everything")
     seen.until("#connection", "connected")
     assert seen.page.locator("#sign-in").is_hidden()
     assert barred(seen, "#start") == "needs scope operate; key seer has observe"

@@ -64,6 +64,7 @@ def applied_of(
         command_age_s=age_s,
         segment=None if command is None else command.segment,
         segment_tick=0 if command is None else command.segment_tick,
+        slewing_s=None if command is None else state.slewing_s,
     )
 
 

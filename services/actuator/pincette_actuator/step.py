@@ -17,7 +17,7 @@ from pincette.control.safety.admission import (
 )
 from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.freshness import newest_seq, skipped_seq
-from pincette.control.safety.latch import awake, pass_time, shutdown, trip
+from pincette.control.safety.latch import awake, booted, ending, pass_time, shutdown, trip
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
 from pincette.core.messages import Command, Message, Position
@@ -176,6 +176,8 @@ SERVICE: Service[RigFile, SafetyLimits, State, Inputs] = Service(
     instrument="voltage_output",
     wake_s=_wake_s,
     initialize_from_output=initialize_from_output,
+    booted=booted,
+    ending=ending,
     state_snapshot=("voltage_V", "part_held", "refused"),
     shutdown=_shutdown,
     may_kick_watchdog=may_kick_watchdog,

@@ -1,8 +1,10 @@
 """Errors as problem details (RFC 9457), with value, unit, limit and remedy."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from difflib import get_close_matches
+from functools import cache
 from http import HTTPStatus
 from typing import Any, cast
 
@@ -22,6 +24,7 @@ CODES = {
     405: "method-not-allowed",
     408: "body-too-slow",
     413: "body-too-large",
+    415: "unsupported-media-type",
     422: "invalid-request",
 }
 
@@ -76,6 +79,21 @@ def _named(path: Sequence[str]) -> str:
     return "".join([*path[last : last + 1], *(f"[{index}]" for index in path[last + 1 :])])
 
 
+@cache
+def request_fields() -> frozenset[str]:
+    """Names of the members of all requests for jobs."""
+    kinds = job_kinds().values()
+    requests = [kind.request_of(name) for kind in kinds for name in (kind.variants or ("",))]
+    return frozenset(name for request in requests for name in request.model_fields)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A question after the nearest of some names; empty where none is near."""
+    plain = {one.replace("_", "").lower(): one for one in sorted(known)}
+    near = get_close_matches(name.replace("_", "").replace("-", "").lower(), plain, n=1)
+    return f"; did you mean {plain[near[0]]}?" if near else ""
+
+
 def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
     """One entry of ``errors``: the place in the request, and what is wrong with its value."""
     place, *path = (str(part) for part in error["loc"])
@@ -94,7 +112,11 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
         path = [str(context["discriminator"]).strip("'")]
         name = path[0]
     if kind == "extra_forbidden":
-        message = f"{name} is not a field that is known here"
+        what = "field" if place == "body" else "parameter"
+        known = request_fields() if place == "body" else context.get("known", ())
+        message = f"{name} is not a {what} that is known here{did_you_mean(name, known)}"
+    elif kind == "repeated":
+        message = f"{name} comes {context['count']} times: send it once"
     elif kind == "union_tag_invalid":
         expected = context["expected_tags"]
         message = f"{name} = {context['tag']!r}: not one of {expected}"

@@ -8,7 +8,7 @@ Scope = Literal["observe", "operate", "admin"]
 SCOPES: tuple[Scope, ...] = ("observe", "operate", "admin")
 """Each holds those before it: see and stop at once; move the rig; change it for everybody."""
 MEANINGS: dict[Scope, str] = {
-    "observe": "see everything, and stop at once",
+    "observe": "see everything",
     "operate": "also plan, run and act on jobs, keep recipes, order the queue, reset",
     "admin": "also decide which model is in use, and read the audit log",
 }

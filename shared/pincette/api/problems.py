@@ -9,7 +9,7 @@ from pincette.api import Model
 MEDIA_TYPE = "application/problem+json"
 TYPE = "urn:pincette:problem:"
 MEANINGS = {
-    400: ("bad-request", "the body is not JSON"),
+    400: ("bad-json", "the body is not JSON, or names a member twice"),
     401: ("no-key", "a key is wanted, or what was shown opens nothing (needed_scope)"),
     403: (
         "scope-too-small",
@@ -24,6 +24,7 @@ MEANINGS = {
         "model-changed, trajectory-stale, recipe-limit",
     ),
     413: ("body-too-large", "the body is larger than a request may be"),
+    415: ("unsupported-media-type", "the body is not declared as JSON (Content-Type)"),
     421: ("foreign-host", "the supervisor is asked by a name that is none of its own"),
     422: (
         "limit-violation",

@@ -24,7 +24,7 @@ MEANINGS: Mapping[Exit, str] = {
     Exit.DONE: "done; a job that was followed has succeeded",
     Exit.FAILED: "refused or failed; a job that was followed has ended otherwise",
     Exit.USAGE: "the command line cannot be understood",
-    Exit.NO_ANSWER: "no supervisor answers",
+    Exit.NO_ANSWER: "no answer of a supervisor",
     Exit.NOT_READY: "the rig is latched or not ready; nothing has moved",
     Exit.LIMIT: "a limit of the rig would be broken; nothing has moved",
     Exit.INTERRUPTED: "ended by Ctrl-C; a job that was followed goes on",

@@ -101,6 +101,8 @@ def refusals(url: str, *, as_json: bool) -> Generator[None]:
     try:
         yield
     except NoAnswerError as error:
+        if error.delivered:
+            raise CliError(f"no answer has come: {error}", Exit.NO_ANSWER) from error
         how = "start one with `pincette up`, or name another with --url"
         text = f"no supervisor answers at {url}: {error}; {how}"
         raise CliError(text, Exit.NO_ANSWER) from error

@@ -1,35 +1,19 @@
-"""``pincette drivers``, and findings of ``pincette doctor`` about instruments that it opens."""
+"""``pincette drivers``: the drivers and laws that a rig file can name."""
 
 import json
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import EntryPoint
-from math import fsum, sqrt
-from pathlib import Path
 from types import ModuleType
-from typing import cast
 
 from pydantic.fields import FieldInfo
 
 from pincette.api.plans import InstalledLaw
-from pincette.cli.doctor_rig import Finding, noted
 from pincette.cli.terminal import Json, command, emit, group
-from pincette.config import ConfigError, RigFile, Sensor, Table
+from pincette.config import Table
 from pincette.config.laws import installed_laws, law_definition
 from pincette.core import plugins
-from pincette.core.plugins import PluginError
-from pincette.core.service import AnyService
-from pincette.engine.instrument import open_device
-from pincette.engine.process import loop_services
-from pincette.instruments.protocols import (
-    InstrumentError,
-    PositionSensor,
-    VoltageOutput,
-    WatchedOutput,
-)
 
 TABLES = {plugins.POSITION_SENSORS: "sensor", plugins.VOLTAGE_OUTPUTS: "output"}
 """The table of the rig file that names a driver of the group."""
@@ -125,163 +109,3 @@ def _lines(driver: Driver) -> Iterator[str]:
         return
     yield f"    {UNSAID if driver.met is None else MET[driver.met]}"
     yield f"    options: {', '.join(driver.options) or 'none'}"
-
-
-READINGS = 40
-COARSEST_UM, FINEST_UM = 0.05, 0.001
-"""Steps of a reading that make sense: 0.1 µm hide 25 nm, and 1e-5 is a display in mm."""
-LATENCY_MS = 1
-MOVE_V, MOVE_STEPS, STEP_S = 0.2, 20, 0.05
-LEAST_SHARE, MOST_SHARE = 0.3, 3.0
-"""Of the motion that the model says, for it to be the arm's."""
-USB_SERIAL = Path("/sys/bus/usb-serial/devices")
-INSTRUMENTS_HELP = (
-    "instruments: simulated, started with the rig; of real ones doctor asks whether the ports "
-    "open, the latency of their adapters, 40 readings with their step, noise and range, the "
-    "voltage put out, and with --move the direction of the motion"
-)
-
-
-def instruments(rig: RigFile) -> Iterator[Finding]:
-    """Open both instruments, one after the other, and look at what they say; moves nothing."""
-    for service in loop_services().values():
-        url = rig.sensor.url if service.instrument == "position_sensor" else rig.output.url
-        if service.instrument is None:
-            continue
-        device = opened_device(service, rig)
-        if isinstance(device, Finding):
-            yield device
-            continue
-        with closing(device):
-            yield Finding(True, f"{service.instrument.replace('_', ' ')} at {url}")
-            yield from latency(url)
-            try:
-                if service.instrument == "position_sensor":
-                    yield from readings(rig.sensor, cast(PositionSensor, device))
-                else:
-                    yield from standing(rig, cast(VoltageOutput, device))
-            except InstrumentError as error:
-                what = f"{_called(service)}: {error}"
-                yield Finding(False, what, "see what the instrument shows")
-
-
-def opened_device(service: AnyService, rig: RigFile) -> PositionSensor | VoltageOutput | Finding:
-    """Open the instrument of a service, or say what is in the way."""
-    try:
-        device = open_device(service, rig)
-    except PluginError as error:
-        return Finding(False, f"{_called(service)}: {error}", "install the driver, or name another")
-    except ConfigError as error:
-        return Finding(False, f"{_called(service)}: {error}", "mend the options in the rig file")
-    except InstrumentError as error:
-        remedy = "check cable, power, address, and the url in the rig file"
-        return Finding(False, f"{_called(service)}: {error}", remedy)
-    return cast("PositionSensor | VoltageOutput", device)
-
-
-def _called(service: AnyService) -> str:
-    """The table of the rig file that describes the instrument of a service."""
-    return "sensor" if service.instrument == "position_sensor" else "output"
-
-
-def latency(url: str, devices: Path = USB_SERIAL) -> Iterator[Finding]:
-    """How long a USB adapter keeps bytes back; asked while the port is open."""
-    timer = devices / Path(url).resolve().name / "latency_timer"
-    if not url.startswith("/") or not timer.is_file():
-        return
-    held_ms = int(timer.read_text(encoding="ascii"))
-    yield Finding(
-        held_ms <= LATENCY_MS,
-        f"adapter {url}: keeps bytes back for {held_ms} ms, limit {LATENCY_MS} ms",
-        f"echo {LATENCY_MS} | sudo tee {timer}",
-    )
-
-
-def readings(settings: Sensor, sensor: PositionSensor) -> Iterator[Finding]:
-    """Whether readings are in range, in the right unit, and as noisy as the rig file says."""
-    x_um = [sensor.read_um() for _ in range(READINGS)]
-    low_um, high_um = min(x_um), max(x_um)
-    yield Finding(
-        settings.minimum_um <= low_um and high_um <= settings.maximum_um,
-        f"sensor: {READINGS} readings from {low_um:.3f} to {high_um:.3f} µm, range "
-        f"{settings.minimum_um:g}..{settings.maximum_um:g} µm",
-        "bring the target into the head's range, or mend [sensor] minimum_um and maximum_um",
-    )
-    steps_um = [b - a for a, b in zip(sorted(x_um), sorted(x_um)[1:], strict=False) if b - a > 1e-9]
-    if not steps_um:
-        yield noted(
-            f"sensor: {READINGS} equal readings: its step cannot be told",
-            "see that it measures, and that its display shows 0.01 µm or 0.00001 mm",
-        )
-        return
-    step_um = min(steps_um)
-    yield Finding(
-        FINEST_UM <= step_um <= COARSEST_UM,
-        f"sensor: readings differ by {step_um:.2g} µm at least, limits {FINEST_UM:g} and "
-        f"{COARSEST_UM:g} µm",
-        "set the display to 0.01 µm or 0.00001 mm, and options.unit to what it shows",
-    )
-    mean_um = fsum(x_um) / READINGS
-    noise_um = sqrt(fsum((x - mean_um) ** 2 for x in x_um) / (READINGS - 1))
-    yield Finding(
-        noise_um <= 3.0 * max(settings.noise_um, step_um),
-        f"sensor: noise {noise_um:.3f} µm r.m.s., the rig file has {settings.noise_um:g} µm",
-        "see what shakes the arm; then `pincette job calibrate noise`",
-    )
-
-
-def standing(rig: RigFile, output: VoltageOutput) -> Iterator[Finding]:
-    """Where the output stands."""
-    found_V = output.read_V()
-    yield Finding(
-        rig.limits.voltage_min_V <= found_V <= rig.limits.voltage_max_V,
-        f"output: stands at {found_V:+.3f} V, limits {rig.limits.voltage_min_V:g} and "
-        f"{rig.limits.voltage_max_V:g} V",
-        "bring it within the limits by hand, slowly",
-    )
-
-
-def direction(
-    rig: RigFile,
-    sensor: PositionSensor,
-    output: VoltageOutput,
-    sleep: Callable[[float], None] = time.sleep,
-) -> Finding:
-    """Raise the voltage slowly by ``MOVE_V``, see where the arm goes, and come back, always."""
-    begin_V = output.read_V()
-    if begin_V + MOVE_V > rig.limits.voltage_max_V:
-        what = f"direction: {begin_V:+.3f} V leave no room for {MOVE_V:+g} V below the limit"
-        return Finding(False, what, f"bring the output to {rig.safety.safe_V:g} V first")
-    reached = 0
-    try:
-        before_um = _mean_um(sensor, output)
-        for step in range(1, MOVE_STEPS + 1):
-            output.write_V(begin_V + MOVE_V * step / MOVE_STEPS)
-            reached = step
-            sleep(STEP_S)
-        moved_um = _mean_um(sensor, output) - before_um
-    finally:
-        for step in range(reached - 1, -1, -1):
-            output.write_V(begin_V + MOVE_V * step / MOVE_STEPS)
-            sleep(STEP_S)
-    wanted_um = rig.sensor.direction * rig.model.piezo_um_per_V * MOVE_V
-    share = moved_um / wanted_um
-    well = LEAST_SHARE <= share <= MOST_SHARE
-    turned = f"write direction = {-rig.sensor.direction} into [sensor], or exchange the signs"
-    still = "see that the amplifier is on, and that the laser sees the arm's tip"
-    return Finding(
-        well,
-        f"direction: {MOVE_V:+g} V moved the reading by {moved_um:+.2f} µm, "
-        f"the rig file says about {wanted_um:+.2f} µm",
-        turned if share < -LEAST_SHARE else still,
-    )
-
-
-def _mean_um(sensor: PositionSensor, output: VoltageOutput) -> float:
-    """Mean of some readings; on a slow line they last longer than an output's watchdog waits."""
-    x_um: list[float] = []
-    for _ in range(READINGS):
-        if isinstance(output, WatchedOutput):
-            output.keep_alive()
-        x_um.append(sensor.read_um())
-    return fsum(x_um) / READINGS

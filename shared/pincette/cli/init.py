@@ -14,10 +14,18 @@ from typer import Argument, BadParameter, Option
 
 from pincette.cli import CliError, Exit
 from pincette.cli.options import number
-from pincette.cli.questions import ARM, NUMBERED, PART, RIG, SENSOR, Question
-from pincette.cli.rig_form import Value, rig_text, write
 from pincette.cli.terminal import command, group, named
-from pincette.config import Table
+from pincette.config import ConfigError, Table
+from pincette.config.bench_form import (
+    ARM,
+    NUMBERED,
+    PART,
+    RIG,
+    SENSOR,
+    Question,
+    Value,
+    bench_file,
+)
 from pincette.core import plugins
 
 FIRST_PORT = "/dev/ttyUSB0"
@@ -59,7 +67,15 @@ def _init(path: Path, yes: bool, **given: Any) -> int:
     values: dict[str, Value] = {one.name: answer(one) for one in RIG}
     options = {side: _side(side, answer, given, values) for side in SIDES}
     values |= {one.name: answer(one) for one in (*ARM, *PART)}
-    write(path, rig_text(values, options))
+    try:
+        text = bench_file(values, options)
+    except ConfigError as error:
+        raise CliError(f"{error}\nnothing is written: answer anew", Exit.USAGE) from error
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise CliError(f"{path} cannot be written ({error.strerror}): name another") from error
     print(f"{path} is written. Next:\n  export PINCETTE_RIG={path}\n  pincette doctor")
     return Exit.DONE
 

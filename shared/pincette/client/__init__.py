@@ -5,7 +5,8 @@
         print(job.wait().state, job.result())
 
 Units are in the names: µm, mN, V, s. A refusal raises ``ProblemError``, whose text names the value,
-its unit, the limit and the remedy; ``NoAnswerError`` means that no supervisor answers.
+its unit, the limit and the remedy; ``NoAnswerError`` means that no answer has come; its
+``delivered`` says whether the request may have been taken all the same.
 """
 
 from pincette.client.blocking import JobHandle, RigHandle, Supervisor

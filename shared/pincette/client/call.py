@@ -7,13 +7,23 @@ from typing import Any, Generic, TypeVar
 import httpx
 from pydantic import BaseModel, ValidationError
 
-from pincette.client.errors import ForeignAnswerError, NoAnswerError, problem_of
+from pincette.api.problems import MEDIA_TYPE
+from pincette.client.errors import (
+    ForeignAnswerError,
+    GatewayError,
+    NoAnswerError,
+    problem_of,
+)
 
 BASE = "/api/v1"
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
 OPERATOR_MAX, KEY_MAX = 80, 200
 UNSENT = (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout)
 """Errors after which the supervisor cannot have seen the call."""
+
+GATEWAY = (502, 503, 504)
+"""Statuses by which a proxy says that it has, or had, no line to the supervisor."""
+LOOK = "look before it is sent again"
 
 T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
@@ -33,6 +43,8 @@ class Call(Generic[T]):
     """Whether a second call has no further effect, as when the first answer was lost."""
     kept_s: float = 0.0
     """How long the supervisor may delay its answer, in s."""
+    look: str = LOOK
+    """Where no answer has come: how to see whether it was taken."""
 
     def details(self, timeout_s: float) -> dict[str, Any]:
         """Arguments of ``httpx.Client.request``."""
@@ -46,6 +58,11 @@ class Call(Generic[T]):
         if self.body is not None:
             details["json"] = self.body
         return details
+
+    @property
+    def changes(self) -> bool:
+        """Whether it is to change something."""
+        return self.method != "GET" and "dry_run" not in self.query
 
     def answer(self, response: httpx.Response) -> T:
         """Read an answer.
@@ -72,10 +89,18 @@ class Attempts:
     """When to repeat a call that got no answer: soon, then less often, for a limited time."""
 
     def __init__(
-        self, what: str, *, repeatable: bool, patience_s: float, clock: Callable[[], float]
+        self,
+        what: str,
+        *,
+        repeatable: bool,
+        patience_s: float,
+        clock: Callable[[], float],
+        look: str | None = None,
     ) -> None:
-        self._what, self._repeatable = what, repeatable
+        """``look``: how to see whether a call that changes something was taken."""
+        self._what, self._repeatable, self._look = what, repeatable, look
         self._patience_s, self._clock = patience_s, clock
+        self._delivered = False
         self.succeeded()
 
     def succeeded(self) -> None:
@@ -84,25 +109,28 @@ class Attempts:
 
     def delay_s(self, error: httpx.TransportError) -> float:
         """How long to wait before the next attempt; raises NoAnswerError if there is none."""
-        unsent = isinstance(error, UNSENT)
+        unsent = isinstance(error, (*UNSENT, httpx.UnsupportedProtocol))
+        # One of several attempts is enough: the supervisor may have gone since.
+        self._delivered = self._delivered or (self._look is not None and not unsent)
         if isinstance(error, httpx.UnsupportedProtocol) or not (self._repeatable or unsent):
-            raise NoAnswerError(self._message(error, unsent=unsent)) from error
+            raise self._no_answer(error) from error
         now_s = self._clock()
         self._first_s = now_s if self._first_s is None else self._first_s
         left_s = self._first_s + self._patience_s - now_s
         if left_s <= 0.0:
-            raise NoAnswerError(self._message(error, unsent=unsent)) from error
+            raise self._no_answer(error) from error
         delay_s, self._delay_s = self._delay_s, min(2.0 * self._delay_s, LONGEST_DELAY_S)
         return min(delay_s, left_s)
 
-    def _message(self, error: httpx.TransportError, *, unsent: bool) -> str:
+    def _no_answer(self, error: httpx.TransportError) -> NoAnswerError:
         why = str(error) or type(error).__name__
-        if unsent or self._repeatable or isinstance(error, httpx.UnsupportedProtocol):
-            return f"{self._what}: no answer ({why})"
-        return (
+        if not self._delivered:
+            return NoAnswerError(f"{self._what}: no answer ({why})")
+        words = (
             f"{self._what}: the line broke before the answer came ({why}); "
-            "it may or may not have been taken: look before it is sent again"
+            f"it may or may not have been taken: {self._look}"
         )
+        return NoAnswerError(words, delivered=True)
 
 
 def identity_headers(operator: str | None, key: str | None) -> dict[str, str]:
@@ -143,6 +171,13 @@ def get(path: str, kind: type[M], **query: str | float | None) -> Call[M]:
 def post(path: str, kind: type[M], body: Any = None, *, repeatable: bool = False) -> Call[M]:
     """A call that changes something."""
     return Call("POST", path, model(kind), body=body, repeatable=repeatable)
+
+
+def require_supervisor(response: httpx.Response) -> None:
+    """Raise GatewayError where a proxy has answered, which knows nothing of the supervisor."""
+    kind = response.headers.get("content-type", "").partition(";")[0]
+    if response.status_code in GATEWAY and kind not in (MEDIA_TYPE, "application/json"):
+        raise GatewayError(f"status {response.status_code}, and no words; is it a supervisor?")
 
 
 def content(response: httpx.Response) -> bytes:

@@ -15,6 +15,15 @@ class ClientError(Exception):
 class NoAnswerError(ClientError):
     """Nobody answers at the address, or the line broke before the answer was complete."""
 
+    def __init__(self, words: str, *, delivered: bool = False) -> None:
+        super().__init__(words)
+        self.delivered = delivered
+        """Whether what was asked may have been taken, although no answer has come."""
+
+
+class GatewayError(httpx.TransportError):
+    """What stands between client and supervisor has answered in its place."""
+
 
 class WhichRigError(ClientError):
     """It is not said which of several rigs is meant."""

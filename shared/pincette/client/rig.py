@@ -75,11 +75,21 @@ class AsyncRigHandle:
         ProblemError
             The supervisor refuses: a limit, a latch, a rig that is not ready, another job.
         NoAnswerError
-            No supervisor answers.
+            No answer has come; where it is ``delivered``, the job may have been taken: start it
+            again with the same key.
         """
         body = self._body(request, {"autostart": autostart, **fields})
-        headers = {"Idempotency-Key": idempotency_key or uuid4().hex}
-        call = Call("POST", "/jobs", model(Job), body=body, headers=headers, repeatable=True)
+        key = idempotency_key or uuid4().hex
+        call = Call(
+            "POST",
+            "/jobs",
+            model(Job),
+            body=body,
+            headers={"Idempotency-Key": key},
+            repeatable=True,
+            look=f"`pincette job list` shows it; sent again with Idempotency-Key {key} it creates "
+            "no second job",
+        )
         return AsyncJobHandle(self._transport, await self._transport.send(call))
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:

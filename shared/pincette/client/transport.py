@@ -12,7 +12,14 @@ import httpx
 from httpx_sse import EventSource, ServerSentEvent
 
 from pincette.api.events import Event
-from pincette.client.call import BASE, FIRST_DELAY_S, Attempts, Call, identity_headers
+from pincette.client.call import (
+    BASE,
+    FIRST_DELAY_S,
+    Attempts,
+    Call,
+    identity_headers,
+    require_supervisor,
+)
 from pincette.client.errors import ClientError, problem_of
 from pincette.client.streaming import Bookmark, Download
 
@@ -113,10 +120,12 @@ class Transport:
 
     async def send(self, call: Call[T]) -> T:
         """Send a call, again if that is safe, and read the answer."""
-        attempts = self._attempts(call.method, call.path, repeatable=call.repeatable)
+        look = call.look if call.changes else None
+        attempts = self._attempts(call.method, call.path, repeatable=call.repeatable, look=look)
         while True:
             try:
                 response = await self._connection.request(call.details(self.timeout_s))
+                require_supervisor(response)
             except httpx.TransportError as error:
                 await self.sleep(attempts.delay_s(error))
             else:
@@ -181,9 +190,17 @@ class Transport:
                 raise problem_of(response)
             yield response
 
-    def _attempts(self, method: str, path: str, *, repeatable: bool) -> Attempts:
+    def _attempts(
+        self, method: str, path: str, *, repeatable: bool, look: str | None = None
+    ) -> Attempts:
         what = f"{method} {self.url}{BASE}{path}"
-        return Attempts(what, repeatable=repeatable, patience_s=self.patience_s, clock=self.clock)
+        return Attempts(
+            what,
+            repeatable=repeatable,
+            patience_s=self.patience_s,
+            clock=self.clock,
+            look=look,
+        )
 
 
 def client_settings(url: str, operator: str | None, key: str | None) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from enum import StrEnum
 
 from pincette.control.faults import Fault, FaultCode, Value, fault
-from pincette.control.safety.causes import CAUSES, TRIPPED, Cause, Mode
+from pincette.control.safety.causes import CAUSES, TRIPPED, Cause, Mode, Predecessor
 
 __all__ = [
     "CAUSES",
@@ -17,6 +17,7 @@ __all__ = [
     "Mode",
     "Outcome",
     "Phase",
+    "Predecessor",
     "Value",
     "fault",
 ]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
 from pincette.control.record import FrozenRecord
-from pincette.core.faults import Fault
+from pincette.core.faults import Fault, Predecessor
 from pincette.core.messages import Message
 from pincette.core.topics import LOOP, Request, Topic
 
@@ -99,6 +99,10 @@ class Service(Generic[R, C, S, I]):
     """In real time, step at least this often; None: only when something comes."""
     initialize_from_output: Callable[[C, S, float], S] | None = None
     """Begin from the voltage that the instrument puts out, whoever set it."""
+    booted: Callable[[S, Predecessor], S] | None = None
+    """Begin after another one, by how that has ended; None: it does not matter."""
+    ending: Callable[[S], Predecessor] | None = None
+    """What it is to the next one where it is told to end; None: nothing is noted."""
     state_snapshot: tuple[str, ...] = ()
     """Fields of the state that an arming takes over from before, for what its outputs depend on."""
     may_kick_watchdog: Callable[[C, S, float], bool] | None = None

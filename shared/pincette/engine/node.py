@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, cast
 
 from pincette import __version__
 from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse_calibration
-from pincette.core.faults import Cause
+from pincette.core.faults import Cause, Predecessor
 from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
 from pincette.core.service import (
     AnyService,
@@ -51,6 +51,7 @@ class Node:
         instance: int = 1,
         *,
         check_timing: bool = True,
+        predecessor: Predecessor = Predecessor.NONE,
     ) -> None:
         """``check_timing``: no arming where the instruments do not fit into the period."""
         self.service = service
@@ -61,6 +62,8 @@ class Node:
         self.calibration = Calibration()
         self.config: Any = service.configure(rig)
         self.state: Any = service.start(self.config)
+        if service.booted is not None:
+            self.state = service.booted(self.state, predecessor)
         if service.initialize_from_output is not None:
             found_V = cast(VoltageOutput, device).read_V()
             self.state = service.initialize_from_output(self.config, self.state, found_V)
@@ -80,6 +83,8 @@ class Node:
         self._paced = any(item.role == "pace" for item in service.inputs)
         self._pending: deque[Pending] = deque()
         self._notes = RequestRecorder(service)
+        self._told_to_end: Predecessor | None = None
+        self._at_rest = False
 
     def accept(self, sample: Any, now: float) -> None:
         """Take a sample of one of its inputs."""
@@ -164,10 +169,19 @@ class Node:
 
     def shutdown(self, now: float) -> bool:
         """Bring the instrument to rest before the program ends; true where it is."""
+        if self._told_to_end is None and self.service.ending is not None:
+            self._told_to_end = self.service.ending(self.state)
         if self.service.shutdown is None or self.lockstep:
             return True
-        self.state, at_rest = self.service.shutdown(self.config, self.state, now)
-        return at_rest
+        self.state, self._at_rest = self.service.shutdown(self.config, self.state, now)
+        return self._at_rest
+
+    @property
+    def ending(self) -> Predecessor:
+        """What this program, which was told to end, is to the next one."""
+        told = self._told_to_end
+        at_rest = self.lockstep or (self._at_rest and not getattr(self.state, "unconfirmed", False))
+        return told if told is not None and at_rest else Predecessor.DIED
 
     def _step(self, values: list[Any], now: float) -> tuple[Message, ...]:
         self.steps += 1
@@ -262,6 +276,7 @@ class Node:
             cause=getattr(state, "cause", Cause.NONE),
             faults=getattr(state, "faults", ()),
             findings=getattr(state, "findings", ()),
+            predecessor=getattr(state, "predecessor", None),
         )
 
     def close(self) -> None:

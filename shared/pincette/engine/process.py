@@ -17,9 +17,11 @@ from pincette.bus.topology import awaited
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile, read_rig
 from pincette.core import plugins
+from pincette.core.faults import Predecessor
 from pincette.core.service import AnyService, CompositeService, Participant, member_services
 from pincette.core.topics import LOOP, REQUEST_LOG, TIMING
 from pincette.engine import logs
+from pincette.engine.boot_note import BootNote, boot_note
 from pincette.engine.instrument import open_device
 from pincette.engine.loop import Loop
 from pincette.engine.node import Node
@@ -38,6 +40,9 @@ READY = "ready: "
 """How a line on standard output begins that says a program serves."""
 OF_THE_ROUTER = ("router", "upstream", "supervisor")
 """Programs that all rigs on one router share."""
+
+Notes = dict[Node, BootNote]
+"""Of the services for which it matters how they ended before."""
 
 CannotStart = (
     ConfigError,
@@ -144,7 +149,8 @@ def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Option
         raise_priority(rig.realtime.of(*member_services(name)))
     participants = loop_programs(rig)
     with ExitStack() as stack:
-        nodes = _opened(name, rig, stack)
+        notes: Notes = {}
+        nodes = _opened(name, rig, options.data, notes, stack)
         config = service_endpoint(rig, name, participants)
         bus = ZenohBus(config, rig.rig.name, name, reliable=rig.lockstep)
         stack.callback(bus.close)
@@ -170,18 +176,26 @@ def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Option
         if wait_for_peers(name, rig, bus, config, participants, stop):
             disable_gc()
             _say_ready(f"serves at {config.listen[0]}")
+            for note in notes.values():
+                note.begin()
             loop.run()
+            for node, note in notes.items():
+                note.end(node.ending)
 
 
-def _opened(name: str, rig: RigFile, stack: ExitStack) -> Sequence[Node]:
+def _opened(name: str, rig: RigFile, data: Path, notes: Notes, stack: ExitStack) -> Sequence[Node]:
     """The nodes of a program with their instruments, which are given back at the end."""
     services = [plugins.load(plugins.SERVICES, one) for one in member_services(name)]
     at_most_s = shared_timeout_s(rig, services)
     nodes: list[Node] = []
     for service in services:
         device = open_device(service, rig, at_most_s)
-        nodes.append(Node(service, rig, device, secrets.randbits(48)))
+        note = boot_note(rig, service.name, data) if service.ending is not None else None
+        before = Predecessor.NONE if note is None else note.found()
+        nodes.append(Node(service, rig, device, secrets.randbits(48), predecessor=before))
         stack.callback(nodes[-1].close)
+        if note is not None:
+            notes[nodes[-1]] = note
     return nodes
 
 

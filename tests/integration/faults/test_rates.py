@@ -12,6 +12,7 @@ from pincette.core.wording import applied_text, fault_text
 from tests.support.reactions import TRIPPED
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_bench import scripted
+from tests.support.virtual_loop_engine import COMPUTING_S
 from tests.support.virtual_loop_faults import LinkFault
 from tests.support.virtual_loop_places import T, begun, place
 
@@ -145,3 +146,46 @@ def test_the_grip_itself_ends_well_in_real_time() -> None:
     views = [message for _, message in loop.told or [] if isinstance(message, Telemetry)]
     assert views[-1].outcome == "gripped"
     assert not tripped(loop)
+
+
+BUNCHES = (
+    LinkFault("late", "controller", "actuator", late_s=0.7 * T, share=0.3),
+    LinkFault("late", "controller", "actuator", late_s=0.3 * T, share=0.5),
+    LinkFault("late", "sensor", "actuator", late_s=0.5 * T, share=0.3),
+)
+"""Commands that come late, and the next one right after."""
+COMPUTING_SPREAD_S = COMPUTING_S[1] - COMPUTING_S[0]
+"""From the time that a step is given to the begin of its exchange with the instrument."""
+RESOLUTION_V = 0.001
+"""Of the driver, which rounds to it."""
+RATE_FORKS, RATE_FORKS_IN_FULL = 6, 120
+
+
+def slews_within_the_limit(seed: int) -> None:
+    """A controller that wants everything at once: what the instrument puts out slews as allowed."""
+    loop = place("approach").loop.fork(seed)
+    wanted_V = (10.0, -10.0)[seed % 2]
+    loop.links += BUNCHES
+    loop.links.append(
+        LinkFault("corrupt", "controller", "actuator", field="voltage_V", value=wanted_V)
+    )
+    loop.run(loop.now_s + 0.5, lambda: tripped(loop))
+    ends_s = next((at_s for at_s, echo in loop.applied if echo.state in TRIPPED), loop.now_s)
+    rate_V_per_s = loop.rig.limits.slew_V_per_s
+    puts = [(at_s, put_V) for at_s, put_V in loop.put_out if at_s < ends_s]
+    moves = [one for one, before in zip(puts[1:], puts, strict=False) if one[1] != before[1]]
+    assert len(moves) > 3
+    for (before_s, before_V), (at_s, at_V) in pairwise([puts[0], *moves]):
+        allowed_V = rate_V_per_s * min(at_s - before_s + COMPUTING_SPREAD_S, T)
+        assert abs(at_V - before_V) <= allowed_V + RESOLUTION_V, (seed, before_s, at_s)
+
+
+@pytest.mark.parametrize("seed", range(RATE_FORKS))
+def test_in_whatever_pattern_commands_arrive_the_instrument_slews_no_faster(seed: int) -> None:
+    slews_within_the_limit(seed)
+
+
+@pytest.mark.full
+def test_in_many_patterns_of_arrival_the_instrument_slews_no_faster() -> None:
+    for seed in range(RATE_FORKS, RATE_FORKS_IN_FULL):
+        slews_within_the_limit(seed)

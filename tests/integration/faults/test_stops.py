@@ -117,7 +117,7 @@ def test_the_output_s_module_is_safe_by_itself_where_the_actuator_dies(state: st
     loop.restart("actuator")
     loop.run(loop.now_s + 0.5)
     booted = loop.node("actuator").state
-    assert (booted.mode, booted.cause) == ("latched", "boot")
+    assert (booted.mode, booted.cause) == ("latched", "restart")
     reply = loop.call("actuator", Arm(EPOCH + 1, 1, loop.rig.digest()))
     assert isinstance(reply, str)
 
@@ -139,7 +139,7 @@ def test_a_restarted_actuator_waits_for_a_person_and_takes_over_the_voltage() ->
     loop.restart("actuator")
     loop.run(loop.now_s + 0.3)
     state = loop.node("actuator").state
-    assert (state.mode, state.cause) == ("latched", "boot")
+    assert (state.mode, state.cause) == ("latched", "restart")
     assert abs(state.voltage_V - stood_V) <= 0.001
     assert loop.put_out[-1][1] == stood_V
     loop.reset()

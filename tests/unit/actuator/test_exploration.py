@@ -176,7 +176,7 @@ def check(seen: Seen) -> None:
     assert after.mode in LEADS_TO[before.mode], seen
     assert LIMITS.voltage.min_V <= after.voltage_V <= LIMITS.voltage.max_V
     if (before.mode, after.mode) in (("latched", "idle"), ("frozen", "idle")):
-        assert event == "reset"
+        assert event == "reset" or (event, before.cause) == ("unacknowledged", "boot")
     if before.mode != "armed" and after.mode == "armed":
         assert (before.mode, event) == ("idle", "arm")
     if after.taken_seq > before.taken_seq:

@@ -1,17 +1,20 @@
 """The actuator's rules in virtual time."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from msgspec.structs import replace
 
+from pincette.control.record import replace
+from pincette.control.safety.latch import booted
 from pincette.control.safety.voltage import SLEW_UP, VOLTAGE_MAX
-from pincette.core.faults import Cause
+from pincette.core.faults import Cause, Predecessor
 from pincette.core.messages import Ack, Applied, Arm, Command, Reset, Trip
 from pincette.core.service import RefusedError, SetVoltage
 from pincette.core.wording import fault_text
 from pincette_actuator.requests import handle
-from pincette_actuator.step import SERVICE, Inputs, initialize_from_output, start
+from pincette_actuator.step import SERVICE, Inputs, initialize_from_output, start, step
 
 from .bench import (
     CONFIG,
@@ -37,9 +40,15 @@ def test_boots_latched_and_refuses_to_arm() -> None:
         handle(CONFIG, state, Arm(EPOCH, OWNER, ""), 0.0)
 
 
-def test_reset_needs_an_acknowledgement() -> None:
-    with pytest.raises(RefusedError, match="acknowledge"):
-        handle(CONFIG, start(CONFIG), Reset(), 0.0)
+def test_only_a_boot_after_no_death_is_reset_without_an_acknowledgement() -> None:
+    for before in (Predecessor.NONE, Predecessor.CLEAN):
+        state, _, _ = handle(CONFIG, booted(start(CONFIG), before), Reset(), 0.0)
+        assert state.mode == "idle"
+    died = booted(start(CONFIG), Predecessor.DIED)
+    assert died.cause == Cause.RESTART
+    for state in (died, replace(died, cause=Cause.COMMAND_AGE), holding(held=True)):
+        with pytest.raises(RefusedError, match="acknowledge"):
+            handle(CONFIG, state, Reset(), 0.0)
 
 
 def test_a_good_command_is_put_out_before_it_is_published() -> None:
@@ -261,6 +270,27 @@ def test_whatever_is_commanded_the_voltage_keeps_its_limits(
         assert CONFIG.voltage.min_V <= state.voltage_V <= CONFIG.voltage.max_V
         assert abs(state.voltage_V - previous) <= CONFIG.voltage.slew_V + 1e-12
         previous = state.voltage_V
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 0.045), st.floats(-1.0, 4.0)), max_size=60))
+def test_in_whatever_pattern_commands_arrive_the_voltage_slews_no_faster(
+    arrivals: list[tuple[float, float]],
+) -> None:
+    """Two of them right after each other move no further than the time between them allows."""
+    limits = replace(CONFIG, voltage=replace(CONFIG.voltage, slew_V=0.2))
+    rate_V_per_s = limits.voltage.slew_V / T
+    state, now, moves = armed(limits), 0.0, [(-T, 0.0)]
+    for seq, (gap_s, voltage_V) in enumerate(arrivals):
+        now += gap_s
+        state, _ = step(limits, state, position(seq), now)
+        state, _ = step(limits, state, command(seq, voltage_V), now)
+        if state.mode != "armed":
+            break
+        if state.voltage_V != moves[-1][1]:
+            moves.append((now, state.voltage_V))
+    for (before_s, before_V), (at_s, at_V) in pairwise(moves):
+        assert abs(at_V - before_V) <= rate_V_per_s * (at_s - before_s + 1e-6)
+        assert abs(at_V - before_V) <= limits.voltage.slew_V + 1e-12
 
 
 @given(st.lists(st.integers(0, 12), min_size=1, max_size=60))

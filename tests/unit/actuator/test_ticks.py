@@ -106,6 +106,7 @@ def test_what_is_taken_is_told_with_its_age_and_flags() -> None:
             answered=True,
             refused=0,
             command_age_s=0.024 - 0.02,
+            slewing_s=T,
         ),
     ]
     assert (state.answered_seq, state.unconfirmed, state.pending) == (1, False, None)

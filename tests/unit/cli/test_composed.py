@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 
 from pincette.cli import Exit, run, security
-from pincette.cli.doctor_rig import Finding, certificates, composed
 from pincette.cli.main import main
 from pincette.config import RigFile, read_rig
+from pincette.diagnostics import Finding
+from pincette.diagnostics.certificates import certificates
+from pincette.diagnostics.rig_file import composed
 from pincette.engine.fleet import Fleet
 from pincette.security.folder import Folder
 from pincette.security.identity import OF_A_RIG

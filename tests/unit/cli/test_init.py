@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pincette.cli.main import main
-from pincette.cli.questions import NUMBERED
 from pincette.config import read_rig
+from pincette.config.bench_form import NUMBERED
 from pincette.core import plugins
 
 ROOT = Path(__file__).parents[3]

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from pincette.cli import PKI, opened, security
-from pincette.cli.doctor_rig import certificates
 from pincette.cli.main import main
 from pincette.config import RigFile
+from pincette.diagnostics.certificates import certificates
 from pincette.security.folder import Folder
 from pincette.security.identity import program
 from tests.support.certificates import NOW, folder_for

@@ -110,11 +110,32 @@ def test_a_refusal_has_its_members_and_is_never_asked_again() -> None:
 
 
 def test_what_is_no_supervisor_is_said() -> None:
-    supervisor = Desk(httpx.Response(200, text="<html>"), httpx.Response(502, text="bad gateway"))
+    gateway = httpx.Response(502, text="bad gateway")
+    supervisor = Desk(httpx.Response(200, text="<html>"), gateway)
     with pytest.raises(ForeignAnswerError, match="is no supervisor"):
         supervisor.supervisor().rigs()
-    with pytest.raises(ProblemError, match="status 502, and no words"):
-        supervisor.supervisor().rigs()
+    with pytest.raises(NoAnswerError, match="status 502, and no words"):
+        supervisor.supervisor(patience_s=0.0).rigs()
+
+
+@pytest.mark.parametrize("status", [502, 503, 504])
+def test_a_proxy_without_a_line_is_asked_again(status: int) -> None:
+    supervisor = Desk(httpx.Response(status, text="<html>"), desk.job(state="running"))
+    assert supervisor.supervisor().rig("demo").start("grip").state == "running"
+    assert len({request.headers["Idempotency-Key"] for request in supervisor.asked}) == 1
+
+
+def test_a_start_that_was_delivered_is_never_told_as_unheard() -> None:
+    supervisor = Desk(LOST, *[REFUSED] * 50)
+    with pytest.raises(NoAnswerError) as lost:
+        supervisor.supervisor(patience_s=5.0).rig("demo").start("grip", idempotency_key="k7")
+    assert lost.value.delivered
+    assert "may or may not have been taken: `pincette job list` shows it" in str(lost.value)
+    assert "Idempotency-Key k7 it creates no second job" in str(lost.value)
+    with pytest.raises(NoAnswerError) as unsent:
+        Desk(*[REFUSED] * 50).supervisor(patience_s=5.0).rig("demo").start("grip")
+    assert not unsent.value.delivered
+    assert "no answer (refused)" in str(unsent.value)
 
 
 def test_members_that_came_later_are_passed_over() -> None:

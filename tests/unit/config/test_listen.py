@@ -6,8 +6,8 @@ import pytest
 
 from pincette.bus.endpoints import router_endpoint, service_endpoint
 from pincette.bus.topology import SessionConfig
-from pincette.cli.doctor_rig import certificates
 from pincette.config import parse_rig_json, read_rig
+from pincette.diagnostics.certificates import certificates
 from pincette.engine.process import loop_programs
 from tests.support.rigs import DEMO
 

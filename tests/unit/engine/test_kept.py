@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli.doctor import measured
 from pincette.cli.up import machine_words
 from pincette.config import read_rig
+from pincette.diagnostics.machine import measured
 from pincette.engine.measuring.kept import FILE, changes_of, how, keep, kept
 from pincette.engine.measuring.machine import Findings
 from pincette.latency.rule import Measured

@@ -1,5 +1,6 @@
 """Every route says what it demands, and holds to it; what is done is kept with whose it was."""
 
+import asyncio
 import json
 import sqlite3
 from contextlib import closing
@@ -29,6 +30,8 @@ OPEN = {
     ("get", "/asyncapi.json"): "a description that is in the repository",
     ("get", "/api/v1/session"): "a page must learn that a key is wanted",
     ("post", "/api/v1/session"): "demands a key by itself, of any scope",
+    ("post", "/api/v1/estop"): "whoever sees danger may stop, known or not",
+    ("post", "/api/v1/rigs/{rig}/estop"): "whoever sees danger may stop, known or not",
     ("delete", "/api/v1/session"): "gives up a cookie, whosever it is",
 }
 """Operations that demand nothing, each with why not."""
@@ -40,7 +43,6 @@ DEMANDS: dict[str, set[tuple[str, str]]] = {
         ("post", "/api/v1/rigs/{rig}/model/actions"),
         ("get", "/api/v1/audit"),
     },
-    "observe": {("post", "/api/v1/estop"), ("post", "/api/v1/rigs/{rig}/estop")},
 }
 """What is not as its method lets one expect: reading observes, the rest operates."""
 
@@ -135,6 +137,36 @@ def test_an_observer_sees_and_stops_and_nothing_else(harness: Harness, ring: Sco
     assert answer.status_code == 403
     assert "needs scope operate" in answer.json()["detail"]
     assert "key 'an-observe' has observe" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize("path", ["/api/v1/estop", "/api/v1/rigs/demo/estop"])
+@pytest.mark.parametrize(
+    "headers", [{}, shown("wrong"), shown("x" * 300)], ids=["none", "wrong", "odd"]
+)
+def test_everybody_may_stop(
+    harness: Harness, ring: ScopeKeys, path: str, headers: dict[str, str]
+) -> None:
+    assert harness.call("GET", "/api/v1/rigs", headers=headers).status_code == 401
+    answer = harness.call("POST", path, headers=headers)
+    assert answer.status_code == 200
+    assert len(harness.bus.trips) == 1
+    (entry,) = harness.call("GET", "/api/v1/audit?limit=1", headers=ring.headers("admin")).json()[
+        "entries"
+    ]
+    assert (entry["who"], entry["action"], entry["status"]) == ("127.0.0.1", f"POST {path}", 200)
+
+
+def test_a_flood_of_stops_shares_trips_and_each_is_confirmed(harness: Harness) -> None:
+    """Those who come while the actuator is being asked share the next trip."""
+
+    async def flood() -> list[int]:
+        transport = httpx.ASGITransport(harness.app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            asked = [client.post("/api/v1/rigs/demo/estop") for _ in range(300)]
+            return [answer.status_code for answer in await asyncio.gather(*asked)]
+
+    assert set(asyncio.run(flood())) == {200}
+    assert 1 <= len(harness.bus.trips) <= 100
 
 
 def test_the_key_is_who_asked_and_a_label_stands_beside_it(

@@ -1,6 +1,7 @@
 """Creating a job once, asking for it again, and finding it among others."""
 
 import asyncio
+import json
 from typing import Any
 
 import httpx
@@ -9,6 +10,7 @@ import pytest
 from .canned import IN_APPROACH
 from .harness import Harness
 
+BASE = "http://localhost/api/v1"
 GRIP = {"kind": "grip", "autostart": True}
 
 
@@ -131,3 +133,75 @@ def test_jobs_are_found_by_what_they_are(harness: Harness) -> None:
     assert harness.get("/jobs", limit=3)["next"] is None
     assert harness.call("GET", "/api/v1/jobs", params={"label": "part"}).status_code == 422
     assert harness.call("GET", "/api/v1/jobs", params={"before": "none"}).status_code == 404
+
+
+def together(harness: Harness, *bodies: dict[str, Any], key: str) -> list[httpx.Response]:
+    """Requests with one key, sent at once."""
+
+    async def send() -> list[httpx.Response]:
+        transport = httpx.ASGITransport(harness.app)
+        async with httpx.AsyncClient(transport=transport, base_url=BASE) as client:
+            headers = {"Idempotency-Key": key}
+            asked = [client.post("/jobs", json=body, headers=headers) for body in bodies]
+            return await asyncio.gather(*asked)
+
+    return asyncio.run(send())
+
+
+@pytest.mark.parametrize("queue", [False, True])
+def test_a_key_counts_while_its_first_request_is_planned(harness: Harness, queue: bool) -> None:
+    body = {**GRIP, "queue": queue}
+    answers = together(harness, *[body] * 6, key="k")
+    assert sorted(answer.status_code for answer in answers) == [200] * 5 + [201]
+    assert len({answer.json()["id"] for answer in answers}) == 1
+    assert len(harness.get("/jobs")["jobs"]) == 1
+
+
+def test_a_refused_first_request_leaves_its_key_to_the_next(harness: Harness) -> None:
+    answers = together(harness, {**GRIP, "force_mN": 99.0}, {"kind": "grip"}, key="k")
+    assert sorted(answer.status_code for answer in answers) == [201, 422]
+
+
+def test_only_so_many_wait_for_a_key(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pincette_supervisor.jobs.key_turns.WAITING", 1)
+    answers = together(harness, *[GRIP] * 5, key="k")
+    assert [answer.status_code for answer in answers].count(201) == 1
+    late = [answer.json() for answer in answers if answer.status_code == 503]
+    assert len(late) == 3
+    assert all("ask again with the same key" in problem["detail"] for problem in late)
+
+
+def test_a_caller_that_has_hung_up_begins_nothing(harness: Harness) -> None:
+    """The body comes whole, and the connection is closed while the job is being planned."""
+
+    async def send() -> None:
+        sent = False
+
+        async def receive() -> dict[str, Any]:
+            nonlocal sent
+            if sent:
+                return {"type": "http.disconnect"}
+            sent = True
+            return {"type": "http.request", "body": json.dumps(GRIP).encode()}
+
+        async def passed_over(_message: Any) -> None:
+            return
+
+        scope = {
+            "type": "http",
+            "http_version": "1.1",
+            "method": "POST",
+            "path": "/api/v1/jobs",
+            "raw_path": b"/api/v1/jobs",
+            "query_string": b"",
+            "scheme": "http",
+            "client": ("127.0.0.1", 5),
+            "headers": [(b"content-type", b"application/json"), (b"host", b"localhost")],
+        }
+        await harness.app(scope, receive, passed_over)
+
+    asyncio.run(send())
+    assert harness.get("/jobs")["jobs"] == []
+    (entry,) = harness.get("/audit")["entries"]
+    assert entry["status"] == 408
+    assert entry["detail"] == "grip: the caller hung up, nothing was begun"

@@ -62,8 +62,9 @@ def test_what_is_not_finite_is_refused(harness: Harness, number: str) -> None:
 def test_what_is_not_json_is_refused(harness: Harness) -> None:
     headers = {"content-type": "application/json"}
     response = harness.call("POST", "/api/v1/jobs", content=b'{"kind": ', headers=headers)
-    assert response.status_code == 422
-    assert "not JSON" in response.json()["detail"]
+    assert response.status_code == 400
+    assert response.json()["type"] == "urn:pincette:problem:bad-json"
+    assert "line 1, column 10" in response.json()["detail"]
 
 
 def test_a_force_beyond_the_limit_names_value_limit_unit_and_time(harness: Harness) -> None:

@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from collections.abc import Callable
 from typing import Literal
 
 from pincette.api.calibrations import Proposal
@@ -16,6 +17,7 @@ from pincette_supervisor.jobs.crash_recovery import recover_from_crash
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_queue import CAPACITY, JobQueue
 from pincette_supervisor.jobs.job_view import fingerprint_of, job_view, new_row
+from pincette_supervisor.jobs.key_turns import KeyTurns
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.journal.store import JobRow, KeyTakenError, StoreError
 from pincette_supervisor.model.model_view import use_model
@@ -45,6 +47,7 @@ class JobManager:
         self.queue = JobQueue(context.store, context.events)
         self._lock = threading.RLock()
         self._acting = JobActions(context)
+        self._turns = KeyTurns()
         self._live: LiveJob | None = None
         self._thread: threading.Thread | None = None
         self._closing = False
@@ -83,23 +86,27 @@ class JobManager:
         *,
         predict: bool = True,
         by: str | None = None,
+        gone: Callable[[], bool] = lambda: False,
     ) -> tuple[Job, bool]:
-        """Take a job; the flag: its key has created it already; raises ProblemError."""
+        """Take a job, unless its caller is ``gone``; the flag: its key has created it already."""
         fingerprint = fingerprint_of(request)
-        known = None if key is None else self.context.store.created(key)
-        if known is not None:
-            return self._replayed(known.job, known.fingerprint, fingerprint), True
-        request = planner.with_version(self.context, request)
-        planned = refusals.require_feasible(self.plan(request))
-        if predict and (self.active is None or request.queue):
-            refusals.require_feasible(self.predictions.checked(planned))
-        await_end(self.active)
-        hand_over(self.context, self.active, planned)
-        try:
-            with self._lock:
-                name = self._accept(request, planned, key, fingerprint, by)
-        except KeyTakenError as error:
-            return self._replayed(error.job, error.fingerprint, fingerprint), True
+        with self._turns.of(key):
+            known = None if key is None else self.context.store.created(key)
+            if known is not None:
+                return self._replayed(known.job, known.fingerprint, fingerprint), True
+            request = planner.with_version(self.context, request)
+            planned = refusals.require_feasible(self.plan(request))
+            if predict and (self.active is None or request.queue):
+                refusals.require_feasible(self.predictions.checked(planned))
+            await_end(self.active)
+            if gone():
+                raise refusals.caller_gone()
+            hand_over(self.context, self.active, planned)
+            try:
+                with self._lock:
+                    name = self._accept(request, planned, key, fingerprint, by)
+            except KeyTakenError as error:
+                return self._replayed(error.job, error.fingerprint, fingerprint), True
         return self.job(name), False
 
     def _replayed(self, job: str, fingerprint: str, sent: str) -> Job:

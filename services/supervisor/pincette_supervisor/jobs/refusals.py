@@ -81,6 +81,16 @@ def job_active(active: LiveJob) -> ProblemError:
     )
 
 
+def caller_gone() -> ProblemError:
+    """408 that nobody reads: the caller hung up before the job was planned, so nothing begins."""
+    return ProblemError(
+        408,
+        "caller-gone",
+        "The caller has hung up",
+        "the connection ended before the job was planned: nothing was begun; send it again",
+    )
+
+
 def queue_full(length: int) -> ProblemError:
     """409 because too many jobs wait."""
     return ProblemError(

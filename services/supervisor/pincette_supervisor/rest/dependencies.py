@@ -3,6 +3,7 @@
 All are coroutines, so that an emergency stop waits for no thread of the pool.
 """
 
+import asyncio
 import re
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -29,6 +30,8 @@ from pincette_supervisor.rigs.rigs import Rigs
 COOKIE = "pincette_session"
 CALLER, NOTE = "pincette.caller", "pincette.note"
 """Keys of an ASGI scope: the caller, and what the audit log is told of the request."""
+DISCONNECT_S = 10.0
+"""For how long the event loop may take to say whether a caller has hung up."""
 OPERATOR_LENGTH, KEY_LENGTH = 80, 255
 PRINTABLE = r"^[ -~]+$"
 BEARER = HTTPBearer(
@@ -151,6 +154,20 @@ async def _note(request: Request) -> Callable[[str], None]:
 
 Note = Annotated[Callable[[str], None], Depends(_note)]
 """Tells the audit log what a request asks for, where its path does not."""
+
+
+async def _hung_up(request: Request) -> Callable[[], bool]:
+    loop = asyncio.get_running_loop()
+
+    def hung_up() -> bool:
+        asked = asyncio.run_coroutine_threadsafe(request.is_disconnected(), loop)
+        return asked.result(DISCONNECT_S)
+
+    return hung_up
+
+
+HungUp = Annotated[Callable[[], bool], Depends(_hung_up)]
+"""Whether the caller has closed the connection; to be asked in a thread of the pool."""
 
 IdempotencyKey = Annotated[
     str | None,

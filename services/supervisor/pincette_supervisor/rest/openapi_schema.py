@@ -12,11 +12,15 @@ NAMES = {
     403: "NotAllowed",
     408: "BodyTooSlow",
     413: "BodyTooLarge",
+    415: "UnsupportedMediaType",
     421: "ForeignHost",
+    422: "InvalidRequest",
     429: "TooManyRequests",
     503: "Busy",
 }
-EVERYWHERE, WITH_KEY, WITH_BODY = (403, 421, 429, 503), (401,), (408, 413)
+EVERYWHERE, WITH_KEY, WITH_BODY = (403, 421, 422, 429, 503), (401,), (408, 413, 415)
+ESTOP = "/estop"
+"""An emergency stop is refused for no parameter."""
 
 
 def complete(document: dict[str, Any]) -> None:
@@ -41,9 +45,14 @@ def complete(document: dict[str, Any]) -> None:
     _add_shared_responses(document)
 
 
+def _placed(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    for path, operations in document["paths"].items():
+        for operation in operations.values():
+            yield path, operation
+
+
 def _operations(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    for operations in document["paths"].values():
-        yield from operations.values()
+    return (operation for _, operation in _placed(document))
 
 
 def _is_own_error_model(answer: dict[str, Any]) -> bool:
@@ -71,8 +80,10 @@ def _add_shared_responses(document: dict[str, Any]) -> None:
     document["components"]["responses"] = {
         name: responses(status)[status] for status, name in NAMES.items()
     }
-    for operation in _operations(document):
+    for path, operation in _placed(document):
         wanted = EVERYWHERE
+        if path.endswith(ESTOP):
+            wanted = tuple(status for status in wanted if status != 422)
         if "security" in operation or operation["operationId"].startswith("sign_in"):
             wanted += WITH_KEY
         if "requestBody" in operation:

@@ -10,10 +10,11 @@ from pincette.api.problems import responses
 from pincette_supervisor.access.authentication import Caller, new_cookie, require_scope
 from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
 from pincette_supervisor.rest.dependencies import ADMIN, COOKIE, AccessState, AnyCaller, Journal
+from pincette_supervisor.rest.strict_route import StrictRoute
 
 LARGEST = 2**63 - 1
 
-router = APIRouter(tags=["access"])
+router = APIRouter(tags=["access"], route_class=StrictRoute)
 
 
 @router.get("/session")

@@ -11,13 +11,14 @@ from pincette.api.problems import responses
 from pincette_supervisor import problems
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, AllRigs, Journal, Note, Operator
+from pincette_supervisor.rest.strict_route import StrictRoute
 
 LARGEST = 2**63 - 1
 Number = Annotated[int, Field(ge=1, le=LARGEST)]
 Text = Annotated[str | None, Query(max_length=80)]
 
 
-router = APIRouter(prefix="/alarms", tags=["alarms"])
+router = APIRouter(prefix="/alarms", tags=["alarms"], route_class=StrictRoute)
 
 
 @router.get("", responses=responses(422, 503), dependencies=[OBSERVE])

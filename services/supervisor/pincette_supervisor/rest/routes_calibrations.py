@@ -13,14 +13,16 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     AllRigs,
+    HungUp,
     IdempotencyKey,
     Note,
     Operator,
 )
 from pincette_supervisor.rest.routes_jobs import CREATED, NAME_LENGTH, Predict
 from pincette_supervisor.rest.routes_jobs import create as create_job
+from pincette_supervisor.rest.strict_route import StrictRoute
 
-router = APIRouter(prefix="/calibrations", tags=["calibrations"])
+router = APIRouter(prefix="/calibrations", tags=["calibrations"], route_class=StrictRoute)
 
 
 @router.post(
@@ -36,12 +38,13 @@ def create(
     response: Response,
     by: Operator,
     note: Note,
+    gone: HungUp,
     dry_run: Annotated[bool, Query(description="plan only")] = False,
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
 ) -> object:
     """Take a calibration: the same as a job of the kind ``calibrate``."""
-    return create_job(body, rigs, response, by, note, dry_run, predict, idempotency_key)
+    return create_job(body, rigs, response, by, note, gone, dry_run, predict, idempotency_key)
 
 
 @router.get("", responses=responses(404, 422, 503), dependencies=[OBSERVE])

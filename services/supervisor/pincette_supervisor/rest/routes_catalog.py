@@ -7,8 +7,9 @@ from pincette.api.kinds import KindList, described
 from pincette.api.plans import InstalledLaw, LawList
 from pincette.config.laws import installed_laws
 from pincette_supervisor.rest.dependencies import OBSERVE
+from pincette_supervisor.rest.strict_route import StrictRoute
 
-router = APIRouter()
+router = APIRouter(route_class=StrictRoute)
 
 
 @router.get("/kinds", tags=["jobs"], dependencies=[OBSERVE])

@@ -22,6 +22,7 @@ from pincette_supervisor.journal.listeners import TooManyListenersError
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs, Journal, Manager
+from pincette_supervisor.rest.strict_route import StrictRoute
 
 MOST = 500
 LARGEST = 2**63 - 1
@@ -81,7 +82,7 @@ def _wish(
 Wished = Annotated[Wish, Depends(_wish)]
 
 
-router = APIRouter(tags=["events"])
+router = APIRouter(tags=["events"], route_class=StrictRoute)
 
 
 @router.get(

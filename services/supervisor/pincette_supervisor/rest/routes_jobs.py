@@ -25,6 +25,7 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     AllRigs,
+    HungUp,
     IdempotencyKey,
     IfNoneMatch,
     Note,
@@ -33,6 +34,7 @@ from pincette_supervisor.rest.dependencies import (
     matched_revision,
 )
 from pincette_supervisor.rest.middleware import DRY_RUN
+from pincette_supervisor.rest.strict_route import StrictRoute
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 REPLAYED = "Idempotency-Replayed"
@@ -68,6 +70,7 @@ def take(
     dry_run: bool,
     by: str,
     note: Note,
+    gone: HungUp,
     predict: bool = True,
     key: str | None = None,
 ) -> Job | JobPlan:
@@ -77,7 +80,12 @@ def take(
         response.status_code = 200
         planned = manager.plan(body)
         return (manager.predictions.predicted(planned) if predict else planned).plan
-    job, replayed = manager.create(body, key, predict=predict, by=by)
+    try:
+        job, replayed = manager.create(body, key, predict=predict, by=by, gone=gone)
+    except ProblemError as error:
+        if error.code == "caller-gone":
+            note(f"{body.kind}: the caller hung up, nothing was begun")
+        raise
     response.headers["Location"] = f"/api/v1/jobs/{job.id}"
     response.headers["ETag"] = etag(job.id, job.revision)
     if replayed:
@@ -101,7 +109,7 @@ def _label(text: str | None) -> tuple[str, str] | None:
     return name, value
 
 
-router = APIRouter(prefix="/jobs", tags=["jobs"])
+router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 
 @router.post(
@@ -117,6 +125,7 @@ def create(
     response: Response,
     by: Operator,
     note: Note,
+    gone: HungUp,
     dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
@@ -133,6 +142,7 @@ def create(
         dry_run=dry_run,
         by=by,
         note=note,
+        gone=gone,
         predict=predict,
         key=idempotency_key,
     )

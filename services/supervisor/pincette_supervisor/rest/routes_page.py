@@ -8,6 +8,7 @@ from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Resp
 
 from pincette_supervisor import problems
 from pincette_supervisor.rest.dependencies import AllRigs
+from pincette_supervisor.rest.strict_route import StrictRoute
 
 FOLDER = Path(__file__).resolve().parents[1] / "web"
 MEDIA_TYPES = {
@@ -25,7 +26,7 @@ HEADERS = {
 PLACE_OF_RIG = "{{rig}}"
 
 
-router = APIRouter(include_in_schema=False)
+router = APIRouter(include_in_schema=False, route_class=StrictRoute)
 
 
 ASSETS = {

@@ -15,6 +15,7 @@ from pincette_supervisor.alarms.checks import of_rig, of_supervisor, words_of
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.metrics.collector import RigCollector
 from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs
+from pincette_supervisor.rest.strict_route import StrictRoute
 
 TURN_S = 1.0
 """The event loop is expected to come round at least this often."""
@@ -22,8 +23,8 @@ PLAIN = "text/plain"
 EXAMPLE = 'pincette_trips_total{cause="command_age",rig="demo"} 0.0\n'
 
 
-router = APIRouter(tags=["probes"])
-documents = APIRouter(tags=["documents"])
+router = APIRouter(tags=["probes"], route_class=StrictRoute)
+documents = APIRouter(tags=["documents"], route_class=StrictRoute)
 
 
 @router.get("/livez")

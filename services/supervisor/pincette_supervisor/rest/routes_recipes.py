@@ -13,8 +13,9 @@ from pincette_supervisor.journal.recipes import RecipeLimitError, RecipeReposito
 from pincette_supervisor.planning.recipes import FaultyValuesError, checked_values
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Journal, Note
+from pincette_supervisor.rest.strict_route import StrictRoute
 
-router = APIRouter(prefix="/recipes", tags=["recipes"])
+router = APIRouter(prefix="/recipes", tags=["recipes"], route_class=StrictRoute)
 
 
 async def _repository(store: Journal) -> RecipeRepository:

@@ -12,7 +12,6 @@ from pincette.api.live import LiveBatch, LoopTiming
 from pincette.api.models import ModelAction, ModelView
 from pincette.api.problems import responses
 from pincette.api.rigs import QueueRequest, ResetRequest, Rig, RigList, Stopped, StoppedList
-from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.listeners import TooManyListenersError
 from pincette_supervisor.model.checklist import checklist
 from pincette_supervisor.model.model_view import model_view
@@ -27,6 +26,7 @@ from pincette_supervisor.rest.dependencies import (
     Operator,
     Sender,
 )
+from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.rigs.health import loop_timing
 from pincette_supervisor.rigs.live import LiveCursor
 from pincette_supervisor.rigs.rig_view import rig_view
@@ -37,13 +37,13 @@ LIVE_INTERVAL_S = 1.0 / 15.0
 KEEP_ALIVE_S = 1.0
 """A live event is sent at least this often, so that a listener knows that the line works."""
 
-router = APIRouter(tags=["rigs"])
+router = APIRouter(tags=["rigs"], route_class=StrictRoute)
 
 
-@router.post("/estop", responses=responses(503), dependencies=[OBSERVE])
+@router.post("/estop", responses=responses(503))
 async def estop_all(rigs: AllRigs, by: Sender) -> StoppedList:
     """Stop every rig at once; see the one of a rig. 503 where one has not confirmed."""
-    asked = [_estop(manager, by) for manager in rigs.all()]
+    asked = [manager.latch.stopped(by) for manager in rigs.all()]
     answers = await asyncio.gather(*asked, return_exceptions=True)
     stopped = [answer for answer in answers if isinstance(answer, Stopped)]
     silent = [str(answer) for answer in answers if not isinstance(answer, Stopped)]
@@ -72,10 +72,10 @@ def rig_state(manager: Manager) -> Rig:
     return rig_view(manager)
 
 
-@router.post("/rigs/{rig}/estop", responses=responses(404, 503), dependencies=[OBSERVE])
+@router.post("/rigs/{rig}/estop", responses=responses(404, 503))
 async def estop(manager: Manager, by: Sender) -> Stopped:
-    """Stop at once: freeze a held part, ramp a free arm, latch. Always accepted; no body."""
-    return await _estop(manager, by)
+    """Stop at once: freeze a held part, ramp a free arm, latch. No key, no body: always taken."""
+    return await manager.latch.stopped(by)
 
 
 @router.post("/rigs/{rig}/reset", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
@@ -154,9 +154,3 @@ async def samples(
         for batch in cursor.batches(KEEP_ALIVE_S):
             yield batch.model_copy(update={"standing": standing(manager.context)})
         await asyncio.sleep(LIVE_INTERVAL_S)
-
-
-async def _estop(manager: JobManager, by: str) -> Stopped:
-    # In threads of its own: neither another request nor another rig holds it up.
-    latch, loop = manager.latch, asyncio.get_running_loop()
-    return await loop.run_in_executor(latch.threads, latch.estop, by)

@@ -26,6 +26,7 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     AllRigs,
+    HungUp,
     IdempotencyKey,
     Note,
     Operator,
@@ -40,6 +41,7 @@ from pincette_supervisor.rest.sample_formats import (
     as_parquet,
     table,
 )
+from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results.plan_plot import plan_png
 
 PNG: dict[int | str, dict[str, Any]] = {
@@ -71,7 +73,7 @@ def _stored(digest: str, rigs: AllRigs) -> Stored:
 
 StoredTrajectory = Annotated[Stored, Depends(_stored)]
 
-router = APIRouter(prefix="/trajectories", tags=["trajectories"])
+router = APIRouter(prefix="/trajectories", tags=["trajectories"], route_class=StrictRoute)
 
 
 @router.post(
@@ -212,13 +214,21 @@ def start(
     response: Response,
     by: Operator,
     note: Note,
+    gone: HungUp,
     body: TrajectoryStart | None = None,
     idempotency_key: IdempotencyKey = None,
 ) -> object:
     """Take a job that does what the trajectory says, with rig file and model as they were."""
     request = stored.store.request(stored.row, body or TrajectoryStart())
     return take(
-        stored.manager, request, response, dry_run=False, by=by, note=note, key=idempotency_key
+        stored.manager,
+        request,
+        response,
+        dry_run=False,
+        by=by,
+        note=note,
+        gone=gone,
+        key=idempotency_key,
     )
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple, cast
 from pincette.api.live import LoopTiming
 from pincette.bus.protocol import Bus, BusError
 from pincette.config import ConfigError, RigFile
-from pincette.core.faults import Cause, Mode
+from pincette.core.faults import Cause, Mode, Predecessor
 from pincette.core.messages import Applied, Position, Reset, Status, Timing, TimingRequest
 from pincette.core.plugins import PluginError
 from pincette.core.topics import LOOP, RESET, TIMING_OF
@@ -30,6 +30,8 @@ SENSOR_PERIODS, SENSOR_S = 10.0, 0.2
 """The sensor may be silent, or read no position, this long, whichever is longer."""
 PROGRAMS = (*LOOP, "recorder")
 """Those that a job needs."""
+UNTRUSTED = -1
+"""Instance of no program."""
 MET, CLEARED = "actuator_met", "actuator_boot_cleared"
 
 
@@ -48,9 +50,9 @@ class LatchState(NamedTuple):
 class Health:
     """Answers of the programs, and the actuator's latch."""
 
-    # An actuator boots latched. For the first one this supervisor meets that latch means only that
-    # the rig was switched on, so it is cleared once without asking; for one that took another's
-    # place it means that the other died, and a person must have seen that.
+    # An actuator boots latched. Where none was ever noted before it, or the last one has ended
+    # cleanly, that latch means only that the rig was switched on, so it is cleared once without
+    # asking; for any other it means that one has died, and a person must have seen that.
 
     def __init__(
         self,
@@ -88,9 +90,18 @@ class Health:
         self._asked_at = self.clock()
         actuator = self.status("actuator")
         if actuator is not None and self._trusted is None:
+            self._meet(actuator)
+
+    def _meet(self, actuator: Status) -> None:
+        """Trust the first actuator, unless it took the place of one that is not known to have
+        ended cleanly."""
+        noted = self._store.get_note(self._met)
+        self._met_before = noted == str(actuator.instance)
+        if noted is None or self._met_before or actuator.predecessor is Predecessor.CLEAN:
             self._trusted = actuator.instance
-            self._met_before = self._store.get_note(self._met) == str(actuator.instance)
             self._note(self._met, actuator.instance)
+        else:
+            self._trusted = UNTRUSTED
 
     def status(self, service: str) -> Status | None:
         """The last status of a service; None where it did not answer."""
@@ -125,6 +136,8 @@ class Health:
         if actuator is not None and actuator.instance != self._trusted:
             return LatchState(Mode.LATCHED, TripReason(Cause.RESTART))
         applied = self._observer.newest(Applied)
+        if applied is None and actuator is not None and actuator.cause == Cause.RESTART:
+            return LatchState(actuator.mode, TripReason(actuator.cause))
         return LatchState() if applied is None else LatchState(applied.state, reason_of(applied))
 
     def _boot_may_be_cleared(self) -> bool:
@@ -141,15 +154,15 @@ class Health:
     def clear_boot(self) -> None:
         """Clear the latch of a rig that was switched on; raises BusError."""
         if self._boot_may_be_cleared():
-            self._reset()
+            self._reset(acknowledge=False)
 
     def reset(self) -> None:
         """Clear the latch because a person has seen the cause; raises BusError."""
-        self._reset()
+        self._reset(acknowledge=True)
         self.refresh(force=True)
 
-    def _reset(self) -> None:
-        self._bus.call(RESET, Reset(acknowledge=True))
+    def _reset(self, *, acknowledge: bool) -> None:
+        self._bus.call(RESET, Reset(acknowledge=acknowledge))
         actuator = status(self._bus, "actuator")
         self._trusted = actuator.instance
         self._note(self._cleared, actuator.instance)

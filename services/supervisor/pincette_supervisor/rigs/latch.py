@@ -1,5 +1,6 @@
 """The emergency stop and the reset of one rig."""
 
+import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
@@ -26,6 +27,27 @@ class LatchControl:
         """For emergency stops: no other call, and no other rig, takes them."""
         self._aside = ThreadPoolExecutor(1, thread_name_prefix=f"aside-{name}")
         """Writes an emergency stop down, so that no disk holds it up."""
+        self._slots = asyncio.Semaphore(ESTOP_THREADS)
+        self._next: asyncio.Task[Stopped] | None = None
+        """Trips the actuator, and has not begun to."""
+
+    async def stopped(self, by: str) -> Stopped:
+        """Trip the actuator, in a thread of its own: no other request and no other rig delays it.
+
+        Anybody may ask, as often as they like. Those who come while all threads are at it share
+        the next trip, which begins after the press of each of them.
+        """
+        loop = asyncio.get_running_loop()
+        task = self._next
+        if task is None or task.done() or task.get_loop() is not loop:
+            task = self._next = loop.create_task(self._in_turn(by))
+            task.add_done_callback(lambda done: done.cancelled() or done.exception())
+        return await asyncio.shield(task)
+
+    async def _in_turn(self, by: str) -> Stopped:
+        async with self._slots:
+            self._next = None
+            return await asyncio.get_running_loop().run_in_executor(self.threads, self.estop, by)
 
     def estop(self, by: str) -> Stopped:
         """Trip the actuator at once; takes no lock and touches no disk."""

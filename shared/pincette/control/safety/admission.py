@@ -23,7 +23,7 @@ from pincette.control.safety.freshness import (
 from pincette.control.safety.latch import released, trip
 from pincette.control.safety.monitors import finding, watch_command, watch_position
 from pincette.control.safety.state import SafetyLimits, SafetyState, Strangers
-from pincette.control.safety.voltage import VoltageLimits, absurd, limited, too_wide
+from pincette.control.safety.voltage import VoltageLimits, absurd, limited, slewing_s, too_wide
 
 S = TypeVar("S", bound=SafetyState)
 
@@ -114,7 +114,7 @@ def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) ->
     why = objection(limits, state, command, oldest, now)
     if why or oldest is None:
         return replace(state, refused=state.refused + 1, refusal=why)
-    return _taken(limits, state, command, oldest)
+    return _taken(limits, state, command, oldest, now)
 
 
 def nonsense(
@@ -173,13 +173,19 @@ def objection(
     return too_wide(limits.voltage, command.voltage_V, command.sweep_V)
 
 
-def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival) -> S:
+def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float) -> S:
     """Follow a good command; ``final`` ends the arming and keeps the voltage."""
-    voltage_V, flags = limited(limits.voltage, state.voltage_V, command.voltage_V)
+    had_s, share = None, 1.0
+    if not limits.lockstep:
+        had_s = slewing_s(limits.period_s, now - state.moved_s)
+        share = had_s / limits.period_s
+    voltage_V, flags = limited(limits.voltage, state.voltage_V, command.voltage_V, share)
     return replace(
         state,
         mode=Mode.IDLE if command.final else Mode.ARMED,
         voltage_V=voltage_V,
+        moved_s=state.moved_s if voltage_V == state.voltage_V else now,
+        slewing_s=had_s,
         part_held=command.part_held,
         taken_seq=command.seq,
         fresh_s=sample.at_s,

@@ -1,4 +1,4 @@
-"""Modes of the actuator, and why it trips."""
+"""Modes of the actuator, why it trips, and how the one before it has ended."""
 
 from enum import StrEnum
 
@@ -23,7 +23,7 @@ class Cause(StrEnum):
     NONE = ""
     """It is not."""
     BOOT = "boot"
-    """The actuator has just started."""
+    """The actuator has just started, and none before it has died."""
     COMMAND_AGE = "command_age"
     """No command in time."""
     FORCE = "force"
@@ -37,7 +37,7 @@ class Cause(StrEnum):
     SHUTDOWN = "shutdown"
     """The program was told to end."""
     RESTART = "restart"
-    """The actuator was started anew, as the supervisor sees."""
+    """The actuator was started anew after one that has died."""
     ESTOP = "estop"
     ABORT = "abort"
     LEASE = "lease"
@@ -46,7 +46,18 @@ class Cause(StrEnum):
     """Another program asked for it, and did not say why."""
 
 
-CAUSES = tuple(cause for cause in Cause if cause not in (Cause.NONE, Cause.RESTART))
+class Predecessor(StrEnum):
+    """How the actuator before this one has ended."""
+
+    NONE = "none"
+    """None is known."""
+    CLEAN = "clean"
+    """It was told to end, with the arm free and nothing latched that a person had not seen."""
+    DIED = "died"
+    """It was killed, has failed, or left something to be seen; or what is noted is damaged."""
+
+
+CAUSES = tuple(cause for cause in Cause if cause != Cause.NONE)
 """All that the actuator tells."""
 OWN = frozenset(
     {
@@ -61,6 +72,8 @@ OWN = frozenset(
     }
 )
 """Causes that only the actuator itself finds."""
+BOOTED = frozenset({Cause.BOOT, Cause.RESTART})
+"""Causes of an actuator that has tripped by nothing that it has seen itself."""
 LETS_GO = frozenset({Cause.FORCE})
 """Causes for which a held part is let go at once: to freeze would be to press on."""
 

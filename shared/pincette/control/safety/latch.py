@@ -5,6 +5,9 @@ With the arm free the voltage ramps to the safe value; with a part held it is fr
 time and up to a bounded force, and then ramped, unless the cause asks to let go at once. Either way
 the actuator is latched until a person resets it, and nothing resumes by itself; a reset while it is
 frozen keeps the part, at the voltage that holds it.
+
+The latch of a boot asks a person for nothing where there was no actuator before, or where the last
+one had nothing to be seen when it was told to end. After any other end it is that of a death.
 """
 
 from typing import TypeVar
@@ -12,13 +15,33 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from pincette.control.faults import Fault, FaultCode, fault
-from pincette.control.safety.causes import LETS_GO, Cause, Mode
+from pincette.control.safety.causes import BOOTED, LETS_GO, Cause, Mode, Predecessor
 from pincette.control.safety.freshness import standstill_s
 from pincette.control.safety.monitors import UNSEEN
 from pincette.control.safety.state import NO_STRANGERS, SafetyLimits, SafetyState
 from pincette.control.safety.voltage import ramp
 
 S = TypeVar("S", bound=SafetyState)
+
+
+def booted(state: S, predecessor: Predecessor) -> S:
+    """Begin latched, by a restart where the one before has died."""
+    cause = Cause.RESTART if predecessor is Predecessor.DIED else Cause.BOOT
+    return replace(state, cause=cause, predecessor=predecessor)
+
+
+def ending(state: SafetyState) -> Predecessor:
+    """What an actuator that is told to end here is to the next one.
+
+    One whose latch nobody has cleared is no better than the one before it.
+    """
+    if state.part_held or state.unconfirmed:
+        return Predecessor.DIED
+    if state.mode == Mode.IDLE:
+        return Predecessor.CLEAN
+    if state.mode == Mode.LATCHED and state.cause == Cause.BOOT:
+        return state.predecessor
+    return Predecessor.DIED
 
 
 def arming_objection(state: SafetyState) -> str:
@@ -72,7 +95,7 @@ def trip(
     let_go = let_go or cause in LETS_GO
     if state.mode == Mode.FROZEN and let_go:
         return ramped(state, now)
-    tripped_before = state.mode == Mode.LATCHED and state.cause != Cause.BOOT
+    tripped_before = state.mode == Mode.LATCHED and state.cause not in BOOTED
     if state.mode in (Mode.FROZEN, Mode.RAMPING) or tripped_before:
         return state
     tripped = replace(state, cause=cause, faults=faults, since_s=now, limits_active=0)
@@ -99,8 +122,11 @@ def released(state: S, pressed: Fault, now: float) -> S:
 
 
 def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: bool) -> str:
-    """Why the latch is not cleared; empty where it may be."""
-    if not acknowledged:
+    """Why the latch is not cleared; empty where it may be.
+
+    Only that of a boot after no death needs nobody who has seen its cause.
+    """
+    if not acknowledged and (state.mode != Mode.LATCHED or state.cause != Cause.BOOT):
         return "a reset needs acknowledge = true"
     if state.mode == Mode.RAMPING and not limits.lockstep:
         return f"the actuator is ramping ({state.cause}): reset it when the arm is safe"
@@ -148,8 +174,9 @@ def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
     # One step ahead of its clock: the first step comes with the trip.
     share = (now - state.since_s + limits.age.wake_s) / limits.ramp_s
     if share >= 1.0:
-        return at_safe(limits, state)
-    return replace(state, voltage_V=ramp(state.ramp_from_V, limits.safe_V, share))
+        return replace(at_safe(limits, state), moved_s=now)
+    voltage_V = ramp(state.ramp_from_V, limits.safe_V, share)
+    return replace(state, voltage_V=voltage_V, moved_s=now)
 
 
 def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> tuple[Fault, ...]:

@@ -1,10 +1,11 @@
 """What the rules go by, and what they remember from one event to the next."""
 
 from dataclasses import dataclass
+from math import inf
 
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.record import FrozenRecord
-from pincette.control.safety.causes import Cause, Mode
+from pincette.control.safety.causes import Cause, Mode, Predecessor
 from pincette.control.safety.freshness import AgeLimits, Arrivals
 from pincette.control.safety.monitors import UNSEEN, MonitorLimits, Watches
 from pincette.control.safety.voltage import VoltageLimits
@@ -58,6 +59,10 @@ class SafetyState(FrozenRecord, frozen=True):
     voltage_V: float = 0.0
     part_held: bool = False
     """By the last good command: what a fault means was decided before the fault."""
+    moved_s: float = -inf
+    """When the voltage was changed last."""
+    slewing_s: float | None = None
+    """What the newest command had of the time since then; None in lockstep, which has no clock."""
     taken_seq: int = -1
     fresh_s: float = 0.0
     """Arrival of the sample on which the last good command was based."""
@@ -78,6 +83,8 @@ class SafetyState(FrozenRecord, frozen=True):
     refusal: Fault | None = None
     """Why a command was refused last."""
     strangers: Strangers = NO_STRANGERS
+    predecessor: Predecessor = Predecessor.NONE
+    """How the actuator before this one has ended."""
     unconfirmed: bool = False
     """The output has not confirmed what it was told last."""
 

@@ -18,25 +18,37 @@ class VoltageLimits:
     min_V: float
     max_V: float
     slew_V: float
-    """Largest change from one command to the next."""
+    """Largest change in a control period, and from one command to the next."""
     sweep_V: float
     """Largest amplitude of a sweep, to which the slew limit does not apply."""
 
 
-def limited(limits: VoltageLimits, present_V: float, wanted_V: float) -> tuple[float, int]:
+def slewing_s(period_s: float, since_s: float) -> float:
+    """How much of the time since the output moved last its slew may use, in s, to the µs.
+
+    A period at most: a command after a silence moves no further than one in time. To the µs, so
+    that a record can say it.
+    """
+    return round(min(max(since_s, 0.0), period_s), 6)
+
+
+def limited(
+    limits: VoltageLimits, present_V: float, wanted_V: float, share: float = 1.0
+) -> tuple[float, int]:
     """The wanted voltage within range and slew, in V, and the bits of the limits that acted.
 
-    u = clip(clip(wanted, min, max), present - slew, present + slew)
+    u = clip(clip(wanted, min, max), present - share·slew, present + share·slew), with the share of
+    a period that has passed since the output moved last.
     """
-    flags = 0
+    flags, slew_V = 0, share * limits.slew_V
     if wanted_V > limits.max_V:
         wanted_V, flags = limits.max_V, VOLTAGE_MAX
     elif wanted_V < limits.min_V:
         wanted_V, flags = limits.min_V, VOLTAGE_MIN
-    if wanted_V > present_V + limits.slew_V:
-        return present_V + limits.slew_V, flags | SLEW_UP
-    if wanted_V < present_V - limits.slew_V:
-        return present_V - limits.slew_V, flags | SLEW_DOWN
+    if wanted_V > present_V + slew_V:
+        return present_V + slew_V, flags | SLEW_UP
+    if wanted_V < present_V - slew_V:
+        return present_V - slew_V, flags | SLEW_DOWN
     return wanted_V, flags
 
 

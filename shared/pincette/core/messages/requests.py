@@ -14,7 +14,7 @@ from pincette.control.quantities import (
     Whole,
 )
 from pincette.control.record import FrozenRecord
-from pincette.core.faults import ActionCode, Cause, Fault, LeaseEnd, Mode
+from pincette.core.faults import ActionCode, Cause, Fault, LeaseEnd, Mode, Predecessor
 
 
 class Arm(FrozenRecord, frozen=True):
@@ -76,8 +76,9 @@ class Trip(FrozenRecord, frozen=True):
 
 
 class Reset(FrozenRecord, frozen=True):
-    """Clear the actuator's latch; ``acknowledge`` must be true.
+    """Clear the actuator's latch; ``acknowledge``: a person has seen its cause.
 
+    Without, only the latch of a boot is cleared, and only where no actuator before has died.
     A part that is held stays held: its voltage is kept, and the next arming begins with it.
     """
 
@@ -177,6 +178,8 @@ class Status(FrozenRecord, frozen=True):
     """Behind the cause; see ``Applied``."""
     findings: Items[Fault] = ()
     """What else is to be told of it, the gravest first."""
+    predecessor: Predecessor | None = None
+    """Of the actuator: how the one before it has ended."""
 
 
 class TimingRequest(FrozenRecord, frozen=True):

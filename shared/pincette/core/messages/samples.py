@@ -119,6 +119,11 @@ class Applied(FrozenRecord, frozen=True):
     ended early."""
     segment: Whole | None = None
     segment_tick: Whole = 0
+    slewing_s: Second | None = None
+    """Time since the output moved last, a period at most, that the slew limit gave the command
+    taken; None in lockstep, where it is a period."""
+    unconfirmed: bool = False
+    """Whether the output has not confirmed ``voltage_V``: then nobody knows what is put out."""
 
 
 class Telemetry(FrozenRecord, frozen=True):

@@ -14,7 +14,7 @@ from pincette.core.service import AnyService
 from pincette.core.topics import LOAD, LOOP, RESET, TOPIC_OF, TOPICS
 from pincette.engine.node import Node
 from pincette.engine.replay.comparison import Comparison, Findings
-from pincette.engine.replay.steps import Gap, Samples, steps
+from pincette.engine.replay.steps import Gap, Samples, Step, steps
 from pincette.engine.request_log import restored
 from pincette.instruments.protocols import ErrorCode, InstrumentError
 
@@ -94,11 +94,17 @@ def _play(
         for sample in step.samples:
             node.accept(sample, 0.0)
         findings.steps += 1
-        comparison.take(node.fire(0.0))
+        comparison.take(node.fire(_now(node, step)))
         tape.fault = None
     for item in waiting:
         _ask(node, item, comparison)
     comparison.end()
+
+
+def _now(node: Node, step: Step) -> float:
+    """A time at which the slew limit gives a command what it gave it then; else all are one."""
+    moved_s: float = getattr(node.state, "moved_s", 0.0)
+    return moved_s + (step.slewing_s or 0.0)
 
 
 def _armed_node(
@@ -122,6 +128,8 @@ def _armed_node(
         node.state = restored(service, node.config, node.state, armed.state_snapshot)
     except (KeyError, TypeError, ValueError) as error:
         raise _StoppedError(f"what it carried into the epoch cannot be read: {error}") from error
+    if hasattr(node.state, "moved_s"):
+        node.state = replace(node.state, moved_s=0.0)
     return node
 
 

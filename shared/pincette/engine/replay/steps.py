@@ -21,6 +21,8 @@ class Step:
 
     samples: tuple[Sample, ...]
     fault: Fault | None = None
+    slewing_s: float | None = None
+    """What the slew limit gave an actuator's command in real time; None where it is not told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +130,11 @@ def actuator_steps(samples: Samples) -> Iterator[Step | Gap]:
             if sample is None:
                 yield _gap(kind, seq)
                 return
-            fault = _fault(answers) if kind is Command else None
-            yield Step((sample,), fault)
+            if kind is Position:
+                yield Step((sample,))
+                continue
+            given_s = next((item.slewing_s for item in answers if item.answered), None)
+            yield Step((sample,), _fault(answers), given_s)
 
 
 def _fault(answers: list[Applied]) -> Fault | None:

@@ -22,8 +22,8 @@ def test_only_the_force_lets_go_by_itself() -> None:
     assert set(Cause) - ASKED_FOR - {Cause.NONE} == OWN
 
 
-def test_the_actuator_tells_every_cause_but_its_own_restart() -> None:
-    assert set(CAUSES) == set(Cause) - {Cause.NONE, Cause.RESTART}
+def test_the_actuator_tells_every_cause() -> None:
+    assert set(CAUSES) == set(Cause) - {Cause.NONE}
 
 
 def test_only_idle_and_armed_are_not_tripped() -> None:

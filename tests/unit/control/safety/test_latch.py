@@ -84,6 +84,8 @@ def test_an_arming_begins_anew_but_for_voltage_part_and_counters() -> None:
         epoch=12,
         owner=6,
         voltage_V=used.voltage_V,
+        moved_s=used.moved_s,
+        slewing_s=used.slewing_s,
         part_held=True,
         fresh_s=5.0 + LIMITS.age.grace_s,
         ran_s=4.0,

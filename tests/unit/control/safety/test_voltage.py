@@ -15,6 +15,7 @@ from pincette.control.safety.voltage import (
     absurd,
     limited,
     ramp,
+    slewing_s,
     too_wide,
 )
 from pincette.core.wording import fault_text
@@ -97,3 +98,27 @@ def test_a_sweep_keeps_amplitude_and_range(about_V: float, amplitude_V: float, w
 )
 def test_the_ramp_is_straight_and_ends_at_both_ends(share: float, voltage_V: float) -> None:
     assert ramp(2.0, 1.0, share) == voltage_V
+
+
+@pytest.mark.parametrize(
+    ("since_s", "given_s"),
+    [
+        (-0.1, 0.0),
+        (0.0, 0.0),
+        (0.0002, 0.0002),
+        (0.0123456789, 0.012346),
+        (0.02, 0.02),
+        (inf, 0.02),
+    ],
+)
+def test_the_slew_has_the_time_since_the_last_move_and_a_period_at_most(
+    since_s: float, given_s: float
+) -> None:
+    assert slewing_s(0.02, since_s) == given_s
+
+
+def test_a_share_of_a_period_is_a_share_of_the_slew() -> None:
+    assert limited(LIMITS, 0.0, 2.0, 0.1) == (pytest.approx(0.05), SLEW_UP)
+    assert limited(LIMITS, 0.0, -0.5, 0.1) == (pytest.approx(-0.05), SLEW_DOWN)
+    assert limited(LIMITS, 0.0, 0.04, 0.1) == (0.04, 0)
+    assert limited(LIMITS, 0.3, 2.0, 0.0) == (0.3, SLEW_UP)

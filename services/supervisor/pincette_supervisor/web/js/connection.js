@@ -6,6 +6,8 @@ import { duration } from "./words.js";
 
 const STALE_MS = 3000;
 const LOOK_MS = 500;
+const STOPS = "E-STOP is kept and sent until the actuator confirms it; pincette estop on the rig's "
+  + "computer and the button of the supply stop at once.";
 
 /** Tell a screen reader at once; what it was told before is not told again. */
 export function alarm(text) {
@@ -41,7 +43,7 @@ export function watchConnection() {
     if (stale) {
       setText(said, `no answer for ${duration(Math.floor(age_s))}`);
       const age = heard.ever ? `What is shown is ${duration(Math.floor(age_s))} old. ` : "";
-      setText(notice, `${why()} ${age}E-STOP is sent all the same.`);
+      setText(notice, `${why()} ${age}${STOPS}`);
     } else setText(said, heard.ever ? "connected" : "connecting");
     if (stale !== before) alarm(stale ? `${why()} What is shown is old.` : "The supervisor answers.");
   }, LOOK_MS);

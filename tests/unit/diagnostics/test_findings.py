@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli.doctor import findings, moved, shared_ports
-from pincette.cli.doctor_rig import Finding, limits, model, rig_findings, timing, watchdog
-from pincette.cli.drivers import direction, instruments, latency, readings
+from pincette.cli.doctor import findings, moved
 from pincette.config import Output, RigFile, Sensor, read_rig
 from pincette.core import plugins
 from pincette.core.service import AnyService
+from pincette.diagnostics import Finding
+from pincette.diagnostics.instruments import direction, instruments, latency, readings
+from pincette.diagnostics.machine import shared_ports
+from pincette.diagnostics.rig_file import limits, model, rig_findings, timing, watchdog
 from pincette.engine.instrument import Device
 from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
@@ -164,7 +166,7 @@ def test_an_unknown_driver_and_a_wrong_option_are_missing() -> None:
 
 
 def test_good_instruments_have_nothing_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pincette.cli.drivers.open_device", Bench().open_device)
+    monkeypatch.setattr("pincette.diagnostics.instruments.open_device", Bench().open_device)
     found = list(instruments(RIG))
     assert missing(iter(found)) == []
     said = "\n".join(finding.what for finding in found)
@@ -176,7 +178,7 @@ def test_an_instrument_that_cannot_be_opened_is_named(monkeypatch: pytest.Monkey
     def fail(service: AnyService, _rig: RigFile) -> Device:
         raise InstrumentError(f"{service.name} is not there", "cannot_open")
 
-    monkeypatch.setattr("pincette.cli.drivers.open_device", fail)
+    monkeypatch.setattr("pincette.diagnostics.instruments.open_device", fail)
     assert missing(instruments(RIG)) == [
         "sensor: sensor is not there",
         "output: actuator is not there",
@@ -259,7 +261,7 @@ def test_no_room_below_the_limit_moves_nothing() -> None:
 
 def test_nothing_moves_without_consent(monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench()
-    monkeypatch.setattr("pincette.cli.drivers.open_device", bench.open_device)
+    monkeypatch.setattr("pincette.diagnostics.instruments.open_device", bench.open_device)
     assert moved(RIG, lambda question: "0.2 V" not in question).mark == "missing"
     assert bench.written_V == []
 

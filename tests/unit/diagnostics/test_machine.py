@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli.doctor import machine, os_requests, priority
 from pincette.config import RigFile, read_rig
 from pincette.config.programs import RealTime
+from pincette.diagnostics.machine import machine, os_requests, priority
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is asked for")
 

@@ -1,53 +1,17 @@
-"""Findings of ``pincette doctor`` about a rig file and its certificates; nothing is opened."""
+"""What a rig file asks for: drivers, timing, watchdog, limits, model; nothing is opened."""
 
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from datetime import UTC, datetime
-from pathlib import Path
-from typing import Literal, cast
+from typing import cast
 
 from pincette.config import ConfigError, Output, RigFile, Sensor, Table
 from pincette.config.calibration import CALIBRATED
 from pincette.core import plugins
 from pincette.core.service import member_services
+from pincette.diagnostics import Finding, noted
 from pincette.engine.process import loop_services
 from pincette.engine.timing_budget import budget, shared_timeout_s
 from pincette.instruments.options import read_options
-from pincette.security.certificates import Facts
-from pincette.security.folder import SOON, Folder, checked
-from pincette.security.identity import (
-    ROUTER,
-    SUPERVISOR,
-    UPSTREAM,
-    Identity,
-    SecurityError,
-    program,
-)
-
-Mark = Literal["well", "missing", "note"]
-COLOURS: dict[Mark, str] = {"well": "green", "missing": "red", "note": "yellow"}
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing looked at: whether it is well, and what to do where it is not."""
-
-    well: bool
-    what: str
-    remedy: str = ""
-    note: bool = False
-    """Neither well nor missing: what a person should know."""
-
-    @property
-    def mark(self) -> Mark:
-        """How it is shown."""
-        return "note" if self.note else "well" if self.well else "missing"
-
-
-def noted(what: str, remedy: str = "") -> Finding:
-    """Make a finding that a person should know of, and that stops nothing."""
-    return Finding(True, what, remedy, note=True)
 
 
 def rig_findings(rig: RigFile) -> Iterator[Finding]:
@@ -207,76 +171,3 @@ def model(rig: RigFile) -> Finding:
 def _given(rig: RigFile, name: str) -> bool:
     table, _, quantity = name.partition(".")
     return quantity in getattr(rig, table).model_fields_set
-
-
-def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]:
-    """Whether each program of a rig has a certificate that it can work with, here and today.
-
-    Only keys that are on this machine are looked at: what runs elsewhere has its key there.
-    """
-    if rig.bus.pki is None:
-        key, place = ("listen", rig.bus.listen) if rig.bus.listen else ("host", rig.bus.host)
-        if not _loopback(place):
-            yield noted(
-                f"certificates: none, and [bus] {key} = {place!r} is beyond this machine: "
-                "whoever reaches it can move the arm",
-                "`pincette security init FOLDER`, then [bus] pki; docs/how-to/secure.md",
-            )
-        return
-    folder, now = Folder(Path(rig.bus.pki)), now or datetime.now(UTC)
-    found: list[Facts] = []
-    well = True
-    for who in _programs(rig):
-        try:
-            found.append(_seen(folder, who, now, _host(rig, who)))
-        except SecurityError as error:
-            well = False
-            yield Finding(False, f"certificates: {error}", "docs/how-to/secure.md says how")
-    if soon := [facts for facts in found if facts.ends - now < SOON]:
-        yield _ending(soon, folder, now)
-    elif well:
-        first = min(facts.ends for facts in found)
-        yield Finding(True, f"certificates: all in order, the first ends on {first:%Y-%m-%d}")
-
-
-def _programs(rig: RigFile) -> tuple[Identity, ...]:
-    beside = ("recorder",) if rig.simulation is None else ("recorder", "rig")
-    own = tuple(program(name, rig.rig.name) for name in (*rig.programs, *beside))
-    if rig.joins:
-        return own
-    above = () if rig.bus.upstream is None else (program(UPSTREAM, ""),)
-    return program(ROUTER, ""), *above, program(SUPERVISOR, ""), *own
-
-
-def _host(rig: RigFile, who: Identity) -> str:
-    """Where others connect to it; empty where nobody does."""
-    if who.role == UPSTREAM and rig.bus.upstream_at is not None:
-        return rig.bus.upstream_at[0]
-    return rig.bus.host if who.serves else ""
-
-
-def _seen(folder: Folder, who: Identity, now: datetime, host: str) -> Facts:
-    """What a certificate says, once it is in order; raises SecurityError."""
-    files = folder.credentials(who)
-    here = files.private_key.exists()
-    facts = checked(files, now) if here or not files.certificate.exists() else folder.facts(who)
-    if host and host not in facts.hosts:
-        raise SecurityError(
-            f"{who.name} is reached at {host} ([bus] host), its certificate is for "
-            f"{', '.join(facts.hosts) or 'no host'}: make a folder with `--host {host}`"
-        )
-    return facts
-
-
-def _ending(soon: Iterable[Facts], folder: Folder, now: datetime) -> Finding:
-    listed = sorted(soon, key=lambda facts: facts.ends)
-    left = (listed[0].ends - now).days
-    names = ", ".join(facts.identity.name for facts in listed)
-    return noted(
-        f"certificates: {names}: {left} days left at the least",
-        f"`pincette security renew {folder.path}`, then restart them while the rig is idle",
-    )
-
-
-def _loopback(host: str) -> bool:
-    return host in ("localhost", "::1") or host.startswith("127.")

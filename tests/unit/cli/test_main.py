@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli.entrypoint import main
+from pincette.__main__ import main
 
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
 OF_PEOPLE = ("httpx", "typer", "rich", "pyarrow", "matplotlib", "sqlalchemy", "fastapi", "mcap")
@@ -19,13 +19,13 @@ class Missing:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 
 sys.meta_path.insert(0, Missing())
-from pincette.cli.entrypoint import main
+from pincette.__main__ import main
 sys.exit(main({words!r}))
 """
 A_LOOP = f"""\
 from pathlib import Path
 from pincette.core import plugins
-from pincette.cli import entrypoint
+from pincette import __main__
 from pincette.config import read_rig
 from pincette.core.topics import LOOP
 rig = read_rig(Path({str(DEMO)!r}))

@@ -1,0 +1,86 @@
+"""How the program before this one has ended, in a file of the program's own.
+
+The supervisor may have been away, or died with it: so the program itself notes that it runs, before
+it serves, and that it has ended cleanly, after it has come to rest.
+"""
+
+import json
+import logging
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from pincette.config import RigFile
+from pincette.core.faults import Predecessor
+
+RUNNING = "running"
+
+_log = logging.getLogger(__name__)
+
+
+def boot_note(rig: RigFile, service: str, data: Path) -> "BootNote":
+    """The note of one service of a rig, where the rig's records go."""
+    return BootNote(rig.home(data) / f"{service}-{rig.rig.name}.json")
+
+
+class BootNote:
+    """One small file, replaced whole and on the disk before the call returns."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def found(self) -> Predecessor:
+        """How the program before this one has ended.
+
+        What cannot be read, or could not be replaced, was no clean end.
+        """
+        found = self._read()
+        if found is Predecessor.CLEAN and not self._write(str(found)):
+            return Predecessor.DIED
+        return found
+
+    def begin(self) -> None:
+        """Note that the program runs, before anything can be asked of it."""
+        if not self._write(RUNNING):
+            with suppress(OSError):
+                self._path.unlink()
+
+    def end(self, ending: Predecessor) -> None:
+        """Note how the program has ended, once it is at rest."""
+        if ending is not Predecessor.DIED:
+            self._write(str(ending))
+
+    def _read(self) -> Predecessor:
+        try:
+            ended = json.loads(self._path.read_bytes())["ended"]
+        except FileNotFoundError:
+            return Predecessor.NONE
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            _log.warning("%s cannot be read (%s): taken for no clean end", self._path, error)
+            return Predecessor.DIED
+        if ended in (Predecessor.NONE, Predecessor.CLEAN):
+            return Predecessor(ended)
+        return Predecessor.DIED
+
+    def _write(self, ended: str) -> bool:
+        draft = self._path.with_suffix(".draft")
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with draft.open("w", encoding="utf-8") as stream:
+                stream.write(json.dumps({"ended": ended}) + "\n")
+                stream.flush()
+                os.fsync(stream.fileno())
+            draft.replace(self._path)
+            folder = os.open(self._path.parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
+        except OSError as error:
+            _log.warning(
+                "%s cannot be written (%s): the next start may ask a person for a reset",
+                self._path,
+                error,
+            )
+            return False
+        return True

@@ -1,0 +1,47 @@
+"""What a boot means, by how the actuator before has ended."""
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.control.safety.causes import Cause, Mode, Predecessor
+from pincette.control.safety.latch import booted, ending, reset, reset_objection
+from pincette.control.safety.state import SafetyState
+
+from .bench import LIMITS
+
+FRESH = SafetyState()
+
+
+@pytest.mark.parametrize("before", Predecessor)
+def test_a_boot_is_a_restart_only_after_a_death(before: Predecessor) -> None:
+    state = booted(FRESH, before)
+    assert state.mode == Mode.LATCHED
+    assert state.predecessor == before
+    assert (state.cause == Cause.RESTART) == (before == Predecessor.DIED)
+    asks = reset_objection(LIMITS, state, acknowledged=False)
+    assert bool(asks) == (before == Predecessor.DIED)
+    assert not reset_objection(LIMITS, state, acknowledged=True)
+
+
+@pytest.mark.parametrize("before", Predecessor)
+def test_who_ends_with_the_latch_of_its_boot_is_what_the_one_before_was(
+    before: Predecessor,
+) -> None:
+    assert ending(booted(FRESH, before)) == before
+
+
+def test_who_ends_idle_with_a_free_arm_ends_clean() -> None:
+    idle = reset(LIMITS, booted(FRESH, Predecessor.DIED))
+    assert ending(idle) == Predecessor.CLEAN
+    assert ending(replace(idle, part_held=True)) == Predecessor.DIED
+    assert ending(replace(idle, unconfirmed=True)) == Predecessor.DIED
+
+
+@pytest.mark.parametrize("mode", [Mode.ARMED, Mode.FROZEN, Mode.RAMPING])
+def test_who_ends_in_a_motion_ends_not_clean(mode: Mode) -> None:
+    assert ending(replace(FRESH, mode=mode, predecessor=Predecessor.CLEAN)) == Predecessor.DIED
+
+
+def test_a_latch_that_nobody_has_cleared_is_no_clean_end() -> None:
+    for cause in (Cause.ESTOP, Cause.COMMAND_AGE, Cause.RESTART):
+        assert ending(replace(FRESH, cause=cause)) == Predecessor.DIED

@@ -1,0 +1,58 @@
+"""How the program before has ended, from a file that may be gone, damaged or not writable."""
+
+from pathlib import Path
+
+import pytest
+
+from pincette.core.faults import Predecessor
+from pincette.engine import boot_note as module
+from pincette.engine.boot_note import BootNote
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "data" / "actuator-demo.json"
+
+
+def test_none_was_there(path: Path) -> None:
+    assert BootNote(path).found() is Predecessor.NONE
+
+
+def test_who_began_and_said_nothing_more_has_died(path: Path) -> None:
+    BootNote(path).begin()
+    assert BootNote(path).found() is Predecessor.DIED
+    BootNote(path).end(Predecessor.DIED)
+    assert BootNote(path).found() is Predecessor.DIED
+
+
+@pytest.mark.parametrize("ending", [Predecessor.CLEAN, Predecessor.NONE])
+def test_who_has_ended_so_is_found_so(path: Path, ending: Predecessor) -> None:
+    note = BootNote(path)
+    note.begin()
+    note.end(ending)
+    assert BootNote(path).found() is ending
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"[]", b'{"ended": "well"}', b'{"end": 1}', b"\xff"]
+)
+def test_a_damaged_note_is_no_clean_end(path: Path, content: bytes) -> None:
+    path.parent.mkdir()
+    path.write_bytes(content)
+    assert BootNote(path).found() is Predecessor.DIED
+
+
+def test_a_note_that_cannot_be_replaced_is_no_clean_end(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    note = BootNote(path)
+    note.begin()
+    note.end(Predecessor.CLEAN)
+
+    def full(_number: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module.os, "fsync", full)
+    assert BootNote(path).found() is Predecessor.DIED
+    BootNote(path).begin()
+    assert not path.exists(), "better no note than that of a clean end"
