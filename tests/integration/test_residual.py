@@ -122,8 +122,7 @@ def test_a_later_job_knows_its_force_better_and_says_so() -> None:
     assert found.fault == ""
     assert planned.values["residual"]["job"] == "recorded"
     assert force_error_mN(later) < 0.6 * force_error_mN(recorded)
-    stated = [u for u, p in zip(later["force_uncertainty_mN"], later["phase"], strict=True)]
-    before = recorded["force_uncertainty_mN"]
+    stated, before = later["force_uncertainty_mN"], recorded["force_uncertainty_mN"]
     place = later["phase"].index("track")
     assert stated[place] < 0.75 * before[recorded["phase"].index("track")]
 

@@ -9,6 +9,8 @@ from pincette_supervisor.journal.learned import MOST, LearnedRepository, Learned
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.model.residuals import QUANTITY, merged
 
+from .harness import Harness
+
 
 def row(program: str, learned_at: str = "2026-03-01T12:00:00.000Z") -> LearnedRow:
     return LearnedRow(program, "job", learned_at, {"shape": "sinusoid"}, (0.1, -0.1), (0.3, 0.2))
@@ -59,3 +61,18 @@ def test_a_table_replaces_that_of_its_own_program_alone() -> None:
         ("a", "2", "2026-03-02"),
     ]
     assert merged(before, {"model.piezo_um_per_V": 19.0}, "") == {"model.piezo_um_per_V": 19.0}
+
+
+def test_it_is_listed_and_erased_over_rest(harness: Harness) -> None:
+    repository = LearnedRepository(harness.store, harness.manager.name)
+    name = "0123456789abcdef"
+    repository.keep(row(name))
+    path = f"/rigs/{harness.manager.name}/learning"
+    (found,) = harness.get(path)["programs"]
+    assert (found["program"], found["cycles"], found["over"]) == (name, 2, False)
+    assert found["errors_um"] == [0.3, 0.2]
+    erased = harness.call("DELETE", f"{path}/{name}")
+    assert erased.status_code == 200, erased.text
+    assert erased.json()["erased"] == 1
+    assert harness.call("DELETE", f"{path}/{name}").status_code == 404
+    assert harness.call("DELETE", path).json()["erased"] == 0

@@ -42,7 +42,8 @@ class Step:
 @cache
 def ordered() -> tuple[Step, ...]:
     """Every calibration after those that find what it assumes; else by its place."""
-    waiting = {name: functions_of(name) for name in KIND.variants}
+    found = {name: functions_of(name) for name in KIND.variants}
+    waiting = {name: functions for name, functions in found.items() if functions.of_bring_up}
     steps: list[Step] = []
     while waiting:
         name = _first(waiting)

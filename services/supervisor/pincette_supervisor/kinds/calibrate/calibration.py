@@ -42,6 +42,8 @@ class CalibrationFunctions:
     """What a person does at the bench."""
     needed: Callable[[RigFile], bool] = _needed
     """Whether a rig cannot do without it."""
+    of_bring_up: bool = True
+    """Whether the checklist has it; what belongs to one program is not of a rig's bring-up."""
     meets_part: bool = False
     """A part is expected, and a law leads the arm to it."""
     goes_on: Callable[[Any, Run], tuple[Any, str]] | None = None

@@ -160,7 +160,8 @@ def _residual_um(
     if not any(zeroed):
         raise ValueError("the force could not be zeroed: nothing would have shown a touch")
     residual_um = np.asarray(chained(found.tolist(), zeroed, derived.rest_samples(period_s)))
-    return residual_um - np.mean(residual_um[rest])
+    counted: Series = residual_um - float(np.mean(residual_um[rest]))
+    return counted
 
 
 def _drawn(
@@ -188,15 +189,11 @@ def draw(sheet: Sheet, found: Drawn) -> None:
             axis.axvline(t_s, color=FAINT, linewidth=0.6, zorder=0)
 
 
-def _needed(_rig: RigFile) -> bool:
-    return False
-
-
 FUNCTIONS = CalibrationFunctions(
     program=program,
     analyse=analyse,
     draw=draw,
     assumes=("model.compliance_um_per_mN", "model.free_response"),
     finds=(QUANTITY,),
-    needed=_needed,
+    of_bring_up=False,
 )
