@@ -71,8 +71,8 @@ def test_it_is_listed_and_erased_over_rest(harness: Harness) -> None:
     (found,) = harness.get(path)["programs"]
     assert (found["program"], found["cycles"], found["over"]) == (name, 2, False)
     assert found["errors_um"] == [0.3, 0.2]
-    erased = harness.call("DELETE", f"{path}/{name}")
+    erased = harness.call("DELETE", f"/api/v1{path}/{name}")
     assert erased.status_code == 200, erased.text
     assert erased.json()["erased"] == 1
-    assert harness.call("DELETE", f"{path}/{name}").status_code == 404
-    assert harness.call("DELETE", path).json()["erased"] == 0
+    assert harness.call("DELETE", f"/api/v1{path}/{name}").status_code == 404
+    assert harness.call("DELETE", f"/api/v1{path}").json()["erased"] == 0
