@@ -33,6 +33,8 @@ def _rig_objections(rig: RigFile) -> Iterator[str]:
     yield from _law_objections(rig.law.scheme)
     if model.free_response is None:
         yield "the free response is not an identified one"
+    if model.residuals:
+        yield "a residual table corrects the free response"
     if model.force_observer != "quasi_static" or model.force_ages != "matched":
         yield f"force_observer = {model.force_observer!r} with {model.force_ages} ages"
     if max(abs(limits.voltage_min_V), abs(limits.voltage_max_V)) > HIGHEST_V:
@@ -55,6 +57,8 @@ def _rig_objections(rig: RigFile) -> Iterator[str]:
 def _program_objections(program: Program) -> Iterator[str]:
     if program.begins_held or program.capture_hz:
         yield "the program begins with a part, or acquires a burst"
+    if program.corrections is not None:
+        yield "the program learns from cycle to cycle"
     if len(program.laws) > 1:
         yield f"{len(program.laws)} laws, one is followed"
     for spec in program.laws:

@@ -20,7 +20,6 @@ FEW_LINES = 40
 
 SMALL_FOR_A_REASON = {
     "pincette.control.safety.watchdog_feed": "part of the safety module, with mutants of its own",
-    "pincette_supervisor.planning.job_plans": "the one way from a request to a plan, also of tests",
     "pincette_supervisor.rest.routes_catalog": "a router a module",
     "pincette_batch.kernel.estimator": "compiled by itself, beside the scalar code it follows",
     "pincette_sensor.config": "every service has a config.py",

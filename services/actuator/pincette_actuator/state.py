@@ -63,6 +63,8 @@ def applied_of(
         refused=state.refused,
         command_age_s=age_s,
         unconfirmed=state.unconfirmed and not state.located,
+        segment=None if command is None else command.segment,
+        segment_tick=0 if command is None else command.segment_tick,
         slewing_s=None if command is None else state.slewing_s,
     )
 

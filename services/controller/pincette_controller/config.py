@@ -12,6 +12,7 @@ from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.program import Program
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
+from pincette_controller.learning import check_cycle
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +41,20 @@ class ControllerConfig:
             there = ", ".join(sorted(self.installed)) or "none"
             raise ValueError(f"no control law {spec.scheme!r} is installed; there are {there}")
         return self.installed[spec.scheme].resolve(spec)
+
+
+def check_program(config: ControllerConfig, program: Program) -> None:
+    """Raise ValueError for a program that cannot be played."""
+    if not program.segments:
+        raise ValueError("the program has no segments")
+    try:
+        laws = config.laws(program)
+    except ValueError as error:
+        raise ValueError(f"a law of the program: {error}") from error
+    check_cycle(program, config.period_s)
+    for segment in program.segments:
+        if not 0 <= segment.law < len(laws):
+            raise ValueError(f"{segment.phase} names law {segment.law}, there are {len(laws)}")
 
 
 def configure(rig: RigFile) -> ControllerConfig:

@@ -55,6 +55,7 @@ def telemetry_of(
     player: Player,
     output: LawOutput,
     acted: tuple[Acted, ...],
+    correction_um: float,
 ) -> Telemetry:
     """Telemetry of sample k: its references are those that the tick before set for it."""
     return Telemetry(
@@ -80,6 +81,7 @@ def telemetry_of(
         paused=player.paused,
         touch_x_um=player.touch_x_um,
         touch_mN=player.touch_mN,
+        correction_um=correction_um,
     )
 
 

@@ -91,6 +91,9 @@ def at_tick(player: Player, ticks: int, period_s: float) -> Player:
         return replace(player, x_r_um=player.from_x_um + gone_um, speed_um_per_s=speed)
     if segment.kind == "force" and segment.force_to_mN is not None:
         return _press(player, segment.force_to_mN, t_s)
+    if segment.voltages_V:
+        place = min(max(ticks, 1), len(segment.voltages_V)) - 1
+        return replace(player, voltage_V=segment.voltages_V[place])
     if segment.kind == "voltage" and segment.voltage_to_V is not None and segment.duration_s:
         share = quintic(t_s / segment.duration_s)
         way_V = segment.voltage_to_V - player.from_V

@@ -43,7 +43,8 @@ from pincette_controller.actions import (
     lease_end,
     lease_objection,
 )
-from pincette_controller.config import ControllerConfig, configure
+from pincette_controller.config import ControllerConfig, check_program, configure
+from pincette_controller.learning import Learning, begin_learning, correct, learn
 from pincette_controller.outputs import (
     check_command,
     invalid_command,
@@ -80,6 +81,8 @@ class State(FrozenRecord, frozen=True):
     """Those of ``program``."""
     player: Player | None = None
     memory: LawState | None = None
+    learning: Learning | None = None
+    """Along the cycles of a program that learns."""
     pending: tuple[Action, ...] = ()
     lease: RunningLease | None = None
     """Without one the program plays to its end, with or without a supervisor."""
@@ -150,6 +153,10 @@ def _play(
     player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
     player = advance(program, player, estimate, config.period_s)
     law = state.laws[player.segment.law]
+    learning = state.learning or begin_learning(program)
+    told_um = learning.correction_um
+    learning = learn(learning, before, estimate, config.period_s)
+    learning = correct(learning, player, config.period_s)
     force_mN = estimate.force_mN if player.pressing else 0.0
     force_r_mN = player.force_r_mN if player.pressing else 0.0
     if player.segment.open_loop:
@@ -178,7 +185,7 @@ def _play(
         x_um=estimate.x_um,
         force_mN=force_mN,
         applied_V=estimate.applied_V,
-        x_r_um=player.x_r_um,
+        x_r_um=player.x_r_um + learning.correction_um,
         force_r_mN=force_r_mN,
         limited=_limited(estimate.limits_active),
     )
@@ -195,10 +202,12 @@ def _play(
         sweep=None if player.ended else player.segment.sweep,
         force_mN=known_force_mN(estimate, player),
         x_d_um=None if player.ended or not steered else memory.x_d_um,
+        segment=player.index if 0 <= player.index < len(program.segments) else None,
+        segment_tick=player.ticks,
     )
     watches, command = check_command(config, state.watches, command, estimate)
     acted = acted_in_tick(effects, before, player)
-    telemetry = telemetry_of(estimate, before, memory, player, output, acted)
+    telemetry = telemetry_of(estimate, before, memory, player, output, acted, told_um)
     astray = number_out_of_bounds(telemetry)
     if astray and command.valid:
         command = invalid_command(command, estimate, astray, known=True)
@@ -208,6 +217,7 @@ def _play(
         playing=command.valid and not player.ended,
         player=player,
         memory=after,
+        learning=learning,
         pending=later if command.valid else (),
         watches=watches,
     )
@@ -228,9 +238,10 @@ def handle(
 ) -> tuple[State, Message, tuple[Message, ...]]:
     """Load a program, begin an epoch with it, or note an action."""
     if isinstance(request, Load):
-        if not request.program.segments:
-            raise RefusedError("the program has no segments")
-        _check_laws(config, request.program)
+        try:
+            check_program(config, request.program)
+        except ValueError as error:
+            raise RefusedError(str(error)) from error
         return replace(state, loaded=request.program), Ack(state.seq), ()
     if isinstance(request, Arm):
         if state.loaded is None:
@@ -257,16 +268,6 @@ def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tupl
     if why := lease_objection(lease, state.epoch, playing=state.playing, ended=ended):
         raise RefusedError(why)
     return replace(state, lease=RunningLease(lease, now)), Ack(state.seq), ()
-
-
-def _check_laws(config: ControllerConfig, program: Program) -> None:
-    try:
-        laws = config.laws(program)
-    except ValueError as error:
-        raise RefusedError(f"a law of the program: {error}") from error
-    for segment in program.segments:
-        if not 0 <= segment.law < len(laws):
-            raise RefusedError(f"{segment.phase} names law {segment.law}, there are {len(laws)}")
 
 
 def _note(state: State, request: Action) -> tuple[State, Message, tuple[Message, ...]]:

@@ -10,12 +10,9 @@ from pincette.control.force.contact_detector import KinkLimits, kink_limits
 from pincette.control.force.observers import ForceObserver
 from pincette.control.force.zeroing import ZeroLimits
 from pincette.control.response.free_response import FreeResponse
+from pincette.control.response.residual_table import ResidualTable
 from pincette.control.response.unknown_past import UnknownPast, unknown_past
 from pincette_estimator.state import moved_V
-
-REST_S = 0.2
-REST_SAMPLES = (10, 64)
-"""Fewest and most samples of a rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +25,8 @@ class EstimatorConfig:
     """x_1 before anything has happened: the arm unpoled, at 0 V."""
     unknown: UnknownPast
     """What the arm may have been through before; in lockstep it is new, as the simulation is."""
+    residual: ResidualTable | None
+    """What x_1 misses along the program that is armed; None: nobody has measured it."""
     observer: ForceObserver
     """At rest without a force."""
     compliance_um_per_mN: float
@@ -51,7 +50,6 @@ def configure(rig: RigFile) -> EstimatorConfig:
     model, part, period_s = rig.model, rig.part, rig.rig.period_s
     observer = derived.force_observer(rig)
     s_p = model.compliance_um_per_mN
-    fewest, most = REST_SAMPLES
     response = derived.free_response(model)
     unknown = unknown_past(response, (rig.limits.voltage_min_V, rig.limits.voltage_max_V))
     return EstimatorConfig(
@@ -59,6 +57,7 @@ def configure(rig: RigFile) -> EstimatorConfig:
         plant=discretize(model.arm(), period_s),
         response=response,
         unknown=replace(unknown, known=True) if rig.lockstep else unknown.judged(response),
+        residual=derived.residual(model),
         observer=observer,
         compliance_um_per_mN=s_p,
         noise_um=rig.sensor.noise_um * observer.noise_gain,
@@ -66,7 +65,7 @@ def configure(rig: RigFile) -> EstimatorConfig:
         forgotten_mN=model.forgotten_mN,
         forgotten_scale_V=model.forgotten_scale_V,
         zero_limits=ZeroLimits(
-            rest_samples=min(max(fewest, round(REST_S / period_s)), most),
+            rest_samples=derived.rest_samples(period_s),
             first_touch_um=part.contact_um - part.contact_tolerance_um,
             touch_um=s_p * rig.grip.contact_force_mN,
         ),

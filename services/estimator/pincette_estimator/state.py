@@ -16,6 +16,7 @@ from pincette.control.force.observers import ForceObserver
 from pincette.control.force.reversal_memory import ReversalMemory
 from pincette.control.record import FrozenRecord
 from pincette.control.response.free_response import FreeResponse, FreeSample
+from pincette.control.response.residual_table import Residual
 from pincette.control.response.unknown_past import UnknownPast
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.messages import Applied, Position
@@ -96,6 +97,8 @@ class State(FrozenRecord, frozen=True):
     """Of the voltage, since the zero."""
     highest_V: float = 0.0
     """Highest voltage that ``response`` has ever followed."""
+    missed: Residual | None = None
+    """What x_1 misses at the newest tick, by the residual table; None: nothing is known of it."""
     known_V: float = 0.0
     """``highest_V`` as this epoch began: up to there ``response`` has the arm's memory."""
     refused: int = 0
@@ -103,6 +106,11 @@ class State(FrozenRecord, frozen=True):
     """Whether the sensor follows the voltage at all."""
     past: VoltageMemory = field(default_factory=VoltageMemory)
     """The voltage since the start, for another model to be led through."""
+
+    @property
+    def missed_um(self) -> float:
+        """What x_1 misses, as far as it is known."""
+        return 0.0 if self.missed is None else self.missed.value_um
 
     @property
     def findings(self) -> tuple[Fault, ...]:

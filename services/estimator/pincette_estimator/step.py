@@ -1,23 +1,20 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
-from math import hypot, log10
-
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.arm.plant import perturbation
 from pincette.control.force.contact_detector import ContactDetector
-from pincette.control.force.estimation import COVERAGE, uncertainty
-from pincette.control.force.reversal_memory import ReversalMemory, forgotten_mN
+from pincette.control.force.reversal_memory import ReversalMemory
 from pincette.control.force.zeroing import zero_refusal
 from pincette.control.response.free_response import FreeSample
-from pincette.control.response.unknown_past import standard_uncertainty_um
 from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
 from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.state import Inputs, State, touched
+from pincette_estimator.uncertainty import creep_um, uncertainty_mN
 
 FREE_SAMPLES = 128
 """Samples of free motion kept, enough for the branch that leads to a rest."""
@@ -43,6 +40,7 @@ def step(
     if applied is None:
         return state, (_degraded(config, state, position, None),)
     state = _follow_voltage(config, state, position.seq, applied.voltage_V)
+    state = _follow_program(config, state, applied)
     measured = position.valid and _within(config.position_um, position.x_um)
     if measured:
         stuck = state.stuck.follow(position.x_um, applied.voltage_V, config.stuck_V)
@@ -66,6 +64,13 @@ def _follow_voltage(config: EstimatorConfig, state: State, seq: int, voltage_V: 
     )
 
 
+def _follow_program(config: EstimatorConfig, state: State, applied: Applied) -> State:
+    """Take up what x_1 misses at the tick that the voltage is of; without one it stays."""
+    if config.residual is None or applied.segment is None:
+        return state
+    return replace(state, missed=config.residual.at(applied.segment, applied.segment_tick))
+
+
 def _take_sample(
     config: EstimatorConfig, state: State, position: Position, applied: Applied
 ) -> tuple[State, float, float]:
@@ -77,7 +82,8 @@ def _take_sample(
     if applied.zero:
         state = _zero(config, state, position, applied)
     zeroed = applied.zero and not state.zero_refusal
-    observer, free_um = state.observer, state.response.position_um()
+    observer = state.observer
+    free_um = state.response.position_um() + state.missed_um
     if first or missed or zeroed:
         observer = observer.restart(x_um, free_um, voltage_V)
     observer, F_mN = observer.observe(x_um, free_um, voltage_V)
@@ -101,14 +107,16 @@ def _follow_free_motion(
 ) -> State:
     """Keep the sample if the arm is free, and look for a contact; the first one begins x_1."""
     first = state.observed_seq is None
-    response = state.response.begin(x_um) if first else state.response
+    # What x_1 is known to miss is no matter of its offset.
+    modelled_um = x_um - state.missed_um
+    response = state.response.begin(modelled_um) if first else state.response
     nominal_um = response.nominal_um_per_V * applied.voltage_V
     detector = state.contact_detector
     if first:
         detector = ContactDetector(nominal_um, x_um, free_to_um=x_um)
     samples: tuple[FreeSample, ...] = ()
     if not applied.part_held:
-        samples = (*state.samples[1 - FREE_SAMPLES :], response.sample(x_um))
+        samples = (*state.samples[1 - FREE_SAMPLES :], response.sample(modelled_um))
     return replace(
         state,
         response=response,
@@ -126,7 +134,7 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
         state.samples,
         part_held=applied.part_held,
         limits=config.zero_limits,
-        creep_um=_creep_um(config, t_s if state.zero_s is None else t_s - state.zero_s)
+        creep_um=creep_um(config, t_s if state.zero_s is None else t_s - state.zero_s)
         + state.unknown.error_um(response),
         touch=state.contact_detector.touch,
         zeroed=state.zero_s is not None,
@@ -157,21 +165,7 @@ def _estimate(
     """State the force of the sample just taken in, and its uncertainty."""
     t_s = position.seq * config.period_s
     age_s = None if state.zero_s is None else t_s - state.zero_s
-    u_F_mN = uncertainty(
-        noise_um=config.noise_um,
-        free_error_um=hypot(
-            state.response.error_um(),
-            standard_uncertainty_um(state.unknown.error_um(state.response)),
-        ),
-        compliance_um_per_mN=config.compliance_um_per_mN,
-        creep_mN_per_decade=config.creep_mN_per_decade,
-        zero_age_s=t_s if age_s is None else age_s,
-        forgotten_mN=forgotten_mN(
-            state.reversal_memory.total_V,
-            full_mN=config.forgotten_mN,
-            scale_V=config.forgotten_scale_V,
-        ),
-    )
+    u_F_mN = uncertainty_mN(config, state, t_s if age_s is None else age_s)
     touch_x_um, touch_mN = touched(state, config.compliance_um_per_mN, position.x_um, F_mN, u_F_mN)
     return Estimate(
         epoch=position.epoch,
@@ -191,12 +185,6 @@ def _estimate(
         touch_x_um=touch_x_um,
         touch_mN=touch_mN,
     )
-
-
-def _creep_um(config: EstimatorConfig, age_s: float) -> float:
-    """How far creep may have moved the arm since a zero of this age, at two standard errors."""
-    creep_mN = config.creep_mN_per_decade * log10(1.0 + max(0.0, age_s))
-    return COVERAGE * creep_mN * config.compliance_um_per_mN
 
 
 def _within(range_: tuple[float, float], value: float) -> bool:

@@ -38,6 +38,11 @@ class JobRequest(BaseModel, frozen=True):
     recipe: RecipeName | None = None
     """Name of a recipe, or name@version, which completes what the request leaves out."""
 
+    @property
+    def plays(self) -> str | None:
+        """Job whose recorded motion it plays again; empty: the newest; None: it plays none."""
+        return None
+
 
 class PolicyRequest(JobRequest, frozen=True):
     """What every job that holds a part may say of its end."""

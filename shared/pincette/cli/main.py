@@ -70,6 +70,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "recipe": ("model", "save sets of parameters for parts; `job grip --recipe NAME` uses one"),
     "bring-up": ("bring_up", "lead through the calibrations of a rig in their order"),
     "model": ("model", "show the model in use, and decide about what calibrations propose"),
+    "learning": ("learning", "show what programs have learned across their cycles, or erase it"),
     "estop": ("safety", "stop every rig at once, or one: over REST, else directly at the actuator"),
     "reset": ("safety", "clear the latch; its cause has been seen to"),
     "rigs": ("rigs", "list the rigs of a supervisor: what each does, and why no job can start"),

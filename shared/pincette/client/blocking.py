@@ -171,6 +171,8 @@ class RigHandle(Blocking[AsyncRigHandle]):
     model = blocking(AsyncRigHandle.model)
     checklist = blocking(AsyncRigHandle.checklist)
     use_model = blocking(AsyncRigHandle.use_model)
+    learning = blocking(AsyncRigHandle.learning)
+    erase_learning = blocking(AsyncRigHandle.erase_learning)
 
 
 class Supervisor(Blocking[AsyncSupervisor]):

@@ -7,6 +7,7 @@ from uuid import uuid4
 from pincette.api.checklist import Checklist
 from pincette.api.events import Event, EventList
 from pincette.api.jobs import Job, JobList
+from pincette.api.learning import Erased, LearnedList
 from pincette.api.live import LoopTiming
 from pincette.api.models import ModelView
 from pincette.api.plans import JobPlan
@@ -141,6 +142,15 @@ class AsyncRigHandle:
         body = {"type": "use", "version": version}
         call = post(f"/rigs/{self.name}/model/actions", ModelView, body, repeatable=True)
         return await self._transport.send(call)
+
+    async def learning(self) -> LearnedList:
+        """What the programs of the rig have learned across their cycles."""
+        return await self._transport.send(get(f"/rigs/{self.name}/learning", LearnedList))
+
+    async def erase_learning(self, program: str | None = None) -> Erased:
+        """Forget what one program has learned, or every one."""
+        path = f"/rigs/{self.name}/learning" + (f"/{program}" if program else "")
+        return await self._transport.send(Call("DELETE", path, model(Erased), repeatable=True))
 
     def _body(self, request: JobRequest | str, fields: dict[str, Any]) -> dict[str, Any]:
         if isinstance(request, str):

@@ -2,7 +2,12 @@
 
 from pincette.config.calibration import Calibration, calibrated, parse_calibration
 from pincette.config.instruments import Output, Sensor
-from pincette.config.model import IdentifiedFreeResponse, Model, RecordedFreeResponse
+from pincette.config.model import (
+    FreeResidual,
+    IdentifiedFreeResponse,
+    Model,
+    RecordedFreeResponse,
+)
 from pincette.config.reading import parse_rig, parse_rig_json, read_rig
 from pincette.config.rig_file import RigFile
 from pincette.config.simulation import Simulation
@@ -11,6 +16,7 @@ from pincette.config.tables import ConfigError, Table
 __all__ = [
     "Calibration",
     "ConfigError",
+    "FreeResidual",
     "IdentifiedFreeResponse",
     "Model",
     "Output",

@@ -20,6 +20,7 @@ CALIBRATED = (
     "model.forgotten_mN",
     "model.forgotten_scale_V",
     "model.free_response",
+    "model.residuals",
     "part.contact_um",
     "part.stiffness_mN_per_um",
     "sensor.noise_um",

@@ -19,7 +19,11 @@ from pincette.control.planning.feasibility import PlanLimits, acceleration_limit
 from pincette.control.response.free_response import FreeResponse, FreeSample, nominal_response
 from pincette.control.response.identified_response import identified_response
 from pincette.control.response.recorded_response import recorded_response
+from pincette.control.response.residual_table import ResidualTable
 
+REST_S = 0.2
+REST_SAMPLES = (10, 64)
+"""Fewest and most samples of a rest."""
 X_START_UM = 0.0
 """Where the arm rests at zero voltage: the rig file's sensor offset makes it so."""
 
@@ -35,6 +39,17 @@ def free_response(model: Model) -> FreeResponse:
     return identified_response(
         taught.hysteresis(), model.piezo_um_per_V, taught.residual_um, taught.growth()
     )
+
+
+def rest_samples(period_s: float) -> int:
+    """Samples of the rest that a zero is made of."""
+    fewest, most = REST_SAMPLES
+    return min(max(fewest, round(REST_S / period_s)), most)
+
+
+def residual(model: Model) -> ResidualTable | None:
+    """What x_1 misses along the program that is armed; an arming carries that table alone."""
+    return model.residuals[0].table() if len(model.residuals) == 1 else None
 
 
 def force_observer(rig: RigFile) -> ForceObserver:

@@ -1,7 +1,8 @@
 """The arm as the controller and the estimator know it, and the law's gains."""
 
+import hashlib
 from dataclasses import asdict
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -10,6 +11,9 @@ from pincette.control.arm.plant import ArmParameters, consistent_arm
 from pincette.control.response.error_growth import ErrorGrowth, checked_growth
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.recorded_response import RecordedBranches, Turn
+from pincette.control.response.residual_table import ResidualTable
+
+Row = Annotated[tuple[float, ...], Field(strict=False)]
 
 
 class IdentifiedFreeResponse(Table):
@@ -126,6 +130,34 @@ class RecordedFreeResponse(Table):
         )
 
 
+class FreeResidual(Table):
+    """What the free response misses along one program; see ``control.residual_table``."""
+
+    program: str
+    """Digest of the motion that it is for."""
+    response: str
+    """Digest of the free response that misses it."""
+    job: str
+    """Job whose voltages were played."""
+    measured_at: str = ""
+    """UTC; set as it comes into use."""
+    stride_ticks: int = Field(ge=1)
+    """Ticks from one value to the next."""
+    values_um: tuple[Row, ...] = Field(strict=False)
+    """By segment of the program."""
+    error_um: NotNegative
+    """Standard error in a later run; enters the force uncertainty."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> "FreeResidual":
+        self.table()
+        return self
+
+    def table(self) -> ResidualTable:
+        """Table as the estimator has it; raises ValueError where it is impossible."""
+        return ResidualTable(self.stride_ticks, self.values_um, self.error_um)
+
+
 class Model(Table):
     """The arm as the controller and the estimator know it."""
 
@@ -161,6 +193,9 @@ class Model(Table):
     recorded_response: RecordedFreeResponse | None = None
     """In its place, recorded. Without either the free response is a straight line."""
 
+    residuals: tuple[FreeResidual, ...] = Field(default=(), strict=False)
+    """What the free response misses along programs, each measured by a run without the part."""
+
     @model_validator(mode="after")
     def _printed_ages_are_quasi_static(self) -> "Model":
         if self.force_ages == "printed" and self.force_observer != "quasi_static":
@@ -178,6 +213,11 @@ class Model(Table):
                 "leave out the one that x_1 is not to come from"
             )
         return self
+
+    def response_digest(self) -> str:
+        """Names the free response, which a table of its residuals holds for alone."""
+        known = {"piezo_um_per_V", "free_response", "recorded_response"}
+        return hashlib.sha256(self.model_dump_json(include=known).encode()).hexdigest()[:16]
 
     def arm(self) -> ArmParameters:
         """m, b, k, d of the consistent set."""

@@ -13,10 +13,13 @@ from pincette.core.messages import Finish, Record, Recorded
 from pincette.core.topics import FINISH, RECORD
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.tracker import Tracker
-from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
+from pincette_supervisor.journal.store import JobRow, utc_now
 from pincette_supervisor.kinds.functions import Run
+from pincette_supervisor.model.residuals import learning_digest
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.results import archive
+from pincette_supervisor.results.archive import Record as Gathered
 from pincette_supervisor.results.archive import Take
 from pincette_supervisor.results.documents import completeness
 from pincette_supervisor.rigs.observer import MessageBuffer
@@ -36,6 +39,8 @@ FIGURES = (
     "statement",
 )
 """Figures of a result that its event has."""
+MOTION = ("shape", "frequency_hz", "force_mean_mN", "force_pp_mN")
+"""Values of a plan that say what a program does that has learned."""
 BEGIN_S = 5.0
 FINISH_S = 10.0
 FINISH_PER_SAMPLE_S = 6e-4
@@ -75,12 +80,30 @@ class JobRecorder:
         record = gather.result()
         self.run = record.run
         job.store(result=record.tree)
+        self._keep_learned(record)
         try:
             context.archivist.submit(record.write, context.records / job.id, recorded).result()
         except OSError as error:
             job.note_cause(f"the record is incomplete: {error}")
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}
         return record.fault
+
+    def _keep_learned(self, record: Gathered) -> None:
+        """Keep what the program has learned, for its next job."""
+        learned, planned = record.evaluation.learned, self._planned
+        if learned is None or not learned.errors_um:
+            return
+        context, rig = self._context, planned.armed.rig
+        row = LearnedRow(
+            program=learning_digest(planned.program, rig),
+            job=self._job.id,
+            learned_at=utc_now(),
+            motion={n: planned.values[n] for n in MOTION if n in planned.values},
+            values_um=learned.values_um,
+            errors_um=learned.errors_um,
+        )
+        keep = LearnedRepository(context.store, rig.rig.name).keep
+        context.write_queue.submit(partial(keep, row))
 
     def discard(self, row: JobRow) -> None:
         """Have the record of a loop that could not be armed closed."""

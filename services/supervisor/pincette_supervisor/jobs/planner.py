@@ -1,12 +1,19 @@
 """Plans jobs with the model in use, from where the arm stands."""
 
+from dataclasses import replace
+
 from pincette.api.requests import JobRequest
+from pincette.control.record import replace as changed
 from pincette_supervisor import problems
+from pincette_supervisor.journal.learned import LearnedRepository
 from pincette_supervisor.journal.recipes import RecipeRepository
 from pincette_supervisor.kinds.functions import kind_of
+from pincette_supervisor.model.residuals import learning_digest
 from pincette_supervisor.planning.errors import FaultyRequestError, UnsupportedError
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
 from pincette_supervisor.planning.recipes import completed, pinned, plan_with_recipe
+from pincette_supervisor.planning.recorded_jobs import recorded_motion
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rigs.part import present
 from pincette_supervisor.rigs.rig_context import RigContext
@@ -19,9 +26,13 @@ def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
         raise problems.not_found("rig", request.rig, [rig.rig.name])
     try:
         stands = None if moving and not kind_of(request).from_present else present(context)
-        return plan_with_recipe(
+        if request.plays is not None:
+            recorded = recorded_motion(context.store, context.records, rig, request.plays)
+            stands = replace(stands or Present(), recorded=recorded)
+        planned = plan_with_recipe(
             request, context.model.in_use, stands, RecipeRepository(context.store).find
         )
+        return with_learned(context, planned)
     except FaultyRequestError as error:
         fault = {"pointer": error.pointer, "message": str(error)}
         raise ProblemError(
@@ -33,6 +44,18 @@ def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
         raise ProblemError(
             422, "invalid-request", "No plan can be made of this", str(error)
         ) from error
+
+
+def with_learned(context: RigContext, planned: Planned) -> Planned:
+    """The plan of a program that learns, with what it has learned in earlier jobs."""
+    if planned.program.corrections is None:
+        return planned
+    name = learning_digest(planned.program, planned.armed.rig)
+    known = LearnedRepository(context.store, context.rig.rig.name).find(name)
+    if known is None:
+        return planned
+    program = changed(planned.program, corrections=known.corrections)
+    return replace(planned, program=program)
 
 
 def with_version(context: RigContext, request: JobRequest) -> JobRequest:

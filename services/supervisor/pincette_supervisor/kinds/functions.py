@@ -10,6 +10,7 @@ from pincette.api.results import JobResult
 from pincette.config import RigFile
 from pincette.control.arm.plant import DifferenceEquation
 from pincette.control.laws.law import model_of
+from pincette.control.planning.repetition import Corrections
 from pincette.core import plugins
 from pincette.core.messages import Message
 from pincette.records.columns import Columns
@@ -58,6 +59,8 @@ class Evaluation:
     """Why the samples do not give what the job was for, although it was played to its end."""
     analysis: Any = None
     """What the plot needs beside the result."""
+    learned: Corrections | None = None
+    """What the program has learned, to be kept for its next job."""
 
 
 def _nothing(_quantity: str, _phase: str) -> str:

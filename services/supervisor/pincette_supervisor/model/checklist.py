@@ -24,6 +24,7 @@ from pincette_supervisor.model.proposals import Calibrations
 from pincette_supervisor.model.quantities import value_of
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.planning.errors import UnsupportedError
+from pincette_supervisor.planning.present import Present
 
 LOOKED_AT = 500
 """Proposals among which the newest of each calibration is found."""
@@ -41,7 +42,8 @@ class Step:
 @cache
 def ordered() -> tuple[Step, ...]:
     """Every calibration after those that find what it assumes; else by its place."""
-    waiting = {name: functions_of(name) for name in KIND.variants}
+    found = {name: functions_of(name) for name in KIND.variants}
+    waiting = {name: functions for name, functions in found.items() if functions.of_bring_up}
     steps: list[Step] = []
     while waiting:
         name = _first(waiting)
@@ -139,7 +141,7 @@ def _reasons(
 def _fault(step: Step, request: dict[str, Any], used: ModelInUse) -> StepReason | None:
     """Why the calibration would be refused as things are; None where it would not."""
     try:
-        step.functions.program(step.variant.request.model_validate(request), used)
+        step.functions.program(step.variant.request.model_validate(request), used, Present())
     except UnsupportedError as error:
         return StepReason(code="unsupported", text=str(error))
     except ValueError as error:

@@ -1,7 +1,7 @@
 """Quantities that a calibration may replace: units, and their values in a rig file."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 from pydantic import BaseModel
 
@@ -26,6 +26,7 @@ UNITS: Mapping[str, str] = {
     "model.forgotten_mN": "mN",
     "model.forgotten_scale_V": "V",
     "model.free_response": "µm over V",
+    "model.residuals": "µm",
     "part.contact_um": "µm",
     "part.stiffness_mN_per_um": "mN/µm",
     "sensor.noise_um": "µm",
@@ -36,6 +37,9 @@ def value_of(rig: RigFile, quantity: str) -> Any:
     """Value of a quantity as JSON has it; None where the rig file has none."""
     table, _, name = quantity.partition(".")
     value = getattr(getattr(rig, table), name)
+    if isinstance(value, tuple):
+        items = cast("tuple[BaseModel, ...]", value)
+        return [item.model_dump(mode="json") for item in items]
     return value.model_dump(mode="json") if isinstance(value, BaseModel) else value
 
 

@@ -13,6 +13,7 @@ from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.model.basis import basis, changes, doubtful, words
 from pincette_supervisor.model.model_file import Acceptance, ModelFiles, StoredModel
 from pincette_supervisor.model.model_in_use import RIG_FILE_ALONE, ModelInUse, rig_file_alone
+from pincette_supervisor.model.residuals import merged
 from pincette_supervisor.model.upkeep import Due, due, due_at, warnings
 
 KEPT_CHANGES = 100
@@ -147,6 +148,7 @@ class RigModel:
         """
         with self._lock:
             before, now = self.in_use, utc_now()
+            values = merged(before.calibration.values, values, measured_at or now)
             acceptance = Acceptance(
                 accepted_at=now,
                 due_at=due_at(measured_at or now, self.file.calibration.valid_days),

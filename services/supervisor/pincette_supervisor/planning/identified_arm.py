@@ -49,6 +49,8 @@ class IdentifiedArm:
     state: PlantState
     target_V: float
     output_V: float
+    missed_um: float = 0.0
+    """What the free response misses at this place of the program, by a residual table."""
     hung_mN: float = 0.0
     """Weight at the tip, positive towards -x."""
 
@@ -73,8 +75,11 @@ class IdentifiedArm:
             self, response=response, state=rest_plain_arm(self.parameters, self.state, x_um)
         )
 
-    def moved(self, voltage_V: float) -> "IdentifiedArm":
-        """The arm a period after a sample that is answered with a voltage."""
+    def moved(self, voltage_V: float, missed_um: float | None = None) -> "IdentifiedArm":
+        """The arm a period after a sample that is answered with a voltage.
+
+        ``missed_um`` is what the free response misses then; None: as much as before.
+        """
         delay_s = self.instruments.delay_s
         waiting = self._stretch(delay_s, self.target_V, self.output_V)
         waited_V = waiting[-1][1] if waiting else self.output_V
@@ -83,7 +88,8 @@ class IdentifiedArm:
         sag_um = self.parameters.compliance_um_per_mN * self.hung_mN
         before_um = self.response.position_um() - sag_um
         response = self.response.follow(output_V, self.period_s)
-        way_um = response.position_um() - sag_um - before_um
+        missed_um = self.missed_um if missed_um is None else missed_um
+        way_um = response.position_um() + missed_um - self.missed_um - sag_um - before_um
         travel_V, state, passed_s = output_V - self.output_V, self.state, 0.0
         for stretch in (waiting, moving):
             rests_um = list[float]()
@@ -93,10 +99,17 @@ class IdentifiedArm:
                 share = passed_s / self.period_s
                 if abs(travel_V) > STILL_V:
                     share = (reached_V - self.output_V) / travel_V
-                rests_um.append(before_um + share * way_um)
+                rests_um.append(before_um + self.missed_um + share * way_um)
             if stretch:
                 state, _ = move_plain_arm(self.parameters, state, stretch[0][0], rests_um)
-        return replace(self, response=response, state=state, target_V=voltage_V, output_V=output_V)
+        return replace(
+            self,
+            response=response,
+            state=state,
+            target_V=voltage_V,
+            output_V=output_V,
+            missed_um=missed_um,
+        )
 
     def _stretch(
         self, length_s: float, target_V: float, output_V: float

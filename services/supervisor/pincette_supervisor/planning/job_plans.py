@@ -6,6 +6,7 @@ from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette_supervisor.kinds.functions import functions_of, kind_of
 from pincette_supervisor.model.model_in_use import ModelInUse, rig_file_alone
+from pincette_supervisor.model.residuals import armed_with, motion_digest, table_for
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
 
@@ -34,4 +35,11 @@ def plan_job(
     model = rig if isinstance(rig, ModelInUse) else rig_file_alone(rig)
     planned = functions_of(kind_of(request)).plan(request, model, present or Present())
     values = {**planned.values, "model": planned.model.stamp}
-    return replace(planned, values=values, present=present)
+    values["program"] = motion_digest(planned.program)
+    table = table_for(model.rig, planned.program)
+    if table is not None:
+        values["residual"] = table.model_dump(mode="json", exclude={"values_um", "stride_ticks"})
+    armed = armed_with(model, table)
+    return replace(
+        planned, values=values, present=present, expecting=None if armed is model else armed
+    )

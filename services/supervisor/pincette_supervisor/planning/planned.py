@@ -40,7 +40,8 @@ class Planned:
     present: Present | None = None
     """Where the rig stood as it was planned; None: nobody had told."""
     expecting: ModelInUse | None = None
-    """That model with what a recipe expects of its object; None: no recipe says anything of it."""
+    """That model with what a recipe expects of its object, and without residual tables of other
+    programs; None: it is the same."""
 
     @property
     def armed(self) -> ModelInUse:

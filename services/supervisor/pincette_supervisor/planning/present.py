@@ -4,15 +4,18 @@ from dataclasses import dataclass
 
 from pincette.config import RigFile
 from pincette.config.derived import X_START_UM
+from pincette.control.planning.recorded_motion import RecordedMotion
 
 
 @dataclass(frozen=True, slots=True)
 class Present:
-    """Voltage applied, position measured, and whether a part is held; None: nobody has told."""
+    """Voltage applied, position measured, whether a part is held; None: nobody has told."""
 
     voltage_V: float | None = None
     x_um: float | None = None
     held: bool | None = None
+    recorded: RecordedMotion | None = None
+    """Motion of the job that the request plays again; None: it names none."""
 
     def stand_V(self, rig: RigFile) -> float:
         """The voltage applied, or where that is not known the rig file's safe voltage."""

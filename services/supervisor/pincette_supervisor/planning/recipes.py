@@ -136,7 +136,7 @@ def plan_with_recipe(
     values = {**planned.values, "model": model.stamp, "recipe": stamp}
     if part:
         values["part"] = part
-    return replace(planned, model=model, expecting=expecting, values=values)
+    return replace(planned, model=model, expecting=planned.expecting or expecting, values=values)
 
 
 def _expecting(model: ModelInUse, part: Mapping[str, float], recipe: str) -> ModelInUse:

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import RefusalError
-from pincette.config import RigFile
+from pincette.config import RigFile, derived
 from pincette.control.planning.program import Program, Segment
 from pincette.core import plugins
 from pincette.core.faults import TRIPPED, ActionCode
@@ -71,6 +71,8 @@ class ArmInstruments:
     put_V: float | None = None
     """Put out in this tick."""
     plays_wave: bool = False
+    missed_um: float | None = None
+    """What the model misses at the tick that is put out, where a residual table knows it."""
 
     def read_um(self) -> float:
         """What the sensor shows of where the arm stands, in µm."""
@@ -105,7 +107,7 @@ class ArmInstruments:
     def settle(self) -> None:
         """Let the arm follow what was put out in this tick."""
         if self.put_V is not None:
-            self.arm, self.put_V = self.arm.moved(self.put_V), None
+            self.arm, self.put_V = self.arm.moved(self.put_V, self.missed_um), None
 
     def close(self) -> None:
         """Have nothing to give back."""
@@ -119,6 +121,7 @@ class RigEmulator:
         self.ended = False
         self.told: Telemetry | None = None
         self._rig, self._program = rig, program
+        self._residual = derived.residual(rig.model)
         self._instruments = ArmInstruments(rig, arm)
         self._bus = MemoryBus()
         # A plan is emulated too where the rig's instruments are too slow for it to be armed.
@@ -193,6 +196,9 @@ class RigEmulator:
             self.samples.add(seq * self._rig.rig.period_s, self.arm, voltages_V, self.told)
         if self._instruments.plays_wave:
             return SWEEP
+        if self._residual is not None and command.segment is not None:
+            known = self._residual.at(command.segment, command.segment_tick)
+            self._instruments.missed_um = None if known is None else known.value_um
         self._instruments.settle()
         self.ended = applied.final
         if applied.state in TRIPPED:

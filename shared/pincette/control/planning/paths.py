@@ -97,6 +97,13 @@ class Path(FrozenRecord, frozen=True):
         """Value before and at the start."""
         return self.knots[0].value if self.knots else self.mean
 
+    def share(self, t_s: float) -> float:
+        """Share w of the full amplitude at a time since the start; 1 between knots."""
+        if self.knots:
+            return 1.0
+        left_s = min(t_s, self.duration_s - t_s)
+        return _blend(max(0.0, left_s) / (self.blend_cycles * self.cycle_s)).value
+
     def at(self, t_s: float) -> float:
         """Value at a time since the start; clamped to the ends."""
         return self.point(t_s).value

@@ -5,6 +5,7 @@ from typing import Literal
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.paths import Path
+from pincette.control.planning.repetition import Corrections
 from pincette.control.planning.sweep import Sweep
 from pincette.control.quantities import (
     Hertz,
@@ -36,8 +37,8 @@ class Segment(FrozenRecord, frozen=True):
                F_r = K_e·(x_r - x_e), in ``move_s``; then both rest until ``duration_s``.
     ``path``   of force: F_r follows ``path`` and x_r with it, on the contact line; of position:
                x_r follows it, free of contact. It begins where the segment before has ended.
-    ``voltage`` no law: the voltage follows ``path``, or moves smoothly from where it is to
-               ``voltage_to_V``, or without either stays as it is.
+    ``voltage`` no law: the voltage follows ``voltages_V`` or ``path``, or moves smoothly from where
+               it is to ``voltage_to_V``, or without any stays as it is.
     ``sweep``  no law: the output plays ``sweep`` about the voltage at which the segment begins.
     """
 
@@ -54,6 +55,8 @@ class Segment(FrozenRecord, frozen=True):
     law: Whole = 0
     """Which of the program's laws holds."""
     voltage_to_V: Volt | None = None
+    voltages_V: Items[Volt] = ()
+    """Of a voltage: one for each tick; the last of them stays."""
     zeroes: bool = False
     """Of a voltage: at its end the force estimator is re-zeroed."""
     guarded: bool = False
@@ -125,6 +128,8 @@ class Program(FrozenRecord, frozen=True):
     """Rate at which the sensor acquires beside the samples of the loop; 0: not."""
     begins_held: bool = False
     """Whether a part is in the gripper when it begins."""
+    corrections: Corrections | None = None
+    """What is learned along the cycles of its path, to begin with; None: nothing is learned."""
 
     def __post_init__(self) -> None:
         require_positive("contact stiffness K_e", self.contact_stiffness_mN_per_um, "mN/µm")
@@ -137,6 +142,8 @@ class Program(FrozenRecord, frozen=True):
             for kind in ("path", "sweep"):
                 if segment.kind == kind and getattr(segment, kind) is None:
                     raise ValueError(f"{name} is a {kind} and has none")
+            if segment.voltages_V and segment.kind != "voltage":
+                raise ValueError(f"{name} has voltages and is a {segment.kind}")
             if segment.kind == "seek":
                 _check_search(name, segment, last=place + 1 == len(self.segments))
 

@@ -92,10 +92,17 @@ class Command(FrozenRecord, frozen=True):
     """The estimate it was computed from; None without a valid zero."""
     x_d_um: Micrometre | None = None
     """Where the law wants the arm at sample ``seq``; None where no law has steered it there."""
+    segment: Whole | None = None
+    """Number of the program's segment that the voltage is of; None: of none."""
+    segment_tick: Whole = 0
+    """Ticks into it."""
 
 
 class Applied(FrozenRecord, frozen=True):
-    """What the actuator did in tick ``seq``; ``part_held, zero, final`` echo the command."""
+    """What the actuator did in tick ``seq``.
+
+    ``part_held, zero, final, segment, segment_tick`` echo the command.
+    """
 
     epoch: Epoch
     seq: Seq
@@ -115,6 +122,8 @@ class Applied(FrozenRecord, frozen=True):
     faults: Items[Fault] = ()
     """Behind the cause: what was found, why the commands before were not valid, why a freeze has
     ended early."""
+    segment: Whole | None = None
+    segment_tick: Whole = 0
     slewing_s: Second | None = None
     """Time since the output moved last, a period at most, that the slew limit gave the command
     taken; None in lockstep, where it is a period."""
@@ -158,6 +167,8 @@ class Telemetry(FrozenRecord, frozen=True):
     """Where the arm met something on its way through free space; None: nothing."""
     touch_mN: Millinewton | None = None
     """With which force, as it turned back."""
+    correction_um: Micrometre = 0.0
+    """What was learned of earlier cycles, added to x_r for the law."""
 
 
 class GroundTruth(FrozenRecord, frozen=True):

@@ -13,6 +13,7 @@ from pincette_supervisor.kinds.calibrate import KIND
 from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.planned import Wait
+from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results.drawing import Sheet
 
 CalibrationProgram = tuple[Program, dict[str, Any], dict[int, Wait]]
@@ -27,8 +28,8 @@ def _needed(_rig: RigFile) -> bool:
 class CalibrationFunctions:
     """The functions of one calibration; all are pure."""
 
-    program: Callable[[Any, ModelInUse], CalibrationProgram]
-    """Plans the motion of a request."""
+    program: Callable[[Any, ModelInUse, Present], CalibrationProgram]
+    """Plans the motion of a request, from where the rig stands."""
     analyse: Callable[[Run], Analysis]
     """Works out the quantities; raises ValueError where the samples do not give them."""
     draw: Callable[[Sheet, Any], None]
@@ -41,6 +42,8 @@ class CalibrationFunctions:
     """What a person does at the bench."""
     needed: Callable[[RigFile], bool] = _needed
     """Whether a rig cannot do without it."""
+    of_bring_up: bool = True
+    """Whether the checklist has it; what belongs to one program is not of a rig's bring-up."""
     meets_part: bool = False
     """A part is expected, and a law leads the arm to it."""
     goes_on: Callable[[Any, Run], tuple[Any, str]] | None = None

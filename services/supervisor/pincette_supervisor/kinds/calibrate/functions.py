@@ -32,7 +32,7 @@ WIDEST = 150
 """Letters of a statement that have room."""
 
 
-def plan(request: CalibrationRequest, model: ModelInUse, _present: Present) -> Planned:
+def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Planned:
     """Plan a calibration.
 
     Raises
@@ -43,7 +43,7 @@ def plan(request: CalibrationRequest, model: ModelInUse, _present: Present) -> P
         Where the numbers make no program, or one that a limit of the rig forbids.
     """
     functions = functions_of(request.calibration)
-    made, values, waits = functions.program(request, model)
+    made, values, waits = functions.program(request, model, present)
     rig = model.rig
     program = _guarded(made, rig, weights="weights" in functions.needs)
     require_bounded([(segment.phase, segment.duration_s or 0.0) for segment in program.segments])

@@ -67,6 +67,8 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     """Highest speed of x_r along the path; steps use it up."""
     acceleration_um_per_s2: Positive | None = None
     """Highest acceleration of x_r along the path; steps and corners use it up."""
+    learn: bool | None = None
+    """Correct each cycle by what the cycles before it missed; of a sinusoid or a triangle."""
 
     @model_validator(mode="after")
     def _one_height(self) -> "TrackJobRequest":
@@ -88,6 +90,38 @@ class Tracking(Model):
     """Of the reference, peak to peak; null where the reference rests."""
     maximum: float
     """Of the magnitude."""
+
+
+class CycleErrors(Model):
+    """R.m.s. errors over one cycle at full amplitude."""
+
+    model_config = example(position_um=0.094, force_mN=0.21, true_force_mN=0.24)
+
+    position_um: float | None
+    """x less x_r; null where a sample is missing."""
+    force_mN: float | None
+    """The estimate less F_r."""
+    true_force_mN: float | None
+    """The true force less F_r; known to a simulated rig alone."""
+
+
+class Learned(Model):
+    """What a job has learned across its cycles, with what was known of the program before it."""
+
+    model_config = example(
+        program="5f0c1e2a9b7d4c3e", cycles=12, largest_um=0.31, over=True, errors_um=[0.12, 0.07]
+    )
+
+    program: str
+    """What it is kept under; see ``/rigs/{rig}/learning``."""
+    cycles: int
+    """That were learned from."""
+    largest_um: float
+    """Largest correction of x_r."""
+    over: bool
+    """Whether no more is learned: after twelve cycles, or since no error falls any more."""
+    errors_um: list[float]
+    """R.m.s. of x less x_r of each cycle that was learned from."""
 
 
 class TrackResult(ClosedLoopResult):
@@ -119,6 +153,10 @@ class TrackResult(ClosedLoopResult):
     """The estimate less F_r."""
     true_force_mN: Tracking | None
     """The true force less F_r; known to a simulated rig alone, null on a real one."""
+    cycles: list[CycleErrors] = Field(default_factory=list[CycleErrors])
+    """Errors over the cycles at full amplitude, in order; none between knots."""
+    learned: Learned | None = None
+    """Null where nothing was to be learned."""
 
 
 SWINGS = {"shape": ("sinusoid", "triangle")}
@@ -155,6 +193,8 @@ FIGURES: tuple[ResultField, ...] = (
         digits=3,
         optional=True,
     ),
+    number("learned.cycles", "cycles learned from", "", digits=0, optional=True),
+    number("learned.largest_um", "largest correction", "µm", digits=3, optional=True),
 )
 KIND = JobKind(
     name="track",
@@ -180,6 +220,7 @@ KIND = JobKind(
         FieldSpec(name="force_pp_mN", label="Height, peak to peak", when=SWINGS),
         FieldSpec(name="frequency_hz", label="Frequency", when=SWINGS),
         FieldSpec(name="cycles", label="Cycles", when=SWINGS),
+        FieldSpec(name="learn", label="Learn from cycle to cycle", when=SWINGS),
         FieldSpec(
             name="levels_mN",
             label="Levels",

@@ -12,9 +12,11 @@ from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
 from pincette_supervisor.kinds.track import Tracking, TrackJobRequest, TrackResult
+from pincette_supervisor.kinds.track.cycles import cycle_errors, learned_of, learning, told_of
 from pincette_supervisor.kinds.track.path import path_values, requested_path
 from pincette_supervisor.kinds.track.plot import plot
 from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.model.residuals import learning_digest
 from pincette_supervisor.planning.contact_plans import (
     CONTACT_FIELDS,
     contact_job,
@@ -45,7 +47,10 @@ def plan(request: TrackJobRequest, model: ModelInUse, _present: Present) -> Plan
     )
     made = plan_track(track, derived.planned_rig(rig))
     found = peaks(path)
-    return contact_job(request, model, made, (found.lowest, found.highest), {**values, **contact})
+    planned = contact_job(
+        request, model, made, (found.lowest, found.highest), {**values, **contact}
+    )
+    return learning(planned, path, rig.rig.period_s) if request.learn else planned
 
 
 def evaluate(run: Run) -> Evaluation:
@@ -61,7 +66,11 @@ def evaluate(run: Run) -> Evaluation:
         dropped=run.dropped,
         force_assumed=run.force_assumed,
     )
-    return Evaluation(result)
+    learned = learned_of(run, path)
+    if learned is not None:
+        told = told_of(learned, learning_digest(run.planned.program, run.planned.armed.rig))
+        result = result.model_copy(update={"learned": told})
+    return Evaluation(result, learned=learned)
 
 
 def track_result(
@@ -98,6 +107,7 @@ def track_result(
         true_force_mN=true_force,
         force_uncertainty_mN=figures.mean(series(table, "force_uncertainty_mN"), full),
         zero_age_s=figures.last_of(table, "zero_age_s", track),
+        cycles=cycle_errors(table, path, period_s, full),
     )
 
 

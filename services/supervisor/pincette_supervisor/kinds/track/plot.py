@@ -1,5 +1,7 @@
 """The picture of a tracked path: over time from the load on, and force over position."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pincette.records.columns import Columns
@@ -33,12 +35,16 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
     )
     axes: list[Axis] = [figure.add_subplot(left[0])]
     axes += [figure.add_subplot(left[row], sharex=axes[0]) for row in range(1, 5)]
+    cycles = [one.position_um for one in result.cycles]
+    rows = 2 if len(cycles) < 2 else 3
     right = figure.add_gridspec(
-        2, 1, left=MIDDLE + 0.055, right=RIGHT, top=TOP, bottom=BOTTOM, hspace=0.2
+        rows, 1, left=MIDDLE + 0.055, right=RIGHT, top=TOP, bottom=BOTTOM, hspace=0.25
     )
     _over_time(axes, table, result, run.period_s)
     tracked = within(table, ["track"])
     _loops(figure.add_subplot(right[0]), figure.add_subplot(right[1]), table, tracked)
+    if rows == 3:
+        _by_cycle(figure.add_subplot(right[2]), cycles)
     figure.align_ylabels(axes)
     sheet.head(LEFT, _title(result), _subtitle(result), name)
     return sheet.png()
@@ -116,6 +122,15 @@ def _loops(line: Axis, loop: Axis, table: Columns, tracked: Mask) -> None:
             fontsize=9,
             color=INK,
         )
+
+
+def _by_cycle(axis: Axis, errors_um: Sequence[float | None]) -> None:
+    """Error of the position over the cycles at full amplitude."""
+    drawing.prepare(axis, "RMSE of $x$ / µm", "cycle at full amplitude")
+    known = [(float(n + 1), error) for n, error in enumerate(errors_um) if error is not None]
+    numbers, errors = np.array([n for n, _ in known]), np.array([error for _, error in known])
+    drawing.line(axis, numbers, errors, MEASURED, "", width=1.2)
+    axis.set_ylim(bottom=0.0)
 
 
 def _title(result: TrackResult) -> str:

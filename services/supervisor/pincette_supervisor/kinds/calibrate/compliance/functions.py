@@ -16,6 +16,7 @@ from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
 from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.planned import Wait
+from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results import drawing
 from pincette_supervisor.results.drawing import DOT, MEASURED, REFERENCE, Sheet
 
@@ -31,7 +32,7 @@ SURE = 10.0
 """Standard uncertainties by which a compliance must be above 0."""
 
 
-def program(request: ComplianceRequest, model: ModelInUse) -> CalibrationProgram:
+def program(request: ComplianceRequest, model: ModelInUse, _present: Present) -> CalibrationProgram:
     """Wait for each weight, there and back, and read; but for those that are taken."""
     weights_mN = request.weights_mN or weights_within(model.rig)
     steps, taken = there_and_back(weights_mN), len(request.taken)

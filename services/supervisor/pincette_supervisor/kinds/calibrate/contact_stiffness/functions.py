@@ -35,6 +35,7 @@ from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffne
 from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.contact_plans import CONTACT_FIELDS, contact_values, part_values
+from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results import drawing
 from pincette_supervisor.results.drawing import DOT, MEASURED, REFERENCE, TRUE, Sheet
 
@@ -50,7 +51,9 @@ class ContactFound:
     touch: FirstTouch
 
 
-def program(request: ContactStiffnessRequest, model: ModelInUse) -> CalibrationProgram:
+def program(
+    request: ContactStiffnessRequest, model: ModelInUse, _present: Present
+) -> CalibrationProgram:
     """Press the part by a sinusoid of voltage at several levels."""
     rig = model.rig
     given = contact_values(request, CONTACT_FIELDS, rig)

@@ -34,6 +34,7 @@ from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import UNITS
 from pincette_supervisor.planning.motion_plans import GAIN_GROWTH, SPEED_FACTOR
+from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results import drawing
 from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
 
@@ -43,7 +44,9 @@ GAIN_DIFFERENCE = 0.01
 """Share by which the model's own gain may differ from the measured one before it is said."""
 
 
-def program(request: FreeResponseRequest, model: ModelInUse) -> CalibrationProgram:
+def program(
+    request: FreeResponseRequest, model: ModelInUse, _present: Present
+) -> CalibrationProgram:
     """Over the voltages that a grip needs, within the limits, where the request names no range."""
     rig = model.rig
     limits, d_p, rest_V = rig.limits, rig.model.piezo_um_per_V, rig.safety.safe_V

@@ -15,6 +15,7 @@ from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
 from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.errors import InstrumentBandwidth, UnsupportedError
+from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results import drawing
 from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
 
@@ -22,7 +23,9 @@ SWING_SHARE = 0.5
 """Of the room to the nearest limit of position that the resonance may use up."""
 
 
-def program(request: FrequencyResponseRequest, model: ModelInUse) -> CalibrationProgram:
+def program(
+    request: FrequencyResponseRequest, model: ModelInUse, _present: Present
+) -> CalibrationProgram:
     """Sweep a sine through the resonance."""
     rig = model.rig
     _require_sweep(rig, request.to_hz, request.capture_hz)

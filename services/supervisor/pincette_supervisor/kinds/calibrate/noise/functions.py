@@ -8,13 +8,14 @@ from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions
 from pincette_supervisor.kinds.calibrate.noise import NoiseRequest
 from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results import drawing
 from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
 
 BINS = 60
 
 
-def program(request: NoiseRequest, _model: ModelInUse) -> CalibrationProgram:
+def program(request: NoiseRequest, _model: ModelInUse, _present: Present) -> CalibrationProgram:
     """Hold the voltage and read."""
     return noise_program(request.duration_s), {"duration_s": request.duration_s}, {}
 

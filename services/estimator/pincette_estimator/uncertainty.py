@@ -1,0 +1,41 @@
+"""How far the estimated force may be off, as the estimator stands."""
+
+from math import hypot, log10
+
+from pincette.control.force.estimation import COVERAGE, uncertainty
+from pincette.control.force.reversal_memory import forgotten_mN
+from pincette.control.response.unknown_past import standard_uncertainty_um
+from pincette_estimator.config import EstimatorConfig
+from pincette_estimator.state import State
+
+
+def uncertainty_mN(config: EstimatorConfig, state: State, zero_age_s: float) -> float:
+    """Uncertainty of the force.
+
+    A residual table has what x_1 misses of hysteresis, reversals and creep along the very motion;
+    what is left of them is its error. Past the end of what was played creep begins anew.
+    """
+    free_um = state.response.error_um()
+    lost_mN = forgotten_mN(
+        state.reversal_memory.total_V,
+        full_mN=config.forgotten_mN,
+        scale_V=config.forgotten_scale_V,
+    )
+    if config.residual is not None and state.missed is not None and state.zero_s is not None:
+        free_um, lost_mN = config.residual.error_um, 0.0
+        zero_age_s = state.missed.beyond * config.period_s
+    unknown_um = standard_uncertainty_um(state.unknown.error_um(state.response))
+    return uncertainty(
+        noise_um=config.noise_um,
+        free_error_um=hypot(free_um, unknown_um),
+        compliance_um_per_mN=config.compliance_um_per_mN,
+        creep_mN_per_decade=config.creep_mN_per_decade,
+        zero_age_s=zero_age_s,
+        forgotten_mN=lost_mN,
+    )
+
+
+def creep_um(config: EstimatorConfig, age_s: float) -> float:
+    """How far creep may have moved the arm since a zero of this age, at two standard errors."""
+    creep_mN = config.creep_mN_per_decade * log10(1.0 + max(0.0, age_s))
+    return COVERAGE * creep_mN * config.compliance_um_per_mN

@@ -1,0 +1,123 @@
+"""Recorded jobs whose motion can be played again: found in the journal, read from their record."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pincette.api.job_kinds import job_kinds
+from pincette.config import RigFile
+from pincette.control.planning.recorded_motion import RecordedMotion, RecordedSegment
+from pincette.core.faults import Phase
+from pincette.records import folder, parquet
+from pincette.records.columns import Columns
+from pincette_supervisor.journal.store import JobRow, Store
+from pincette_supervisor.planning.errors import FaultyRequestError
+from pincette_supervisor.results.figures import Series, series
+
+COLUMNS = (
+    "seq",
+    "segment",
+    "segment_tick",
+    "phase",
+    "paused",
+    "voltage_V",
+    "x_um",
+    "force_mN",
+    "zero_age_s",
+)
+LOOKED_AT = 100
+"""Jobs among which the newest is looked for."""
+
+
+def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> RecordedMotion:
+    """Read the motion of a job; with an empty name of the newest that meets a part.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where there is no such job, or its record does not give a motion.
+    """
+    row = _row(store, rig.rig.name, job)
+    path = records / row.id / folder.SAMPLES
+    try:
+        source = parquet.opened(path)
+        table: Columns = source.read(columns=list(COLUMNS)).to_pydict()
+    except OSError as error:
+        raise FaultyRequestError("/of_job", f"the record of job {row.id}: {error}") from error
+    digest = row.plan.get("values", {}).get("program", "")
+    try:
+        return motion_of(
+            table,
+            job=row.id,
+            program=digest,
+            period_s=rig.rig.period_s,
+            compliance_um_per_mN=rig.model.compliance_um_per_mN,
+        )
+    except ValueError as error:
+        raise FaultyRequestError("/of_job", f"job {row.id}: {error}") from error
+
+
+def _row(store: Store, rig: str, job: str) -> JobRow:
+    kinds = [kind.name for kind in job_kinds().values() if kind.predicted and kind.holds_part]
+    words = " or ".join(kinds)
+    if not job:
+        for row in store.newest(LOOKED_AT, state="succeeded", rig=rig):
+            if row.kind in kinds:
+                return row
+        raise FaultyRequestError("/of_job", f"no {words} has succeeded: make one first")
+    found = store.get(job)
+    if found is None or found.rig != rig:
+        raise FaultyRequestError("/of_job", f"rig {rig} has no job {job!r}")
+    if found.kind not in kinds or found.state != "succeeded":
+        raise FaultyRequestError(
+            "/of_job",
+            f"job {job} is a {found.kind} that has {found.state}: name a {words} that succeeded",
+        )
+    return found
+
+
+def motion_of(
+    table: Columns, *, job: str, program: str, period_s: float, compliance_um_per_mN: float
+) -> RecordedMotion:
+    """Motion of a record's columns.
+
+    Raises
+    ------
+    ValueError
+        Where it was paused, or left its program.
+    """
+    if not program:
+        raise ValueError("it was recorded before its motion had a digest: play it again")
+    if any(table["paused"]):
+        raise ValueError("it was paused: play it again without a pause")
+    numbers, ticks = series(table, "segment"), series(table, "segment_tick")
+    known = ~np.isnan(numbers) & ~np.isnan(series(table, "voltage_V"))
+    age_s = series(table, "zero_age_s")
+    count = int(np.nanmax(numbers[known])) + 1 if known.any() else 0
+    voltage_V = series(table, "voltage_V")
+    stamped = _stamped(numbers, age_s, period_s)
+    segments: list[RecordedSegment] = []
+    for number in range(count):
+        here = known & (numbers == number) & (ticks >= 1.0)
+        if not here.any():
+            raise ValueError(f"segment {number} of its program was not played")
+        played, first = np.unique(ticks[here], return_index=True)
+        at = np.arange(1.0, played[-1] + 1.0)
+        volts = np.interp(at, played, voltage_V[here][first])
+        phase = next(
+            name for name, one in zip(table["phase"], numbers, strict=True) if one == number
+        )
+        segments.append(RecordedSegment(phase, tuple(volts.tolist()), number in stamped))
+    if not segments or segments[-1].phase != Phase.RETREAT:
+        raise ValueError("it did not play its program to the end")
+    free_um = series(table, "x_um") + compliance_um_per_mN * series(table, "force_mN")
+    reach_um = (float(np.nanmin(free_um)), float(np.nanmax(free_um)))
+    return RecordedMotion(job, program, period_s, tuple(segments), reach_um)
+
+
+def _stamped(numbers: Series, age_s: Series, period_s: float) -> set[int]:
+    """Segments at whose end the force was zeroed: the sample after the stamp has age 0."""
+    fresh: Sequence[int] = np.flatnonzero(age_s < 0.5 * period_s).tolist()
+    before = [numbers[place - 1] for place in fresh if place]
+    return {int(number) for number in before if not np.isnan(number)}

@@ -1,0 +1,58 @@
+"""What programs have learned across their cycles over REST: list it, erase it."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path
+
+from pincette.api.learning import Erased, LearnedList, LearnedProgram
+from pincette.api.problems import responses
+from pincette_supervisor import problems
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
+from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Manager, Note
+
+router = APIRouter(prefix="/rigs/{rig}/learning", tags=["learning"])
+
+
+def _repository(manager: JobManager) -> LearnedRepository:
+    return LearnedRepository(manager.context.store, manager.name)
+
+
+@router.get("", responses=responses(404, 503), dependencies=[OBSERVE])
+def learned(manager: Manager) -> LearnedList:
+    """What the programs of a rig have learned, with the error over their cycles."""
+    rows = _repository(manager).all()
+    return LearnedList(rig=manager.name, programs=[_view(row) for row in rows])
+
+
+@router.delete("", responses=responses(404, 409, 503), dependencies=[OPERATE])
+def erase_all(manager: Manager, note: Note) -> Erased:
+    """Forget what every program has learned; a job that runs keeps what it began with."""
+    note("all")
+    return Erased(rig=manager.name, erased=_repository(manager).erase())
+
+
+@router.delete("/{program}", responses=responses(404, 409, 503), dependencies=[OPERATE])
+def erase(
+    program: Annotated[str, Path(pattern="^[0-9a-f]{16}$")], manager: Manager, note: Note
+) -> Erased:
+    """Forget what one program has learned."""
+    note(program)
+    erased = _repository(manager).erase(program)
+    if not erased:
+        raise problems.not_found("program that has learned", program)
+    return Erased(rig=manager.name, erased=erased)
+
+
+def _view(row: LearnedRow) -> LearnedProgram:
+    known = row.corrections
+    return LearnedProgram(
+        program=row.program,
+        job=row.job,
+        learned_at=row.learned_at,
+        motion=row.motion,
+        cycles=len(known.errors_um),
+        over=known.over,
+        values_um=list(known.values_um),
+        errors_um=list(known.errors_um),
+    )

@@ -1,0 +1,149 @@
+"""A motion as it was recorded, and a program that plays its voltages again without the part.
+
+The voltages are applied open loop, tick by tick, so that the free arm goes through the very motion
+of its hysteresis and creep that the pressed one went through.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pincette.control.planning.contact_plan import CONTACT_SAMPLES, ZERO_WAIT_S, PlannedRig
+from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.quantities import MAX_ITEMS
+
+RETURN_S = 0.5
+"""To the first voltage of the motion, and"""
+REST_S = 1.0
+"""the rest there."""
+SPREAD = 0.005
+"""Share by which runs are played wider and narrower in turn. Later jobs do not repeat a motion to
+the last bit: noise and the contact line move its turning points by about so much, and with them
+the branches of the hysteresis. What the runs differ by then says how much that matters."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSegment:
+    """One segment of a program as it was played."""
+
+    phase: str
+    voltages_V: tuple[float, ...]
+    """Applied at its ticks, from tick 1 on."""
+    zeroes: bool
+    """Whether the force was zeroed at its end."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMotion:
+    """The voltages of a job, segment by segment of its program."""
+
+    job: str
+    program: str
+    """Digest of its motion."""
+    period_s: float
+    segments: tuple[RecordedSegment, ...]
+    free_um: tuple[float, float]
+    """Lowest and highest position that the voltages lead the free arm to: x + s_p·F."""
+
+
+def recorded_program(
+    motion: RecordedMotion, rig: PlannedRig, *, runs: int, contact_force_mN: float, waits: bool
+) -> tuple[Program, tuple[int, ...]]:
+    """Play a motion several times; returns the program, and the first segment of each run.
+
+    With ``waits`` it waits for a person before the first run and after the last. Where the arm
+    meets something it comes to rest and the program ends as ``contact``.
+
+    Raises
+    ------
+    ValueError
+        Where the motion has another period, is too long, or leads the free arm beyond a limit.
+    """
+    limits = rig.limits
+    if abs(motion.period_s - rig.period_s) > 1e-9:
+        raise ValueError(
+            f"job {motion.job} was played every {motion.period_s:g} s, the rig has "
+            f"{rig.period_s:g} s: record the job again"
+        )
+    for phase, ticks in ((one.phase, len(one.voltages_V)) for one in motion.segments):
+        if ticks > MAX_ITEMS:
+            raise ValueError(
+                f"job {motion.job} has {ticks} ticks of {phase}, limit {MAX_ITEMS}: "
+                "play a shorter one"
+            )
+    low_um, high_um = motion.free_um
+    if low_um < limits.position_min_um or high_um > limits.position_max_um:
+        raise ValueError(
+            f"without the part the voltages of job {motion.job} lead the arm from {low_um:.2f} µm "
+            f"to {high_um:.2f} µm, limits {limits.position_min_um:g} µm to "
+            f"{limits.position_max_um:g} µm: press less, or move the part closer"
+        )
+    segments: list[Segment] = []
+    if waits:
+        segments.append(Segment("part away", "voltage", None))
+    begins: list[int] = []
+    for run in range(1, runs + 1):
+        first_V = motion.segments[0].voltages_V[0]
+        width = 1.0 + (SPREAD if run % 2 else -SPREAD)
+        segments.append(Segment(f"return {run}", "voltage", RETURN_S, voltage_to_V=first_V))
+        segments.append(Segment(f"rest {run}", "voltage", REST_S))
+        begins.append(len(segments))
+        segments += [_played(one, run, rig, first_V, width) for one in motion.segments]
+    if waits:
+        segments.append(Segment("part back", "voltage", None))
+    guards = Guards(
+        contact_force_mN=contact_force_mN,
+        contact_samples=CONTACT_SAMPLES,
+        force_max_mN=limits.force_max_mN,
+        lost_fraction=0.0,
+        lost_samples=1,
+        stiffness_min_mN_per_um=0.0,
+        stiffness_max_mN_per_um=1.0,
+        zero_wait_s=ZERO_WAIT_S,
+        # Open loop the arm stands a little beside where the law held it, perhaps too far to be
+        # zeroed beside a part; the residual counts from that rest all the same.
+        zero_needed=False,
+    )
+    return Program(tuple(segments), guards, contact_stiffness_mN_per_um=1.0), tuple(begins)
+
+
+def _played(
+    one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, width: float
+) -> Segment:
+    """A segment with the ticks that it had; the one that zeroes takes one more for the stamp."""
+    ticks = len(one.voltages_V) - int(one.zeroes)
+    low_V, high_V = rig.limits.voltage_min_V, rig.limits.voltage_max_V
+    volts = (first_V + width * (voltage_V - first_V) for voltage_V in one.voltages_V)
+    return Segment(
+        f"{one.phase} {run}",
+        "voltage",
+        ticks * rig.period_s,
+        voltages_V=tuple(min(high_V, max(low_V, voltage_V)) for voltage_V in volts),
+        zeroes=one.zeroes,
+        guarded=True,
+    )
+
+
+def chained(force_um: Sequence[float], zeroed: Sequence[bool], rest: int) -> list[float]:
+    """Residuals of one run, counted from its last zero.
+
+    Each zero moves the offset of x_1. What comes before it is moved likewise, so that the rest on
+    which it was made has the same mean before and after.
+
+    Parameters
+    ----------
+    force_um
+        x - x_1 at each tick as it was estimated, in µm.
+    zeroed
+        Whether the estimate of this tick is the first after a zero.
+    rest
+        Ticks of the rest that a zero is made of.
+    """
+    found, shift_um = list(force_um), 0.0
+    for place in range(len(found) - 1, -1, -1):
+        found[place] += shift_um
+        if zeroed[place]:
+            # The rest ends with the sample that was zeroed, which has the offset of after.
+            before = force_um[max(0, place - rest) : place]
+            if before:
+                shift_um -= sum(before) / len(before)
+    return found

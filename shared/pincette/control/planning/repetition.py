@@ -1,0 +1,115 @@
+"""Learning across cycles: what the cycle before missed corrects the reference of the next.
+
+    l_i ← l_i - L·(¼ē_{i-1} + ½ē_i + ¼ē_{i+1}),   x_{r,k} + l_{k mod N} in the place of x_{r,k}
+
+with ē_i = x - x_r at tick i of the last whole cycle of N ticks, cyclic in i: iterative learning
+control of P-type with a zero-phase filter (D. Bristow, M. Tharayil and A. Alleyne, IEEE Control
+Systems Magazine 26(3), 2006). It learns what repeats, whatever its cause: hysteresis, lag, creep.
+"""
+
+from math import sqrt
+
+from msgspec.structs import replace
+
+from pincette.control.quantities import Items, Micrometre, Whole
+from pincette.control.record import FrozenRecord
+
+GAIN = 0.5
+"""L."""
+MOST_UM = 1.0
+"""Bound of |l|: beyond it something else is wrong than what repeats."""
+MOST_CYCLES = 12
+"""After which the sensor's noise adds more than is left to learn."""
+PATIENCE = 5
+"""Cycles in a row without a lower error that end the learning."""
+MOST_TICKS = 2000
+"""Of a cycle: what travels with a program."""
+
+
+class Corrections(FrozenRecord, frozen=True):
+    """Corrections l of a cycle, and how they came about; part of the program that they are for."""
+
+    values_um: Items[Micrometre]
+    """l_i, one for each tick of the cycle."""
+    errors_um: Items[Micrometre] = ()
+    """R.m.s. of x - x_r of each cycle that was learned from, in order."""
+
+    @property
+    def over(self) -> bool:
+        """Whether there is nothing more to learn: after ``MOST_CYCLES``, or no error falls."""
+        if len(self.errors_um) >= MOST_CYCLES:
+            return True
+        if len(self.errors_um) <= PATIENCE:
+            return False
+        return min(self.errors_um[-PATIENCE:]) >= min(self.errors_um[:-PATIENCE])
+
+    def at(self, tick: int) -> float:
+        """Return l at a tick since the begin of a cycle."""
+        return self.values_um[tick % len(self.values_um)]
+
+    def improved(self, errors_um: tuple[float, ...]) -> "Corrections":
+        """Learn from the errors x - x_r of one whole cycle; without effect once it is over."""
+        if self.over:
+            return self
+        count = len(self.values_um)
+        values: list[float] = []
+        for i, value in enumerate(self.values_um):
+            before, after = errors_um[i - 1], errors_um[(i + 1) % count]
+            missed = 0.25 * before + 0.5 * errors_um[i] + 0.25 * after
+            values.append(min(MOST_UM, max(-MOST_UM, value - GAIN * missed)))
+        squares = 0.0
+        for error in errors_um:
+            squares += error * error
+        return Corrections(tuple(values), (*self.errors_um, sqrt(squares / count)))
+
+
+class CycleLearner(FrozenRecord, frozen=True):
+    """Gathers the errors of a cycle tick by tick, and learns at its end."""
+
+    corrections: Corrections
+    errors_um: tuple[float, ...] = ()
+    """Of the cycle so far, from its tick 0 on."""
+
+    def follow(self, tick: int, error_um: float, *, limited: bool) -> "CycleLearner":
+        """Take in x - x_r at a tick since the begin of a cycle.
+
+        A cycle in which a tick is missing or repeated, or a limit acts, is not learned from.
+        """
+        count = len(self.corrections.values_um)
+        place = tick % count
+        if limited or place != len(self.errors_um):
+            # The next cycle begins at tick 0; this one never becomes whole.
+            known = (error_um,) if place == 0 and not limited else ()
+            return replace(self, errors_um=known)
+        errors = (*self.errors_um, error_um)
+        if len(errors) < count:
+            return replace(self, errors_um=errors)
+        return CycleLearner(self.corrections.improved(errors))
+
+
+def no_corrections(ticks: Whole) -> Corrections:
+    """Nothing learned so far, for a cycle of ``ticks``."""
+    return Corrections((0.0,) * ticks)
+
+
+def cycle_ticks(cycle_s: float, period_s: float) -> int:
+    """Whole ticks of a cycle.
+
+    Raises
+    ------
+    ValueError
+        Where it is no whole number of periods, or more than ``MOST_TICKS``.
+    """
+    ticks = round(cycle_s / period_s)
+    if ticks < 2 or abs(ticks * period_s - cycle_s) > 1e-6 * cycle_s:
+        nearest = 1.0 / (max(2, ticks) * period_s)
+        raise ValueError(
+            f"frequency_hz = {1.0 / cycle_s:g} Hz: a cycle of {cycle_s / period_s:.3f} control "
+            f"periods cannot be learned, it must be a whole number; take {nearest:.6g} Hz"
+        )
+    if ticks > MOST_TICKS:
+        raise ValueError(
+            f"frequency_hz = {1.0 / cycle_s:g} Hz: a cycle has {ticks} ticks, at most {MOST_TICKS} "
+            "are learned; choose a higher frequency or do not learn"
+        )
+    return ticks

@@ -1,0 +1,125 @@
+"""The residual table of runs of a program's voltages without the part.
+
+Runs of the same voltages differ by the sensor's noise and by what the arm does not repeat. How far
+to smooth follows from them: the width of the Gaussian is chosen so that all runs but one, smoothed,
+predict that one best (leave-one-out cross-validation; M. Stone, Journal of the Royal Statistical
+Society B 36(2), 1974).
+"""
+
+from collections.abc import Sequence
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.response.residual_table import MOST_KNOTS, ResidualTable
+
+WIDTHS = (0.0, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+"""Standard deviations of the Gaussian in ticks; 0: none."""
+REACH = 3.0
+"""Of the Gaussian, in standard deviations."""
+
+Column = NDArray[np.float64]
+
+
+class Place(NamedTuple):
+    """A tick of a program."""
+
+    segment: int
+    tick: int
+
+
+class IdentifiedResidual(NamedTuple):
+    """The table, and what it rests on."""
+
+    table: ResidualTable
+    width_ticks: float
+    """Of the smoothing."""
+    residual_um: Column
+    """Mean of the runs, smoothed."""
+    error_um: float
+    """Standard error in a later run: the r.m.s. by which a run is missed, the sensor's noise taken
+    off, its square times (n + 1)/(n - 1) for n runs."""
+
+
+def identify_residual(
+    places: Sequence[Place], runs_um: Sequence[Column], noise_um: float
+) -> IdentifiedResidual:
+    """Make a table of N ticks in the order in which they were played.
+
+    Parameters
+    ----------
+    places
+        Of each tick, N.
+    runs_um
+        Residual of each run, N each; at least two runs.
+    noise_um
+        R.m.s. of the sensor's noise, which is no error of the table.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer than two runs, lengths differ, or the table would be too long.
+    """
+    runs = np.asarray(runs_um, dtype=np.float64)
+    if runs.ndim != 2 or len(runs) < 2 or runs.shape[1] != len(places) or not len(places):
+        raise ValueError(f"{runs.shape} residuals of {len(places)} ticks: two runs at least")
+    width, missed_um = min(
+        ((width, _missed_um(runs, width)) for width in WIDTHS), key=lambda pair: pair[1]
+    )
+    mean_um = smoothed(np.mean(runs, axis=0), width)
+    # A later run meets the error of the table, and what it does not repeat itself: what was missed
+    # above was predicted by one run fewer. Few runs tell little of how far others go astray.
+    few = (len(runs) + 1) / (len(runs) - 1)
+    error_um = sqrt(few * max(0.0, missed_um**2 - noise_um**2))
+    stride = _stride(width, places)
+    table = ResidualTable(stride, _knots(places, mean_um, stride), error_um)
+    return IdentifiedResidual(table, width, mean_um, error_um)
+
+
+def _missed_um(runs: Column, width: float) -> float:
+    """R.m.s. of each run less the others, smoothed."""
+    missed = [
+        run - smoothed(np.mean(np.delete(runs, number, axis=0), axis=0), width)
+        for number, run in enumerate(runs)
+    ]
+    return float(np.sqrt(np.mean(np.square(missed))))
+
+
+def smoothed(values: Column, width_ticks: float) -> Column:
+    """Values under a Gaussian of this standard deviation; at the ends under what is left of it."""
+    if width_ticks <= 0.0:
+        return values
+    reach = max(1, round(REACH * width_ticks))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width_ticks) ** 2)
+    weight = np.convolve(np.ones(len(values)), kernel)[reach:-reach]
+    return np.convolve(values, kernel)[reach:-reach] / weight
+
+
+def _stride(width: float, places: Sequence[Place]) -> int:
+    """As fine as half the width; coarser where the table would not travel."""
+    segments = 2 * len({place.segment for place in places})
+    least = -(-len(places) // max(1, MOST_KNOTS - segments))
+    return max(1, int(0.5 * width), least)
+
+
+def _knots(
+    places: Sequence[Place], residual_um: Column, stride: int
+) -> tuple[tuple[float, ...], ...]:
+    """Knots of each segment; ticks that were played more than once count by their mean."""
+    segments = np.array([place.segment for place in places])
+    ticks = np.array([place.tick for place in places])
+    found: list[tuple[float, ...]] = []
+    for segment in range(int(segments.max()) + 1):
+        here = segments == segment
+        if not here.any():
+            found.append(())
+            continue
+        played, index = np.unique(ticks[here], return_inverse=True)
+        means = np.bincount(index, residual_um[here]) / np.bincount(index)
+        last = -(-int(played[-1]) // stride) * stride
+        at = np.arange(0, last + 1, stride)
+        # In steps of 0.1 nm: a short text, and far below the sensor's noise.
+        found.append(tuple(np.round(np.interp(at, played, means), 4).tolist()))
+    return tuple(found)

@@ -1,0 +1,63 @@
+"""What the free-response model misses along one program, by segment and tick.
+
+    r_k = (x_k - H_k) - mean over the last zero
+
+with the position x of the free arm and the displacement H of the model, k a tick of the program's
+own voltages. Since the program repeats, so does most of r: with it F̂ = (offset + H + r - x)/s_p.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from pincette.control.checks import require_not_negative
+
+MOST_KNOTS = 2400
+"""Of a whole table: what travels with an arming beside the model."""
+
+
+class Residual(NamedTuple):
+    """What is known of one tick."""
+
+    value_um: float
+    beyond: int
+    """Ticks past the end of what was played of the segment: the last value stays."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualTable:
+    """Residuals r in µm at every ``stride``-th tick of each segment, straight in between.
+
+    Raises
+    ------
+    ValueError
+        Where stride or error are impossible, or the knots are too many.
+    """
+
+    stride: int
+    """Ticks from one knot to the next."""
+    knots_um: tuple[tuple[float, ...], ...]
+    """By segment of the program; the first knot of a segment is that of its tick 0. A segment that
+    was not played has none."""
+    error_um: float
+    """Standard error of r in a later run."""
+
+    def __post_init__(self) -> None:
+        if self.stride < 1:
+            raise ValueError(f"stride = {self.stride} ticks, must be at least 1")
+        require_not_negative("error of the residual", self.error_um, "µm")
+        count = sum(len(knots) for knots in self.knots_um)
+        if count > MOST_KNOTS:
+            raise ValueError(f"{count} knots, limit {MOST_KNOTS}: choose a longer stride")
+
+    def at(self, segment: int, tick: int) -> Residual | None:
+        """Return r at a tick of a segment; None where the segment was not played."""
+        if not 0 <= segment < len(self.knots_um) or tick < 0:
+            return None
+        knots = self.knots_um[segment]
+        if not knots:
+            return None
+        place, past = divmod(tick, self.stride)
+        if place + 1 >= len(knots):
+            return Residual(knots[-1], tick - (len(knots) - 1) * self.stride)
+        share = past / self.stride
+        return Residual(knots[place] + share * (knots[place + 1] - knots[place]), 0)

@@ -1,0 +1,177 @@
+"""A motion played again without the part: what the model missed is kept, and used by the next."""
+
+from collections.abc import Generator
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pincette.config import Calibration, RigFile, calibrated
+from pincette.core.messages import Message, Reset, Sample, Telemetry
+from pincette.core.topics import RESET, TOPICS
+from pincette.engine.arming import arm
+from pincette.engine.composed import ComposedLoop
+from pincette.records.columns import Columns, columns
+from pincette.sim.bench import Bench
+from pincette_supervisor.kinds.calibrate.residual import ResidualRequest
+from pincette_supervisor.kinds.functions import Evaluation, Run, functions_of, kind_of
+from pincette_supervisor.kinds.track import TrackJobRequest
+from pincette_supervisor.model.model_in_use import ModelInUse, rig_file_alone
+from pincette_supervisor.model.residuals import QUANTITY, armed_with, merged, table_for
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.prediction import played
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.planning.recorded_jobs import motion_of
+from tests.support.calibrating import opened_benches
+from tests.support.rigs import demo_rig
+
+TRACK = TrackJobRequest(
+    kind="track", shape="sinusoid", force_mean_mN=12.0, force_pp_mN=16.0, cycles=2, load_s=1.0
+)
+AWAY = ResidualRequest(kind="calibrate", calibration="residual", confirm=False)
+
+
+def skewed() -> RigFile:
+    """The demo rig with an arm whose hysteresis is not the one that its model was taught on."""
+    return demo_rig({"simulation": {"hysteresis": {"asymmetry": 0.1}}}, time="lockstep")
+
+
+class Desk:
+    """One loop that goes on from job to job, as the arm does, and its bench."""
+
+    def __init__(self, rig: RigFile) -> None:
+        self.rig, self.epoch = rig, 0
+        with opened_benches() as opened:
+            self.loop = ComposedLoop(rig)
+        self.bench: Bench = opened[-1]
+        self.said: list[Message] = []
+        for topic in TOPICS:
+            self.loop.bus.subscribe(topic, lambda _topic, message: self.said.append(message))
+        self.loop.bus.call(RESET, Reset(acknowledge=True))
+
+    def play(self, planned: Planned) -> Columns:
+        """Arm as the supervisor does, and play to the end."""
+        self.said.clear()
+        self.epoch += 1
+        calibration = planned.armed.calibration.text()
+        arm(
+            self.loop.bus,
+            planned.program,
+            epoch=self.epoch,
+            digest=self.rig.digest(),
+            calibration=calibration,
+        )
+        while self.loop.bus.pump():
+            pass
+        kept = [m for m in self.said if not isinstance(m, Sample) or m.seq >= 0]
+        return columns(kept, self.rig.rig.period_s)
+
+
+def evaluated(desk: Desk, planned: Planned, table: Columns) -> Evaluation:
+    return functions_of(kind_of(AWAY)).evaluate(Run(desk.rig, planned, table))
+
+
+def residual_plan(desk: Desk, planned: Planned, table: Columns) -> Planned:
+    """The plan of the calibration that plays a recorded job."""
+    rig = desk.rig
+    motion = motion_of(
+        table,
+        job="recorded",
+        program=planned.values["program"],
+        period_s=rig.rig.period_s,
+        compliance_um_per_mN=rig.model.compliance_um_per_mN,
+    )
+    return plan_job(AWAY, rig_file_alone(rig), Present(recorded=motion))
+
+
+def force_error_mN(table: Columns) -> float:
+    """R.m.s. of the estimate less the truth, along the path."""
+    rows = zip(table["phase"], table["force_mN"], table["true_force_mN"], strict=True)
+    errors = [F - true for phase, F, true in rows if phase == "track" and true is not None]
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+@cache
+def course() -> tuple[Columns, Evaluation, Columns, Planned]:
+    """A track, the same without the part, and a track with what was kept."""
+    desk = Desk(skewed())
+    first = plan_job(TRACK, desk.rig)
+    desk.play(first)
+    recorded = desk.play(first)
+    desk.bench.rig.remove_part()
+    away = residual_plan(desk, first, recorded)
+    found = evaluated(desk, away, desk.play(away))
+    desk.bench.rig.place_part()
+    values = {item["quantity"]: item["value"] for item in found.result.model_dump()["values"]}
+    later = plan_job(TRACK, known(desk.rig, values))
+    return recorded, found, desk.play(later), later
+
+
+def known(rig: RigFile, values: dict[str, object]) -> ModelInUse:
+    """The model with what a calibration has proposed, as it is once that is accepted."""
+    laid = merged({}, values, "2026-03-01T12:00:00Z")
+    model = rig_file_alone(rig)
+    calibration = Calibration(values=laid, sources=dict.fromkeys(laid, "job"))
+    return replace(model, rig=calibrated(rig, calibration), calibration=calibration)
+
+
+def test_a_later_job_knows_its_force_better_and_says_so() -> None:
+    recorded, found, later, planned = course()
+    assert found.fault == ""
+    assert planned.values["residual"]["job"] == "recorded"
+    assert force_error_mN(later) < 0.6 * force_error_mN(recorded)
+    stated, before = later["force_uncertainty_mN"], recorded["force_uncertainty_mN"]
+    place = later["phase"].index("track")
+    assert stated[place] < 0.75 * before[recorded["phase"].index("track")]
+
+
+def test_the_table_holds_for_its_own_motion_and_free_response_alone() -> None:
+    _, found, _, planned = course()
+    rig = planned.armed.rig
+    assert table_for(rig, planned.program) is not None
+    other = plan_job(TRACK.model_copy(update={"cycles": 3}), planned.model)
+    assert "residual" not in other.values
+    assert other.armed.rig.model.residuals == ()
+    assert QUANTITY not in other.armed.calibration.sources
+    free = rig.model.free_response
+    assert free is not None
+    changed = free.model_copy(update={"curvature_um_per_V2": 0.01})
+    model = rig.model.model_copy(update={"free_response": changed})
+    assert table_for(rig.model_copy(update={"model": model}), planned.program) is None
+    assert found.result.outcome == "moved"
+
+
+def test_the_prediction_goes_by_it_too() -> None:
+    _, _, _, planned = course()
+    without = replace(planned, expecting=armed_with(planned.model, None))
+    with_table, bare = played(planned).samples, played(without).samples
+    assert with_table.voltage_V != bare.voltage_V
+    force_mN = [
+        F for F, p in zip(with_table.force_mN, with_table.phase, strict=True) if p == "track"
+    ]
+    assert max(force_mN) == pytest.approx(20.0, abs=0.5)
+
+
+def test_a_part_that_is_still_there_ends_it_and_nothing_is_kept() -> None:
+    desk = Desk(demo_rig(time="lockstep"))
+    first = plan_job(TRACK, desk.rig)
+    recorded = desk.play(first)
+    away = residual_plan(desk, first, recorded)
+    table = desk.play(away)
+    assert "contact" in table["outcome"]
+    found = evaluated(desk, away, table)
+    assert found.result.model_dump()["values"] == []
+
+
+def test_the_same_table_gives_the_same_bits() -> None:
+    _, _, later, planned = course()
+
+    def again() -> Generator[Telemetry]:
+        desk = Desk(skewed())
+        desk.play(planned)
+        yield from (m for m in desk.said if isinstance(m, Telemetry))
+
+    assert list(again()) == list(again())
+    assert len(later["seq"]) > 400

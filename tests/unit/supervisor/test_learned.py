@@ -1,0 +1,78 @@
+"""What programs have learned is kept by program, listed over REST, and erased by one request."""
+
+from pathlib import Path
+
+import pytest
+
+from pincette.control.planning.repetition import Corrections
+from pincette_supervisor.journal.learned import MOST, LearnedRepository, LearnedRow
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.model.residuals import QUANTITY, merged
+
+from .harness import Harness
+
+
+def row(program: str, learned_at: str = "2026-03-01T12:00:00.000Z") -> LearnedRow:
+    return LearnedRow(program, "job", learned_at, {"shape": "sinusoid"}, (0.1, -0.1), (0.3, 0.2))
+
+
+@pytest.fixture
+def repository(tmp_path: Path) -> LearnedRepository:
+    return LearnedRepository(Store(tmp_path / "journal.sqlite"), "demo")
+
+
+def test_what_is_kept_comes_back_as_it_travels(repository: LearnedRepository) -> None:
+    assert repository.all() == []
+    repository.keep(row("a"))
+    found = repository.find("a")
+    assert found == row("a")
+    assert found is not None
+    assert found.corrections == Corrections((0.1, -0.1), (0.3, 0.2))
+    assert repository.find("b") is None
+
+
+def test_one_program_or_all_are_forgotten(repository: LearnedRepository) -> None:
+    for name in ("a", "b", "c"):
+        repository.keep(row(name))
+    assert repository.erase("b") == 1
+    assert repository.erase("b") == 0
+    assert {one.program for one in repository.all()} == {"a", "c"}
+    assert repository.erase() == 2
+    assert repository.all() == []
+
+
+def test_the_one_that_learned_longest_ago_goes(repository: LearnedRepository) -> None:
+    for number in range(MOST + 1):
+        repository.keep(row(f"{number}", f"2026-03-01T12:{number:02d}:00.000Z"))
+    kept = repository.all()
+    assert len(kept) == MOST
+    assert repository.find("0") is None
+    assert kept[0].program == f"{MOST}"
+
+
+def test_a_table_replaces_that_of_its_own_program_alone() -> None:
+    def table(program: str, job: str) -> dict[str, str]:
+        return {"program": program, "job": job}
+
+    before = merged({}, {QUANTITY: [table("a", "1"), table("b", "1")]}, "2026-03-01")
+    after = merged(before, {QUANTITY: [table("a", "2")]}, "2026-03-02")
+    assert [(one["program"], one["job"], one["measured_at"]) for one in after[QUANTITY]] == [
+        ("b", "1", "2026-03-01"),
+        ("a", "2", "2026-03-02"),
+    ]
+    assert merged(before, {"model.piezo_um_per_V": 19.0}, "") == {"model.piezo_um_per_V": 19.0}
+
+
+def test_it_is_listed_and_erased_over_rest(harness: Harness) -> None:
+    repository = LearnedRepository(harness.store, harness.manager.name)
+    name = "0123456789abcdef"
+    repository.keep(row(name))
+    path = f"/rigs/{harness.manager.name}/learning"
+    (found,) = harness.get(path)["programs"]
+    assert (found["program"], found["cycles"], found["over"]) == (name, 2, False)
+    assert found["errors_um"] == [0.3, 0.2]
+    erased = harness.call("DELETE", f"/api/v1{path}/{name}")
+    assert erased.status_code == 200, erased.text
+    assert erased.json()["erased"] == 1
+    assert harness.call("DELETE", f"/api/v1{path}/{name}").status_code == 404
+    assert harness.call("DELETE", f"/api/v1{path}").json()["erased"] == 0
