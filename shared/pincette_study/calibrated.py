@@ -22,7 +22,7 @@ class Prepared:
 
     def gains(self, scheme: str) -> LawSettings:
         """The balanced gains of a scheme on the identified model."""
-        return tuned(self.rig, scheme, tracks=compiled_tracks).chosen.settings
+        return tuned(self.rig, scheme, "consistent", tracks=compiled_tracks).chosen.settings
 
 
 def prepare(rig: RigFile) -> Prepared:

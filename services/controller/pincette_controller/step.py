@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from msgspec import field
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -9,6 +10,10 @@ from pincette.control.laws import law as control_law
 from pincette.control.laws.law import Law, LawState
 from pincette.control.planning.program import Program
 from pincette.control.record import FrozenRecord
+from pincette.control.response.free_response import FreeResponse
+from pincette.control.response.hysteresis import HysteresisState
+from pincette.control.response.identified_response import IdentifiedResponse
+from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.control.safety.monitors import UNSEEN, Watches
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette.core.faults import Fault, FaultCode, Outcome
@@ -67,8 +72,12 @@ class Inputs(NamedTuple):
 
 
 class State(FrozenRecord, frozen=True):
-    """The program, where it stands, and the law's memory."""
+    """The program, where it stands, and the memory of law and arm."""
 
+    response: FreeResponse
+    """Its memory, led by every voltage applied, outlives an arming, as the arm's does."""
+    model: FreeResponse
+    """What ``response`` began as, unpoled."""
     epoch: int = 0
     owner: int = 0
     seq: int = -1
@@ -87,6 +96,10 @@ class State(FrozenRecord, frozen=True):
     """What the check of the hard limits has seen."""
     silenced: Fault | None = None
     """Why it commands no more, though no action has ended the program."""
+    past: VoltageMemory = field(default_factory=VoltageMemory)
+    """The voltage since the start, for another model to be led through."""
+    followed_seq: int = -1
+    """The sample up to which ``response`` has followed the voltage."""
     refused: int = 0
     found: Fault | None = None
     """Why it has stopped, or stops, without an action that asks for it."""
@@ -97,9 +110,9 @@ class State(FrozenRecord, frozen=True):
         return () if self.found is None else (self.found,)
 
 
-def start(_config: ControllerConfig) -> State:
+def start(config: ControllerConfig) -> State:
     """Nothing is loaded."""
-    return State()
+    return State(config.response, config.response)
 
 
 def step(
@@ -124,6 +137,7 @@ def _answer(
         return state, ()
     if estimate.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
+    state = _follow_voltage(config, state, estimate)
     if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
         return _play(config, state, state.program, estimate)
     state = replace(state, seq=estimate.seq)
@@ -132,16 +146,36 @@ def _answer(
     return state, (no_command(estimate, state.epoch, state.owner, state.silenced),)
 
 
+def _follow_voltage(config: ControllerConfig, state: State, estimate: Estimate) -> State:
+    """Take in the voltage applied, as the estimator does: not where it is missing."""
+    if estimate.degraded:
+        return state
+    passed_s = (estimate.seq - state.followed_seq) * config.period_s
+    return replace(
+        state,
+        response=state.response.follow(estimate.applied_V, passed_s),
+        past=state.past.follow(estimate.applied_V, passed_s),
+        followed_seq=estimate.seq,
+    )
+
+
+def _arm_memory(response: FreeResponse) -> HysteresisState | None:
+    """What a law of the identified set works with; None where nothing is identified."""
+    return response.memory if isinstance(response, IdentifiedResponse) else None
+
+
 def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     before = state.player or begin(program, estimate.x_um, estimate.applied_V)
+    arm_memory = _arm_memory(state.response)
     memory = state.memory or control_law.start(
         state.laws[before.segment.law],
         x_um=estimate.x_um,
         x_r_um=estimate.x_um,
         force_mN=0.0,
         applied_V=estimate.applied_V,
+        memory=arm_memory,
     )
     player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
     player = advance(program, player, estimate, config.period_s)
@@ -163,6 +197,9 @@ def _play(
             x_r_um=known.x_r_um,
             force_mN=force_mN,
             force_r_mN=known.force_r_mN if player.pressing else 0.0,
+            seen_V=control_law.other_view(
+                law, state.laws[before.segment.law], estimate.applied_V, arm_memory
+            ),
         )
     after, output = control_law.step(
         law,
@@ -173,6 +210,7 @@ def _play(
         x_r_um=player.x_r_um,
         force_r_mN=force_r_mN,
         limited=_limited(estimate.limits_active),
+        memory=arm_memory,
     )
     voltage_V = player.voltage_V if player.segment.open_loop else output.voltage_V
     command = Command(
@@ -227,7 +265,11 @@ def handle(
     if isinstance(request, Arm):
         if state.loaded is None:
             raise RefusedError("the controller has no program: load one first")
+        same = config.response == state.model
         fresh = State(
+            state.response if same else state.past.replayed(config.response),
+            config.response,
+            past=state.past,
             epoch=request.epoch,
             owner=request.owner,
             loaded=state.loaded,
@@ -290,4 +332,5 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     start=start,
     step=step,
     handle=handle,
+    state_snapshot=("response",),
 )
