@@ -81,10 +81,9 @@ def play(
                 displacements_um[lane.tick] = displacement_um
                 estimate(observer, lane, displacement_um)
         if lane.ending == 0:
+            displacement_um = float(displacements_um[lane.tick])
             if not lane.steered:
-                seen = seen_V(inverse, lane, displacements_um[lane.tick])
-                law = start_at(parameters, lane, seen)
-            displacement_um = displacements_um[lane.tick]
+                law = start_at(parameters, lane, seen_V(inverse, lane, displacement_um))
             law, line = control(
                 k,
                 observer.model,

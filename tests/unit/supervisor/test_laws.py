@@ -54,9 +54,9 @@ def settings_of(law: dict[str, Any]) -> LawSettings:
 
 def test_without_a_wish_it_is_that_of_the_rig_file(harness: Harness, rig_file: RigFile) -> None:
     law = dry_run(harness)["law"]
-    assert settings_of(law) == rig_file.law.settings()
+    assert settings_of(law) == rig_file.law_settings
     assert law["gains_from"] == "rig"
-    found = judged(rig_file, rig_file.law.settings())
+    found = judged(rig_file, rig_file.law_settings)
     assert (law["spectral_radius"], law["spectral_radius_limit"]) == (
         found.radius,
         found.limit_radius,
@@ -94,7 +94,7 @@ def test_a_rig_file_without_a_law_of_its_own_says_what_it_has(
 
 def test_gains_of_a_request_replace_those_it_names(harness: Harness, rig_file: RigFile) -> None:
     law = dry_run(harness, gains={"K_P": 0.5, "K_f": 4000.0})["law"]
-    own = rig_file.law.settings()
+    own = rig_file.law_settings
     assert law["gains_from"] == "request"
     assert law["gains"] == {**own.gains, "K_P": 0.5, "K_f": 4000.0}
     over_paper = dry_run(harness, set="printed", gains={"K_P": 0.5, "force_age": "planned"})["law"]
