@@ -1,8 +1,9 @@
 """Closed loop: a program played by the real services over the simulated instruments' bytes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -191,6 +192,20 @@ def track_all(trials: Sequence[Trial], workers: int = 1) -> list[tuple[Record, E
         for case, run in zip(cases, play_all(cases, workers=workers), strict=True)
     ]
     return [(record_, errors(record_)) for record_ in found]
+
+
+def track_on(loop: ComposedLoop, settings: LawSettings, plan: ContactPlan, epoch: int) -> Errors:
+    """Track on a rig as it stands, on the line identified over the load; raises StudyError."""
+    program = replace(plan.program, laws=(settings.spec(),), contact_line="identified")
+    seen = record(loop.play(program, epoch), "track")
+    path = next(segment.path for segment in program.segments if segment.path is not None)
+    period_s = loop.rig.rig.period_s
+    full = slice(round(path.full_from_s / period_s), round(path.full_to_s / period_s))
+    return errors(Record(*(_part(getattr(seen, each.name), full) for each in fields(seen))))
+
+
+def _part(value: Any, part: slice) -> Any:
+    return value[part] if isinstance(value, np.ndarray) else value
 
 
 def _tracked(case: Case, run: Run) -> Record:
