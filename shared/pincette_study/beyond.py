@@ -13,13 +13,11 @@ from typing import Any
 
 from pincette.config import RigFile
 from pincette.config.laws import law_definition
-from pincette.control.laws.definition import LawSettings
-from pincette.control.planning.contact_plan import ContactPlan
 from pincette.plotting import BLUE, GREEN, ORANGE, Axis, label, legend, picture
 from pincette_study import printed
-from pincette_study.calibrated import Prepared, line_of, pressed, with_line
+from pincette_study.calibrated import line_of, with_line
 from pincette_study.calibrated_free import after_strokes, with_calibrated_response
-from pincette_study.closed_loop import Errors, track, track_on, tracking_plan
+from pincette_study.closed_loop import Errors, track_on, tracking_plan
 from pincette_study.precision import FREQUENCIES_HZ, SCHEMES
 from pincette_study.report import Comparison, Picture, Section
 from pincette_study.rigs import Draw, random_relay_rig, random_rig
@@ -77,7 +75,11 @@ def _by_rig(base: RigFile, rigs: int, workers: int) -> Iterator[list[BeyondTrial
 
 
 def on_rig(base: RigFile, drawn: tuple[str, int]) -> list[BeyondTrial]:
-    """Play one rig, of a class and a seed, with default gains."""
+    """Play one rig, of a class and a seed, with default gains, one track after the other.
+
+    Before the first one it strokes over its range, as no model knows what was before, and relays
+    have no unpoled state in common with plays. From then on memory and creep are carried on.
+    """
     name, seed = drawn
     rig, draw = CLASSES[name](base, seed)
     # No set is named: the product's own choice, once a free response is identified.
@@ -87,36 +89,18 @@ def on_rig(base: RigFile, drawn: tuple[str, int]) -> list[BeyondTrial]:
     }
     rig = rig.model_copy(update=update)
     taught = with_calibrated_response(rig)
-    played, prepare = PLAYS[name]
-    prepared = prepare(taught).rig
+    line = line_of(after_strokes(taught).play(tracking_plan(taught).program, 2))
+    prepared = with_line(taught, *line).rig
+    loop, epoch = after_strokes(prepared), 2
     trials: list[BeyondTrial] = []
     for scheme in SCHEMES:
         settings = law_definition(scheme).settings(prepared.law_set)
         for frequency_hz in FREQUENCIES_HZ:
             plan = tracking_plan(prepared, frequency_hz=frequency_hz)
-            found = played(prepared, settings, plan)
+            found = track_on(loop, settings, plan, epoch)
             trials.append(BeyondTrial(name, draw, scheme, frequency_hz, found))
+            epoch += 1
     return trials
-
-
-def _from_unpoled(rig: RigFile, settings: LawSettings, plan: ContactPlan) -> Errors:
-    return track(rig, settings, plan)[1]
-
-
-def _after_strokes(rig: RigFile, settings: LawSettings, plan: ContactPlan) -> Errors:
-    return track_on(after_strokes(rig), settings, plan, 2)
-
-
-def _pressed_after_strokes(taught: RigFile) -> Prepared:
-    program = tracking_plan(taught).program
-    return with_line(taught, *line_of(after_strokes(taught).play(program, 2)))
-
-
-PLAYS = {
-    "bouc_wen": (_from_unpoled, pressed),
-    "relays": (_after_strokes, _pressed_after_strokes),
-}
-"""Relays do not begin where the plays of a model do: there is no unpoled state of both."""
 
 
 def summary(trials: Sequence[BeyondTrial]) -> dict[str, Any]:

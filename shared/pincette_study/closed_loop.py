@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from math import sqrt
-from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -127,7 +126,9 @@ def record(messages: Sequence[Message], phase: str) -> Record:
         tripped = [applied_text(m) for m in messages if isinstance(m, Applied) and m.cause]
         raise StudyError(f"no {phase}: ended {outcome(messages) or tripped[-1:]}")
     estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
-    truths = {m.seq: m for m in messages if isinstance(m, GroundTruth)}
+    # The rig counts on over programs, the loop begins anew with each.
+    told = [m for m in messages if isinstance(m, GroundTruth)]
+    truths = {m.seq - told[0].seq: m for m in told}
     rows = [
         (
             view.x_r_um,
@@ -201,11 +202,12 @@ def track_on(loop: ComposedLoop, settings: LawSettings, plan: ContactPlan, epoch
     path = next(segment.path for segment in program.segments if segment.path is not None)
     period_s = loop.rig.rig.period_s
     full = slice(round(path.full_from_s / period_s), round(path.full_to_s / period_s))
-    return errors(Record(*(_part(getattr(seen, each.name), full) for each in fields(seen))))
-
-
-def _part(value: Any, part: slice) -> Any:
-    return value[part] if isinstance(value, np.ndarray) else value
+    series = {
+        each.name: getattr(seen, each.name)[full]
+        for each in fields(seen)
+        if each.name != "stiffness_mN_per_um"
+    }
+    return errors(Record(**series, stiffness_mN_per_um=seen.stiffness_mN_per_um))
 
 
 def _tracked(case: Case, run: Run) -> Record:

@@ -103,4 +103,5 @@ def planned_rig(rig: RigFile) -> PlannedRig:
         period_s=rig.rig.period_s,
         x_start_um=X_START_UM,
         free_response=identified_hysteresis(model),
+        taught_V=None if model.free_response is None else model.free_response.taught_V,
     )

@@ -62,13 +62,14 @@ def test_without_a_wish_it_is_that_of_the_rig_file(harness: Harness, rig_file: R
         found.limit_radius,
     )
     # Named as it is in the rig file anyhow, it is still the rig file's.
-    assert dry_run(harness, scheme="pbsmic", set="consistent")["law"] == law
+    assert dry_run(harness, scheme="pbsmic", set="identified")["law"] == law
 
 
 @pytest.mark.parametrize(
     ("wishes", "scheme", "name", "origin"),
     [
-        ({"scheme": "dsmifc"}, "dsmifc", "consistent", "default"),
+        ({"scheme": "dsmifc"}, "dsmifc", "identified", "default"),
+        ({"set": "consistent"}, "pbsmic", "consistent", "default"),
         ({"set": "printed"}, "pbsmic", "printed", "paper"),
         ({"scheme": "dsmifc", "set": "printed"}, "dsmifc", "printed", "paper"),
     ],
@@ -134,6 +135,16 @@ def test_a_fault_of_a_law_is_named_with_its_place(
     assert words in error["message"]
 
 
+def test_the_identified_set_wants_an_identified_response(
+    straight: RigFile, open_harness: Callable[..., Harness]
+) -> None:
+    harness = open_harness(straight)
+    assert dry_run(harness)["law"]["set"] == "consistent"
+    (error,) = refused(harness, {"set": "identified"}, "invalid-request")["errors"]
+    assert error["pointer"] == "/set"
+    assert "calibrate free_response" in error["message"]
+
+
 def test_gains_whose_loop_cannot_be_reckoned_are_refused(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -158,7 +169,7 @@ def test_tuned_is_refused_where_the_rig_file_has_the_printed_set(
 def test_a_search_without_a_find_is_a_fault_of_the_gains(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def none(_rig: RigFile, _scheme: str) -> None:
+    def none(_rig: RigFile, _scheme: str, _set: ParameterSet) -> None:
         raise ValueError("none of the gains tried: take a longer period")
 
     monkeypatch.setattr(laws, "tuned", none)
@@ -175,7 +186,7 @@ def test_an_unstable_law_is_a_limit_and_nothing_moves(
 ) -> None:
     problem = refused(harness, {"kind": kind, "gains": UNSTABLE}, "limit-violation")
     (violation,) = problem["violations"]
-    law = law_settings(K_S=1.0, delta=1.0)
+    law = default_settings("pbsmic", "identified").with_gains(**UNSTABLE)
     found = judged(rig_file, law)
     assert (violation["quantity"], violation["pointer"]) == ("spectral radius", "/gains")
     assert violation["value"] == found.radius > violation["limit"] == found.limit_radius

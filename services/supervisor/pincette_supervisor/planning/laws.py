@@ -85,7 +85,8 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
         if parameter_set == "printed":
             raise FaultyRequestError(
                 "/gains",
-                'gains = "tuned" with set = "printed": gains are tuned for the sets of the rig',
+                'gains = "tuned" with set = "printed": gains are tuned for the consistent set '
+                "and for the identified one",
             )
         try:
             settings, origin = tuned(rig, scheme, parameter_set).chosen.settings, "tuned"
