@@ -17,6 +17,7 @@ from pincette.core.messages import Arm, Command, Load
 from pincette.core.service import RefusedError
 from pincette_controller.config import configure
 from pincette_controller.step import Inputs, handle, start, step
+from tests.support.laws import default_settings
 
 from .bench import ARM, CONFIG, DSMIFC, PBSMIC, QUIET, Bench, T, Tick, program
 
