@@ -20,7 +20,7 @@ from pincette_batch.cases import Case, Run
 from pincette_batch.compiling import as_record, compiled, of_the_library
 from pincette_batch.kernel import law, loop
 from pincette_batch.kernel import plant as arms
-from pincette_batch.kernel.constants import Floats
+from pincette_batch.kernel.constants import Floats, Inverse
 from pincette_batch.kernel.lane import COLUMNS, FORCE, LANE, SEGMENT, Ending
 from pincette_batch.kernel.plant import Moved
 from pincette_batch.prepared import PreparedRig, drifts_um, law_of, most_ticks, play_of
@@ -66,9 +66,11 @@ def play_lane(prepared: PreparedRig, case: Case) -> Run:
     rig, program = prepared.rig, case.program
     ticks = most_ticks(program, rig.rig.period_s)
     built = law_of(rig, program)
-    at_rest = control_law.start(built, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)
-    lane = np.zeros(1, LANE)[0]
     unpoled = prepared.config.response.memory
+    at_rest = control_law.start(
+        built, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0, memory=unpoled
+    )
+    lane = np.zeros(1, LANE)[0]
     memory = Memory(
         np.array(unpoled.plays_V),
         np.array(unpoled.creep_um),
@@ -80,7 +82,8 @@ def play_lane(prepared: PreparedRig, case: Case) -> Run:
     at = tips(begun) if elaborate else (begun.x_um, begun.speed_um_per_s)
     moved = as_record(Moved(0.0, electrical(begun), begun.x_um, at))
     play = kernel(built.definition, elaborate=elaborate)
-    played = as_record((play_of(rig, program), built.parameters, built.force))
+    inverse = Inverse(built.free is not None, 1.0 if built.free is None else built.free.um_per_V)
+    played = as_record((play_of(rig, program), built.parameters, built.force, inverse))
     fixed = (*prepared.constants, *played)
     inner, line = as_record(at_rest.law), as_record(ContactLine())
     arrays = (

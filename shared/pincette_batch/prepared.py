@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pincette.config import ConfigError, RigFile
+from pincette.config import ConfigError, RigFile, derived
 from pincette.config.laws import resolved_law
 from pincette.control.laws import law as control_law
 from pincette.control.laws.law import Law
@@ -120,8 +120,14 @@ def _observer(config: Any) -> Observer:
 
 def law_of(rig: RigFile, program: Program) -> Law:
     """The program's law; raises ValueError where it cannot be made."""
-    settings = resolved_law(program.laws[0]) if program.laws else rig.law.settings()
-    return control_law.build(settings, rig.model.arm(), rig.rig.period_s, rig.model.force_filter_s)
+    settings = resolved_law(program.laws[0]) if program.laws else rig.law_settings
+    return control_law.build(
+        settings,
+        rig.model.arm(),
+        rig.rig.period_s,
+        rig.model.force_filter_s,
+        derived.identified_hysteresis(rig.model),
+    )
 
 
 def play_of(rig: RigFile, program: Program) -> Play:

@@ -11,6 +11,7 @@ import numpy as np
 from pincette.control.arm.mode import sample_mode
 from pincette.control.laws import law as control_law
 from pincette.control.laws.definition import LawDefinition, LawSettings
+from pincette.control.laws.law import FreeResponseInput
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.play_operators import plays_of
 from pincette.control.stability import tracks as kernels
@@ -20,6 +21,7 @@ from pincette.control.stability.tuning import (
     Tracks,
     TuningPath,
     TuningRig,
+    law_on,
     track_each,
 )
 from pincette_batch.compiling import as_record, available, compiled
@@ -46,18 +48,23 @@ def compiled_tracks(
     if short or not compilable or not isinstance(response, IdentifiedResponse):
         yield from track_each(rig, path, laws, sides)
         return
-    arm = as_record(_pressed(rig, response))
     model = as_record(plays_of(response.model, rig.period_s))
     begun = np.array(response.memory.plays_V), np.array(response.memory.creep_um)
     memory = (*begun, np.empty_like(begun[0]), np.empty_like(begun[1]))
     noise_um, forces_r_mN = np.array(rig.noise_um), np.array(path.force_r_mN)
     wanted = np.array(sides)
-    errors = np.empty_like(wanted)
+    errors = np.empty((len(sides), 2))
     x_um = response.position_um()
     for settings in laws:
-        law = control_law.build(settings, rig.arm, rig.period_s, rig.force_filter_s)
+        law = law_on(rig, settings)
+        arm = as_record(_pressed(rig, response, law.free))
         at_rest = control_law.start(
-            law, x_um=x_um, x_r_um=x_um, force_mN=0.0, applied_V=response.voltage_V
+            law,
+            x_um=x_um,
+            x_r_um=x_um,
+            force_mN=0.0,
+            applied_V=response.voltage_V,
+            memory=response.memory,
         )
         made = as_record((law.parameters, at_rest.law, law.force))
         _kernel(law.definition)(
@@ -66,7 +73,9 @@ def compiled_tracks(
         yield [(sqrt(x / samples), sqrt(F / samples)) for x, F in errors.tolist()]
 
 
-def _pressed(rig: TuningRig, response: IdentifiedResponse) -> kernels.PressedArm:
+def _pressed(
+    rig: TuningRig, response: IdentifiedResponse, free: FreeResponseInput | None
+) -> kernels.PressedArm:
     """As ``tuning._Arm`` is made."""
     ratio = rig.stiffness_mN_per_um / rig.arm.k
     stiffer = sqrt(1.0 + ratio)
@@ -84,6 +93,8 @@ def _pressed(rig: TuningRig, response: IdentifiedResponse) -> kernels.PressedArm
         voltage_V=response.voltage_V,
         static_um=response.memory.static_um,
         displacement_um=response.sample(0.0).displacement_um,
+        inverts=free is not None,
+        um_per_V=1.0 if free is None else free.um_per_V,
     )
 
 

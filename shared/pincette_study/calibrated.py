@@ -1,11 +1,12 @@
 """A rig as a laboratory would prepare it: free response taught, contact identified, gains tuned."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pincette.config import IdentifiedFreeResponse, RigFile
 from pincette.config.gains import tuned
 from pincette.control.laws.definition import LawSettings
-from pincette.core.messages import Telemetry
+from pincette.core.messages import Message, Telemetry
 from pincette.engine.teaching import teach
 from pincette_batch.tuning import compiled_tracks
 from pincette_study import printed
@@ -22,7 +23,7 @@ class Prepared:
 
     def gains(self, scheme: str) -> LawSettings:
         """The balanced gains of a scheme on the identified model."""
-        return tuned(self.rig, scheme, tracks=compiled_tracks).chosen.settings
+        return tuned(self.rig, scheme, "consistent", tracks=compiled_tracks).chosen.settings
 
 
 def prepare(rig: RigFile) -> Prepared:
@@ -30,8 +31,16 @@ def prepare(rig: RigFile) -> Prepared:
     found = teach(rig)
     free_response = IdentifiedFreeResponse.from_model(found.model, found.residual_um)
     model = rig.model.model_copy(update={"free_response": free_response})
-    taught = rig.model_copy(update={"model": model})
-    stiffness, contact_um = _press(taught)
+    return pressed(rig.model_copy(update={"model": model}))
+
+
+def pressed(taught: RigFile) -> Prepared:
+    """Press once on the part of a rig whose free response is taught, from unpoled."""
+    return with_line(taught, *_press(taught))
+
+
+def with_line(taught: RigFile, stiffness: float, contact_um: float) -> Prepared:
+    """Take over a contact line: K_e in mN/µm, x_e in µm."""
     part = taught.part.model_copy(
         update={"stiffness_mN_per_um": stiffness, "contact_um": contact_um}
     )
@@ -40,8 +49,11 @@ def prepare(rig: RigFile) -> Prepared:
 
 def _press(rig: RigFile) -> tuple[float, float]:
     """Contact line of a track's load: the controller's own identification."""
-    plan = tracking_plan(rig, x_pp_um=printed.X_PP_UM)
-    messages = play(rig, plan.program)
+    return line_of(play(rig, tracking_plan(rig, x_pp_um=printed.X_PP_UM).program))
+
+
+def line_of(messages: Sequence[Message]) -> tuple[float, float]:
+    """K_e in mN/µm and x_e in µm as identified over a track's load; raises StudyError."""
     lines = [
         (view.contact_stiffness_mN_per_um, view.contact_x_um)
         for view in messages

@@ -1,7 +1,7 @@
 """Closed loop: a program played by the real services over the simulated instruments' bytes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import sqrt
 
 import numpy as np
@@ -126,7 +126,9 @@ def record(messages: Sequence[Message], phase: str) -> Record:
         tripped = [applied_text(m) for m in messages if isinstance(m, Applied) and m.cause]
         raise StudyError(f"no {phase}: ended {outcome(messages) or tripped[-1:]}")
     estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
-    truths = {m.seq: m for m in messages if isinstance(m, GroundTruth)}
+    # The rig counts on over programs, the loop begins anew with each.
+    told = [m for m in messages if isinstance(m, GroundTruth)]
+    truths = {m.seq - told[0].seq: m for m in told}
     rows = [
         (
             view.x_r_um,
@@ -191,6 +193,21 @@ def track_all(trials: Sequence[Trial], workers: int = 1) -> list[tuple[Record, E
         for case, run in zip(cases, play_all(cases, workers=workers), strict=True)
     ]
     return [(record_, errors(record_)) for record_ in found]
+
+
+def track_on(loop: ComposedLoop, settings: LawSettings, plan: ContactPlan, epoch: int) -> Errors:
+    """Track on a rig as it stands, on the line identified over the load; raises StudyError."""
+    program = replace(plan.program, laws=(settings.spec(),), contact_line="identified")
+    seen = record(loop.play(program, epoch), "track")
+    path = next(segment.path for segment in program.segments if segment.path is not None)
+    period_s = loop.rig.rig.period_s
+    full = slice(round(path.full_from_s / period_s), round(path.full_to_s / period_s))
+    series = {
+        each.name: getattr(seen, each.name)[full]
+        for each in fields(seen)
+        if each.name != "stiffness_mN_per_um"
+    }
+    return errors(Record(**series, stiffness_mN_per_um=seen.stiffness_mN_per_um))
 
 
 def _tracked(case: Case, run: Run) -> Record:

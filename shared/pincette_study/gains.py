@@ -14,7 +14,8 @@ SCHEMES = ("pbsmic", "dsmifc")
 def search(prepared: Prepared) -> Section:
     """Tune both laws on the identified model, then track with what was chosen."""
     found: dict[str, Tuning] = {
-        scheme: tuned(prepared.rig, scheme, tracks=compiled_tracks) for scheme in SCHEMES
+        scheme: tuned(prepared.rig, scheme, "consistent", tracks=compiled_tracks)
+        for scheme in SCHEMES
     }
     plan = tracking_plan(prepared.rig)
     tried: dict[str, Errors] = {

@@ -6,6 +6,7 @@ from typing import Any
 
 from pincette.config import RigFile, derived
 from pincette_study import (
+    beyond,
     contact,
     dynamics,
     estimation,
@@ -66,11 +67,19 @@ def run_study(
     sections.append(holding.long_hold(taught))
 
     def one_more(done: int) -> None:
-        progress(f"random rigs: {done} of {rigs}", 0.46 + 0.52 * done / rigs)
+        progress(f"random rigs: {done} of {rigs}", 0.46 + 0.22 * done / rigs)
 
     one_more(0)
     trials = precision.run_trials(base, rigs, one_more, workers)
     sections.append(precision.section(base, trials))
+
+    def one_beyond(done: int) -> None:
+        several = rigs * len(beyond.CLASSES)
+        progress(f"beyond the paper: {done} of {several}", 0.68 + 0.30 * done / several)
+
+    one_beyond(0)
+    further = beyond.run_beyond(base, rigs, one_beyond, workers)
+    sections.append(beyond.section(further))
     summary = {
         "table1_position_percent": {
             f"{K_P:g}": item.position_percent for K_P, item in by_K_P.items()
@@ -82,6 +91,7 @@ def run_study(
         "estimator_free_rmse_mN": free_mN[estimation.PAPER_SIGNAL],
         "estimator_free_rmse_mN_by_signal": free_mN,
         "random_rigs": rigs,
+        "beyond": beyond.summary(further),
     }
     write_report(folder, [_in_short(sections, trials), *sections], summary)
     progress("done", 1.0)

@@ -25,6 +25,7 @@ SECTIONS = (
     "gains",
     "hold",
     "precision",
+    "beyond",
 )
 SCHEMES = ("pbsmic", "dsmifc")
 SWEPT = ("0", "1000", "2000", "3000", "4000", "5000")

@@ -3,13 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pincette.config import RigFile
+from pincette.config import RigFile, derived
 from pincette.config.laws import installed_laws
 from pincette.control.arm.plant import ArmParameters
 from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.laws.law import Law, build
 from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.program import Program
+from pincette.control.response.free_response import FreeResponse
+from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette_controller.learning import check_cycle
@@ -21,6 +23,8 @@ class ControllerConfig:
 
     period_s: float
     arm: ArmParameters
+    response: FreeResponse
+    """Of the arm unpoled, at 0 V; laws of the identified set work with it."""
     law: LawSettings
     """The law of a program that names none."""
     installed: Mapping[str, LawDefinition]
@@ -32,8 +36,11 @@ class ControllerConfig:
     def laws(self, program: Program) -> tuple[Law, ...]:
         """Laws of a program, in its order; raises ValueError where one cannot be made."""
         chosen = [self._settings(spec) for spec in program.laws] or [self.law]
+        identified = self.response
+        hysteresis = identified.model if isinstance(identified, IdentifiedResponse) else None
         return tuple(
-            build(settings, self.arm, self.period_s, self.force_filter_s) for settings in chosen
+            build(settings, self.arm, self.period_s, self.force_filter_s, hysteresis)
+            for settings in chosen
         )
 
     def _settings(self, spec: LawSpec) -> LawSettings:
@@ -62,7 +69,8 @@ def configure(rig: RigFile) -> ControllerConfig:
     return ControllerConfig(
         period_s=rig.rig.period_s,
         arm=rig.model.arm(),
-        law=rig.law.settings(),
+        response=derived.free_response(rig.model),
+        law=rig.law_settings,
         installed=installed_laws(),
         force_filter_s=rig.model.force_filter_s,
         monitors=rig.monitors,

@@ -1,29 +1,22 @@
 """The controller as a service: an estimate in, a command and the controller's own view out."""
 
-from typing import NamedTuple
-
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.laws import law as control_law
-from pincette.control.laws.law import Law, LawState
 from pincette.control.planning.program import Program
-from pincette.control.record import FrozenRecord
-from pincette.control.safety.monitors import UNSEEN, Watches
+from pincette.control.response.free_response import FreeResponse
+from pincette.control.response.hysteresis import HysteresisState
+from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette.core.faults import Fault, FaultCode, Outcome
 from pincette.core.messages import (
-    Ack,
-    Action,
-    Arm,
     Command,
     Estimate,
-    Lease,
-    Load,
     Message,
     RequestLog,
 )
-from pincette.core.service import DeviceCommand, Input, RefusedError, Service
+from pincette.core.service import DeviceCommand, Input, Service
 from pincette.core.topics import (
     ACTION,
     ARM,
@@ -36,15 +29,12 @@ from pincette.core.topics import (
     TIMING_OF,
 )
 from pincette_controller.actions import (
-    RunningLease,
     act,
     acted_in_tick,
-    action_objection,
     lease_end,
-    lease_objection,
 )
-from pincette_controller.config import ControllerConfig, check_program, configure
-from pincette_controller.learning import Learning, begin_learning, correct, learn
+from pincette_controller.config import ControllerConfig, configure
+from pincette_controller.learning import begin_learning, correct, learn
 from pincette_controller.outputs import (
     check_command,
     invalid_command,
@@ -54,55 +44,17 @@ from pincette_controller.outputs import (
     telemetry_of,
 )
 from pincette_controller.player import advance, begin
-from pincette_controller.player_state import Player
+from pincette_controller.requests import handle
+from pincette_controller.state import Inputs, State
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
 """Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
 TRIPPED = Fault(FaultCode.ACTUATOR_TRIPPED)
 
 
-class Inputs(NamedTuple):
-    """The estimate of the newest sample."""
-
-    estimate: Estimate | None
-
-
-class State(FrozenRecord, frozen=True):
-    """The program, where it stands, and the law's memory."""
-
-    epoch: int = 0
-    owner: int = 0
-    seq: int = -1
-    loaded: Program | None = None
-    """What the next arming plays; loading it does not touch what plays now."""
-    program: Program | None = None
-    playing: bool = False
-    laws: tuple[Law, ...] = ()
-    """Those of ``program``."""
-    player: Player | None = None
-    memory: LawState | None = None
-    learning: Learning | None = None
-    """Along the cycles of a program that learns."""
-    pending: tuple[Action, ...] = ()
-    lease: RunningLease | None = None
-    """Without one the program plays to its end, with or without a supervisor."""
-    watches: Watches = UNSEEN
-    """What the check of the hard limits has seen."""
-    silenced: Fault | None = None
-    """Why it commands no more, though no action has ended the program."""
-    refused: int = 0
-    found: Fault | None = None
-    """Why it has stopped, or stops, without an action that asks for it."""
-
-    @property
-    def findings(self) -> tuple[Fault, ...]:
-        """Faults of this program that people see."""
-        return () if self.found is None else (self.found,)
-
-
-def start(_config: ControllerConfig) -> State:
+def start(config: ControllerConfig) -> State:
     """Nothing is loaded."""
-    return State()
+    return State(config.response, config.response)
 
 
 def step(
@@ -127,6 +79,7 @@ def _answer(
         return state, ()
     if estimate.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
+    state = _follow_voltage(config, state, estimate)
     if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
         return _play(config, state, state.program, estimate)
     state = replace(state, seq=estimate.seq)
@@ -139,16 +92,36 @@ def _silent(state: State, estimate: Estimate) -> Command:
     return no_command(estimate, state.epoch, state.owner, state.silenced, state.player)
 
 
+def _follow_voltage(config: ControllerConfig, state: State, estimate: Estimate) -> State:
+    """Take in the voltage applied, as the estimator does: not where it is missing."""
+    if estimate.degraded:
+        return state
+    passed_s = (estimate.seq - state.followed_seq) * config.period_s
+    return replace(
+        state,
+        response=state.response.follow(estimate.applied_V, passed_s),
+        past=state.past.follow(estimate.applied_V, passed_s),
+        followed_seq=estimate.seq,
+    )
+
+
+def _arm_memory(response: FreeResponse) -> HysteresisState | None:
+    """What a law of the identified set works with; None where nothing is identified."""
+    return response.memory if isinstance(response, IdentifiedResponse) else None
+
+
 def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     before = state.player or begin(program, estimate.x_um, estimate.applied_V)
+    arm_memory = _arm_memory(state.response)
     memory = state.memory or control_law.start(
         state.laws[before.segment.law],
         x_um=estimate.x_um,
         x_r_um=estimate.x_um,
         force_mN=0.0,
         applied_V=estimate.applied_V,
+        memory=arm_memory,
     )
     player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
     player = advance(program, player, estimate, config.period_s)
@@ -178,6 +151,9 @@ def _play(
             x_r_um=x_r_um,
             force_mN=force_mN,
             force_r_mN=r_mN if player.pressing else 0.0,
+            seen_V=control_law.other_view(
+                law, state.laws[before.segment.law], estimate.applied_V, arm_memory
+            ),
         )
     after, output = control_law.step(
         law,
@@ -188,6 +164,7 @@ def _play(
         x_r_um=player.x_r_um + learning.correction_um,
         force_r_mN=force_r_mN,
         limited=_limited(estimate.limits_active),
+        memory=arm_memory,
     )
     voltage_V = player.voltage_V if player.segment.open_loop else output.voltage_V
     command = Command(
@@ -233,54 +210,6 @@ def _limited(limits_active: int) -> int:
     return -1 if limits_active & LOWERING else 0
 
 
-def handle(
-    config: ControllerConfig, state: State, request: Message, now: float
-) -> tuple[State, Message, tuple[Message, ...]]:
-    """Load a program, begin an epoch with it, or note an action."""
-    if isinstance(request, Load):
-        try:
-            check_program(config, request.program)
-        except ValueError as error:
-            raise RefusedError(str(error)) from error
-        return replace(state, loaded=request.program), Ack(state.seq), ()
-    if isinstance(request, Arm):
-        if state.loaded is None:
-            raise RefusedError("the controller has no program: load one first")
-        fresh = State(
-            epoch=request.epoch,
-            owner=request.owner,
-            loaded=state.loaded,
-            program=state.loaded,
-            laws=config.laws(state.loaded),
-            playing=True,
-            refused=state.refused,
-        )
-        return fresh, Ack(0), ()
-    if isinstance(request, Action):
-        return _note(state, request)
-    if isinstance(request, Lease):
-        return _lease(state, request, now)
-    raise RefusedError(f"the controller does not answer {type(request).__name__}")
-
-
-def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tuple[Message, ...]]:
-    ended = state.found is not None and state.found.code is FaultCode.LEASE_ENDED
-    if why := lease_objection(lease, state.epoch, playing=state.playing, ended=ended):
-        raise RefusedError(why)
-    return replace(state, lease=RunningLease(lease, now)), Ack(state.seq), ()
-
-
-def _note(state: State, request: Action) -> tuple[State, Message, tuple[Message, ...]]:
-    if not state.playing:
-        raise RefusedError(f"nothing plays: {request.action} has nothing to act on")
-    if why := action_objection(state.pending, state.player, request.action):
-        raise RefusedError(why)
-    if request.at_seq is not None and request.at_seq <= state.seq:
-        raise RefusedError(f"seq {request.at_seq} is past, the controller is at {state.seq}")
-    seq = state.seq + 1 if request.at_seq is None else request.at_seq
-    return replace(state, pending=(*state.pending, request)), Ack(seq), ()
-
-
 SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     name="controller",
     summary="plays a program of segments: references, a control law, guards",
@@ -299,4 +228,5 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     start=start,
     step=step,
     handle=handle,
+    state_snapshot=("response",),
 )

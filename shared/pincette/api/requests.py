@@ -93,7 +93,8 @@ class ContactJobRequest(PolicyRequest, frozen=True):
     scheme: Annotated[str, Field(min_length=1, max_length=100)] | None = None
     """Control law, one of those under ``/laws``."""
     set: ParameterSet | None = None
-    """Whose m, b, k, d the law works with: the rig's (consistent) or the paper's (printed)."""
+    """What the law works with: m, b, k, d of the rig (consistent) or of the paper (printed), or the
+    rig's with its identified free response (identified, the default where there is one)."""
     gains: Annotated[Gains | Literal["tuned"] | None, BeforeValidator(_apart)] = None
     """What differs from the rig file's gains, or the balanced ones of a search on its model."""
 

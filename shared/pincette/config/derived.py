@@ -17,6 +17,7 @@ from pincette.control.force.observers import (
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.feasibility import PlanLimits, acceleration_limit
 from pincette.control.response.free_response import FreeResponse, FreeSample, nominal_response
+from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.identified_response import identified_response
 from pincette.control.response.recorded_response import recorded_response
 from pincette.control.response.residual_table import ResidualTable
@@ -39,6 +40,11 @@ def free_response(model: Model) -> FreeResponse:
     return identified_response(
         taught.hysteresis(), model.piezo_um_per_V, taught.residual_um, taught.growth()
     )
+
+
+def identified_hysteresis(model: Model) -> HysteresisModel | None:
+    """H, which laws of the identified set take in place of d·u; None where none is identified."""
+    return None if model.free_response is None else model.free_response.hysteresis()
 
 
 def rest_samples(period_s: float) -> int:
@@ -111,5 +117,6 @@ def planned_rig(rig: RigFile) -> PlannedRig:
         compliance_um_per_mN=model.compliance_um_per_mN,
         period_s=rig.rig.period_s,
         x_start_um=X_START_UM,
-        free_response=None if model.free_response is None else model.free_response.hysteresis(),
+        free_response=identified_hysteresis(model),
+        taught_V=None if model.free_response is None else model.free_response.taught_V,
     )

@@ -1,15 +1,20 @@
 """Gains for a rig file: whether a law may run on it, and which gains suit it best."""
 
 from functools import lru_cache
+from math import sqrt
 
 import numpy as np
 
 from pincette.config.derived import X_START_UM, force_observer, free_response
-from pincette.config.laws import law_definition
+from pincette.config.laws import default_set, law_definition
 from pincette.config.rig_file import RigFile
+from pincette.control.force.estimation import COVERAGE
 from pincette.control.laws.definition import LawDefinition, LawSettings
+from pincette.control.laws.parameters import ParameterSet
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.profiles import quintic
+from pincette.control.response.error_growth import ErrorGrowth
+from pincette.control.response.free_response import GROWTH_V
 from pincette.control.stability.assessment import LIMIT_RADIUS, Assessment, assess
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.tuning import (
@@ -36,45 +41,57 @@ STIFFNESS_ERROR = 0.01
 DELAY_PERIODS = 0.25
 """Middle of the interval that the judgement of stability takes."""
 NOISE_SEED = 1
+LEAST_SLOPE = 0.05
+"""Of the model's, below which no response is taken to be, whatever is stated."""
 
 
 def judged(rig: RigFile, settings: LawSettings) -> Assessment:
     """The loop of a law on a rig at the worst that the rig file admits."""
-    return assess(loop(rig, settings), intervals(rig))
+    return assess(loop(rig, settings), intervals(rig, settings.set))
 
 
 def tuned(
     rig: RigFile,
     scheme: str,
+    parameter_set: ParameterSet | None = None,
     *,
     grid: Grid | None = None,
     tracks: Tracks = track_each,
 ) -> Tuning:
-    """Search the gains of a scheme on the rig's model, reproducibly; raises ValueError."""
+    """Search the gains of a scheme on the rig's model, reproducibly; raises ValueError.
+
+    ``parameter_set`` None is the identified one where the model has an identified response.
+    """
     given = None if grid is None else tuple((name, tuple(each)) for name, each in grid.items())
-    return _tuned(rig.model_dump_json(), law_definition(scheme), given, tracks)
+    of_set = parameter_set or default_set(identified=rig.model.free_response is not None)
+    return _tuned(rig.model_dump_json(), law_definition(scheme), of_set, given, tracks)
 
 
 @lru_cache(maxsize=8)
 def _tuned(
     rig_json: str,
     definition: LawDefinition,
+    parameter_set: ParameterSet,
     grid: tuple[tuple[str, tuple[float, ...]], ...] | None,
     tracks: Tracks,
 ) -> Tuning:
     rig = RigFile.model_validate_json(rig_json)
     path = _path(rig)
     return tune(
-        _tuning_rig(rig, len(path.force_r_mN)),
+        _tuning_rig(rig, len(path.force_r_mN), parameter_set),
         path,
         definition,
         # That of an assessment, which would also look for advice on each that is refused.
         lambda settings: worst_case(
-            loop(rig, settings), intervals(rig), LIMIT_RADIUS, enough=LIMIT_RADIUS
+            loop(rig, settings),
+            intervals(rig, parameter_set),
+            LIMIT_RADIUS,
+            enough=LIMIT_RADIUS,
         )[1],
         radius_limit=LIMIT_RADIUS,
         grid=None if grid is None else dict(grid),
         tracks=tracks,
+        parameter_set=parameter_set,
     )
 
 
@@ -89,7 +106,7 @@ def _path(rig: RigFile) -> TuningPath:
     return TuningPath(tuple(references), load + round(path.full_from_s / period_s))
 
 
-def _tuning_rig(rig: RigFile, samples: int) -> TuningRig:
+def _tuning_rig(rig: RigFile, samples: int, parameter_set: ParameterSet) -> TuningRig:
     """The rig as the search plays it, at the voltage of first touch."""
     model, part, period_s = rig.model, rig.part, rig.rig.period_s
     response = free_response(model)
@@ -97,6 +114,10 @@ def _tuning_rig(rig: RigFile, samples: int) -> TuningRig:
     ticks = round(TOUCH_S / period_s)
     for tick in range(2 * ticks):
         response = response.follow(touch_V * min(1.0, (tick + 1) / ticks), period_s)
+    slope_error = 0.0
+    if parameter_set == "identified":
+        flattest, steepest = slope_factors(rig)
+        slope_error = max(1.0 - flattest, steepest - 1.0)
     noise = np.random.default_rng(NOISE_SEED).standard_normal(samples)
     return TuningRig(
         arm=model.arm(),
@@ -110,6 +131,7 @@ def _tuning_rig(rig: RigFile, samples: int) -> TuningRig:
         period_s=period_s,
         delay_s=DELAY_PERIODS * period_s,
         force_filter_s=model.force_filter_s,
+        slope_error=slope_error,
     )
 
 
@@ -133,6 +155,24 @@ def loop(rig: RigFile, settings: LawSettings) -> Loop:
     )
 
 
-def intervals(rig: RigFile) -> Intervals:
-    """What a job may meet: the free arm, and the part within its tolerance."""
-    return around(rig.part.stiffness_mN_per_um, rig.part.stiffness_tolerance)
+def intervals(rig: RigFile, parameter_set: ParameterSet = "consistent") -> Intervals:
+    """What a job may meet: the free arm, the part within its tolerance, a response that errs."""
+    part = rig.part
+    factors = slope_factors(rig) if parameter_set == "identified" else (1.0, 1.0)
+    return around(part.stiffness_mN_per_um, part.stiffness_tolerance, gain_factor=factors)
+
+
+def slope_factors(rig: RigFile) -> tuple[float, float]:
+    """Least and largest slope of the free response, over that of its identified model.
+
+    From what the model is stated to err by, E(w) at a way w of the voltage, at two standard errors
+    over d_p·w; and from the stroke of presses as measured, over the model's.
+    """
+    taught = rig.model.free_response
+    if taught is None:
+        return 1.0, 1.0
+    ways = taught.growth() or ErrorGrowth((GROWTH_V,), (sqrt(2.0) * taught.residual_um,))
+    d_p = rig.model.piezo_um_per_V
+    shares = [error_um / (d_p * way_V) for way_V, error_um in zip(*ways, strict=True)]
+    error, press = COVERAGE * max(shares), taught.press_gain
+    return max(LEAST_SLOPE, min(1.0, press) - error), max(1.0, press) + error

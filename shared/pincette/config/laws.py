@@ -40,6 +40,11 @@ def resolved_law(spec: LawSpec) -> LawSettings:
     return law_definition(spec.scheme).resolve(spec)
 
 
+def default_set(*, identified: bool) -> ParameterSet:
+    """Return the set of a law where none is named, with or without an identified response."""
+    return "identified" if identified else "consistent"
+
+
 class Law(Table):
     """Scheme, parameter set, and the gains of the scheme by their names."""
 
@@ -48,8 +53,10 @@ class Law(Table):
 
     scheme: str = "pbsmic"
     """Name of the law; `pincette drivers` lists the installed laws."""
-    set: ParameterSet = "consistent"
-    """The m, b, k, d of the law: those of the rig, or those printed in the paper."""
+    set: ParameterSet | None = None
+    """What the law works with: m, b, k, d of the rig ("consistent") or of the paper ("printed"), or
+    those of the rig with the free response in place of the line d·u ("identified"). Without it:
+    "identified" where the model in use has an identified free response, else "consistent"."""
     force_age: ForceAge = "planned"
     """F_k: the newest estimate unchanged, or extrapolated to k by the change of F_r."""
 
@@ -68,11 +75,13 @@ class Law(Table):
         """Gains that the file states; the law's defaults complete them."""
         return dict(self.__pydantic_extra__)
 
-    def settings(self) -> LawSettings:
-        """Return the law with all its gains."""
+    def settings(self, used: ParameterSet) -> LawSettings:
+        """Return the law of a set with all its gains; ``RigFile.law_set`` says which is used."""
         definition = law_definition(self.scheme)
-        gains = {each.name: each.default for each in definition.parameters} | self.gains
-        return definition.settings(self.set, force_age=self.force_age, **gains)
+        # What the file leaves out is the product's default, in the printed set as well.
+        of_set: ParameterSet = "consistent" if used == "printed" else used
+        gains = {each.name: each.value(of_set) for each in definition.parameters} | self.gains
+        return definition.settings(used, force_age=self.force_age, **gains)
 
 
 def _faults(definition: LawDefinition, gains: dict[str, float]) -> dict[str, tuple[object, str]]:

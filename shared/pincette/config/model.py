@@ -39,11 +39,17 @@ class IdentifiedFreeResponse(Table):
     """Ways of the voltage since a zero at which the error is known; empty: by the residual."""
     errors_um: tuple[float, ...] = Field(default=(), strict=False)
     """Standard error of the free response there; enters the force uncertainty."""
+    taught_V: tuple[float, float] | None = Field(default=None, strict=False)
+    """Least and largest voltage of the motion that it was identified from; a job that presses is
+    refused beyond. Without it: not known, and not checked."""
 
     @model_validator(mode="after")
     def _possible(self) -> "IdentifiedFreeResponse":
         self.hysteresis()
         self.growth()
+        if self.taught_V is not None and not self.taught_V[0] < self.taught_V[1]:
+            least_V, largest_V = self.taught_V
+            raise ValueError(f"taught_V = [{least_V}, {largest_V}], must be ascending")
         return self
 
     @classmethod
@@ -53,6 +59,7 @@ class IdentifiedFreeResponse(Table):
         residual_um: float,
         press_gain: float = 1.0,
         growth: ErrorGrowth | None = None,
+        taught_V: tuple[float, float] | None = None,
     ) -> "IdentifiedFreeResponse":
         """Table of a model that was identified."""
         ways_V, errors_um = ((), ()) if growth is None else growth
@@ -62,6 +69,7 @@ class IdentifiedFreeResponse(Table):
             press_gain=press_gain,
             error_ways_V=ways_V,
             errors_um=errors_um,
+            taught_V=taught_V,
         )
 
     def growth(self) -> ErrorGrowth | None:

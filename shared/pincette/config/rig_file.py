@@ -9,12 +9,14 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from pincette.config.instruments import Output, Sensor
-from pincette.config.laws import Law
+from pincette.config.laws import Law, default_set
 from pincette.config.limits import Limits, Safety
 from pincette.config.model import Model
 from pincette.config.programs import Bus, RealTime, Recorder, Supervisor
 from pincette.config.simulation import Simulation
 from pincette.config.tables import Positive, Table
+from pincette.control.laws.definition import LawSettings
+from pincette.control.laws.parameters import ParameterSet
 from pincette.control.planning.paths import Shape
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
@@ -203,6 +205,16 @@ class RigFile(Table):
             slew_V=limits.slew_V_per_s * self.rig.period_s,
             sweep_V=limits.sweep_V,
         )
+
+    @property
+    def law_set(self) -> ParameterSet:
+        """The set of a law that names none: the rig file's, or what the model in use allows."""
+        return self.law.set or default_set(identified=self.model.free_response is not None)
+
+    @property
+    def law_settings(self) -> LawSettings:
+        """The law of jobs that choose none, with all its gains."""
+        return self.law.settings(self.law_set)
 
     @property
     def monitors(self) -> MonitorLimits:

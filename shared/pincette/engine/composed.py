@@ -13,18 +13,22 @@ from pincette.core.topics import LOOP, RESET, TOPICS
 from pincette.engine.arming import arm
 from pincette.engine.loop import Loop
 from pincette.engine.node import Node
-from pincette.engine.simulated import simulated_devices
+from pincette.engine.simulated import devices_on, simulated_bench
 
 
 class ComposedLoop:
-    """A simulated rig and its four services, ready to be armed; ``bus.pump`` makes its steps."""
+    """A simulated rig and its four services, ready to be armed; ``bus.pump`` makes its steps.
+
+    ``bench`` is where the simulated rig stands, for what a person does there between programs.
+    """
 
     def __init__(self, rig: RigFile) -> None:
         if not rig.lockstep or rig.simulation is None:
             raise ConfigError('one process needs [rig] time = "lockstep" and a [simulation]')
         self.rig = rig
         self.bus = MemoryBus()
-        devices = simulated_devices(rig, self.bus.publish)
+        self.bench = simulated_bench(rig, self.bus.publish)
+        devices = devices_on(self.bench, rig)
         nodes = [
             Node(plugins.load(plugins.SERVICES, name), rig, devices.get(name)) for name in LOOP
         ]

@@ -54,6 +54,14 @@ class Observer(NamedTuple):
     stuck_V: float
 
 
+class Inverse(NamedTuple):
+    """How the law takes the free response; see ``law.FreeResponseInput``."""
+
+    inverts: bool
+    """Whether it stands in place of the line."""
+    um_per_V: float
+
+
 SEGMENT = np.dtype(
     [
         ("kind", "i8"),

@@ -10,6 +10,7 @@ from pincette.control.laws.history import History, rest
 from pincette.control.laws.sliding import LawOutput
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette.control.stability.tracks import law_step
+from pincette_batch.kernel.constants import Inverse
 from pincette_batch.kernel.lane import LaneRecord
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
@@ -22,9 +23,14 @@ def start(
     raise NotImplementedError
 
 
-def start_at(parameters: Any, lane: LaneRecord) -> Any:
-    """State of a resting arm, for which F_r = F = 0."""
-    history = rest(x_um=lane.x_um, force_mN=0.0, applied_V=lane.voltage_V)
+def seen_V(inverse: Inverse, lane: LaneRecord, displacement_um: float) -> float:
+    """The voltage applied, or that of the free response as it stands."""
+    return displacement_um / inverse.um_per_V if inverse.inverts else lane.voltage_V
+
+
+def start_at(parameters: Any, lane: LaneRecord, applied_V: float) -> Any:
+    """State of a resting arm, for which F_r = F = 0; ``applied_V`` as the law sees it."""
+    history = rest(x_um=lane.x_um, force_mN=0.0, applied_V=applied_V)
     lane.x_d_um, lane.law_force_r_mN, lane.law_force_error_mN = lane.x_um, 0.0, 0.0
     return start(parameters, history, x_um=lane.x_um, x_r_um=lane.x_um, force_error_mN=0.0)
 
@@ -50,10 +56,11 @@ def command(
     force: ForceInput,
     lane: LaneRecord,
     state: Any,
+    applied_V: float,
     force_mN: float,
     force_r_mN: float,
 ) -> tuple[Any, LawOutput]:
-    """As ``law.step``."""
+    """As ``law.step``, but for the free response: ``applied_V`` as the law sees it."""
     force_mN, lane.law_force_error_mN = input_force(
         force, force_mN, force_r_mN, lane.law_force_r_mN, lane.law_force_error_mN
     )
@@ -63,7 +70,7 @@ def command(
         state,
         x_um=lane.x_um,
         force_mN=force_mN,
-        applied_V=lane.voltage_V,
+        applied_V=applied_V,
         x_r_um=lane.x_r_um,
         force_r_mN=force_r_mN,
         limited=limited_side(lane.limits_active),

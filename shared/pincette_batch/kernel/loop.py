@@ -9,8 +9,9 @@ from typing import Any
 from pincette.control.laws.force_input import ForceInput
 from pincette.control.laws.sliding import LawOutput
 from pincette.control.planning.contact_line import ContactLine
+from pincette.control.response.play_operators import Plays, voltage_for
 from pincette.control.safety.voltage import limited
-from pincette_batch.kernel.constants import Bench, Floats, Observer, Play, Rows
+from pincette_batch.kernel.constants import Bench, Floats, Inverse, Observer, Play, Rows
 from pincette_batch.kernel.estimator import follow, force_mN, stuck
 from pincette_batch.kernel.instruments import arm_um, put_out_V, reading_um
 from pincette_batch.kernel.lane import (
@@ -32,7 +33,7 @@ from pincette_batch.kernel.lane import (
     LaneRecord,
     X,
 )
-from pincette_batch.kernel.law import command, rebase, start_at
+from pincette_batch.kernel.law import command, rebase, seen_V, start_at
 from pincette_batch.kernel.plant import Moved, pass_tick, true_force_mN
 from pincette_batch.kernel.player import advance
 
@@ -46,6 +47,7 @@ def play(
     k: Play,
     parameters: Any,
     source: ForceInput,
+    inverse: Inverse,
     lane: LaneRecord,
     moved: Moved,
     law: Any,
@@ -79,9 +81,23 @@ def play(
                 displacements_um[lane.tick] = displacement_um
                 estimate(observer, lane, displacement_um)
         if lane.ending == 0:
+            displacement_um = float(displacements_um[lane.tick])
             if not lane.steered:
-                law = start_at(parameters, lane)
-            law, line = control(k, parameters, source, lane, law, line, columns)
+                law = start_at(parameters, lane, seen_V(inverse, lane, displacement_um))
+            law, line = control(
+                k,
+                observer.model,
+                parameters,
+                source,
+                inverse,
+                lane,
+                law,
+                line,
+                plays_V,
+                creep_um,
+                displacement_um,
+                columns,
+            )
         if lane.ending == 0:
             moved = pass_tick(bench, moved, put_out_V(bench, lane.voltage_V), scratch)
             lane.tick += 1
@@ -128,14 +144,23 @@ def estimate(observer: Observer, lane: LaneRecord, displacement_um: float) -> No
 
 def control(
     k: Play,
+    model: Plays,
     parameters: Any,
     source: ForceInput,
+    inverse: Inverse,
     lane: LaneRecord,
     law: Any,
     line: ContactLine,
+    plays_V: Floats,
+    creep_um: Floats,
+    displacement_um: float,
     columns: Floats,
 ) -> tuple[Any, ContactLine]:
-    """Controller and actuator: from the estimate to the voltage that is put out."""
+    """Controller and actuator: from the estimate to the voltage that is put out.
+
+    The controller's memory of the free response is the estimator's: both are led by what is
+    applied.
+    """
     tick, pressed = lane.tick, lane.pressing
     columns[FORCE, tick] = lane.force_mN
     columns[X_R, tick], columns[FORCE_R, tick] = lane.x_r_um, lane.force_r_mN
@@ -146,10 +171,22 @@ def control(
     if lane.bump or lane.pressing != pressed:
         law = rebase(parameters, lane, law, lane.x_r_um, force, force_r)
     aim_um = lane.x_d_um
-    law, output = command(parameters, source, lane, law, force, force_r)
+    seen = seen_V(inverse, lane, displacement_um)
+    law, output = command(parameters, source, lane, law, seen, force, force_r)
+    law_V = output.voltage_V
+    if inverse.inverts:
+        law_V = voltage_for(
+            model,
+            plays_V,
+            creep_um,
+            lane.static_um,
+            lane.voltage_V,
+            inverse.um_per_V * law_V,
+            inverse.um_per_V,
+        )
     lane.x_d_um = output.x_d_um
     write_columns(lane, aim_um, output, columns)
-    wanted_V = lane.voltage_V if lane.ended else output.voltage_V
+    wanted_V = lane.voltage_V if lane.ended else law_V
     if not k.least_V <= wanted_V <= k.most_V:
         lane.ending = ABSURD
     elif beyond_limits(k, lane, aim_um):

@@ -12,19 +12,25 @@ from pincette_batch.tuning import compiled_tracks, tracks_on
 from tests.support.laws import default_settings
 from tests.support.rigs import demo_rig
 
-SIDES = [(2.2, 0.1), (2.1, -0.1)]
+SIDES = [(2.2, 0.1, 1.0), (2.1, -0.1, 1.05)]
 
 
 def posed() -> tuple[TuningRig, TuningPath]:
     rig = demo_rig()
     path = gains._path(rig)  # pyright: ignore[reportPrivateUsage]
-    return gains._tuning_rig(rig, len(path.force_r_mN)), path  # pyright: ignore[reportPrivateUsage]
+    samples = len(path.force_r_mN)
+    return gains._tuning_rig(rig, samples, "identified"), path  # pyright: ignore[reportPrivateUsage]
 
 
 def laws(scheme: str) -> list[LawSettings]:
     start = default_settings(scheme, "consistent")
     swept = [start.with_gains(K_P=K_P, K_f=K_f) for K_P in (0.2, 2.0) for K_f in (0.0, 5000.0)]
-    return [*swept, start.with_gains(K_S=0.1), default_settings(scheme, "printed")]
+    return [
+        *swept,
+        start.with_gains(K_S=0.1),
+        default_settings(scheme, "printed"),
+        default_settings(scheme, "identified"),
+    ]
 
 
 @pytest.mark.parametrize("scheme", ["pbsmic", "dsmifc"])
@@ -53,7 +59,7 @@ def test_processes_tell_of_their_progress_and_keep_the_order(
     play = tracks_on(2, lambda done, there: told.append((done, there)))
     found = list(play(rig, path, laws("pbsmic"), SIDES))
     assert found == list(compiled_tracks(rig, path, laws("pbsmic"), SIDES))
-    assert told == [(2, 6), (4, 6), (6, 6)]
+    assert told == [(2, 7), (4, 7), (6, 7), (7, 7)]
 
 
 def test_too_short_a_path_is_refused_as_ever() -> None:

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from pincette.control.arm.plant import consistent_arm, discretize
 from pincette.control.laws.definition import LawSettings
 from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.response.free_response import FreeSample, nominal_response
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette.core.messages import Arm, Command, Estimate, Load, Telemetry
@@ -19,6 +20,7 @@ ARM = consistent_arm(2437.8, 0.026, 19.0, 0.46)
 CONFIG = ControllerConfig(
     period_s=T,
     arm=ARM,
+    response=nominal_response(19.0, FreeSample(0.0, 0.0)),
     law=law_settings(K_P=2.0),
     installed=LAWS,
     force_filter_s=0.03,

@@ -6,6 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.config import read_rig
+from pincette.config.derived import free_response
 from pincette.control.laws import law as control_law
 from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.law import Law, LawState, build
@@ -16,7 +17,7 @@ from pincette.core.messages import Arm, Command, Load
 from pincette.core.service import RefusedError
 from pincette_controller.config import configure
 from pincette_controller.step import Inputs, handle, start, step
-from tests.support.laws import law_settings
+from tests.support.laws import default_settings
 
 from .bench import ARM, CONFIG, DSMIFC, PBSMIC, QUIET, Bench, T, Tick, program
 
@@ -38,7 +39,9 @@ def test_the_rig_file_says_arm_law_and_low_pass() -> None:
     config = configure(DEMO)
     assert config.period_s == 0.02
     assert config.force_filter_s == DEMO.model.force_filter_s
-    assert config.law == law_settings()
+    assert config.law == default_settings("pbsmic", "identified")
+    assert config.law.gains["K_f"] == 2000.0
+    assert config.response == free_response(DEMO.model)
     assert config.arm.d / config.arm.k == pytest.approx(19.0)
 
 
@@ -139,7 +142,9 @@ def test_a_law_that_began_anew_in_contact_would_be_a_bump(monkeypatch: pytest.Mo
         x_r_um: float,
         force_mN: float,
         force_r_mN: float,
+        seen_V: float | None,
     ) -> LawState:
+        assert seen_V is None
         assert force_mN == pytest.approx(force_r_mN, abs=1.0)
         applied_V = state.law.history.applied_V
         return start_law(law, x_um=x_um, x_r_um=x_r_um, force_mN=0.0, applied_V=applied_V)
@@ -236,3 +241,40 @@ def test_blind_or_disarmed_it_asks_for_nothing() -> None:
     stray = replace(QUIET, epoch=9)
     assert step(CONFIG, state, Inputs(stray), 0.0)[1] == ()
     assert step(CONFIG, state, Inputs(None), 0.0) == (state, ())
+
+
+def test_the_memory_of_the_response_is_led_by_what_is_applied_and_outlives_an_arming() -> None:
+    """A missing voltage is left out, and counts for two periods later, as in the estimator."""
+    config = configure(DEMO)
+    state, _, _ = handle(config, start(config), Load(program()), 0.0)
+    state, _, _ = handle(config, state, Arm(1, 5, ""), 0.0)
+    wanted = config.response
+    for seq, (voltage_V, degraded) in enumerate(
+        [(0.0, False), (0.5, False), (9.0, True), (0.8, False)]
+    ):
+        estimate = replace(QUIET, seq=seq, applied_V=voltage_V, degraded=degraded, valid=False)
+        state, _ = step(config, state, Inputs(estimate), 0.0)
+        if not degraded:
+            wanted = wanted.follow(voltage_V, 2 * T if seq == 3 else T)
+    assert state.response == wanted
+    again, _, _ = handle(config, state, Arm(2, 5, ""), 0.0)
+    assert again.response == wanted
+    assert again.followed_seq == -1
+
+
+def test_another_model_is_led_through_the_past() -> None:
+    config = configure(DEMO)
+    state, _, _ = handle(config, start(config), Load(program()), 0.0)
+    state, _, _ = handle(config, state, Arm(1, 5, ""), 0.0)
+    for seq, voltage_V in enumerate([0.5, 1.5, 1.0, 1.0]):
+        estimate = replace(QUIET, seq=seq, applied_V=voltage_V, valid=False)
+        state, _ = step(config, state, Inputs(estimate), 0.0)
+    assert DEMO.model.free_response is not None
+    taught = DEMO.model.free_response.model_copy(update={"curvature_um_per_V2": 0.5})
+    other = DEMO.model_copy(
+        update={"model": DEMO.model.model_copy(update={"free_response": taught})}
+    )
+    again, _, _ = handle(configure(other), state, Arm(2, 5, ""), 0.0)
+    assert again.response == state.past.replayed(configure(other).response)
+    assert again.response.voltage_V == pytest.approx(1.0)
+    assert again.response.position_um() != state.response.position_um()

@@ -54,21 +54,22 @@ def settings_of(law: dict[str, Any]) -> LawSettings:
 
 def test_without_a_wish_it_is_that_of_the_rig_file(harness: Harness, rig_file: RigFile) -> None:
     law = dry_run(harness)["law"]
-    assert settings_of(law) == rig_file.law.settings()
+    assert settings_of(law) == rig_file.law_settings
     assert law["gains_from"] == "rig"
-    found = judged(rig_file, rig_file.law.settings())
+    found = judged(rig_file, rig_file.law_settings)
     assert (law["spectral_radius"], law["spectral_radius_limit"]) == (
         found.radius,
         found.limit_radius,
     )
     # Named as it is in the rig file anyhow, it is still the rig file's.
-    assert dry_run(harness, scheme="pbsmic", set="consistent")["law"] == law
+    assert dry_run(harness, scheme="pbsmic", set="identified")["law"] == law
 
 
 @pytest.mark.parametrize(
     ("wishes", "scheme", "name", "origin"),
     [
-        ({"scheme": "dsmifc"}, "dsmifc", "consistent", "default"),
+        ({"scheme": "dsmifc"}, "dsmifc", "identified", "default"),
+        ({"set": "consistent"}, "pbsmic", "consistent", "default"),
         ({"set": "printed"}, "pbsmic", "printed", "paper"),
         ({"scheme": "dsmifc", "set": "printed"}, "dsmifc", "printed", "paper"),
     ],
@@ -94,7 +95,7 @@ def test_a_rig_file_without_a_law_of_its_own_says_what_it_has(
 
 def test_gains_of_a_request_replace_those_it_names(harness: Harness, rig_file: RigFile) -> None:
     law = dry_run(harness, gains={"K_P": 0.5, "K_f": 4000.0})["law"]
-    own = rig_file.law.settings()
+    own = rig_file.law_settings
     assert law["gains_from"] == "request"
     assert law["gains"] == {**own.gains, "K_P": 0.5, "K_f": 4000.0}
     over_paper = dry_run(harness, set="printed", gains={"K_P": 0.5, "force_age": "planned"})["law"]
@@ -134,6 +135,16 @@ def test_a_fault_of_a_law_is_named_with_its_place(
     assert words in error["message"]
 
 
+def test_the_identified_set_wants_an_identified_response(
+    straight: RigFile, open_harness: Callable[..., Harness]
+) -> None:
+    harness = open_harness(straight)
+    assert dry_run(harness)["law"]["set"] == "consistent"
+    (error,) = refused(harness, {"set": "identified"}, "invalid-request")["errors"]
+    assert error["pointer"] == "/set"
+    assert "calibrate free_response" in error["message"]
+
+
 def test_gains_whose_loop_cannot_be_reckoned_are_refused(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -158,7 +169,7 @@ def test_tuned_is_refused_where_the_rig_file_has_the_printed_set(
 def test_a_search_without_a_find_is_a_fault_of_the_gains(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def none(_rig: RigFile, _scheme: str) -> None:
+    def none(_rig: RigFile, _scheme: str, _set: ParameterSet) -> None:
         raise ValueError("none of the gains tried: take a longer period")
 
     monkeypatch.setattr(laws, "tuned", none)
@@ -175,7 +186,7 @@ def test_an_unstable_law_is_a_limit_and_nothing_moves(
 ) -> None:
     problem = refused(harness, {"kind": kind, "gains": UNSTABLE}, "limit-violation")
     (violation,) = problem["violations"]
-    law = law_settings(K_S=1.0, delta=1.0)
+    law = default_settings("pbsmic", "identified").with_gains(**UNSTABLE)
     found = judged(rig_file, law)
     assert (violation["quantity"], violation["pointer"]) == ("spectral radius", "/gains")
     assert violation["value"] == found.radius > violation["limit"] == found.limit_radius

@@ -51,7 +51,7 @@ class ChosenLaw(NamedTuple):
 
 def rig_law(rig: RigFile) -> ChosenLaw:
     """The rig file's law with its gains, judged."""
-    settings = rig.law.settings()
+    settings = rig.law_settings
     return ChosenLaw(settings, "rig", judged(rig, settings))
 
 
@@ -61,12 +61,19 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
     Raises
     ------
     FaultyRequestError
-        Where the law is not installed or has no such gain, gains are to be tuned for the printed
-        set, none are stable, or the loop of those given is beyond what can be computed.
+        Where the law is not installed or has no such gain, the identified set is wanted without an
+        identified response, gains are to be tuned for the printed set, none are stable, or the
+        loop of those given is beyond what can be computed.
     """
     scheme = request.scheme or rig.law.scheme
-    parameter_set = request.set or rig.law.set
-    settings = rig.law.settings()
+    parameter_set = request.set or rig.law_set
+    if parameter_set == "identified" and rig.model.free_response is None:
+        raise FaultyRequestError(
+            "/set" if request.set else "",
+            'set = "identified": the model in use has no identified free response; calibrate '
+            'free_response, or take set = "consistent"',
+        )
+    settings = rig.law_settings
     origin: GainsFrom = "rig"
     if (scheme, parameter_set) != (settings.scheme, settings.set):
         try:
@@ -78,10 +85,11 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
         if parameter_set == "printed":
             raise FaultyRequestError(
                 "/gains",
-                'gains = "tuned" with set = "printed": gains are tuned for the consistent set',
+                'gains = "tuned" with set = "printed": gains are tuned for the consistent set '
+                "and for the identified one",
             )
         try:
-            settings, origin = tuned(rig, scheme).chosen.settings, "tuned"
+            settings, origin = tuned(rig, scheme, parameter_set).chosen.settings, "tuned"
         except ValueError as error:
             raise FaultyRequestError("/gains", str(error)) from error
     elif isinstance(request.gains, Gains):

@@ -11,6 +11,7 @@ from pincette.control.planning.recorded_motion import RecordedMotion, RecordedSe
 from pincette.core.faults import Phase
 from pincette.records import folder, parquet
 from pincette.records.columns import Columns
+from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.results.figures import Series, series
@@ -62,7 +63,7 @@ def _row(store: Store, rig: str, job: str) -> JobRow:
     kinds = [kind.name for kind in job_kinds().values() if kind.predicted and kind.holds_part]
     words = " or ".join(kinds)
     if not job:
-        for row in store.newest(LOOKED_AT, state="succeeded", rig=rig):
+        for row in store.newest(LOOKED_AT, JobFilter(state="succeeded", rig=rig)):
             if row.kind in kinds:
                 return row
         raise FaultyRequestError("/of_job", f"no {words} has succeeded: make one first")

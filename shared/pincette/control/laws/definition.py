@@ -111,21 +111,18 @@ class LawDefinition:
         """Complete gains by the defaults of a parameter set.
 
         ``force_age`` None is ``newest`` for the printed set, as in the paper, else ``planned``.
+        A law of the identified set is built with the free response; see ``law.build``.
 
         Raises
         ------
         ValueError
             Where the law has no such gain, or cannot take its value.
         """
-        printed = parameter_set == "printed"
-        values = {
-            each.name: each.printed if printed and each.printed is not None else each.default
-            for each in self.parameters
-        }
+        values = {each.name: each.value(parameter_set) for each in self.parameters}
         found = LawSettings(
             self,
             parameter_set,
-            force_age or ("newest" if printed else "planned"),
+            force_age or ("newest" if parameter_set == "printed" else "planned"),
             tuple(values.values()),
         )
         return found.with_gains(**gains)

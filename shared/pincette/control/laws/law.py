@@ -1,4 +1,14 @@
-"""A law as it runs: the scheme's own step behind the force that serves as F_k.
+"""A law as it runs: the scheme's own step, the force that serves as F_k, the free response.
+
+With the identified set the free response H takes the place of d·u in (1), (4) and (17): the scheme
+works with the voltage v = (k/d)·H(u), of which its model d·v is k·H(u), and
+
+    u_k = H_{k-1}⁻¹[ H_{k-1}(u_{k-1}) + (d/k)·(v_k - v_{k-1}) ],    d/k = d_p
+
+with H_{k-1}(u_{k-1}) where H stands at the newest sample, and H_{k-1}⁻¹ of ``response.inverse`` one
+period ahead. Only differences of H enter, so that no zero concerns it. What (6) calls p is then
+k times what H misses, and everything else, the theorems among it, holds as it is printed; where H
+is the line d_p·u, v is u.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -16,6 +26,23 @@ from pincette.control.laws.history import History, rest
 from pincette.control.laws.parameters import ParameterSet
 from pincette.control.laws.sliding import LawOutput
 from pincette.control.record import FrozenRecord
+from pincette.control.response.hysteresis import (
+    HysteresisModel,
+    HysteresisState,
+    displacement_um,
+)
+from pincette.control.response.inverse import voltage_for
+
+
+@dataclass(frozen=True, slots=True)
+class FreeResponseInput:
+    """How a law takes the free response."""
+
+    model: HysteresisModel
+    """H; who steps the law leads its memory by what is applied."""
+    um_per_V: float
+    """d/k = d_p, mean slope of H."""
+    period_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +57,8 @@ class Law:
     force: ForceInput
     state_type: type
     """Of ``LawState.law``."""
+    free: FreeResponseInput | None = None
+    """The free response in the place of d·u; None: the line."""
 
 
 class LawState(FrozenRecord, frozen=True):
@@ -52,7 +81,13 @@ def model_of(
     return discretize(printed_arm() if parameter_set == "printed" else arm, period_s)
 
 
-def build(settings: LawSettings, arm: ArmParameters, period_s: float, force_filter_s: float) -> Law:
+def build(
+    settings: LawSettings,
+    arm: ArmParameters,
+    period_s: float,
+    force_filter_s: float,
+    response: HysteresisModel | None = None,
+) -> Law:
     """Make a law of its settings.
 
     Parameters
@@ -61,11 +96,14 @@ def build(settings: LawSettings, arm: ArmParameters, period_s: float, force_filt
         The rig's m, b, k, d; the printed set puts its own in their place.
     force_filter_s
         Time constant of the low-pass over F - F_r; 0 has none.
+    response
+        The identified free response, for the identified set.
 
     Raises
     ------
     ValueError
-        Where the period is not positive, or the law cannot be made of its gains.
+        Where the period is not positive, the law cannot be made of its gains, or its set is the
+        identified one and there is no response.
     """
     definition = settings.definition
     plant = model_of(settings.set, arm, period_s)
@@ -79,12 +117,29 @@ def build(settings: LawSettings, arm: ArmParameters, period_s: float, force_filt
         x_r_um=0.0,
         force_error_mN=0.0,
     )
-    return Law(definition, plant, parameters, force, type(at_rest))
+    free = None
+    if settings.set == "identified":
+        if response is None:
+            raise ValueError(
+                'set = "identified", but no free response is identified: calibrate free_response, '
+                'or take set = "consistent"'
+            )
+        free = FreeResponseInput(response, arm.d / arm.k, period_s)
+    return Law(definition, plant, parameters, force, type(at_rest), free)
 
 
-def start(law: Law, *, x_um: float, x_r_um: float, force_mN: float, applied_V: float) -> LawState:
-    """State of a resting arm, for which F_r = F."""
-    history = rest(x_um=x_um, force_mN=force_mN, applied_V=applied_V)
+def start(
+    law: Law,
+    *,
+    x_um: float,
+    x_r_um: float,
+    force_mN: float,
+    applied_V: float,
+    memory: HysteresisState | None = None,
+) -> LawState:
+    """State of a resting arm, for which F_r = F; ``memory`` is as in ``step``."""
+    seen_V = _seen_V(law, applied_V, memory)
+    history = rest(x_um=x_um, force_mN=force_mN, applied_V=seen_V)
     return _start(law, history, x_um, x_r_um, force_mN, force_mN)
 
 
@@ -96,6 +151,7 @@ def rebase(
     x_r_um: float,
     force_mN: float,
     force_r_mN: float,
+    seen_V: float | None = None,
 ) -> LawState:
     """Begin another segment, or another law, without a bump, before the step with ``x_um``.
 
@@ -106,8 +162,13 @@ def rebase(
     ``x_r_um`` and ``force_r_mN`` are x_{r,k-1} and F_{r,k-1}, those of the sample ``x_um``, where
     references go on; then a change of law in motion is not seen in the voltage where the model
     holds. Where they begin anew there are none of k-1, and those of k take their place.
+
+    ``seen_V`` is given where the law before saw the voltage otherwise: v of ``other_view``. The
+    residual of the step that follows is then 0.
     """
     history = replace(state.law.history, force_mN=force_mN)
+    if seen_V is not None:
+        history = replace(history, applied_V=seen_V, coasting_um=x_um)
     return _start(law, history, x_um, x_r_um, force_mN, force_r_mN)
 
 
@@ -136,15 +197,22 @@ def step(
     x_r_um: float,
     force_r_mN: float,
     limited: int,
+    memory: HysteresisState | None = None,
 ) -> tuple[LawState, LawOutput]:
     """Compute u_k with the force F_k of ``input_force``.
 
     Arguments are those of ``pbsmic.step``, but ``force_mN`` is the newest estimate.
 
+    Parameters
+    ----------
+    memory
+        Of the free response, led up to the newest sample: by u_{k-1} for a period last. Of no
+        matter to a law with the line.
+
     Raises
     ------
     TypeError
-        Where the state belongs to another law.
+        Where the state belongs to another law, or the law wants a memory that is not given.
     """
     if type(state.law) is not law.state_type:
         raise TypeError("the state belongs to another law: rebase it first")
@@ -156,9 +224,34 @@ def step(
         state.law,
         x_um=x_um,
         force_mN=force_mN,
-        applied_V=applied_V,
+        applied_V=_seen_V(law, applied_V, memory),
         x_r_um=x_r_um,
         force_r_mN=force_r_mN,
         limited=limited,
     )
+    if law.free is not None and memory is not None:
+        voltage_V = voltage_for(
+            law.free.model,
+            memory,
+            law.free.um_per_V * output.voltage_V,
+            um_per_V=law.free.um_per_V,
+            period_s=law.free.period_s,
+        )
+        output = replace(output, voltage_V=voltage_V)
     return LawState(after, output.x_d_um, force_r_mN, error_mN), output
+
+
+def other_view(
+    law: Law, before: Law, applied_V: float, memory: HysteresisState | None
+) -> float | None:
+    """Return the voltage as ``law`` sees it in V; None where the law before saw it alike."""
+    return None if law.free == before.free else _seen_V(law, applied_V, memory)
+
+
+def _seen_V(law: Law, applied_V: float, memory: HysteresisState | None) -> float:
+    """v of the free response as it stands; without one the voltage applied."""
+    if law.free is None:
+        return applied_V
+    if memory is None:
+        raise TypeError("a law with the identified response needs the response's memory")
+    return displacement_um(law.free.model, memory) / law.free.um_per_V

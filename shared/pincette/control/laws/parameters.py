@@ -10,7 +10,7 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.quantities import Items, Number, Text
 from pincette.control.record import FrozenRecord
 
-ParameterSet = Literal["consistent", "printed"]
+ParameterSet = Literal["consistent", "printed", "identified"]
 ForceAge = Literal["planned", "newest"]
 
 
@@ -26,6 +26,13 @@ class LawParameter:
     """Whether 0 is refused as well."""
     printed: float | None = None
     """The paper's value, used with the printed set; None: the default."""
+    identified: float | None = None
+    """Value with the identified set, whose law knows hysteresis and creep; None: the default."""
+
+    def value(self, parameter_set: ParameterSet) -> float:
+        """Return the value of a set where none is given."""
+        of_set = {"printed": self.printed, "identified": self.identified}.get(parameter_set)
+        return self.default if of_set is None else of_set
 
     def check(self, value: float) -> float:
         """Return ``value``; raises ValueError where the law cannot take it."""
@@ -46,7 +53,8 @@ class LawSpec(FrozenRecord, frozen=True):
     scheme: Text
     """Name under which the law is registered."""
     set: ParameterSet = "consistent"
-    """Whose m, b, k, d the law works with: the rig's, or those that the paper prints."""
+    """What the law works with: m, b, k, d of the rig (consistent) or of the paper (printed), or
+    those of the rig with the identified free response in the place of the line d·u."""
     force_age: ForceAge = "planned"
     """F_k: the newest estimate as it is, or carried on to k by the change of F_r."""
     gains: Items[Gain] = ()

@@ -4,7 +4,7 @@ Throughout the contact F_r = K_e·(x_r - x_e), so that the steady errors (51) an
 IEEE T-ASE 10(3), 2013 vanish where the rig is as the plan assumes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pincette.control.checks import require_positive
@@ -21,7 +21,7 @@ from pincette.control.planning.course import (
     require_bounded,
     sample_course,
 )
-from pincette.control.planning.feasibility import Excursion, PlanLimits, excursions
+from pincette.control.planning.feasibility import Excursion, PlanLimits, beyond, excursions
 from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.response.hysteresis import HysteresisModel
@@ -48,6 +48,8 @@ class PlannedRig:
     """Where the arm rests at zero voltage."""
     free_response: HysteresisModel | None = None
     """As identified; None: a straight line of slope d_p."""
+    taught_V: tuple[float, float] | None = None
+    """Voltages between which it was identified; None: not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +131,7 @@ def plan_contact(
     require_bounded([(phase.phase, phase.duration_s) for phase in phases])
     course = sample_course(arm, phases, rig.period_s)
     broken = [_violation(found, pointers) for found in excursions(course, rig.limits)]
+    broken.extend(_untaught(course, rig.taught_V, pointers))
     broken.extend(_early_contact(request, rig.x_start_um))
     return ContactPlan(
         program=Program(segments, _guards(request, rig.limits), request.stiffness_mN_per_um),
@@ -235,6 +238,24 @@ def _early_contact(request: ContactRequest, x_start_um: float) -> list[Violation
         f"and lies before the start at {x_start_um:g} µm: the arm may touch already"
     )
     return [Violation("/contact_um", "position", stand_off_um, x_start_um, "µm", 0.0, message)]
+
+
+def _untaught(
+    course: Course, taught_V: tuple[float, float] | None, pointers: Mapping[str, str]
+) -> Iterator[Violation]:
+    """Where a course leaves the voltages in which the free response is known."""
+    if taught_V is None:
+        return
+    least_V, largest_V = taught_V
+    for found in beyond(course, "voltage", "V", course.voltage_V, taught_V):
+        violation = _violation(found, pointers)
+        yield replace(
+            violation,
+            quantity="taught voltage",
+            message=f"voltage {found.value:.3f} V, from {found.at_s:.2f} s ({found.phase}): the "
+            f"free response was taught from {least_V:.3f} to {largest_V:.3f} V and is not known "
+            "beyond; take less force, or calibrate free_response over a wider range",
+        )
 
 
 def _violation(excursion: Excursion, pointers: Mapping[str, str]) -> Violation:

@@ -73,6 +73,17 @@ def excursions(course: Course, limits: PlanLimits) -> tuple[Excursion, ...]:
     )
 
 
+def beyond(
+    course: Course, quantity: str, unit: str, values: list[float], range_: tuple[float, float]
+) -> tuple[Excursion, ...]:
+    """Every phase in which values leave a range, above first."""
+    low, high = range_
+    return (
+        *_beyond(course, quantity, unit, values, high, 1.0),
+        *_beyond(course, quantity, unit, values, low, -1.0),
+    )
+
+
 def _differences(values: Sequence[float], period_s: float) -> list[float]:
     """Rate at which each value was come to from the one before; as many as there are values."""
     rates = [0.0]

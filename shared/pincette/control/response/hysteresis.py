@@ -109,33 +109,53 @@ def step(
 
         z·e^(-λ·|du|) + sign(du)·(1 - e^(-λ·|du|))/λ
     """
-    u, plays, static_um = voltage_V, state.plays_V, state.static_um
-    if u != state.voltage_V:
-        before = state.voltage_V
-        way_V, rises = abs(u - before), u - before > 0.0
-        moved: list[float] = []
-        static_um = model.curvature_um_per_V2 * u * u
-        fadings = model.fadings_per_V or repeat(0.0)
-        # Not strict: without fading the zeros have no end.
-        for r, w, y, fading in zip(
-            model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
-        ):
-            within = y
-            if fading != 0.0:
-                lost = -expm1(-fading * way_V)
-                rise_V = (lost if rises else -lost) / fading
-                within = u - ((before - y) * (1.0 - lost) + rise_V)
-            low_V, high_V = u - r, u + r
-            play = within if within < high_V else high_V
-            play = play if play > low_V else low_V
-            moved.append(play)
-            static_um += w * play
-        plays = tuple(moved)
+    plays, static_um = _yielded(model, state, voltage_V)
     factors = creep_factors(model.creep_times_s, dt_s)
     creep = tuple(
         [static_um + (c - static_um) * a for c, a in zip(state.creep_um, factors, strict=True)]
     )
-    return HysteresisState(u, plays, static_um, creep)
+    return HysteresisState(voltage_V, plays, static_um, creep)
+
+
+def _yielded(
+    model: HysteresisModel, state: HysteresisState, u: float
+) -> tuple[tuple[float, ...], float]:
+    """The plays after the voltage went straight to u, and their static displacement."""
+    plays, static_um = state.plays_V, state.static_um
+    if u == state.voltage_V:
+        return plays, static_um
+    before = state.voltage_V
+    way_V, rises = abs(u - before), u - before > 0.0
+    moved: list[float] = []
+    static_um = model.curvature_um_per_V2 * u * u
+    fadings = model.fadings_per_V or repeat(0.0)
+    # Not strict: without fading the zeros have no end.
+    for r, w, y, fading in zip(
+        model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
+    ):
+        within = y
+        if fading != 0.0:
+            lost = -expm1(-fading * way_V)
+            rise_V = (lost if rises else -lost) / fading
+            within = u - ((before - y) * (1.0 - lost) + rise_V)
+        low_V, high_V = u - r, u + r
+        play = within if within < high_V else high_V
+        play = play if play > low_V else low_V
+        moved.append(play)
+        static_um += w * play
+    return tuple(moved), static_um
+
+
+def displacement_after(
+    model: HysteresisModel, state: HysteresisState, voltage_V: float, dt_s: float
+) -> float:
+    """``displacement_um`` of the memory that ``step`` would leave, in µm."""
+    _, static_um = _yielded(model, state, voltage_V)
+    total = static_um
+    factors = creep_factors(model.creep_times_s, dt_s)
+    for fraction, c, a in zip(model.creep_fractions, state.creep_um, factors, strict=True):
+        total += fraction * (static_um + (c - static_um) * a)
+    return total
 
 
 def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:

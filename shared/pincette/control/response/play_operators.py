@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.control.response.hysteresis import HysteresisModel, creep_factors
+from pincette.control.response.inverse import begin_search, go_on
 
 Floats = NDArray[np.float64]
 
@@ -43,18 +44,21 @@ def yielded(k: Plays, plays_V: Floats, before_V: float, voltage_V: float) -> flo
 
     y = q·u² + Σ w_i·y_i
     """
-    u, before = voltage_V, before_V
-    way_V, rises = abs(u - before), u - before > 0.0
-    static_um = k.curvature_um_per_V2 * u * u
+    static_um = k.curvature_um_per_V2 * voltage_V * voltage_V
     for index in range(len(plays_V)):
-        r, fading, within = k.thresholds_V[index], k.fadings_per_V[index], plays_V[index]
-        if fading != 0.0:
-            lost = -expm1(-fading * way_V)
-            rise_V = (lost if rises else -lost) / fading
-            within = u - ((before - within) * (1.0 - lost) + rise_V)
-        plays_V[index] = max(u - r, min(u + r, within))
+        plays_V[index] = moved_V(k, index, plays_V[index], before_V, voltage_V)
         static_um += k.weights_um_per_V[index] * plays_V[index]
     return static_um
+
+
+def moved_V(k: Plays, index: int, within_V: float, before_V: float, voltage_V: float) -> float:
+    """One play after the voltage has gone straight to another one."""
+    r, fading, within, u = k.thresholds_V[index], k.fadings_per_V[index], within_V, voltage_V
+    if fading != 0.0:
+        lost = -expm1(-fading * abs(u - before_V))
+        rise_V = (lost if u - before_V > 0.0 else -lost) / fading
+        within = u - ((before_V - within) * (1.0 - lost) + rise_V)
+    return max(u - r, min(u + r, within))
 
 
 def crept(k: Plays, creep_um: Floats, static_um: float) -> float:
@@ -64,3 +68,41 @@ def crept(k: Plays, creep_um: Floats, static_um: float) -> float:
         creep_um[index] = static_um + (creep_um[index] - static_um) * k.creep_factors[index]
         total_um += k.creep_fractions[index] * creep_um[index]
     return total_um
+
+
+def displacement_after(
+    k: Plays, plays_V: Floats, creep_um: Floats, static_um: float, before_V: float, voltage_V: float
+) -> float:
+    """``hysteresis.displacement_after``: what ``yielded`` and ``crept`` would give; moves nothing.
+
+    ``static_um`` is the static part at ``before_V``.
+    """
+    if voltage_V != before_V:
+        static_um = k.curvature_um_per_V2 * voltage_V * voltage_V
+        for index in range(len(plays_V)):
+            play_V = moved_V(k, index, plays_V[index], before_V, voltage_V)
+            static_um += k.weights_um_per_V[index] * play_V
+    total_um = static_um
+    for index in range(len(creep_um)):
+        crept_um = static_um + (creep_um[index] - static_um) * k.creep_factors[index]
+        total_um += k.creep_fractions[index] * crept_um
+    return total_um
+
+
+def voltage_for(
+    k: Plays,
+    plays_V: Floats,
+    creep_um: Floats,
+    static_um: float,
+    from_V: float,
+    wanted_um: float,
+    um_per_V: float,
+) -> float:
+    """``inverse.voltage_for`` from the memory at ``from_V``, in V."""
+    at_um = displacement_after(k, plays_V, creep_um, static_um, from_V, from_V)
+    search = begin_search(from_V, at_um, wanted_um, um_per_V)
+    while not search.done:
+        u = search.voltage_V
+        found_um = displacement_after(k, plays_V, creep_um, static_um, from_V, u)
+        search = go_on(search, found_um)
+    return search.voltage_V

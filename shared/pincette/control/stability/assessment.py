@@ -120,9 +120,12 @@ def describe(loop: Loop, case: LoopCase) -> str:
     contact = f"in contact with K_e = {case.K_e_mN_per_um:.3g} mN/µm"
     omega_n = (loop.arm.k / loop.arm.m) ** 0.5 * case.frequency_factor
     delay_ms = 1e3 * case.delay_periods * loop.period_s
+    slope = ""
+    if case.gain_factor != 1.0:
+        slope = f", free response {100.0 * (case.gain_factor - 1.0):+.0f} % steeper than its model"
     return (
         f"{contact if case.K_e_mN_per_um > 0.0 else 'free'}, "
-        f"ω_n = {omega_n:.0f} rad/s, delay = {delay_ms:.2g} ms"
+        f"ω_n = {omega_n:.0f} rad/s, delay = {delay_ms:.2g} ms{slope}"
     )
 
 

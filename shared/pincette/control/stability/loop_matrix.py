@@ -147,7 +147,13 @@ def law_matrix(law: Law) -> Array:
 def law_block(
     settings: LawSettings, arm: ArmParameters, period_s: float, force_filter_s: float
 ) -> Array:
-    """Return ``law_matrix`` of a law; arguments and exceptions are those of ``law.build``."""
+    """Return ``law_matrix`` of a law; arguments and exceptions are those of ``law.build``.
+
+    A law of the identified set inverts the free response that it takes the arm to have: the loop
+    is that of the line, and what H misses of the slope is ``LoopCase.gain_factor``.
+    """
+    if settings.set == "identified":
+        settings = replace(settings, set="consistent")
     return law_matrix(control_law.build(settings, arm, period_s, force_filter_s))
 
 

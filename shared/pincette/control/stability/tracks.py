@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pincette.control.arm.mode import Mode
 from pincette.control.laws.force_input import ForceInput, input_force
 from pincette.control.laws.sliding import LawOutput
-from pincette.control.response.play_operators import Floats, Plays, crept, yielded
+from pincette.control.response.play_operators import Floats, Plays, crept, voltage_for, yielded
 
 
 def law_step(
@@ -44,6 +44,10 @@ class PressedArm(NamedTuple):
     static_um: float
     displacement_um: float
     """Of its model, at the first touch."""
+    inverts: bool
+    """Whether the law works with the free response, else with the line."""
+    um_per_V: float
+    """Mean slope of the free response; see ``law.FreeResponseInput``."""
 
 
 def tracks(
@@ -71,7 +75,8 @@ def tracks(
     plays_V, creep_um
         As long as these; they are overwritten.
     sides
-        Shape (n, 2): the plan's stiffness in mN/µm, by how much the force is read too high in mN.
+        Shape (n, 3): the plan's stiffness in mN/µm, by how much the force is read too high in mN,
+        how much steeper the free response is than its model.
     errors
         Shape (n, 2): x - x_r in µm and F - F_r in mN, squared and summed; filled.
     """
@@ -109,8 +114,9 @@ def one_track(
     errors: Floats,
 ) -> None:
     """One plan; ``side`` and ``errors`` are rows of those of ``tracks``."""
-    planned_mN_per_um, force_error_mN = side[0], side[1]
-    free_um = k.offset_um + k.displacement_um
+    planned_mN_per_um, force_error_mN, steeper = side[0], side[1], side[2]
+    displacement_um = k.displacement_um
+    free_um = k.offset_um + displacement_um
     x_e_um = x_um = free_um
     v, static_um = 0.0, k.static_um
     before_r_mN = before_error_mN = 0.0
@@ -125,22 +131,32 @@ def one_track(
             force, read_mN, force_r_mN, before_r_mN, before_error_mN
         )
         before_r_mN = force_r_mN
+        seen_V = displacement_um / k.um_per_V if k.inverts else applied_V
         state, output = law_step(
             parameters,
             state,
             x_um=x_um + noise,
             force_mN=force_mN,
-            applied_V=applied_V,
+            applied_V=seen_V,
             x_r_um=x_r_um,
             force_r_mN=force_r_mN,
             limited=0,
         )
+        voltage_V = output.voltage_V
+        if k.inverts:
+            wanted_um = k.um_per_V * voltage_V
+            voltage_V = voltage_for(
+                model, plays_V, creep_um, static_um, applied_V, wanted_um, k.um_per_V
+            )
         if k.delayed:
             x_um, v = passed(k.old, free_um, x_e_um, k.ratio, x_um, v)
-        if output.voltage_V != applied_V:
-            static_um = yielded(model, plays_V, applied_V, output.voltage_V)
-        applied_V = output.voltage_V
-        free_um = k.offset_um + crept(model, creep_um, static_um)
+        if voltage_V != applied_V:
+            static_um = yielded(model, plays_V, applied_V, voltage_V)
+        applied_V = voltage_V
+        displacement_um = crept(model, creep_um, static_um)
+        free_um = k.offset_um + displacement_um
+        if steeper != 1.0:
+            free_um = x_e_um + steeper * (free_um - x_e_um)
         x_um, v = passed(k.new, free_um, x_e_um, k.ratio, x_um, v)
         if index >= settled:
             off_um = x_um - x_r_um

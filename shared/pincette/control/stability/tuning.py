@@ -15,7 +15,11 @@ from pincette.control.arm.plant import ArmParameters
 from pincette.control.checks import require_positive
 from pincette.control.laws import law as control_law
 from pincette.control.laws.definition import LawDefinition, LawSettings
+from pincette.control.laws.law import Law
+from pincette.control.laws.parameters import ParameterSet
 from pincette.control.response.free_response import FreeResponse
+from pincette.control.response.hysteresis import HysteresisState
+from pincette.control.response.identified_response import IdentifiedResponse
 
 Grid = Mapping[str, Sequence[float]]
 """Values to try of each gain."""
@@ -42,6 +46,9 @@ class TuningRig:
     delay_s: float
     """From the sample to the arrival of the voltage."""
     force_filter_s: float
+    slope_error: float = 0.0
+    """Share by which the slope of the response may err, either way; of matter to laws that invert
+    it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +80,9 @@ class Tuning:
     """Worst spectral radius of the chosen one."""
 
 
-Sides = Sequence[tuple[float, float]]
-"""Plans: their stiffness in mN/µm, and by how much the force is read too high in mN."""
+Sides = Sequence[tuple[float, float, float]]
+"""Plans: their stiffness in mN/µm, by how much the force is read too high in mN, and how much
+steeper the free response is than its model, 1 for as steep."""
 Tracked = Sequence[tuple[float, float]]
 """For each of them the errors in µm and mN, r.m.s."""
 Tracks = Callable[[TuningRig, TuningPath, Sequence[LawSettings], Sides], Iterable[Tracked]]
@@ -97,6 +105,7 @@ def tune(
     radius_limit: float,
     grid: Grid | None = None,
     tracks: Tracks = track_each,
+    parameter_set: ParameterSet = "consistent",
 ) -> Tuning:
     """Search the gains of a law on a grid, the others at their defaults.
 
@@ -113,6 +122,8 @@ def tune(
         None: that of the law.
     tracks
         How the candidates are played; the numbers are those of ``track``.
+    parameter_set
+        Of the law; the identified one wants an ``IdentifiedResponse``.
 
     Raises
     ------
@@ -123,7 +134,7 @@ def tune(
     searched = dict(definition.search) if grid is None else grid
     if not searched:
         raise ValueError(f"{definition.title} has no search for gains: give them one by one")
-    start = definition.settings()
+    start = definition.settings(parameter_set)
     laws = [
         start.with_gains(**dict(zip(searched, values, strict=True)))
         for values in product(*searched.values())
@@ -158,11 +169,13 @@ def pareto_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
 
 
 def _sides(rig: TuningRig) -> Sides:
-    """Plans too stiff and too soft, the force read too high and too low."""
+    """Plans too stiff and too soft, the force read too high and too low, the response too steep
+    and too flat: half of the combinations, in which each pair of errors meets with both signs."""
     return [
         (
             rig.stiffness_mN_per_um * (1.0 + side * rig.stiffness_error),
             read * rig.force_error_mN,
+            1.0 + side * read * rig.slope_error,
         )
         for side, read in product((-1.0, 1.0), repeat=2)
     ]
@@ -190,6 +203,7 @@ def track(
     settings: LawSettings,
     planned_mN_per_um: float,
     force_error_mN: float,
+    steeper: float = 1.0,
 ) -> tuple[float, float]:
     """Errors x - x_r in µm and F - F_r in mN, r.m.s. over the settled part, on x_r = x_e + F_r/K.
 
@@ -201,11 +215,16 @@ def track(
             f"{len(path.force_r_mN)} references and {len(rig.noise_um)} of noise, of which "
             f"{path.settled} are for settling: too few"
         )
-    law = control_law.build(settings, rig.arm, rig.period_s, rig.force_filter_s)
-    arm = _Arm(rig)
+    law = law_on(rig, settings)
+    arm = _Arm(rig, steeper)
     x_e_um = arm.x_um
     state = control_law.start(
-        law, x_um=x_e_um, x_r_um=x_e_um, force_mN=0.0, applied_V=rig.response.voltage_V
+        law,
+        x_um=x_e_um,
+        x_r_um=x_e_um,
+        force_mN=0.0,
+        applied_V=rig.response.voltage_V,
+        memory=arm.memory,
     )
     applied_V = rig.response.voltage_V
     position_square = force_square = 0.0
@@ -221,6 +240,7 @@ def track(
             x_r_um=x_r_um,
             force_r_mN=force_r_mN,
             limited=0,
+            memory=arm.memory,
         )
         applied_V = output.voltage_V
         arm.move(applied_V)
@@ -231,10 +251,17 @@ def track(
     return sqrt(position_square / samples), sqrt(force_square / samples)
 
 
+def law_on(rig: TuningRig, settings: LawSettings) -> Law:
+    """The law as it runs on the rig; raises ValueError."""
+    response = rig.response
+    model = response.model if isinstance(response, IdentifiedResponse) else None
+    return control_law.build(settings, rig.arm, rig.period_s, rig.force_filter_s, model)
+
+
 class _Arm:
     """The arm pressed on its contact: the old voltage for the delay, the new one for the rest."""
 
-    def __init__(self, rig: TuningRig) -> None:
+    def __init__(self, rig: TuningRig, steeper: float) -> None:
         ratio = rig.stiffness_mN_per_um / rig.arm.k
         stiffer = sqrt(1.0 + ratio)
         omega = rig.natural_frequency_rad_per_s * stiffer
@@ -244,8 +271,15 @@ class _Arm:
         self._new = sample_mode(omega, zeta, period_s - rig.delay_s)
         self._rig, self._ratio = rig, ratio
         self._response = rig.response
+        self._steeper = steeper
         self._touch_um = self.x_um = rig.response.position_um()
         self._speed_um_per_s = 0.0
+
+    @property
+    def memory(self) -> HysteresisState | None:
+        """Of the free response, where a law can work with it."""
+        response = self._response
+        return response.memory if isinstance(response, IdentifiedResponse) else None
 
     def force_mN(self) -> float:
         """F = K_e·(x - x_e); the part is not let go."""
@@ -259,6 +293,8 @@ class _Arm:
 
     def _pass(self, mode: Mode) -> None:
         free_um = self._response.position_um()
+        if self._steeper != 1.0:
+            free_um = self._touch_um + self._steeper * (free_um - self._touch_um)
         rest_um = (free_um + self._ratio * self._touch_um) / (1.0 + self._ratio)
         off_um, v = self.x_um - rest_um, self._speed_um_per_s
         self.x_um = rest_um + mode.xx * off_um + mode.xv * v

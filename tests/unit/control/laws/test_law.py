@@ -171,7 +171,7 @@ def test_at_a_steady_reference_without_low_pass_both_ages_are_one(scheme: str) -
 
 def test_a_state_of_another_law_is_no_state() -> None:
     pbsmic, dsmifc = (law_of(law_settings(scheme)) for scheme in SCHEMES)
-    at: dict[str, float] = {"x_um": 1.0, "x_r_um": 1.0, "force_mN": 0.0}
+    at: dict[str, Any] = {"x_um": 1.0, "x_r_um": 1.0, "force_mN": 0.0}
     state = start(pbsmic, **at, applied_V=0.05)
     with pytest.raises(TypeError, match="rebase it first"):
         step(dsmifc, state, **at, applied_V=0.05, force_r_mN=0.0, limited=0)

@@ -35,7 +35,10 @@ LIMITS = PlanLimits(
 
 
 def planned(
-    request: GripRequest = REQUEST, limits: PlanLimits = LIMITS, x_start_um: float = 0.0
+    request: GripRequest = REQUEST,
+    limits: PlanLimits = LIMITS,
+    x_start_um: float = 0.0,
+    taught_V: tuple[float, float] | None = None,
 ) -> ContactPlan:
     rig = PlannedRig(
         limits,
@@ -43,6 +46,7 @@ def planned(
         compliance_um_per_mN=0.46,
         period_s=0.02,
         x_start_um=x_start_um,
+        taught_V=taught_V,
     )
     return plan_grip(request, rig)
 
@@ -173,3 +177,17 @@ def test_impossible_requests_are_refused() -> None:
         replace(REQUEST, stiffness_tolerance=1.0)
     with pytest.raises(ValueError, match=r"period = 0\.0 s"):
         sampled(planned(), 0.0)
+
+
+def test_a_plan_beyond_the_taught_voltages_is_refused_with_their_range() -> None:
+    (violation,) = planned(taught_V=(-0.1, 2.5)).violations
+    assert (violation.quantity, violation.limit, violation.unit) == ("taught voltage", 2.5, "V")
+    assert violation.value == pytest.approx((40.0 + 0.46 * 20.0) / 19.0, abs=0.01)
+    assert violation.pointer == "/force_mN"
+    assert "the free response was taught from -0.100 to 2.500 V" in violation.message
+    assert "take less force, or calibrate free_response over a wider range" in violation.message
+
+
+def test_within_the_taught_voltages_it_is_not() -> None:
+    assert planned(taught_V=(-0.1, 2.7)).violations == ()
+    assert planned(taught_V=None).violations == ()

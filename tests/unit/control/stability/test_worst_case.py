@@ -117,3 +117,30 @@ def test_impossible_intervals_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=re.escape(text)):
         Intervals(*values)
+
+
+def test_a_response_that_is_steeper_than_its_model_is_judged_where_it_is_steepest() -> None:
+    """Without contact the law's gain is the slope: the free arm is the faster to ring by it."""
+    loop = Loop(law_settings(K_P=0.1, K_f=2000.0), ARM, 0.02, force_filter_s=0.03)
+    known = Intervals((2.0, 2.4))
+    vague = Intervals((2.0, 2.4), gain_factor=(0.7, 1.2))
+    _, radius = worst_case(loop, known, LIMIT)
+    case, wider = worst_case(loop, vague, LIMIT)
+    assert wider > radius
+    assert case.gain_factor in (0.7, 1.2)
+
+
+def test_with_nothing_left_open_there_is_one_case() -> None:
+    loop = Loop(law_settings(), ARM, 0.02, force_filter_s=0.03)
+    exact = Intervals(None, frequency_factor=(1.0, 1.0), delay_periods=(0.3, 0.3))
+    case, _ = worst_case(loop, exact, LIMIT)
+    assert (case.K_e_mN_per_um, case.delay_periods, case.gain_factor) == (0.0, 0.3, 1.0)
+
+
+def test_a_law_of_the_identified_set_is_judged_as_that_of_the_line() -> None:
+    case = LoopCase(2.0, gain_factor=0.8)
+    radii = [
+        counted_radii(Loop(law_settings(set=name, K_f=2000.0), ARM, 0.02), (case,), LIMIT)[0]
+        for name in ("consistent", "identified")
+    ]
+    assert radii[0] == radii[1]

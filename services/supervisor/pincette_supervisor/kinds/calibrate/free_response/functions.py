@@ -100,7 +100,11 @@ def analyse(run: Run) -> Analysis:
     s_p = planned.model.rig.model.compliance_um_per_mN
     residual_um = max(found.model_residual_um, found.cycles_residual_um)
     table = IdentifiedFreeResponse.from_model(
-        found.model, residual_um, found.press_gain, _growth(found, motion, run)
+        found.model,
+        residual_um,
+        found.press_gain,
+        _growth(found, motion, run),
+        (float(np.min(found.voltage_V)), float(np.max(found.voltage_V))),
     )
     gain, off = found.gain, found.model_gain.gain_um_per_V / found.gain.gain_um_per_V - 1.0
     warnings = ()

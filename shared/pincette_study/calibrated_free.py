@@ -1,0 +1,100 @@
+"""The free response as the product's calibration ``free_response`` finds it, on a simulated rig.
+
+The same motion in voltage, and the same identification; in a study no supervisor runs.
+"""
+
+from pincette.config import IdentifiedFreeResponse, RigFile, derived
+from pincette.control.planning.calibration_programs import (
+    free_program,
+    full_cycles,
+    voltage_moves,
+)
+from pincette.control.planning.free_response_program import (
+    GAIN_CYCLES,
+    PRESS_CYCLES,
+    free_response_program,
+)
+from pincette.control.planning.paths import Path
+from pincette.control.planning.program import Program, Segment
+from pincette.control.response.free_calibration import FreeMotion, calibrate_free_response
+from pincette.control.response.identification import HELD_OUT
+from pincette.control.response.model_errors import structure_function
+from pincette.core.messages import Estimate, Message, Telemetry
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.teaching import SPEED_FACTOR, free_range_um, without_part
+
+
+def with_calibrated_response(rig: RigFile) -> RigFile:
+    """Move the arm with the part away, and take the model over; raises ValueError."""
+    d_p = rig.model.piezo_um_per_V
+    low_V, high_V = (end_um / d_p for end_um in free_range_um(rig))
+    program = free_response_program(
+        derived.planned_rig(rig),
+        from_V=low_V,
+        to_V=high_V,
+        rate_V_per_s=SPEED_FACTOR * rig.grip.approach_um_per_s / d_p,
+    )
+    motion = _motion(rig, program, ComposedLoop(without_part(rig)).play(program))
+    cycle_s = _path(program, "cycles").cycle_s
+    found = calibrate_free_response(motion, cycle_s / rig.rig.period_s)
+    unseen = slice(int(motion.course.stop * (1.0 - HELD_OUT)), None)
+    growth = structure_function(
+        found.voltage_V[unseen],
+        (found.x_um - found.model_um)[unseen],
+        motion.period_s,
+        rig.sensor.noise_um,
+    )
+    residual_um = max(found.model_residual_um, found.cycles_residual_um)
+    taught_V = (min(motion.voltage_V), max(motion.voltage_V))
+    table = IdentifiedFreeResponse.from_model(
+        found.model, residual_um, found.press_gain, growth, taught_V
+    )
+    update = {"free_response": table, "piezo_um_per_V": found.gain.gain_um_per_V}
+    return rig.model_copy(update={"model": rig.model.model_copy(update=update)})
+
+
+def after_strokes(rig: RigFile) -> ComposedLoop:
+    """A rig that has gone twice over the taught range with the part away; the part is back.
+
+    Such strokes wipe out what an arm has been through before, of which the model knows nothing.
+    """
+    low_V, high_V = (end_um / rig.model.piezo_um_per_V for end_um in free_range_um(rig))
+    turns_V = (high_V, low_V, high_V, low_V, 0.0)
+    rate_V_per_s = SPEED_FACTOR * rig.grip.approach_um_per_s / rig.model.piezo_um_per_V
+    path = voltage_moves([(0.0, rate_V_per_s, 0.0), *((V, rate_V_per_s, 0.5) for V in turns_V)])
+    loop = ComposedLoop(rig)
+    loop.bench.rig.remove_part()
+    loop.play(free_program(Segment("strokes", "voltage", path.duration_s, path=path)))
+    loop.bench.rig.place_part()
+    return loop
+
+
+def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMotion:
+    """Samples of the phases; ``voltage_V[k]`` led to ``x_um[k]``."""
+    estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
+    views = [m for m in messages if isinstance(m, Telemetry)]
+    phases = [str(view.phase) for view in views]
+    period_s = rig.rig.period_s
+
+    def of(phase: str) -> slice:
+        places = [place for place, name in enumerate(phases) if name == phase]
+        return slice(places[0], places[-1] + 1)
+
+    def whole(phase: str, cycles: int) -> slice:
+        inner = full_cycles(_path(program, phase), period_s, cycles)
+        return slice(of(phase).start + inner.start, of(phase).start + inner.stop)
+
+    return FreeMotion(
+        voltage_V=[estimates[view.seq].applied_V for view in views],
+        x_um=[estimates[view.seq].x_um for view in views],
+        period_s=period_s,
+        course=slice(0, of("teach").stop),
+        cycles=whole("cycles", GAIN_CYCLES),
+        presses=whole("presses", PRESS_CYCLES),
+        before_step=of("before step"),
+        after_step=of("creep"),
+    )
+
+
+def _path(program: Program, phase: str) -> Path:
+    return next(s.path for s in program.segments if s.phase == phase and s.path is not None)

@@ -1,0 +1,142 @@
+"""The inverse of the free response: it leads where it should, in few steps, compiled as well."""
+
+from statistics import median
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pincette.control.response import play_operators
+from pincette.control.response.hysteresis import (
+    TOLERANCE_UM,
+    HysteresisModel,
+    HysteresisState,
+    displacement_after,
+    displacement_um,
+    start,
+    step,
+)
+from pincette.control.response.inverse import MOST, begin_search, go_on, voltage_for
+from tests.support.rigs import demo_rig
+
+PERIOD_S, UM_PER_V = 0.02, 19.0
+TAUGHT = demo_rig().model.free_response
+assert TAUGHT is not None
+TAUGHT_MODEL = TAUGHT.hysteresis()
+SOME = settings(deadline=None, max_examples=150, derandomize=True)
+
+
+@st.composite
+def models(draw: st.DrawFn) -> HysteresisModel:
+    """Plays with and without fading, with creep, and a little curvature."""
+    plays = draw(st.integers(0, 5))
+    fadings = [draw(st.floats(0.0, 0.9)) / (0.2 * (place + 1)) for place in range(plays)]
+    return HysteresisModel(
+        thresholds_V=(0.0, *(0.2 * (place + 1) for place in range(plays))),
+        weights_um_per_V=(
+            17.0,
+            *draw(st.lists(st.floats(0.1, 3.0), min_size=plays, max_size=plays)),
+        ),
+        creep_times_s=(0.1, 5.0),
+        creep_fractions=(draw(st.floats(0.0, 0.05)), draw(st.floats(0.0, 0.05))),
+        fadings_per_V=(0.0, *fadings),
+        curvature_um_per_V2=draw(st.floats(-0.3, 0.3)),
+    )
+
+
+def led(model: HysteresisModel, voltages_V: list[float]) -> HysteresisState:
+    memory = start(model)
+    for voltage_V in voltages_V:
+        memory = step(model, memory, voltage_V, PERIOD_S)
+    return memory
+
+
+histories = st.lists(st.floats(-1.0, 4.0), max_size=12)
+ways_um = st.floats(-30.0, 30.0)
+
+
+def inverted(model: HysteresisModel, memory: HysteresisState, wanted_um: float) -> float:
+    return voltage_for(model, memory, wanted_um, um_per_V=UM_PER_V, period_s=PERIOD_S)
+
+
+@SOME
+@given(models(), histories, ways_um)
+def test_a_period_at_the_voltage_leads_there(
+    model: HysteresisModel, voltages_V: list[float], way_um: float
+) -> None:
+    memory = led(model, voltages_V)
+    wanted_um = displacement_um(model, memory) + way_um
+    voltage_V = inverted(model, memory, wanted_um)
+    reached_um = displacement_um(model, step(model, memory, voltage_V, PERIOD_S))
+    assert abs(reached_um - wanted_um) <= TOLERANCE_UM
+
+
+@SOME
+@given(models(), histories, st.floats(-2.0, 5.0))
+def test_displacement_after_is_that_of_a_step(
+    model: HysteresisModel, voltages_V: list[float], voltage_V: float
+) -> None:
+    memory = led(model, voltages_V)
+    stepped = displacement_um(model, step(model, memory, voltage_V, PERIOD_S))
+    assert displacement_after(model, memory, voltage_V, PERIOD_S) == stepped
+
+
+@SOME
+@given(models(), histories, ways_um)
+def test_arrays_have_the_same_bits_and_stay_as_they_are(
+    model: HysteresisModel, voltages_V: list[float], way_um: float
+) -> None:
+    memory = led(model, voltages_V)
+    plays, creep = np.array(memory.plays_V), np.array(memory.creep_um)
+    wanted_um = displacement_um(model, memory) + way_um
+    found_V = play_operators.voltage_for(
+        play_operators.plays_of(model, PERIOD_S),
+        plays,
+        creep,
+        memory.static_um,
+        memory.voltage_V,
+        wanted_um,
+        UM_PER_V,
+    )
+    assert found_V == inverted(model, memory, wanted_um)
+    assert (tuple(plays), tuple(creep)) == (memory.plays_V, memory.creep_um)
+
+
+@SOME
+@given(histories, ways_um, st.floats(0.01, 5.0))
+def test_the_voltage_rises_with_the_displacement(
+    voltages_V: list[float], way_um: float, more_um: float
+) -> None:
+    memory = led(TAUGHT_MODEL, voltages_V)
+    at_um = displacement_um(TAUGHT_MODEL, memory) + way_um
+    lower_V, higher_V = (inverted(TAUGHT_MODEL, memory, at_um + add) for add in (0.0, more_um))
+    assert lower_V < higher_V
+
+
+def evaluations(memory: HysteresisState, wanted_um: float) -> int:
+    at_um = displacement_after(TAUGHT_MODEL, memory, memory.voltage_V, PERIOD_S)
+    search = begin_search(memory.voltage_V, at_um, wanted_um, UM_PER_V)
+    while not search.done:
+        found_um = displacement_after(TAUGHT_MODEL, memory, search.voltage_V, PERIOD_S)
+        search = go_on(search, found_um)
+    return search.tried
+
+
+def test_few_evaluations_are_enough() -> None:
+    """A sinusoid of 2 Hz and 17 µm, whose ways between samples go up to 2 µm."""
+    memory, counts = start(TAUGHT_MODEL), list[int]()
+    for tick in range(400):
+        wanted_um = 40.0 + 17.0 * float(np.sin(2.0 * np.pi * 2.0 * tick * PERIOD_S))
+        counts.append(evaluations(memory, wanted_um))
+        memory = step(TAUGHT_MODEL, memory, inverted(TAUGHT_MODEL, memory, wanted_um), PERIOD_S)
+    assert median(counts) <= 3
+    assert max(counts) <= 7
+
+
+@pytest.mark.parametrize("wanted_um", [1e12, -1e12, 1e308])
+def test_what_cannot_be_reached_ends_the_search(wanted_um: float) -> None:
+    """The controller refuses such a voltage as absurd."""
+    memory = led(TAUGHT_MODEL, [1.0])
+    assert evaluations(memory, wanted_um) <= MOST
+    assert not abs(inverted(TAUGHT_MODEL, memory, wanted_um)) < 1e6
