@@ -42,6 +42,17 @@ class ControllerConfig:
             for settings in chosen
         )
 
+    def law_objection(self, program: Program) -> str:
+        """Why the laws of a program cannot be played; empty where they can."""
+        try:
+            laws = self.laws(program)
+        except ValueError as error:
+            return f"a law of the program: {error}"
+        for segment in program.segments:
+            if not 0 <= segment.law < len(laws):
+                return f"{segment.phase} names law {segment.law}, there are {len(laws)}"
+        return ""
+
     def _settings(self, spec: LawSpec) -> LawSettings:
         if spec.scheme not in self.installed:
             there = ", ".join(sorted(self.installed)) or "none"

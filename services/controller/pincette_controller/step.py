@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-from msgspec import field
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -10,10 +9,6 @@ from pincette.control.laws import law as control_law
 from pincette.control.laws.law import Law, LawState
 from pincette.control.planning.program import Program
 from pincette.control.record import FrozenRecord
-from pincette.control.response.free_response import FreeResponse
-from pincette.control.response.hysteresis import HysteresisState
-from pincette.control.response.identified_response import IdentifiedResponse
-from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.control.safety.monitors import UNSEEN, Watches
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette.core.faults import Fault, FaultCode, Outcome
@@ -48,6 +43,7 @@ from pincette_controller.actions import (
     lease_end,
     lease_objection,
 )
+from pincette_controller.arm_memory import ArmMemory
 from pincette_controller.config import ControllerConfig, configure
 from pincette_controller.outputs import (
     check_command,
@@ -74,10 +70,8 @@ class Inputs(NamedTuple):
 class State(FrozenRecord, frozen=True):
     """The program, where it stands, and the memory of law and arm."""
 
-    response: FreeResponse
-    """Its memory, led by every voltage applied, outlives an arming, as the arm's does."""
-    model: FreeResponse
-    """What ``response`` began as, unpoled."""
+    arm: ArmMemory
+    """It outlives an arming, as the arm's own does."""
     epoch: int = 0
     owner: int = 0
     seq: int = -1
@@ -96,10 +90,6 @@ class State(FrozenRecord, frozen=True):
     """What the check of the hard limits has seen."""
     silenced: Fault | None = None
     """Why it commands no more, though no action has ended the program."""
-    past: VoltageMemory = field(default_factory=VoltageMemory)
-    """The voltage since the start, for another model to be led through."""
-    followed_seq: int = -1
-    """The sample up to which ``response`` has followed the voltage."""
     refused: int = 0
     found: Fault | None = None
     """Why it has stopped, or stops, without an action that asks for it."""
@@ -112,7 +102,7 @@ class State(FrozenRecord, frozen=True):
 
 def start(config: ControllerConfig) -> State:
     """Nothing is loaded."""
-    return State(config.response, config.response)
+    return State(ArmMemory(config.response, config.response))
 
 
 def step(
@@ -137,7 +127,7 @@ def _answer(
         return state, ()
     if estimate.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
-    state = _follow_voltage(config, state, estimate)
+    state = replace(state, arm=state.arm.follow(estimate, config.period_s))
     if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
         return _play(config, state, state.program, estimate)
     state = replace(state, seq=estimate.seq)
@@ -146,29 +136,11 @@ def _answer(
     return state, (no_command(estimate, state.epoch, state.owner, state.silenced),)
 
 
-def _follow_voltage(config: ControllerConfig, state: State, estimate: Estimate) -> State:
-    """Take in the voltage applied, as the estimator does: not where it is missing."""
-    if estimate.degraded:
-        return state
-    passed_s = (estimate.seq - state.followed_seq) * config.period_s
-    return replace(
-        state,
-        response=state.response.follow(estimate.applied_V, passed_s),
-        past=state.past.follow(estimate.applied_V, passed_s),
-        followed_seq=estimate.seq,
-    )
-
-
-def _arm_memory(response: FreeResponse) -> HysteresisState | None:
-    """What a law of the identified set works with; None where nothing is identified."""
-    return response.memory if isinstance(response, IdentifiedResponse) else None
-
-
 def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     before = state.player or begin(program, estimate.x_um, estimate.applied_V)
-    arm_memory = _arm_memory(state.response)
+    arm_memory = state.arm.for_law
     memory = state.memory or control_law.start(
         state.laws[before.segment.law],
         x_um=estimate.x_um,
@@ -260,16 +232,14 @@ def handle(
     if isinstance(request, Load):
         if not request.program.segments:
             raise RefusedError("the program has no segments")
-        _check_laws(config, request.program)
+        if why := config.law_objection(request.program):
+            raise RefusedError(why)
         return replace(state, loaded=request.program), Ack(state.seq), ()
     if isinstance(request, Arm):
         if state.loaded is None:
             raise RefusedError("the controller has no program: load one first")
-        same = config.response == state.model
         fresh = State(
-            state.response if same else state.past.replayed(config.response),
-            config.response,
-            past=state.past,
+            state.arm.armed(config.response),
             epoch=request.epoch,
             owner=request.owner,
             loaded=state.loaded,
@@ -291,16 +261,6 @@ def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tupl
     if why := lease_objection(lease, state.epoch, playing=state.playing, ended=ended):
         raise RefusedError(why)
     return replace(state, lease=RunningLease(lease, now)), Ack(state.seq), ()
-
-
-def _check_laws(config: ControllerConfig, program: Program) -> None:
-    try:
-        laws = config.laws(program)
-    except ValueError as error:
-        raise RefusedError(f"a law of the program: {error}") from error
-    for segment in program.segments:
-        if not 0 <= segment.law < len(laws):
-            raise RefusedError(f"{segment.phase} names law {segment.law}, there are {len(laws)}")
 
 
 def _note(state: State, request: Action) -> tuple[State, Message, tuple[Message, ...]]:
@@ -332,5 +292,5 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     start=start,
     step=step,
     handle=handle,
-    state_snapshot=("response",),
+    state_snapshot=("arm",),
 )
