@@ -3,6 +3,8 @@
 The same motion in voltage, and the same identification; in a study no supervisor runs.
 """
 
+from collections.abc import Callable
+
 from pincette.config import IdentifiedFreeResponse, RigFile, derived
 from pincette.control.planning.calibration_programs import (
     free_program,
@@ -19,9 +21,11 @@ from pincette.control.planning.program import Program, Segment
 from pincette.control.response.free_calibration import FreeMotion, calibrate_free_response
 from pincette.control.response.identification import HELD_OUT
 from pincette.control.response.model_errors import structure_function
-from pincette.core.messages import Estimate, Message, Telemetry
+from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
+from pincette.engine.simulated import simulated_bench
 from pincette.engine.teaching import SPEED_FACTOR, free_range_um, without_part
+from pincette.sim.bench import Bench
 
 
 def with_calibrated_response(rig: RigFile) -> RigFile:
@@ -62,10 +66,16 @@ def after_strokes(rig: RigFile) -> ComposedLoop:
     turns_V = (high_V, low_V, high_V, low_V, 0.0)
     rate_V_per_s = SPEED_FACTOR * rig.grip.approach_um_per_s / rig.model.piezo_um_per_V
     path = voltage_moves([(0.0, rate_V_per_s, 0.0), *((V, rate_V_per_s, 0.5) for V in turns_V)])
-    loop = ComposedLoop(rig)
-    loop.bench.rig.remove_part()
+    benches: list[Bench] = []
+
+    def set_up(told: Callable[[GroundTruth], None]) -> Bench:
+        benches.append(simulated_bench(rig, told))
+        return benches[0]
+
+    loop = ComposedLoop(rig, set_up)
+    benches[0].rig.remove_part()
     loop.play(free_program(Segment("strokes", "voltage", path.duration_s, path=path)))
-    loop.bench.rig.place_part()
+    benches[0].rig.place_part()
     return loop
 
 

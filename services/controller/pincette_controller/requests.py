@@ -23,11 +23,8 @@ def handle(
     if isinstance(request, Arm):
         if state.loaded is None:
             raise RefusedError("the controller has no program: load one first")
-        same = config.response == state.model
         fresh = State(
-            state.response if same else state.past.replayed(config.response),
-            config.response,
-            past=state.past,
+            state.arm.armed(config.response),
             epoch=request.epoch,
             owner=request.owner,
             loaded=state.loaded,

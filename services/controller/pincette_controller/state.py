@@ -2,17 +2,14 @@
 
 from typing import NamedTuple
 
-from msgspec import field
-
 from pincette.control.laws.law import Law, LawState
 from pincette.control.planning.program import Program
 from pincette.control.record import FrozenRecord
-from pincette.control.response.free_response import FreeResponse
-from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.control.safety.monitors import UNSEEN, Watches
 from pincette.core.faults import Fault
 from pincette.core.messages import Action, Estimate
 from pincette_controller.actions import RunningLease
+from pincette_controller.arm_memory import ArmMemory
 from pincette_controller.learning import Learning
 from pincette_controller.player_state import Player
 
@@ -26,10 +23,8 @@ class Inputs(NamedTuple):
 class State(FrozenRecord, frozen=True):
     """The program, where it stands, and the memory of law and arm."""
 
-    response: FreeResponse
-    """Its memory, led by every voltage applied, outlives an arming, as the arm's does."""
-    model: FreeResponse
-    """What ``response`` began as, unpoled."""
+    arm: ArmMemory
+    """It outlives an arming, as the arm's own does."""
     epoch: int = 0
     owner: int = 0
     seq: int = -1
@@ -50,10 +45,6 @@ class State(FrozenRecord, frozen=True):
     """What the check of the hard limits has seen."""
     silenced: Fault | None = None
     """Why it commands no more, though no action has ended the program."""
-    past: VoltageMemory = field(default_factory=VoltageMemory)
-    """The voltage since the start, for another model to be led through."""
-    followed_seq: int = -1
-    """The sample up to which ``response`` has followed the voltage."""
     refused: int = 0
     found: Fault | None = None
     """Why it has stopped, or stops, without an action that asks for it."""

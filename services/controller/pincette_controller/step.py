@@ -5,9 +5,6 @@ from msgspec.structs import replace
 from pincette.config import RigFile
 from pincette.control.laws import law as control_law
 from pincette.control.planning.program import Program
-from pincette.control.response.free_response import FreeResponse
-from pincette.control.response.hysteresis import HysteresisState
-from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette.core.faults import Fault, FaultCode, Outcome
 from pincette.core.messages import (
@@ -33,6 +30,7 @@ from pincette_controller.actions import (
     acted_in_tick,
     lease_end,
 )
+from pincette_controller.arm_memory import ArmMemory
 from pincette_controller.config import ControllerConfig, configure
 from pincette_controller.learning import begin_learning, correct, learn
 from pincette_controller.outputs import (
@@ -54,7 +52,7 @@ TRIPPED = Fault(FaultCode.ACTUATOR_TRIPPED)
 
 def start(config: ControllerConfig) -> State:
     """Nothing is loaded."""
-    return State(config.response, config.response)
+    return State(ArmMemory(config.response, config.response))
 
 
 def step(
@@ -79,7 +77,7 @@ def _answer(
         return state, ()
     if estimate.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
-    state = _follow_voltage(config, state, estimate)
+    state = replace(state, arm=state.arm.follow(estimate, config.period_s))
     if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
         return _play(config, state, state.program, estimate)
     state = replace(state, seq=estimate.seq)
@@ -92,29 +90,11 @@ def _silent(state: State, estimate: Estimate) -> Command:
     return no_command(estimate, state.epoch, state.owner, state.silenced, state.player)
 
 
-def _follow_voltage(config: ControllerConfig, state: State, estimate: Estimate) -> State:
-    """Take in the voltage applied, as the estimator does: not where it is missing."""
-    if estimate.degraded:
-        return state
-    passed_s = (estimate.seq - state.followed_seq) * config.period_s
-    return replace(
-        state,
-        response=state.response.follow(estimate.applied_V, passed_s),
-        past=state.past.follow(estimate.applied_V, passed_s),
-        followed_seq=estimate.seq,
-    )
-
-
-def _arm_memory(response: FreeResponse) -> HysteresisState | None:
-    """What a law of the identified set works with; None where nothing is identified."""
-    return response.memory if isinstance(response, IdentifiedResponse) else None
-
-
 def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     before = state.player or begin(program, estimate.x_um, estimate.applied_V)
-    arm_memory = _arm_memory(state.response)
+    arm_memory = state.arm.for_law
     memory = state.memory or control_law.start(
         state.laws[before.segment.law],
         x_um=estimate.x_um,
@@ -228,5 +208,5 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     start=start,
     step=step,
     handle=handle,
-    state_snapshot=("response",),
+    state_snapshot=("arm",),
 )

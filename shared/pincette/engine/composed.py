@@ -4,31 +4,39 @@ Nothing but the carrier differs from the loop of five processes, so the numbers 
 the last bit.
 """
 
+from collections.abc import Callable
+
 from pincette.bus.memory import MemoryBus
 from pincette.config import ConfigError, RigFile
 from pincette.control.planning.program import Program
 from pincette.core import plugins
-from pincette.core.messages import Message, Reset
+from pincette.core.messages import GroundTruth, Message, Reset
 from pincette.core.topics import LOOP, RESET, TOPICS
 from pincette.engine.arming import arm
 from pincette.engine.loop import Loop
 from pincette.engine.node import Node
-from pincette.engine.simulated import devices_on, simulated_bench
+from pincette.engine.simulated import devices_on, simulated_devices
+from pincette.sim.bench import Bench
+
+Benches = Callable[[Callable[[GroundTruth], None]], Bench]
+"""Takes what is told of the truth."""
 
 
 class ComposedLoop:
     """A simulated rig and its four services, ready to be armed; ``bus.pump`` makes its steps.
 
-    ``bench`` is where the simulated rig stands, for what a person does there between programs.
+    ``bench`` sets up the simulated rig for one who has to do with it between programs.
     """
 
-    def __init__(self, rig: RigFile) -> None:
+    def __init__(self, rig: RigFile, bench: Benches | None = None) -> None:
         if not rig.lockstep or rig.simulation is None:
             raise ConfigError('one process needs [rig] time = "lockstep" and a [simulation]')
         self.rig = rig
         self.bus = MemoryBus()
-        self.bench = simulated_bench(rig, self.bus.publish)
-        devices = devices_on(self.bench, rig)
+        if bench is None:
+            devices = simulated_devices(rig, self.bus.publish)
+        else:
+            devices = devices_on(bench(self.bus.publish), rig)
         nodes = [
             Node(plugins.load(plugins.SERVICES, name), rig, devices.get(name)) for name in LOOP
         ]

@@ -256,10 +256,10 @@ def test_the_memory_of_the_response_is_led_by_what_is_applied_and_outlives_an_ar
         state, _ = step(config, state, Inputs(estimate), 0.0)
         if not degraded:
             wanted = wanted.follow(voltage_V, 2 * T if seq == 3 else T)
-    assert state.response == wanted
+    assert state.arm.response == wanted
     again, _, _ = handle(config, state, Arm(2, 5, ""), 0.0)
-    assert again.response == wanted
-    assert again.followed_seq == -1
+    assert again.arm.response == wanted
+    assert again.arm.followed_seq == -1
 
 
 def test_another_model_is_led_through_the_past() -> None:
@@ -275,6 +275,6 @@ def test_another_model_is_led_through_the_past() -> None:
         update={"model": DEMO.model.model_copy(update={"free_response": taught})}
     )
     again, _, _ = handle(configure(other), state, Arm(2, 5, ""), 0.0)
-    assert again.response == state.past.replayed(configure(other).response)
-    assert again.response.voltage_V == pytest.approx(1.0)
-    assert again.response.position_um() != state.response.position_um()
+    assert again.arm.response == state.arm.past.replayed(configure(other).response)
+    assert again.arm.response.voltage_V == pytest.approx(1.0)
+    assert again.arm.response.position_um() != state.arm.response.position_um()

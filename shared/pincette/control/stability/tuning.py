@@ -47,8 +47,7 @@ class TuningRig:
     """From the sample to the arrival of the voltage."""
     force_filter_s: float
     slope_error: float = 0.0
-    """Share by which the slope of the response may err, either way; of matter to laws that invert
-    it."""
+    """Share by which the slope of the response may err, either way."""
 
 
 @dataclass(frozen=True, slots=True)

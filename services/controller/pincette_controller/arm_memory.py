@@ -1,0 +1,51 @@
+"""The arm's memory of its voltages, as the controller leads it for laws of the identified set.
+
+It is led as the estimator leads its own, by the voltage applied in every tick of an epoch, whether
+a law plays or not, and is the same to the last bit.
+"""
+
+from msgspec import field
+from msgspec.structs import replace
+
+from pincette.control.record import FrozenRecord
+from pincette.control.response.free_response import FreeResponse
+from pincette.control.response.hysteresis import HysteresisState
+from pincette.control.response.identified_response import IdentifiedResponse
+from pincette.control.response.voltage_memory import VoltageMemory
+from pincette.core.messages import Estimate
+
+
+class ArmMemory(FrozenRecord, frozen=True):
+    """The free response where it stands."""
+
+    response: FreeResponse
+    model: FreeResponse
+    """What ``response`` began as, unpoled."""
+    past: VoltageMemory = field(default_factory=VoltageMemory)
+    """The voltage since the start, for another model to be led through."""
+    followed_seq: int = -1
+    """The sample up to which ``response`` has followed the voltage."""
+
+    def follow(self, estimate: Estimate, period_s: float) -> "ArmMemory":
+        """Take in the voltage applied; where it is missing, the next one counts for longer."""
+        if estimate.degraded:
+            return self
+        passed_s = (estimate.seq - self.followed_seq) * period_s
+        return replace(
+            self,
+            response=self.response.follow(estimate.applied_V, passed_s),
+            past=self.past.follow(estimate.applied_V, passed_s),
+            followed_seq=estimate.seq,
+        )
+
+    def armed(self, model: FreeResponse) -> "ArmMemory":
+        """Begin an epoch with a model; another one than before is led through the past."""
+        same = model == self.model
+        response = self.response if same else self.past.replayed(model)
+        return ArmMemory(response, model, self.past)
+
+    @property
+    def for_law(self) -> HysteresisState | None:
+        """What a law of the identified set works with; None where nothing is identified."""
+        response = self.response
+        return response.memory if isinstance(response, IdentifiedResponse) else None
