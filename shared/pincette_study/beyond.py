@@ -27,8 +27,8 @@ CLASSES: Mapping[str, Callable[[RigFile, int], tuple[RigFile, Draw]]] = {
     "relays": random_relay_rig,
 }
 TITLES = {"bouc_wen": "Bouc-Wen", "relays": "relays"}
-LOWEST_UM = -40.0
-"""Limit of position: the calibration's cycles go 1 V below rest, and relays shift the rest."""
+REACH_UM = (-70.0, 120.0)
+"""Limits of position: the calibration's cycles go 1 V below rest, and relays shift the rest."""
 QUANTITIES = ("position", "force")
 
 
@@ -85,7 +85,9 @@ def on_rig(base: RigFile, drawn: tuple[str, int]) -> list[BeyondTrial]:
     # No set is named: the product's own choice, once a free response is identified.
     update = {
         "law": rig.law.model_copy(update={"set": None}),
-        "limits": rig.limits.model_copy(update={"position_min_um": LOWEST_UM}),
+        "limits": rig.limits.model_copy(
+            update={"position_min_um": REACH_UM[0], "position_max_um": REACH_UM[1]}
+        ),
     }
     rig = rig.model_copy(update=update)
     taught = with_calibrated_response(rig)

@@ -5,9 +5,11 @@ The same motion in voltage, and the same identification; in a study no superviso
 
 from collections.abc import Callable
 
+from msgspec.structs import replace
+
 from pincette.config import IdentifiedFreeResponse, RigFile, derived
 from pincette.control.planning.calibration_programs import (
-    free_program,
+    FREE,
     full_cycles,
     voltage_moves,
 )
@@ -21,11 +23,17 @@ from pincette.control.planning.program import Program, Segment
 from pincette.control.response.free_calibration import FreeMotion, calibrate_free_response
 from pincette.control.response.identification import HELD_OUT
 from pincette.control.response.model_errors import structure_function
+from pincette.core.faults import Outcome
 from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
 from pincette.engine.simulated import simulated_bench
 from pincette.engine.teaching import SPEED_FACTOR, free_range_um, without_part
 from pincette.sim.bench import Bench
+from pincette_study.closed_loop import StudyError, outcome
+
+FORCE_MAX_MN = 1e3
+LINE_ERROR = 0.5
+"""Share of the travel by which the first stroke of an unpoled arm may leave the line."""
 
 
 def with_calibrated_response(rig: RigFile) -> RigFile:
@@ -38,7 +46,7 @@ def with_calibrated_response(rig: RigFile) -> RigFile:
         to_V=high_V,
         rate_V_per_s=SPEED_FACTOR * rig.grip.approach_um_per_s / d_p,
     )
-    motion = _motion(rig, program, ComposedLoop(without_part(rig)).play(program))
+    motion = _motion(rig, program, ComposedLoop(_unknown(rig)).play(program))
     cycle_s = _path(program, "cycles").cycle_s
     found = calibrate_free_response(motion, cycle_s / rig.rig.period_s)
     unseen = slice(int(motion.course.stop * (1.0 - HELD_OUT)), None)
@@ -55,6 +63,13 @@ def with_calibrated_response(rig: RigFile) -> RigFile:
     )
     update = {"free_response": table, "piezo_um_per_V": found.gain.gain_um_per_V}
     return rig.model_copy(update={"model": rig.model.model_copy(update=update)})
+
+
+def _unknown(rig: RigFile) -> RigFile:
+    """A rig without its part of which a line says little: no force is to be read off its motion."""
+    free = without_part(rig)
+    update = {"hysteresis_fraction": LINE_ERROR}
+    return free.model_copy(update={"model": free.model.model_copy(update=update)})
 
 
 def after_strokes(rig: RigFile) -> ComposedLoop:
@@ -74,7 +89,12 @@ def after_strokes(rig: RigFile) -> ComposedLoop:
 
     loop = ComposedLoop(rig, set_up)
     benches[0].rig.remove_part()
-    loop.play(free_program(Segment("strokes", "voltage", path.duration_s, path=path)))
+    # A model that does not know the past reads force off the first stroke: no guard may end it.
+    guards = replace(FREE, force_max_mN=FORCE_MAX_MN)
+    strokes = Segment("strokes", "voltage", path.duration_s, path=path)
+    ended = outcome(loop.play(Program((strokes,), guards, contact_stiffness_mN_per_um=1.0)))
+    if ended != Outcome.MOVED:
+        raise StudyError(f"the strokes over the taught range ended {ended!r}")
     benches[0].rig.place_part()
     return loop
 
@@ -87,6 +107,8 @@ def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMoti
     period_s = rig.rig.period_s
 
     def of(phase: str) -> slice:
+        if phase not in phases:
+            raise StudyError(f"the free motion has no {phase}: ended {outcome(messages)!r}")
         places = [place for place, name in enumerate(phases) if name == phase]
         return slice(places[0], places[-1] + 1)
 
