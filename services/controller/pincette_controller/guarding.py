@@ -170,6 +170,9 @@ def _watch_way(program: Program, player: Player, estimate: Estimate, period_s: f
         if jumped:
             return _turn_back(program, player, estimate, estimate.x_um, estimate.force_mN)
     touch_mN = estimate.touch_mN or 0.0
+    if player.segment.phase == Phase.RETREAT:
+        # Away from the part only what is behind the arm can be met.
+        touch_mN = min(touch_mN, 0.0)
     if abs(touch_mN) < guards.contact_force_mN:
         if player.clear and not player.touching:
             return player
