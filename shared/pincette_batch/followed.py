@@ -77,7 +77,7 @@ def _law_objections(scheme: str) -> Iterator[str]:
 
 def _followed(segment: Segment, *, held: bool) -> bool:
     """``held``: whether a part has been found before."""
-    if segment.kind not in KINDS or segment.zeroes or not segment.duration_s:
+    if segment.kind not in KINDS or segment.zeroes or segment.follows or not segment.duration_s:
         return False
     if segment.kind in ("free", "seek"):
         return segment.x_to_um is not None

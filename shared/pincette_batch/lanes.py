@@ -101,7 +101,7 @@ def play_lane(prepared: PreparedRig, case: Case) -> Run:
         if lane["ending"] == Ending.ZERO:
             zeroing.answer(lane, memory)
     ending = Ending(int(lane["ending"]))
-    if ending is Ending.DONE and _may_touch(memory.columns[:, : int(lane["tick"])], program):
+    if _may_touch(memory.columns[:, : int(lane["tick"])], program):
         ending = Ending.CONTACT
     phases = tuple(segment.phase for segment in program.segments)
     outcome = outcome_of(program) if ending is Ending.DONE else ending.name.lower()

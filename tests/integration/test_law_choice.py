@@ -161,7 +161,8 @@ def test_tuned_gains_of_both_laws_hold_what_they_promise(kind: str) -> None:
 def test_gains_of_the_job_act() -> None:
     errors: list[float] = []
     for gain in (0.5, 5.0):
-        result = ended({"kind": "track", "gains": {"K_P": gain, "K_f": 0.0}}).result
+        gains = {"K_P": gain, "K_f": 0.0}
+        result = ended({"kind": "track", "set": "consistent", "gains": gains}).result
         assert isinstance(result, TrackResult)
         assert result.position_um is not None
         errors.append(result.position_um.rmse)

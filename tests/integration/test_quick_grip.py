@@ -99,4 +99,4 @@ def test_a_light_quick_grip_goes_as_slowly_as_its_force_asks_for() -> None:
 
 def test_batches_leave_it_to_the_composed_loop() -> None:
     program = plan_job(GripJobRequest(kind="grip"), demo_rig(time="lockstep")).program
-    assert program_objection(program) == "segment 1 (approach)"
+    assert program_objection(program) == "segment 4 (load)"

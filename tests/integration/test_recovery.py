@@ -233,11 +233,13 @@ def test_a_pose_is_taught_by_a_move_and_gone_back_to() -> None:
 
 
 @pytest.mark.parametrize("target", [{"to_um": 40.0}, {"to_V": 2.5}, {"by_V": 2.5}])
-def test_a_move_into_the_part_rests_where_it_has_met_it(target: dict[str, float]) -> None:
+def test_a_move_into_the_part_goes_back(target: dict[str, float]) -> None:
     desk = Desk()
     result, _ = desk.job(
         MoveJobRequest.model_validate({"kind": "move", "speed_um_per_s": 10.0, **target}), 1
     )
     assert result.outcome == "contact"
-    assert 0.0 < desk.force_mN < 8.0
-    assert max(truth.force_mN for truth in desk.truths) < 8.0
+    assert result.touch_force_mN is not None
+    assert 2.0 <= result.touch_force_mN < 8.0
+    assert desk.force_mN == 0.0
+    assert 2.0 < max(truth.force_mN for truth in desk.truths) < 8.0

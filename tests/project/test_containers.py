@@ -126,10 +126,12 @@ def test_nothing_is_published_beyond_this_machine(root: Path, services: dict[str
     assert listening["router"]["environment"] == {"PINCETTE_LISTEN": "0.0.0.0"}
 
 
-def test_records_go_into_one_volume(compose: Tree, services: dict[str, Tree]) -> None:
+def test_what_is_kept_goes_into_one_volume(compose: Tree, services: dict[str, Tree]) -> None:
     assert compose["volumes"] == {"data": None}
     writing = {name for name, one in services.items() if one.get("command", [])[2:] != []}
-    assert writing == {"recorder", "supervisor"}
+    # The actuator notes how it ended, and reads that when it starts.
+    assert writing == {"actuator", "recorder", "supervisor"}
+    assert all(services[name]["command"][2:] == ["--data", "/data"] for name in writing)
     assert {name for name, one in services.items() if one.get("volumes") == ["data:/data"]} == (
         writing
     )

@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from pincette.cli.records import epoch_of
 from pincette.core import plugins
 from pincette.core.messages import (
@@ -28,7 +30,11 @@ from tests.support.rigs import demo_rig
 RIG = demo_rig({"safety": {"following_um": 1000.0}})
 """The positions are canned, and follow no voltage."""
 LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
-PROGRAM = plan_job(GripJobRequest(kind="grip", hold_s=0.4, load_s=0.5), RIG).program
+PLANNED = plan_job(
+    GripJobRequest(kind="grip", profile="gentle", hold_s=0.4, load_s=0.5), RIG
+).program
+PROGRAM = replace(PLANNED, segments=tuple(replace(one, guarded=False) for one in PLANNED.segments))
+"""Such positions would pass for touches."""
 PERIOD_S = RIG.rig.period_s
 NO_PARTNER = {40, 41, 90, 200}
 """Ticks whose estimate is made before the voltage of the tick before has come."""

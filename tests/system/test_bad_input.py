@@ -21,7 +21,6 @@ REQUESTS = {
     "too long": ('{"kind": "grip", "hold_s": 9999}', ["hold_s = 9999", "3600 s"]),
     "too strong": ('{"kind": "grip", "force_mN": 500}', ["force", "500", "limit 40 mN"]),
     "no object": ("[20]", ["list"]),
-    "not JSON": ("{", ["not JSON"]),
 }
 
 
@@ -41,6 +40,18 @@ def test_a_bad_request_is_refused(rig: RunningRig, case: str) -> None:
     problem = answer.json()
     assert [word for word in words if word not in problem["detail"]] == []
     assert problem.get("errors") or problem.get("violations")
+    assert rig.get("/jobs")["jobs"] == before
+    assert rig.view()["can_start"]
+
+
+def test_a_request_that_is_not_json_is_refused(rig: RunningRig) -> None:
+    before = rig.get("/jobs")["jobs"]
+    answer = rig.client.post("/jobs", content="{", headers={"content-type": "application/json"})
+    assert answer.status_code == 400
+    assert answer.headers["content-type"] == "application/problem+json"
+    problem = answer.json()
+    assert problem["type"] == "urn:pincette:problem:bad-json"
+    assert "at line 1, column 2: mend the body and send it again" in problem["detail"]
     assert rig.get("/jobs")["jobs"] == before
     assert rig.view()["can_start"]
 

@@ -162,14 +162,18 @@ def _follow_line(guards: Guards, player: Player, estimate: Estimate, period_s: f
 def _watch_way(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
     """Turn back where the arm meets something; what it still left behind it must clear first.
 
-    A touch is what the estimator has found, or a jump of the force on the way to the stand-off.
+    A touch is what the estimator has found, or a jump of the force on a quick way to the stand-off.
     """
     guards = program.guards
-    if player.segment.phase == Phase.APPROACH and estimate.zero_age_s is not None:
+    quick = any(segment.follows for segment in program.segments)
+    if quick and player.segment.phase == Phase.APPROACH and estimate.zero_age_s is not None:
         player, jumped = _watch_jump(program, player, estimate, period_s)
         if jumped:
             return _turn_back(program, player, estimate, estimate.x_um, estimate.force_mN)
     touch_mN = estimate.touch_mN or 0.0
+    if player.segment.phase == Phase.RETREAT:
+        # Away from the part only what is behind the arm can be met.
+        touch_mN = min(touch_mN, 0.0)
     if abs(touch_mN) < guards.contact_force_mN:
         if player.clear and not player.touching:
             return player

@@ -2,9 +2,11 @@
 
 from pincette.config import RigFile
 from pincette.control.planning.teaching import teaching_program
+from pincette.control.record import replace
 from pincette.control.response.identification import Identification, identify_free_response
 from pincette.control.response.recording import Recording, record_free_response
-from pincette.core.messages import Estimate
+from pincette.core.faults import Outcome
+from pincette.core.messages import Estimate, Telemetry
 from pincette.engine.composed import ComposedLoop
 
 SPEED_FACTOR = 3.0
@@ -28,11 +30,20 @@ def free_motion(rig: RigFile) -> tuple[list[float], list[float]]:
     """Voltages and positions, of matched ages, of the teaching motion; raises as ``teach``."""
     low_um, high_um = free_range_um(rig)
     program = teaching_program(low_um, high_um, SPEED_FACTOR * rig.grip.approach_um_per_s)
-    estimates = [
-        message
-        for message in ComposedLoop(without_part(rig)).play(program)
-        if isinstance(message, Estimate) and message.valid
-    ]
+    # Before the response is taught, a free arm reads some mN: the rig's own limit ends the motion.
+    guards = replace(program.guards, force_max_mN=rig.limits.force_max_mN)
+    estimates: list[Estimate] = []
+    outcome = Outcome.NONE
+    for message in ComposedLoop(without_part(rig)).play(replace(program, guards=guards)):
+        if isinstance(message, Estimate) and message.valid:
+            estimates.append(message)
+        elif isinstance(message, Telemetry):
+            outcome = message.outcome
+    if outcome != Outcome.MOVED:
+        raise ValueError(
+            f"the free motion ended as {outcome.value!r} after {len(estimates)} samples, it must "
+            f"end as {Outcome.MOVED.value!r}: raise the limit of the rig file that it met"
+        )
     return [item.applied_V for item in estimates], [item.x_um for item in estimates]
 
 

@@ -25,7 +25,8 @@ from .bench import CONFIG, EPOCH, OFF, OWNER, WAKE, T
 LIMITS = replace(
     CONFIG,
     age=replace(CONFIG.age, limit_s=0.03, limit_ticks=1, grace_s=0.01),
-    voltage=VoltageLimits(min_V=-0.5, max_V=0.5, slew_V=0.5, sweep_V=0.1),
+    # A quarter of the slew spans the range: how far a move may go in less is tested by itself.
+    voltage=VoltageLimits(min_V=-0.5, max_V=0.5, slew_V=4.0, sweep_V=0.1),
     monitors=replace(CONFIG.monitors, force_samples=2, position_samples=2),
     ramp_s=0.015,
     freeze_s=0.025,
@@ -226,7 +227,9 @@ def check_latched(place: Place) -> None:
             assert seen.after.taken_seq == place.state.taken_seq
         here = events[-1][0]
     if here.state.mode != "latched" or place.state.mode != "latched":
-        assert (here.state.mode, here.state.voltage_V) == ("latched", LIMITS.safe_V)
+        assert here.state.mode == "latched"
+        # An output that never says where it stands is written no more, and told as unconfirmed.
+        assert here.state.voltage_V == LIMITS.safe_V or here.state.unconfirmed
 
 
 def test_no_event_in_any_state_breaks_a_rule_and_only_a_reset_ends_a_trip() -> None:

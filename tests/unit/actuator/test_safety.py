@@ -149,37 +149,6 @@ def test_held_part_is_frozen_for_a_bounded_time_then_ramped() -> None:
     assert (state.mode, state.voltage_V, state.part_held) == ("latched", 0.0, False)
 
 
-def test_a_standstill_of_its_own_is_no_age() -> None:
-    """The machine stood for 40 ms: the command that follows is taken, as it is in time."""
-    state, _ = play(holding(held=True), *wakes(0.005, 0.02))
-    state, _ = play(state, (WAKE, 0.065), (position(1), 0.066), (command(1, 1.5), 0.068))
-    assert (state.mode, state.voltage_V, state.standstills) == ("armed", 1.5, 1)
-
-
-def test_after_a_standstill_silence_trips_within_its_own_length() -> None:
-    state, _ = play(holding(held=False), *wakes(0.005, 0.02), (WAKE, 0.065))
-    assert state.mode == "armed"
-    stood_s = 0.065 - 0.02
-    state, _ = play(state, *wakes(0.07, 0.060 + stood_s))
-    assert state.mode == "ramping"
-
-
-def test_standstills_are_excused_up_to_a_bound() -> None:
-    state, now = holding(held=False), 0.004
-    for _ in range(20):
-        now += 0.045
-        state, _ = play(state, (WAKE, now))
-    assert state.mode != "armed"
-
-
-def test_a_standstill_makes_no_jump_in_the_ramp() -> None:
-    state, _ = play(holding(2.0, held=False), *wakes(0.005, 0.065))
-    assert state.mode == "ramping"
-    before_V = state.voltage_V
-    state, _ = play(state, (WAKE, 0.2))
-    assert before_V - state.voltage_V <= 2 * 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
-
-
 def test_after_a_trip_no_command_is_taken_until_a_reset() -> None:
     state, _ = play(holding(held=False), *wakes(0.005, 0.12))
     state, _ = play(state, (position(5), 0.122))

@@ -108,6 +108,13 @@ def test_impossible_tables_are_refused(change: dict[str, object], text: str) -> 
         parse_rig(tables)
 
 
+def test_a_motion_that_ends_early_teaches_nothing() -> None:
+    rig = read_rig(DEMO)
+    tight = rig.model_copy(update={"limits": rig.limits.model_copy(update={"force_max_mN": 1.0})})
+    with pytest.raises(ValueError, match=r"ended as 'overforce' after \d+ samples"):
+        teach(tight)
+
+
 def recorded_table(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     assert main(["teach", "--rig", str(DEMO), "--source", "recorded"]) == 0
     return tomllib.loads(capsys.readouterr().out)["model"]["recorded_response"]

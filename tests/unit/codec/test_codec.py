@@ -50,7 +50,7 @@ def test_nested_program_travels_unchanged() -> None:
 LAWS = st.builds(
     LawSpec,
     st.sampled_from(["pbsmic", "dsmifc", "another"]),
-    st.sampled_from(["consistent", "printed"]),
+    st.sampled_from(["consistent", "printed", "identified"]),
     st.sampled_from(["planned", "newest"]),
     st.lists(st.builds(Gain, st.sampled_from(["K_P", "K_f"]), st.floats(-1e9, 1e9))).map(tuple),
 )
@@ -67,7 +67,7 @@ def test_the_laws_of_a_program_travel_unchanged(laws: list[LawSpec]) -> None:
     ("name", "value", "text"),
     [
         ("scheme", None, "laws.scheme = 'None': not a text"),
-        ("set", "mine", "laws.set = 'mine': not one of consistent, printed"),
+        ("set", "mine", "laws.set = 'mine': not one of consistent, identified, printed"),
         ("force_age", "oldest", "laws.force_age = 'oldest': not one of newest, planned"),
         ("gains", [{"name": "K_P", "value": "1"}], "gains.value = '1': not a number"),
         ("gains", [{"name": "K_f", "value": math.nan}], "gains.value = nan: not a finite number"),
@@ -112,6 +112,7 @@ def test_no_field_takes_what_it_is_not(kind: type, bad: object) -> None:
         int: 1,
         bool: True,
         str: "a",
+        int | None: 1,
         Sweep | None: None,
         Fault | None: None,
         tuple[Fault, ...]: [],
@@ -124,10 +125,14 @@ def test_no_field_takes_what_it_is_not(kind: type, bad: object) -> None:
     for name, hint in hints.items():
         allowed = {int: (int,), bool: (bool,), str: (str,), float: (float, int)}
         codes = {Mode: (), Cause: (), Outcome: (), tuple[Fault, ...]: (), tuple[Acted, ...]: ()}
-        none = {Sweep | None: (type(None),), Fault | None: (type(None),)}
+        none = {
+            int | None: (int, type(None)),
+            Sweep | None: (type(None),),
+            Fault | None: (type(None),),
+        }
         kinds = (allowed | codes | none).get(hint, (float, int, type(None)))
         finite = not isinstance(bad, float) or math.isfinite(bad)
-        big = isinstance(bad, int) and hint is not int
+        big = isinstance(bad, int) and hint not in (int, int | None)
         if type(bad) in kinds and finite and not big:
             continue
         with pytest.raises(CodecError, match=name):

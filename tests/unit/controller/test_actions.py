@@ -127,19 +127,29 @@ def test_a_move_that_meets_something_goes_back(refused: bool) -> None:
     assert arm.player.x_r_um == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize("phase", ["zero", "approach", "retreat"])
+@pytest.mark.parametrize("phase", ["zero", "approach"])
 def test_a_grip_that_meets_something_on_a_free_way_goes_back_to_its_rest(phase: str) -> None:
     arm = Arm()
     arm.until(phase)
     arm.tick()
     for _ in range(GUARDS.contact_samples):
         met = replace(arm.estimate(), touch_x_um=5.0, touch_mN=2.5)
-        assert arm.player.outcome in ("", "gripped")
+        assert arm.player.outcome == ""
         arm.player = advance(arm.program, arm.player, met, T)
     assert (arm.player.outcome, arm.player.touch_x_um) == ("contact", 5.0)
     arm.until()
     assert arm.player.outcome == "contact"
     assert arm.player.x_r_um == pytest.approx(0.0)
+
+
+def test_an_arm_that_goes_back_cannot_meet_the_part_again() -> None:
+    arm = Arm()
+    arm.until("retreat")
+    arm.tick()
+    for _ in range(2 * GUARDS.contact_samples):
+        met = replace(arm.estimate(), touch_x_um=5.0, touch_mN=2.5)
+        arm.player = advance(arm.program, arm.player, met, T)
+    assert (arm.player.outcome, arm.player.segment.phase) == ("gripped", "retreat")
 
 
 def test_what_holds_the_arm_from_behind_is_let_go() -> None:

@@ -3,6 +3,7 @@
 import json
 import sqlite3
 from contextlib import closing
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -116,8 +117,9 @@ def test_whoever_has_too_small_a_scope_is_refused_before_anything_is_looked_at(
         key = ring.keys["admin"]
         refused += [("bare", {"Authorization": key}), ("basic", {"Authorization": f"Basic {key}"})]
         refused += [(scope, ring.headers(scope)) for scope in SCOPES if not covers(scope, needed)]
-        for name, headers in refused:
-            answer = harness.call(method.upper(), path, headers=headers)
+        wrong: dict[str, Any] = {"params": {"nobody": "knows"}, "content": b"{"}
+        for (name, headers), details in product(refused, ({}, wrong)):
+            answer = harness.call(method.upper(), path, headers=headers, **details)
             assert answer.status_code == (403 if name in SCOPES else 401), (name, answer.text)
             assert answer.headers["content-type"] == "application/problem+json"
             assert answer.headers["www-authenticate"].startswith('Bearer realm="pincette"')

@@ -229,6 +229,13 @@ def with_sensor(rig: RigFile, **changes: Any) -> RigFile:
     return rig.model_copy(update={"sensor": rig.sensor.model_copy(update=changes)})
 
 
+def heard_idle(harness: Harness) -> None:
+    """An actuator that an earlier supervisor has met is in no known state before it is heard."""
+    assert harness.get("/rigs/demo")["latch"]["state"] == "unknown"
+    harness.bus.latch = ""
+    harness.bus.idle()
+
+
 def test_the_model_outlives_a_restart_but_no_other_instrument(
     harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
@@ -248,6 +255,7 @@ def test_the_model_outlives_a_restart_but_no_other_instrument(
     body = {"type": "use", "version": 1}
     used = other.post("/rigs/demo/model/actions", body).json()
     assert (used["trouble"], used["changed"]) == ("", [])
+    heard_idle(other)
     assert other.get("/rigs/demo")["can_start"] is True
 
 
@@ -266,6 +274,7 @@ def test_limits_jobs_and_the_part_leave_the_model_in_use(
     model = other.get("/rigs/demo/model")
     assert (model["version"], model["trouble"], model["changed"]) == (1, "", [])
     assert in_use(other, "part.contact_um")["value"] == 31.0
+    heard_idle(other)
     assert other.get("/rigs/demo")["can_start"] is True
 
 

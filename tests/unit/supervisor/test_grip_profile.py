@@ -42,7 +42,7 @@ def test_a_gentle_grip_is_planned_as_before() -> None:
     assert [segment.duration_s for segment in made.program.segments if segment.phase == "load"] == [
         2.0
     ]
-    assert not any(segment.follows or segment.guarded for segment in made.program.segments)
+    assert not any(segment.follows for segment in made.program.segments)
     assert all(
         segment.move_s is None for segment in made.program.segments if segment.kind == "seek"
     )

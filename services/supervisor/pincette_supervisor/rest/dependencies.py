@@ -5,7 +5,7 @@ All are coroutines, so that an emergency stop waits for no thread of the pool.
 
 import asyncio
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Annotated, Any
 
 from fastapi import Depends, Header, Request, Security
@@ -100,15 +100,22 @@ AnyCaller = Annotated[Caller, Depends(_caller)]
 """Who calls, whether or not they may do anything."""
 
 
+def authorize(request: Request, needed: Collection[str]) -> None:
+    """Raise ProblemError where the caller's scope does not hold all that are needed."""
+    access: Access = request.app.state.access
+    caller = caller_of(request.scope, access.authenticator)
+    for scope in SCOPES:
+        if scope in needed:
+            require_scope(caller, scope)
+
+
 async def _authorized(
-    caller: AnyCaller,
+    request: Request,
     needed: SecurityScopes,
     _key: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)],
     _session: Annotated[str | None, Security(SESSION)],
 ) -> None:
-    for scope in SCOPES:
-        if scope in needed.scopes:
-            require_scope(caller, scope)
+    authorize(request, needed.scopes)
 
 
 def _needs(scope: Scope) -> Any:

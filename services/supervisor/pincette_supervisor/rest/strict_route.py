@@ -2,7 +2,7 @@
 
 FastAPI passes over a query parameter that no route knows, and of one that comes twice takes the
 last. So ``?dryrun=true`` would move the arm. An emergency stop alone passes over everything: a
-wrong word is no reason not to stop.
+wrong word is no reason not to stop. Who may not ask is told that first, and nothing of the rest.
 """
 
 import json
@@ -10,12 +10,13 @@ from collections import Counter
 from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
-from fastapi import Request, Response
+from fastapi import Request, Response, params
 from fastapi.dependencies.models import Dependant
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 
 from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.dependencies import authorize
 from pincette_supervisor.rest.limits import ESTOP
 
 JSON = "application/json"
@@ -35,8 +36,11 @@ class StrictRoute(APIRoute):
         if self.path.endswith(ESTOP):
             return handler
         known, has_body = sorted(set(query_names(self.dependant))), self.body_field is not None
+        secured = [one for one in self.dependencies if isinstance(one, params.Security)]
+        needed = [scope for one in secured for scope in one.scopes or ()]
 
         async def strict(request: Request) -> Response:
+            authorize(request, needed)
             require_known(request, known)
             if has_body:
                 require_json(request.headers.get("content-type", ""), await request.body())
