@@ -58,7 +58,7 @@ def recorded(folder: Path) -> Numbers:
 def test_one_process_repeats_itself() -> None:
     rig = demo_rig(time="lockstep")
     first, second = in_one_process(rig), in_one_process(rig)
-    assert len(first["x_um"]) > 400
+    assert len(first["x_um"]) > 200
     assert first == second
 
 

@@ -41,6 +41,7 @@ STIFFNESS_ERROR = 0.01
 DELAY_PERIODS = 0.25
 """Middle of the interval that the judgement of stability takes."""
 NOISE_SEED = 1
+LEAST_WAY_V = 0.1
 LEAST_SLOPE = 0.05
 """Of the model's, below which no response is taken to be, whatever is stated."""
 
@@ -166,13 +167,16 @@ def slope_factors(rig: RigFile) -> tuple[float, float]:
     """Least and largest slope of the free response, over that of its identified model.
 
     From what the model is stated to err by, E(w) at a way w of the voltage, at two standard errors
-    over d_p·w; and from the stroke of presses as measured, over the model's.
+    over d_p·w; and from the stroke of presses as measured, over the model's. At ways below
+    ``LEAST_WAY_V`` E is what noise and creep leave between two visits, and no slope.
     """
     taught = rig.model.free_response
     if taught is None:
         return 1.0, 1.0
     ways = taught.growth() or ErrorGrowth((GROWTH_V,), (sqrt(2.0) * taught.residual_um,))
     d_p = rig.model.piezo_um_per_V
-    shares = [error_um / (d_p * way_V) for way_V, error_um in zip(*ways, strict=True)]
+    shares = [
+        error_um / (d_p * max(way_V, LEAST_WAY_V)) for way_V, error_um in zip(*ways, strict=True)
+    ]
     error, press = COVERAGE * max(shares), taught.press_gain
     return max(LEAST_SLOPE, min(1.0, press) - error), max(1.0, press) + error

@@ -218,12 +218,12 @@ def test_one_height_of_a_path_follows_from_the_other(harness: Harness) -> None:
 def test_a_plan_says_what_an_error_of_the_part_would_do(harness: Harness) -> None:
     plan = harness.post("/jobs", {"kind": "grip", "force_mN": 20.0}, dry_run="true").json()
     errors = plan["steady_errors"]
-    # The part 3 µm away and 30 % softer than planned, by (51) and (52), K/K_f = 3.9802 mN/µm.
+    # The part 3 µm away and 30 % softer than planned, by (51) and (52), K/K_f = 9.9505 mN/µm.
     softest = 2.17 * 0.7
     mismatch = 20.0 - softest * (20.0 / 2.17 - 3.0)
-    worst_um = mismatch / (softest + 1.9901e4 / 5000.0)
+    worst_um = mismatch / (softest + 1.9901e4 / 2000.0)
     assert errors["position_max_um"] == pytest.approx(worst_um)
-    assert errors["force_min_mN"] == pytest.approx(-1.9901e4 / 5000.0 * worst_um)
+    assert errors["force_min_mN"] == pytest.approx(-1.9901e4 / 2000.0 * worst_um)
     assert errors["position_min_um"] < 0.0 < errors["force_max_mN"]
 
 
