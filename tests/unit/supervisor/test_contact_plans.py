@@ -4,6 +4,8 @@ import pytest
 
 from pincette.config import RigFile
 from pincette_supervisor.kinds.bodies import REQUEST
+from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffnessRequest
+from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.planning.job_plans import plan_job
 
 
@@ -20,3 +22,14 @@ def test_a_plan_says_before_it_starts_that_no_free_response_has_been_identified(
     # 6 % of 30 µm over 0.46 µm/mN
     assert "may be off by 3.9 mN" in warning
     assert "calibrate free_response first" in warning
+
+
+def test_a_part_is_not_pressed_by_voltage_where_the_force_is_not_known() -> None:
+    rig_file = demo_rig()
+    bare = rig_file.model_copy(
+        update={"model": rig_file.model.model_copy(update={"free_response": None})}
+    )
+    request = ContactStiffnessRequest(kind="calibrate", calibration="contact_stiffness")
+    with pytest.raises(FaultyRequestError, match="calibrate free_response first") as refusal:
+        plan_job(request, bare)
+    assert refusal.value.pointer == "/calibration"
