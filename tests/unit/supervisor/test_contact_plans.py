@@ -24,8 +24,9 @@ def test_a_plan_says_before_it_starts_that_no_free_response_has_been_identified(
     assert "calibrate free_response first" in warning
 
 
-def test_a_part_is_not_pressed_by_voltage_where_the_force_is_not_known() -> None:
-    rig_file = demo_rig()
+def test_a_part_is_not_pressed_by_voltage_where_the_force_is_not_known(
+    rig_file: RigFile,
+) -> None:
     bare = rig_file.model_copy(
         update={"model": rig_file.model.model_copy(update={"free_response": None})}
     )
