@@ -70,4 +70,4 @@ def test_every_job_is_repeated_from_its_own_record(rig: RunningRig) -> None:
         assert [one["service"] for one in found["services"]] == list(STEPS)
         for one in found["services"]:
             assert (one["first"], one["stopped"], one["clocked"]) == (None, "", 0)
-            assert one["identical"] >= one["steps"] // 2 > 100
+            assert one["identical"] >= one["steps"] // 2 > 50

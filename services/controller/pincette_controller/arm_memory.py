@@ -27,8 +27,11 @@ class ArmMemory(FrozenRecord, frozen=True):
     """The sample up to which ``response`` has followed the voltage."""
 
     def follow(self, estimate: Estimate, period_s: float) -> "ArmMemory":
-        """Take in the voltage applied; where it is missing, the next one counts for longer."""
-        if estimate.degraded:
+        """Take in the voltage applied; where it is missing, the next one counts for longer.
+
+        A sample that has been followed already is not followed again.
+        """
+        if estimate.degraded or estimate.seq <= self.followed_seq:
             return self
         passed_s = (estimate.seq - self.followed_seq) * period_s
         return replace(
