@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from pincette.config import RigFile, derived
 from pincette.config.laws import installed_laws
 from pincette.control.arm.plant import ArmParameters
@@ -51,17 +53,24 @@ class ControllerConfig:
 
 
 def check_program(config: ControllerConfig, program: Program) -> None:
-    """Raise ValueError for a program that cannot be played."""
+    """Raise ValueError for a program that cannot be played.
+
+    A model comes with the arming: until then a law that works with it cannot be made.
+    """
     if not program.segments:
         raise ValueError("the program has no segments")
+    made = program.laws
+    if not isinstance(config.response, IdentifiedResponse):
+        made = tuple(spec for spec in made if spec.set != "identified")
     try:
-        laws = config.laws(program)
+        config.laws(replace(program, laws=made))
     except ValueError as error:
         raise ValueError(f"a law of the program: {error}") from error
     check_cycle(program, config.period_s)
+    count = max(1, len(program.laws))
     for segment in program.segments:
-        if not 0 <= segment.law < len(laws):
-            raise ValueError(f"{segment.phase} names law {segment.law}, there are {len(laws)}")
+        if not 0 <= segment.law < count:
+            raise ValueError(f"{segment.phase} names law {segment.law}, there are {count}")
 
 
 def configure(rig: RigFile) -> ControllerConfig:

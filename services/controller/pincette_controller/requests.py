@@ -23,13 +23,17 @@ def handle(
     if isinstance(request, Arm):
         if state.loaded is None:
             raise RefusedError("the controller has no program: load one first")
+        try:
+            laws = config.laws(state.loaded)
+        except ValueError as error:
+            raise RefusedError(f"a law of the program: {error}") from error
         fresh = State(
             state.arm.armed(config.response),
             epoch=request.epoch,
             owner=request.owner,
             loaded=state.loaded,
             program=state.loaded,
-            laws=config.laws(state.loaded),
+            laws=laws,
             playing=True,
             refused=state.refused,
         )
