@@ -1,5 +1,6 @@
 """The controller's step: loading laws, changing them on the way, and what telemetry says."""
 
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from pincette.control.laws import law as control_law
 from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.law import Law, LawState, build
 from pincette.control.laws.law import start as start_law
+from pincette.control.laws.parameters import LawSpec
 from pincette.control.laws.pbsmic import PbsmicState
 from pincette.control.safety.voltage import SLEW_DOWN, VOLTAGE_MAX
 from pincette.core.messages import Arm, Command, Load
@@ -278,3 +280,15 @@ def test_another_model_is_led_through_the_past() -> None:
     assert again.arm.response == state.arm.past.replayed(configure(other).response)
     assert again.arm.response.voltage_V == pytest.approx(1.0)
     assert again.arm.response.position_um() != state.arm.response.position_um()
+
+
+def test_a_law_that_needs_a_model_is_made_at_the_arming_that_brings_it() -> None:
+    line = free_response(DEMO.model.model_copy(update={"free_response": None}))
+    before = dataclasses.replace(configure(DEMO), response=line)
+    named = (LawSpec("pbsmic", set="identified"),)
+    loaded = Load(replace(program(), laws=named))
+    state, _, _ = handle(before, start(before), loaded, 0.0)
+    with pytest.raises(RefusedError, match="no free response is identified"):
+        handle(before, state, Arm(1, 5, ""), 0.0)
+    armed, _, _ = handle(configure(DEMO), state, Arm(1, 5, ""), 0.0)
+    assert armed.playing
