@@ -63,7 +63,8 @@ def check_program(config: ControllerConfig, program: Program) -> None:
     if not isinstance(config.response, IdentifiedResponse):
         made = tuple(spec for spec in made if spec.set != "identified")
     try:
-        config.laws(replace(program, laws=made))
+        if made or not program.laws:
+            config.laws(replace(program, laws=made))
     except ValueError as error:
         raise ValueError(f"a law of the program: {error}") from error
     check_cycle(program, config.period_s)
