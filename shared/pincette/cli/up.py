@@ -178,7 +178,7 @@ def machine_words(rig: RigFile, data: Path) -> list[str]:
     """What this machine keeps and what to change, or how that is measured; nothing is measured."""
     known = kept(data)
     if known is None:
-        return [f"what this machine keeps is not known: {how(rig)}"]
+        return ["what this machine keeps is not known:", f"  {how(rig)}"]
     return [words(rig, known), *(f"suits it: {one.words()}" for one in changes_of(rig, known))]
 
 

@@ -52,7 +52,10 @@ def test_another_machine_or_a_damaged_file_says_nothing(
 
 
 def test_up_and_doctor_tell_it_with_what_suits_the_machine(tmp_path: Path) -> None:
-    assert machine_words(RIG, tmp_path) == [f"what this machine keeps is not known: {how(RIG)}"]
+    assert machine_words(RIG, tmp_path) == [
+        "what this machine keeps is not known:",
+        f"  {how(RIG)}",
+    ]
     (finding,) = measured(RIG, tmp_path)
     assert (finding.mark, finding.remedy) == ("note", how(RIG))
     keep(tmp_path, findings(1e-4), AT)
