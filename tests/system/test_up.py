@@ -53,7 +53,7 @@ def test_a_supervisor_that_was_killed_is_started_again_and_the_part_stays_held(
                 assert not job.ended
             for _ in range(2):
                 pid = processes_of(path)
-                (one,) = [number for number, words in pid.items() if "supervisor" in words]
+                (one,) = [number for number, words in pid.items() if "run supervisor" in words]
                 os.kill(one, signal.SIGKILL)
                 await_text(log, "the loop and a held part go on", process, 20.0)
                 view = desk.state()
