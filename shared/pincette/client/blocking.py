@@ -164,6 +164,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
     job = blocking(AsyncRigHandle.job, JobHandle)
     active_job = blocking(AsyncRigHandle.active_job, _optional)
     events = iterator(AsyncRigHandle.events)
+    live = iterator(AsyncRigHandle.live)
     estop = blocking(AsyncRigHandle.estop)
     reset = blocking(AsyncRigHandle.reset)
     queue = blocking(AsyncRigHandle.queue)
