@@ -15,7 +15,9 @@ from pincette.control.planning.calibration_programs import (
 )
 from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
+    LOWER_SWINGS,
     PRESS_CYCLES,
+    UPPER_SWINGS,
     free_response_program,
 )
 from pincette.control.planning.paths import Path
@@ -125,6 +127,7 @@ def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMoti
         presses=whole("presses", PRESS_CYCLES),
         before_step=of("before step"),
         after_step=of("creep"),
+        small_swings=(of(UPPER_SWINGS), of(LOWER_SWINGS)),
     )
 
 

@@ -1,7 +1,8 @@
 """The free motion in voltage from which the free response, its gain, loop and creep are found.
 
 The course of ``teaching``, in voltage and without a law; then cycles of 2 V peak to peak and
-0.5 Hz, the paper's largest drive, until they are settled; then a step with a rest after it. The
+0.5 Hz, the paper's largest drive, until they are settled; then a step with a rest after it; then
+small swings, as sensor noise and a law make in a hold, once after a rise and once after a fall. The
 part is away: nothing is touched.
 """
 
@@ -16,6 +17,7 @@ from pincette.control.planning.calibration_programs import (
 )
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.teaching import COURSE
 
@@ -30,13 +32,21 @@ PRESS_CYCLES = 4
 """Of those after they have settled."""
 CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
 """Rest before the step, so that older creep is slow beside that which is looked at, and after."""
+SMALL_PP_V, SMALL_HZ, SMALL_S = 0.04, 12.5, 4.0
+"""Small swings, 2 V to and fro in all; a to-and-fro of that width still counts as small."""
+SMALL_SAMPLES = 4.0
+"""Samples that a small swing has at least."""
+SMALL_REST_S = 2.0
+"""Before the second ones, for the creep of the fall."""
+UPPER_SWINGS, LOWER_SWINGS = "upper small swings", "lower small swings"
 
 
 def free_response_program(
     rig: PlannedRig, *, from_V: float, to_V: float, rate_V_per_s: float, rest_V: float = 0.0
 ) -> Program:
     """Phases ``teach``, ``before presses``, ``presses``, ``after presses``, ``cycles``,
-    ``before step``, ``step``, ``creep`` and ``return``.
+    ``before step``, ``step``, ``creep``, ``upper small swings``, ``fall``, ``lower small swings``
+    and ``return``.
 
     Parameters
     ----------
@@ -89,7 +99,10 @@ def free_response_program(
     before = voltage_moves([(mean_V, rate_V_per_s, 0.0), (from_V, rate_V_per_s, CREEP_BEFORE_S)])
     # As fast as may be: creep is looked at from the middle of the step on.
     step = voltage_moves([(from_V, 0.0, 0.0), (to_V, rig.limits.slew_V_per_s, 0.0)])
-    back = voltage_moves([(to_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, 0.5)])
+    lower_V = from_V + PRESS_LOW * way_V
+    fall = voltage_moves([(to_V, rate_V_per_s, 0.0), (lower_V, rate_V_per_s, SMALL_REST_S)])
+    upper, lower = (_small_swings(rig, mean_V) for mean_V in (to_V, lower_V))
+    back = voltage_moves([(lower_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, 0.5)])
     return free_program(
         Segment("teach", "voltage", teach.duration_s, path=teach),
         Segment("before presses", "voltage", lead.duration_s, path=lead),
@@ -99,8 +112,19 @@ def free_response_program(
         Segment("before step", "voltage", before.duration_s, path=before),
         Segment("step", "voltage", step.duration_s, path=step),
         Segment("creep", "voltage", CREEP_S),
+        Segment(UPPER_SWINGS, "voltage", upper.duration_s, path=upper),
+        Segment("fall", "voltage", fall.duration_s, path=fall),
+        Segment(LOWER_SWINGS, "voltage", lower.duration_s, path=lower),
         Segment("return", "voltage", back.duration_s, path=back),
     )
+
+
+def _small_swings(rig: PlannedRig, mean_V: float) -> Path:
+    """About a voltage, or so near to it that they stay within the limits."""
+    limits, half_V = rig.limits, 0.5 * SMALL_PP_V
+    about_V = min(max(mean_V, limits.voltage_min_V + half_V), limits.voltage_max_V - half_V)
+    hz = min(SMALL_HZ, 1.0 / (SMALL_SAMPLES * rig.period_s))
+    return sinusoid("voltage", about_V, SMALL_PP_V, hz, max(1, round(SMALL_S * hz)))
 
 
 def cycles_mean_V(rig: PlannedRig, rest_V: float = 0.0) -> float:

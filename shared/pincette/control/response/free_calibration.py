@@ -26,7 +26,13 @@ from pincette.control.response.identification import (
     Identification,
     identify_free_response,
 )
-from pincette.control.response.model_errors import Value, line_error, unknown_creep
+from pincette.control.response.model_errors import (
+    Forgetting,
+    Value,
+    line_error,
+    unknown_creep,
+    unknown_forgetting,
+)
 
 CREEP_FROM_S = 0.1
 """Since the end of the step; before, the arm still swings."""
@@ -46,7 +52,8 @@ class FreeMotion:
     """One record of a free arm, N samples of matched ages: ``voltage_V[k]`` led to ``x_um[k]``.
 
     It begins with the course that the model is identified from. Slices of it are those of the
-    cycles and the presses at full amplitude, of the rest before the step, and of the rest after it.
+    cycles and the presses at full amplitude, of the rest before the step, of the rest after it, and
+    of the small swings.
     """
 
     voltage_V: Sequence[float] | Column
@@ -57,6 +64,7 @@ class FreeMotion:
     presses: slice
     before_step: slice
     after_step: slice
+    small_swings: Sequence[slice]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +87,8 @@ class FreeCalibration:
     """Of a straight line in place of the model, as a share of the travel."""
     unknown_creep_um: Value
     """Per decade, that the model does not follow in a hold."""
+    forgetting: Forgetting
+    """Error of the model under a small to-and-fro."""
     unpoled: bool
     """Whether the model was fitted to an actuator that began without a memory."""
     t_s: Column
@@ -134,6 +144,7 @@ def calibrate_free_response(
         unknown_creep_um=unknown_creep(
             (left[_rest(motion)], left[motion.after_step]), motion.period_s
         ),
+        forgetting=unknown_forgetting(u, left, motion.period_s, motion.small_swings),
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
         voltage_V=u,

@@ -1,9 +1,10 @@
 """What an identified free response gets wrong, from motion it was not fitted to.
 
-Three errors are told apart, in the terms in which the estimator's uncertainty has them: of the
+Four errors are told apart, in the terms in which the estimator's uncertainty has them: of the
 straight line that stands in for x_1 where nothing is identified, as a share of the travel; of
-the creep that x_1 does not know, per decade of the age of a zero; and of x_1 itself, as it grows
-with the voltage's way since a zero.
+the creep that x_1 does not know, per decade of the age of a zero; of what the actuator forgets
+under a small to-and-fro, by its way; and of x_1 itself, as it grows with the voltage's way since
+a zero.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from pincette.control.calibration.lines import straight_line
 from pincette.control.checks import require_as_many, require_not_negative, require_positive
 from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.hysteresis_motion import Column
+from pincette.control.response.reversal_memory import ReversalMemory
 
 ZERO_AFTER_S = 0.4
 """Into a hold, from when its drift counts: as long as a grip rests before its zero."""
@@ -26,6 +28,11 @@ SHARES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 LAGS = 12
 SHORTEST_S, LONGEST_S = 0.4, 10.0
 """Lags: from the rest of a zero to a slow approach with the load after it."""
+BLOCK_S = 0.4
+"""Before small swings, over which noise is averaged."""
+SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+SCALES_ALIKE = 1.05
+"""Ratio of sums of squares."""
 LEAST_PAIRS = 100
 """Of samples, below which a way tells nothing."""
 
@@ -76,6 +83,72 @@ def unknown_creep(left_um: Sequence[Column], period_s: float) -> Value:
         slopes.append(abs(line.slope))
         scatter.append(line.slope_uncertainty)
     return _together("holds", slopes, scatter)
+
+
+class Forgetting(NamedTuple):
+    """What the actuator forgets under small swings and the model does not, or the reverse."""
+
+    full_um: Value
+    """Standard error of x_1 that it tends to."""
+    scale_V: Value
+    """Way to and fro at which 63 % of it is reached."""
+
+
+def unknown_forgetting(
+    voltage_V: Column, left_um: Column, period_s: float, swings: Sequence[slice]
+) -> Forgetting:
+    """Fit r = r(0) + c·(1 - e^(-V/V_s)) to what x_1 leaves under each of several small swings.
+
+    V is the way to and fro, r(0) the mean over the last ``BLOCK_S`` before; one V_s serves all,
+    and the root mean square of c is the standard error.
+
+    Parameters
+    ----------
+    voltage_V, left_um
+        N samples of matched ages; position less x_1.
+    swings
+        The samples of each; before them the voltage rests.
+
+    Raises
+    ------
+    ValueError
+        Where there are none, or the voltage rests in one.
+    """
+    count = max(1, round(BLOCK_S / period_s))
+    ways: list[Column] = []
+    moved: list[Column] = []
+    for samples in swings:
+        memory, way_V = ReversalMemory(float(voltage_V[samples.start - 1])), list[float]()
+        for value in voltage_V[samples].tolist():
+            memory = memory.follow(value)
+            way_V.append(memory.total_V)
+        before = left_um[max(0, samples.start - count) : samples.start]
+        require_positive("small swings", memory.total_V, "V")
+        ways.append(np.array(way_V))
+        moved.append(left_um[samples] - float(np.mean(before)))
+    fits = [_fitted(ways, moved, scale_V) for scale_V in SCALES_V]
+    errors_um, _ = min(fits, key=lambda fit: fit[1])
+    lefts = np.array([left for _, left in fits])
+    # Scales that leave hardly more than the best one cannot be told from it.
+    like = np.array(SCALES_V)[lefts <= SCALES_ALIKE * lefts.min()]
+    scale = Value(SCALES_V[int(np.argmin(lefts))], float(like[-1] - like[0]) / sqrt(12.0))
+    # Each is one draw of what it is the standard deviation of.
+    return Forgetting(
+        _together("small swings", errors_um, [abs(error) / sqrt(2.0) for error in errors_um]), scale
+    )
+
+
+def _fitted(
+    ways: Sequence[Column], moved: Sequence[Column], scale_V: float
+) -> tuple[list[float], float]:
+    """c of each, and the sum of squares that is left of all."""
+    errors_um: list[float] = []
+    left = 0.0
+    for way_V, d_um in zip(ways, moved, strict=True):
+        share = -np.expm1(-way_V / scale_V)
+        errors_um.append(float(share @ d_um) / float(share @ share))
+        left += float(np.sum((d_um - errors_um[-1] * share) ** 2))
+    return errors_um, left
 
 
 def structure_function(

@@ -7,7 +7,9 @@ from pincette.control.planning.calibration_programs import full_cycles
 from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
     GAIN_HZ,
+    LOWER_SWINGS,
     PRESS_CYCLES,
+    UPPER_SWINGS,
     free_response_program,
 )
 from pincette.control.response.free_calibration import (
@@ -45,6 +47,7 @@ def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench,
         presses=full["presses"],
         before_step=places["before step"],
         after_step=places["creep"],
+        small_swings=(places[UPPER_SWINGS], places[LOWER_SWINGS]),
     )
 
 

@@ -7,7 +7,9 @@ from pincette.config import IdentifiedFreeResponse, RigFile, derived
 from pincette.control.planning.calibration_programs import full_cycles
 from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
+    LOWER_SWINGS,
     PRESS_CYCLES,
+    UPPER_SWINGS,
     free_response_program,
 )
 from pincette.control.response.error_growth import ErrorGrowth
@@ -84,7 +86,7 @@ def analyse(run: Run) -> Analysis:
     whole = full_cycles(path, taken.period_s, GAIN_CYCLES)
     presses, press_path = taken.of("presses"), path_of(planned, "presses")
     pressing = full_cycles(press_path, taken.period_s, PRESS_CYCLES)
-    course, everything = taken.of("teach"), slice(0, taken.of("creep").stop)
+    course, everything = taken.of("teach"), slice(0, taken.of(LOWER_SWINGS).stop)
     motion = FreeMotion(
         voltage_V=taken.filled(taken.voltage_V, everything, "free motion"),
         x_um=taken.filled(taken.x_um, everything, "free motion"),
@@ -94,6 +96,7 @@ def analyse(run: Run) -> Analysis:
         presses=slice(presses.start + pressing.start, presses.start + pressing.stop),
         before_step=taken.of("before step"),
         after_step=taken.of("creep"),
+        small_swings=(taken.of(UPPER_SWINGS), taken.of(LOWER_SWINGS)),
     )
     found = calibrate_free_response(motion, path.cycle_s / taken.period_s)
     require_like_in_use(planned.model, "model.piezo_um_per_V", found.gain.gain_um_per_V)
@@ -126,6 +129,12 @@ def analyse(run: Run) -> Analysis:
                 found.unknown_creep_um.value / s_p,
                 found.unknown_creep_um.uncertainty / s_p,
             ),
+            identified(
+                "model.forgotten_mN",
+                found.forgetting.full_um.value / s_p,
+                found.forgetting.full_um.uncertainty / s_p,
+            ),
+            identified("model.forgotten_scale_V", *found.forgetting.scale_V),
         ),
         figures=(
             figure("loop", gain.loop_percent, "%", "width, of the stroke"),
@@ -208,5 +217,7 @@ FUNCTIONS = CalibrationFunctions(
         "model.free_response",
         "model.hysteresis_fraction",
         "model.creep_mN_per_decade",
+        "model.forgotten_mN",
+        "model.forgotten_scale_V",
     ),
 )
