@@ -31,6 +31,7 @@ SHORTEST_S, LONGEST_S = 0.4, 10.0
 BLOCK_S = 0.4
 """Before small swings, over which noise is averaged."""
 SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+"""Tried, each twice the one before."""
 SCALES_ALIKE = 1.05
 """Ratio of sums of squares."""
 LEAST_PAIRS = 100
@@ -89,7 +90,7 @@ class Forgetting(NamedTuple):
     """What the actuator forgets under small swings and the model does not, or the reverse."""
 
     full_um: Value
-    """Standard error of x_1 that it tends to."""
+    """Standard error that x_1 tends to."""
     scale_V: Value
     """Way to and fro at which 63 % of it is reached."""
 
@@ -129,9 +130,10 @@ def unknown_forgetting(
     fits = [_fitted(ways, moved, scale_V) for scale_V in SCALES_V]
     errors_um, _ = min(fits, key=lambda fit: fit[1])
     lefts = np.array([left for _, left in fits])
-    # Scales that leave hardly more than the best one cannot be told from it.
+    # Scales that leave hardly more than the best one cannot be told from it, nor those between.
     like = np.array(SCALES_V)[lefts <= SCALES_ALIKE * lefts.min()]
-    scale = Value(SCALES_V[int(np.argmin(lefts))], float(like[-1] - like[0]) / sqrt(12.0))
+    between_V = (float(like[-1]) * sqrt(2.0) - float(like[0]) / sqrt(2.0)) / sqrt(12.0)
+    scale = Value(SCALES_V[int(np.argmin(lefts))], between_V)
     # Each is one draw of what it is the standard deviation of.
     return Forgetting(
         _together("small swings", errors_um, [abs(error) / sqrt(2.0) for error in errors_um]), scale
