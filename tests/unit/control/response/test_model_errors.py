@@ -49,7 +49,7 @@ def test_an_ellipse_misses_its_chord_by_what_it_is_wide() -> None:
 
 
 def small_swings(full_um: float, scale_V: float, seed: int) -> tuple[Column, Column]:
-    """Rest, then 2 V to and fro in steps of 0.01 V, that r answers to: voltage, and r with noise."""
+    """What wears off by small swings."""
     voltage_V = np.concatenate([np.zeros(50), 0.01 * (np.arange(200) % 2)])
     way_V = np.concatenate([np.zeros(50), 0.005 * np.arange(200)])
     noise_um = np.random.default_rng(seed).normal(0.0, 0.01, 250)
