@@ -49,7 +49,7 @@ def test_an_ellipse_misses_its_chord_by_what_it_is_wide() -> None:
 
 
 def small_swings(full_um: float, scale_V: float, seed: int) -> tuple[Column, Column]:
-    """What wears off by small swings."""
+    """Voltage of 2 V to and fro after a rest, and an r that it wears, with noise."""
     voltage_V = np.concatenate([np.zeros(50), 0.01 * (np.arange(200) % 2)])
     way_V = np.concatenate([np.zeros(50), 0.005 * np.arange(200)])
     noise_um = np.random.default_rng(seed).normal(0.0, 0.01, 250)
