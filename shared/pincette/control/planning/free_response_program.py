@@ -2,10 +2,11 @@
 
 The course of ``teaching``, in voltage and without a law; then cycles of 2 V peak to peak and
 0.5 Hz, the paper's largest drive, until they are settled; then a step with a rest after it; then
-small swings, as sensor noise and a law make in a hold, once after a rise and once after a fall. The
-part is away: nothing is touched.
+grips rehearsed without a part, by which the model's error in a grip is judged. The part is away:
+nothing is touched.
 """
 
+from collections.abc import Callable
 from math import isfinite, pi
 
 from pincette.control.checks import require_positive
@@ -20,6 +21,7 @@ from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.teaching import COURSE
+from pincette.control.response.model_errors import RehearsedGrip
 
 GAIN_PP_V, GAIN_HZ = 2.0, 0.5
 """Drive at which d_p is stated: section VI.B of the paper."""
@@ -32,28 +34,39 @@ PRESS_CYCLES = 4
 """Of those after they have settled."""
 CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
 """Rest before the step, so that older creep is slow beside that which is looked at, and after."""
+REHEARSED = ((0.50, 0.62), (0.55, 0.88), (0.60, 0.75), (0.52, 0.95), (0.57, 0.70), (0.50, 0.82))
+"""Shares of the range at which a part would be met, and to which it would be pressed."""
+BEFORE_S, ZERO_S, HELD_S = 0.4, 0.4, 3.0
+"""Rests of a rehearsal: before it, where a grip is zeroed, and pressed."""
+SWINGS_EVERY = 3
+"""Each so many rehearsals, the hold goes on with small swings, as sensor noise and a law make."""
 SMALL_PP_V, SMALL_HZ, SMALL_S = 0.04, 12.5, 4.0
 """Small swings, 2 V to and fro in all; a to-and-fro of that width still counts as small."""
 SMALL_SAMPLES = 4.0
 """Samples that a small swing has at least."""
-SMALL_REST_S = 2.0
-"""Before the second ones, for the creep of the fall."""
-UPPER_SWINGS, LOWER_SWINGS = "upper small swings", "lower small swings"
 
 
 def free_response_program(
-    rig: PlannedRig, *, from_V: float, to_V: float, rate_V_per_s: float, rest_V: float = 0.0
+    rig: PlannedRig,
+    *,
+    from_V: float,
+    to_V: float,
+    rate_V_per_s: float,
+    rest_V: float = 0.0,
+    grip_V_per_s: float | None = None,
 ) -> Program:
     """Phases ``teach``, ``before presses``, ``presses``, ``after presses``, ``cycles``,
-    ``before step``, ``step``, ``creep``, ``upper small swings``, ``fall``, ``lower small swings``
-    and ``return``.
+    ``before step``, ``step``, ``creep`` and ``return``; then of each rehearsal N, from 1 on,
+    ``approach N``, ``press N``, of some ``small swings N``, and ``let go N``.
 
     Parameters
     ----------
     from_V, to_V
         Voltages that a grip needs.
     rate_V_per_s
-        Peak rate of the fastest moves.
+        Peak rate of the fastest moves of the course.
+    grip_V_per_s
+        Peak rate of the rehearsed grips; None: as the course.
     rest_V
         Voltage at which it begins and ends.
 
@@ -99,10 +112,10 @@ def free_response_program(
     before = voltage_moves([(mean_V, rate_V_per_s, 0.0), (from_V, rate_V_per_s, CREEP_BEFORE_S)])
     # As fast as may be: creep is looked at from the middle of the step on.
     step = voltage_moves([(from_V, 0.0, 0.0), (to_V, rig.limits.slew_V_per_s, 0.0)])
-    lower_V = from_V + PRESS_LOW * way_V
-    fall = voltage_moves([(to_V, rate_V_per_s, 0.0), (lower_V, rate_V_per_s, SMALL_REST_S)])
-    upper, lower = (_small_swings(rig, mean_V) for mean_V in (to_V, lower_V))
-    back = voltage_moves([(lower_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, 0.5)])
+    back = voltage_moves([(to_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, 0.5)])
+    quick_V_per_s = grip_V_per_s or rate_V_per_s
+    require_within("rate of the grips", quick_V_per_s, "V/s", 0.0, rig.limits.slew_V_per_s)
+    grips = [(from_V + contact * way_V, from_V + pressed * way_V) for contact, pressed in REHEARSED]
     return free_program(
         Segment("teach", "voltage", teach.duration_s, path=teach),
         Segment("before presses", "voltage", lead.duration_s, path=lead),
@@ -112,10 +125,50 @@ def free_response_program(
         Segment("before step", "voltage", before.duration_s, path=before),
         Segment("step", "voltage", step.duration_s, path=step),
         Segment("creep", "voltage", CREEP_S),
-        Segment(UPPER_SWINGS, "voltage", upper.duration_s, path=upper),
-        Segment("fall", "voltage", fall.duration_s, path=fall),
-        Segment(LOWER_SWINGS, "voltage", lower.duration_s, path=lower),
         Segment("return", "voltage", back.duration_s, path=back),
+        *[
+            segment
+            for number, grip_V in enumerate(grips, start=1)
+            for segment in _rehearsal(rig, number, (rest_V, *grip_V), quick_V_per_s)
+        ],
+    )
+
+
+def _rehearsal(
+    rig: PlannedRig, number: int, voltages_V: tuple[float, float, float], rate_V_per_s: float
+) -> list[Segment]:
+    """A grip without a part, from rest to contact to press and back."""
+    rest_V, contact_V, press_V = voltages_V
+    moves = {
+        "approach": [(rest_V, 0.0, BEFORE_S), (contact_V, rate_V_per_s, ZERO_S)],
+        "press": [(contact_V, 0.0, 0.0), (press_V, rate_V_per_s, HELD_S)],
+        "let go": [(press_V, 0.0, 0.0), (rest_V, rate_V_per_s, 0.0)],
+    }
+    paths = {what: voltage_moves(stops) for what, stops in moves.items()}
+    if number % SWINGS_EVERY == 0:
+        paths = {
+            **paths,
+            "small swings": _small_swings(rig, press_V),
+            "let go": paths.pop("let go"),
+        }
+    return [
+        Segment(f"{what} {number}", "voltage", path.duration_s, path=path)
+        for what, path in paths.items()
+    ]
+
+
+def rehearsed_grips(
+    samples_of: Callable[[str], slice], program: Program
+) -> tuple[RehearsedGrip, ...]:
+    """Samples of the rehearsals of such a program, by those of a phase."""
+    phases = {segment.phase for segment in program.segments}
+    return tuple(
+        RehearsedGrip(
+            samples_of(f"approach {number}"),
+            samples_of(f"press {number}"),
+            samples_of(f"small swings {number}") if f"small swings {number}" in phases else None,
+        )
+        for number in range(1, len(REHEARSED) + 1)
     )
 
 

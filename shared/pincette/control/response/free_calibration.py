@@ -20,6 +20,7 @@ from pincette.control.calibration.free_motion import (
 )
 from pincette.control.checks import require_as_many
 from pincette.control.response.contact_kink import ContactKink, contact_kink
+from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import simulate
 from pincette.control.response.identification import (
@@ -28,8 +29,11 @@ from pincette.control.response.identification import (
 )
 from pincette.control.response.model_errors import (
     Forgetting,
+    RehearsedGrip,
     Value,
+    at_end,
     line_error,
+    rehearsed_growth,
     unknown_creep,
     unknown_forgetting,
 )
@@ -53,7 +57,7 @@ class FreeMotion:
 
     It begins with the course that the model is identified from. Slices of it are those of the
     cycles and the presses at full amplitude, of the rest before the step, of the rest after it, and
-    of the small swings.
+    of the rehearsed grips.
     """
 
     voltage_V: Sequence[float] | Column
@@ -64,7 +68,7 @@ class FreeMotion:
     presses: slice
     before_step: slice
     after_step: slice
-    small_swings: Sequence[slice]
+    grips: Sequence[RehearsedGrip]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +93,8 @@ class FreeCalibration:
     """Per decade, that the model does not follow in a hold."""
     forgetting: Forgetting
     """Error of the model under a small to-and-fro."""
+    growth: ErrorGrowth
+    """Of the error of the model since a zero, with the way of the voltage."""
     unpoled: bool
     """Whether the model was fitted to an actuator that began without a memory."""
     t_s: Column
@@ -131,6 +137,7 @@ def calibrate_free_response(
     presses = secant_gain(u[motion.presses], x[motion.presses], samples_per_cycle)
     modelled = secant_gain(u[motion.presses], free[motion.presses], samples_per_cycle)
     cycles_residual_um = float(np.std(left[motion.cycles]))
+    swings = [grip.swings for grip in motion.grips if grip.swings is not None]
     _require_explained(max(identified.residual_um, cycles_residual_um), x, creep)
     return FreeCalibration(
         gain=gain,
@@ -142,9 +149,10 @@ def calibrate_free_response(
         cycles_residual_um=cycles_residual_um,
         line_error=line_error((gain, presses)),
         unknown_creep_um=unknown_creep(
-            (left[_rest(motion)], left[motion.after_step]), motion.period_s
+            [left[at_end(u, grip.press)] for grip in motion.grips], motion.period_s
         ),
-        forgetting=unknown_forgetting(u, left, motion.period_s, motion.small_swings),
+        forgetting=unknown_forgetting(u, left, motion.period_s, swings),
+        growth=rehearsed_growth(u, left, motion.period_s, motion.grips),
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
         voltage_V=u,
@@ -173,14 +181,6 @@ def _require_explained(residual_um: float, x: Column, creep: Creep) -> None:
             f"{noise_um:.3f} µm. Something beside hysteresis and creep moves the arm: take away "
             "what it may touch, let the bench come to rest, and calibrate again"
         )
-
-
-def _rest(motion: FreeMotion) -> slice:
-    """The samples before the step in which the voltage rests."""
-    u = np.asarray(motion.voltage_V, dtype=np.float64)[motion.before_step]
-    moved = np.flatnonzero(np.diff(u))
-    first = motion.before_step.start + (int(moved[-1]) + 1 if len(moved) else 0)
-    return slice(first, motion.before_step.stop)
 
 
 def _identified(

@@ -15,7 +15,7 @@ import numpy as np
 
 from pincette.control.calibration.free_motion import SecantGain
 from pincette.control.calibration.lines import straight_line
-from pincette.control.checks import require_as_many, require_not_negative, require_positive
+from pincette.control.checks import require_positive
 from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.hysteresis_motion import Column
 from pincette.control.response.reversal_memory import ReversalMemory
@@ -23,19 +23,25 @@ from pincette.control.response.reversal_memory import ReversalMemory
 ZERO_AFTER_S = 0.4
 """Into a hold, from when its drift counts: as long as a grip rests before its zero."""
 
-SHARES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Of the travel, between which ways count as alike: most of the growth is at short ways."""
-LAGS = 12
-SHORTEST_S, LONGEST_S = 0.4, 10.0
-"""Lags: from the rest of a zero to a slow approach with the load after it."""
+REST_S = 0.2
+"""End of a rest over which its place is taken."""
 BLOCK_S = 0.4
 """Before small swings, over which noise is averaged."""
 SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Tried, each twice the one before."""
 SCALES_ALIKE = 1.05
 """Ratio of sums of squares."""
-LEAST_PAIRS = 100
-"""Of samples, below which a way tells nothing."""
+
+
+class RehearsedGrip(NamedTuple):
+    """Samples of a grip without a part."""
+
+    approach: slice
+    """From rest to where a part would be met, with a rest at both ends."""
+    press: slice
+    """On from there, with a rest at the end."""
+    swings: slice | None = None
+    """Small swings after it."""
 
 
 class Value(NamedTuple):
@@ -153,55 +159,61 @@ def _fitted(
     return errors_um, left
 
 
-def structure_function(
-    voltage_V: Sequence[float] | Column,
-    left_um: Sequence[float] | Column,
-    period_s: float,
-    noise_um: float = 0.0,
+def rehearsed_growth(
+    voltage_V: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
 ) -> ErrorGrowth:
-    """Growth of the error of x_1, between samples as far apart in time as a zero is from a press.
+    """Growth of the error of x_1 with the way since a zero, from grips rehearsed without a part.
 
-    Slower errors are creep. Source of the function: A. N. Kolmogorov, Dokl. Akad. Nauk SSSR 30,
-    1941.
+    Of each, r(t) - r(t_0): of the rest at the contact against that before the approach, and of the
+    begin of the hold, once the arm is at rest, against the rest at the contact; what comes later is
+    creep and forgetting. Their root mean squares stand at their mean ways; on a shorter way the
+    error is that of a random walk, √w, of which one point more is given.
 
     Parameters
     ----------
     voltage_V, left_um
-        N samples of matched ages; the offset of ``left_um`` does not matter.
-    noise_um
-        Standard deviation of the sensor's, which is stated apart: 2·noise² is taken off.
+        N samples of matched ages; position less x_1.
+    grips
+        Of each the samples of its approach, with a rest at both ends, and of its press.
 
     Raises
     ------
     ValueError
-        Where lengths disagree, the voltage rests, or the record is too short for any way.
+        Where there are none, or the voltage does not move.
     """
-    u, r = np.asarray(voltage_V, dtype=np.float64), np.asarray(left_um, dtype=np.float64)
-    require_as_many("voltages", u, "residuals", r)
-    require_positive("period", period_s, "s")
-    require_not_negative("noise", noise_um, "µm")
-    travel_V = require_positive("travel of the voltage", float(np.ptp(u)) if len(u) else 0.0, "V")
-    edges_V = travel_V * np.array(SHARES)
-    cells = len(SHARES) - 1
-    squares, ways, pairs = np.zeros(cells), np.zeros(cells), np.zeros(cells)
-    lags = np.unique(np.round(np.geomspace(SHORTEST_S, LONGEST_S, LAGS) / period_s).astype(int))
-    for lag in lags[(lags > 0) & (lags < len(u))].tolist():
-        way = np.abs(u[lag:] - u[:-lag])
-        cell = np.clip(np.searchsorted(edges_V, way, side="right") - 1, 0, cells - 1)
-        squares += np.bincount(cell, (r[lag:] - r[:-lag]) ** 2, cells)
-        ways += np.bincount(cell, way, cells)
-        pairs += np.bincount(cell, minlength=cells)
-    ways_V: list[float] = []
-    errors_um: list[float] = []
-    largest_um = 0.0
-    for square, way, count in zip(squares.tolist(), ways.tolist(), pairs.tolist(), strict=True):
-        if count >= LEAST_PAIRS and way > 0.0:
-            largest_um = max(largest_um, sqrt(max(0.0, square / count - 2.0 * noise_um**2)))
-            ways_V.append(way / count)
-            errors_um.append(largest_um)
-    if not ways_V:
-        raise ValueError(f"{len(u)} samples are too few to tell how an error grows")
-    return ErrorGrowth(tuple(ways_V), tuple(errors_um))
+    if not grips:
+        raise ValueError("no rehearsed grips, one is wanted at least")
+    count = max(1, round(REST_S / period_s))
+    pressed: list[tuple[float, float]] = []
+    approached: list[tuple[float, float]] = []
+    for grip in grips:
+        before = slice(grip.approach.start, grip.approach.start + count)
+        zero = slice(grip.approach.stop - count, grip.approach.stop)
+        held = at_end(voltage_V, grip.press)
+        (u_0, r_0), (u_1, r_1) = (
+            (float(np.mean(voltage_V[at])), float(np.mean(left_um[at]))) for at in (before, zero)
+        )
+        r_2 = float(np.mean(left_um[held.start + count : held.start + 2 * count]))
+        pressed.append((abs(float(voltage_V[held.start]) - u_1), (r_2 - r_1) ** 2))
+        approached.append((abs(u_1 - u_0), (r_1 - r_0) ** 2))
+    (way_V, error_um), (further_V, further_um) = _means(pressed), _means(approached)
+    require_positive("way of a rehearsed press", way_V, "V")
+    points = [(0.25 * way_V, 0.5 * error_um), (way_V, error_um)]
+    if further_V > way_V:
+        points.append((further_V, max(error_um, further_um)))
+    return ErrorGrowth(tuple(way for way, _ in points), tuple(um for _, um in points))
+
+
+def _means(rows: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Mean way, and the root of the mean square."""
+    count = len(rows)
+    return sum(way for way, _ in rows) / count, sqrt(sum(square for _, square in rows) / count)
+
+
+def at_end(voltage_V: Column, samples: slice) -> slice:
+    """Return the end of some samples, throughout which the voltage rests."""
+    moved = np.flatnonzero(np.diff(voltage_V[samples]))
+    return slice(samples.start + (int(moved[-1]) + 1 if len(moved) else 0), samples.stop)
 
 
 def _decades(samples: int, period_s: float) -> Column:

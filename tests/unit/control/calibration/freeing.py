@@ -7,10 +7,9 @@ from pincette.control.planning.calibration_programs import full_cycles
 from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
     GAIN_HZ,
-    LOWER_SWINGS,
     PRESS_CYCLES,
-    UPPER_SWINGS,
     free_response_program,
+    rehearsed_grips,
 )
 from pincette.control.response.free_calibration import (
     FreeCalibration,
@@ -27,7 +26,7 @@ def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench,
     """Move an arm that touches nothing over the voltages of a grip; with a past, once more."""
     bench = Bench(simulation.model_copy(update={"bead": False}))
     rig = derived.planned_rig(DEMO)
-    program = free_response_program(rig, from_V=-0.3, to_V=3.5, rate_V_per_s=3.2)
+    program = free_response_program(rig, from_V=-0.3, to_V=3.5, rate_V_per_s=3.2, grip_V_per_s=6.3)
     if moved_before:
         bench.play(program.segments)
         del bench.voltage_V[:], bench.x_um[:]
@@ -47,7 +46,7 @@ def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench,
         presses=full["presses"],
         before_step=places["before step"],
         after_step=places["creep"],
-        small_swings=(places[UPPER_SWINGS], places[LOWER_SWINGS]),
+        grips=rehearsed_grips(places.__getitem__, program),
     )
 
 
