@@ -37,11 +37,12 @@ CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
 REHEARSED = ((0.50, 0.62), (0.55, 0.88), (0.60, 0.75), (0.52, 0.95), (0.57, 0.70), (0.50, 0.82))
 """Shares of the range at which a part would be met, and to which it would be pressed."""
 BEFORE_S, ZERO_S, HELD_S = 0.4, 0.4, 3.0
-"""Rests of a rehearsal: before it, where a grip is zeroed, and pressed."""
+"""Rests of a rehearsal: before it and after it, where a grip is zeroed, and pressed."""
 SWINGS_EVERY = 3
 """Each so many rehearsals, the hold goes on with small swings, as sensor noise and a law make."""
-SMALL_PP_V, SMALL_HZ, SMALL_S = 0.04, 12.5, 4.0
-"""Small swings, 2 V to and fro in all; a to-and-fro of that width still counts as small."""
+SMALL_PP_V, SMALL_HZ, SMALL_S = 0.02, 12.5, 4.0
+"""Small swings, 1 V to and fro in all, as in a hold of some 30 s; little wider than those of noise,
+since relays know swings by their width."""
 SMALL_SAMPLES = 4.0
 """Samples that a small swing has at least."""
 
@@ -139,21 +140,14 @@ def _rehearsal(
 ) -> list[Segment]:
     """A grip without a part, from rest to contact to press and back."""
     rest_V, contact_V, press_V = voltages_V
-    moves = {
-        "approach": [(rest_V, 0.0, BEFORE_S), (contact_V, rate_V_per_s, ZERO_S)],
-        "press": [(contact_V, 0.0, 0.0), (press_V, rate_V_per_s, HELD_S)],
-        "let go": [(press_V, 0.0, 0.0), (rest_V, rate_V_per_s, 0.0)],
-    }
-    paths = {what: voltage_moves(stops) for what, stops in moves.items()}
+    approach = voltage_moves([(rest_V, 0.0, BEFORE_S), (contact_V, rate_V_per_s, ZERO_S)])
+    press = voltage_moves([(contact_V, 0.0, 0.0), (press_V, rate_V_per_s, HELD_S)])
+    let_go = voltage_moves([(press_V, 0.0, 0.0), (rest_V, rate_V_per_s, BEFORE_S)])
+    paths = [("approach", approach), ("press", press), ("let go", let_go)]
     if number % SWINGS_EVERY == 0:
-        paths = {
-            **paths,
-            "small swings": _small_swings(rig, press_V),
-            "let go": paths.pop("let go"),
-        }
+        paths.insert(2, ("small swings", _small_swings(rig, press_V)))
     return [
-        Segment(f"{what} {number}", "voltage", path.duration_s, path=path)
-        for what, path in paths.items()
+        Segment(f"{what} {number}", "voltage", path.duration_s, path=path) for what, path in paths
     ]
 
 

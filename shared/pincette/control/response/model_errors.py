@@ -89,7 +89,10 @@ def unknown_creep(left_um: Sequence[Column], period_s: float) -> Value:
         )
         slopes.append(abs(line.slope))
         scatter.append(line.slope_uncertainty)
-    return _together("holds", slopes, scatter)
+    found = _together("holds", slopes, scatter)
+    # What noise makes of a slope is no creep.
+    square = found.value**2 - float(np.mean(np.square(scatter)))
+    return Value(sqrt(max(0.0, square)), found.uncertainty)
 
 
 class Forgetting(NamedTuple):
