@@ -11,6 +11,7 @@ from pincette_supervisor.jobs.deafness import Silence
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import ended_words
+from pincette_supervisor.jobs.missing_samples import MissingSamples
 from pincette_supervisor.jobs.resumption import resumption
 from pincette_supervisor.jobs.stalls import stall_words
 from pincette_supervisor.jobs.tracker import Tracker, gone_words
@@ -48,6 +49,9 @@ class JobMonitor:
         lease_s = policies.lease_s(job.request, self._rig)
         self._silence = Silence(context, self._tracker, job.epoch, lease_s)
         self._watch = Watch(job, planned, self._tracker, context.clock)
+        self._missing = MissingSamples(planned, job.epoch, self._rig.rig.period_s)
+        self._given_up = False
+        """Whether it was stopped since it lacks too many samples."""
         self._last_message_at = context.observer.awake_clock()
         self._applied: Applied | None = None
         """The actuator's newest sample."""
@@ -64,7 +68,9 @@ class JobMonitor:
         tracker, job = self._tracker, self._job
         while True:
             self._watch.look()
-            moved = tracker.update(self._collection.drain())
+            messages = self._collection.drain()
+            moved = tracker.update(messages)
+            self._missing.follow(messages)
             if moved if self._rig.lockstep else self._actuator_published():
                 self._last_message_at = self._context.observer.awake_clock()
             if moved:
@@ -160,6 +166,8 @@ class JobMonitor:
         if silence:
             event: Event = "overdue" if "overdue" in STATES[state].events else "trip"
             job.move(event, silence, only_from=state)
+        elif state == "running" and self._missing.words:
+            self._given_up = job.move("stop", self._missing.words, only_from=state)
         elif state == "stopping":
             self._stop(moves)
         elif state == "pausing":
@@ -245,7 +253,7 @@ class JobMonitor:
         elif tracker.trip is not None:
             self._close("confirm" if tracker.trip.cause == Cause.ABORT else "fail")
         elif job.state in ("stopping", "aborting"):
-            self._close("confirm")
+            self._close("fail" if self._given_up else "confirm")
         elif tracker.final_outcome() == Outcome.STOPPED:
             job.move("stop", only_from=job.state)
             self._close("confirm")
