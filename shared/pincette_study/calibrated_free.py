@@ -51,7 +51,7 @@ def with_calibrated_response(rig: RigFile) -> RigFile:
     residual_um = max(found.model_residual_um, found.cycles_residual_um)
     taught_V = (min(motion.voltage_V), max(motion.voltage_V))
     table = IdentifiedFreeResponse.from_model(
-        found.model, residual_um, found.press_gain, found.growth, taught_V
+        found.model, residual_um, found.press_gain, found.rehearsed.growth, taught_V
     )
     update = {"free_response": table, "piezo_um_per_V": found.gain.gain_um_per_V}
     return rig.model_copy(update={"model": rig.model.model_copy(update=update)})

@@ -36,7 +36,7 @@ CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
 """Rest before the step, so that older creep is slow beside that which is looked at, and after."""
 REHEARSED = ((0.50, 0.62), (0.55, 0.88), (0.60, 0.75), (0.52, 0.95), (0.57, 0.70), (0.50, 0.82))
 """Shares of the range at which a part would be met, and to which it would be pressed."""
-BEFORE_S, ZERO_S, HELD_S = 0.4, 0.4, 3.0
+BEFORE_S, ZERO_S, HELD_S = 0.4, 0.4, 5.0
 """Rests of a rehearsal: before it and after it, where a grip is zeroed, and pressed."""
 SWINGS_EVERY = 3
 """Each so many rehearsals, the hold goes on with small swings, as sensor noise and a law make."""

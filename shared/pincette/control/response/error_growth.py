@@ -5,7 +5,7 @@ A zero takes off what the model errs by there; what it errs by later is a differ
     E(w) = √⟨[r(t) - r(t_0)]²⟩,    |u(t) - u(t_0)| = w,    r = x - x_1
 
 over grips that are rehearsed without a part, t_0 being where they would be zeroed:
-``model_errors.rehearsed_growth`` finds it, the estimator reads it.
+``model_errors.rehearsed_errors`` finds it, the estimator reads it.
 """
 
 from collections.abc import Sequence

@@ -20,7 +20,6 @@ from pincette.control.calibration.free_motion import (
 )
 from pincette.control.checks import require_as_many
 from pincette.control.response.contact_kink import ContactKink, contact_kink
-from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import simulate
 from pincette.control.response.identification import (
@@ -29,12 +28,11 @@ from pincette.control.response.identification import (
 )
 from pincette.control.response.model_errors import (
     Forgetting,
+    Rehearsed,
     RehearsedGrip,
     Value,
-    at_end,
     line_error,
-    rehearsed_growth,
-    unknown_creep,
+    rehearsed_errors,
     unknown_forgetting,
 )
 
@@ -89,12 +87,10 @@ class FreeCalibration:
     """R.m.s. of the cycles about the model, its mean taken off."""
     line_error: Value
     """Of a straight line in place of the model, as a share of the travel."""
-    unknown_creep_um: Value
-    """Per decade, that the model does not follow in a hold."""
     forgetting: Forgetting
     """Error of the model under a small to-and-fro."""
-    growth: ErrorGrowth
-    """Of the error of the model since a zero, with the way of the voltage."""
+    rehearsed: Rehearsed
+    """Errors of the model since a zero."""
     unpoled: bool
     """Whether the model was fitted to an actuator that began without a memory."""
     t_s: Column
@@ -148,11 +144,8 @@ def calibrate_free_response(
         press_gain=presses.stroke_um / modelled.stroke_um,
         cycles_residual_um=cycles_residual_um,
         line_error=line_error((gain, presses)),
-        unknown_creep_um=unknown_creep(
-            [left[at_end(u, grip.press)] for grip in motion.grips], motion.period_s
-        ),
         forgetting=unknown_forgetting(u, left, motion.period_s, swings),
-        growth=rehearsed_growth(u, left, motion.period_s, motion.grips),
+        rehearsed=rehearsed_errors(u, left, motion.period_s, motion.grips),
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
         voltage_V=u,

@@ -8,20 +8,16 @@ a zero.
 """
 
 from collections.abc import Sequence
-from math import sqrt
+from math import fsum, log10, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from pincette.control.calibration.free_motion import SecantGain
-from pincette.control.calibration.lines import straight_line
 from pincette.control.checks import require_positive
 from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.hysteresis_motion import Column
 from pincette.control.response.reversal_memory import ReversalMemory
-
-ZERO_AFTER_S = 0.4
-"""Into a hold, from when its drift counts: as long as a grip rests before its zero."""
 
 REST_S = 0.2
 """End of a rest over which its place is taken."""
@@ -65,34 +61,6 @@ def line_error(loops: Sequence[SecantGain]) -> Value:
         error_um = x - x[lowest] - travel_um
         shares.append(sqrt(float(error_um @ error_um) / float(travel_um @ travel_um)))
     return _together("loops", shares, [0.0] * len(shares))
-
-
-def unknown_creep(left_um: Sequence[Column], period_s: float) -> Value:
-    """Drift in µm per decade, b of a + b·log10(1 + t/1 s), of what x_1 leaves in holds.
-
-    Parameters
-    ----------
-    left_um
-        Position less x_1 of each hold; t counts from ``ZERO_AFTER_S`` after its beginning.
-
-    Raises
-    ------
-    ValueError
-        Where there is no hold, or one is too short for a line.
-    """
-    slopes: list[float] = []
-    scatter: list[float] = []
-    for left in left_um:
-        line = straight_line(
-            _decades(len(left), period_s)[round(ZERO_AFTER_S / period_s) :].tolist(),
-            left[round(ZERO_AFTER_S / period_s) :].tolist(),
-        )
-        slopes.append(abs(line.slope))
-        scatter.append(line.slope_uncertainty)
-    found = _together("holds", slopes, scatter)
-    # What noise makes of a slope is no creep.
-    square = found.value**2 - float(np.mean(np.square(scatter)))
-    return Value(sqrt(max(0.0, square)), found.uncertainty)
 
 
 class Forgetting(NamedTuple):
@@ -162,15 +130,25 @@ def _fitted(
     return errors_um, left
 
 
-def rehearsed_growth(
-    voltage_V: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
-) -> ErrorGrowth:
-    """Growth of the error of x_1 with the way since a zero, from grips rehearsed without a part.
+class Rehearsed(NamedTuple):
+    """What grips that were rehearsed without a part say of x_1."""
 
-    Of each, r(t) - r(t_0): of the rest at the contact against that before the approach, and of the
-    begin of the hold, once the arm is at rest, against the rest at the contact; what comes later is
-    creep and forgetting. Their root mean squares stand at their mean ways; on a shorter way the
-    error is that of a random walk, √w, of which one point more is given.
+    growth: ErrorGrowth
+    """Of its error, with the way of the voltage since a zero."""
+    creep_um: Value
+    """Per decade of the age of the zero, by which the error grows beyond that."""
+
+
+def rehearsed_errors(
+    voltage_V: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
+) -> Rehearsed:
+    """Find how the error of x_1 grows with the way since a zero, and with its age.
+
+    Of each grip r(t) - r(t_0), r the position less x_1: of the rest at the contact against that
+    before the approach; of the begin of the hold, once the arm is at rest, and of its end, against
+    the rest at the contact. Their root mean squares stand at their mean ways; on a shorter way the
+    error is that of a random walk, √w, of which one point more is given. From begin to end of the
+    hold the mean square grows by c²·[log10(1 + t/1 s)]², t the age of the zero.
 
     Parameters
     ----------
@@ -187,42 +165,47 @@ def rehearsed_growth(
     if not grips:
         raise ValueError("no rehearsed grips, one is wanted at least")
     count = max(1, round(REST_S / period_s))
-    pressed: list[tuple[float, float]] = []
-    approached: list[tuple[float, float]] = []
+
+    def mean(values: Column, start: int) -> float:
+        return float(np.mean(values[start : start + count]))
+
+    rows: list[tuple[float, ...]] = []
     for grip in grips:
-        before = slice(grip.approach.start, grip.approach.start + count)
-        zero = slice(grip.approach.stop - count, grip.approach.stop)
-        held = at_end(voltage_V, grip.press)
-        (u_0, r_0), (u_1, r_1) = (
-            (float(np.mean(voltage_V[at])), float(np.mean(left_um[at]))) for at in (before, zero)
+        begin, zero = grip.approach.start, grip.approach.stop - count
+        held, end = at_end(voltage_V, grip.press).start + count, grip.press.stop - count
+        approached, zeroed = mean(left_um, begin), mean(left_um, zero)
+        rows.append(
+            (
+                abs(mean(voltage_V, zero) - mean(voltage_V, begin)),
+                (zeroed - approached) ** 2,
+                abs(mean(voltage_V, held) - mean(voltage_V, zero)),
+                (mean(left_um, held) - zeroed) ** 2,
+                log10(1.0 + (held - zero) * period_s) ** 2,
+                (mean(left_um, end) - zeroed) ** 2,
+                log10(1.0 + (end - zero) * period_s) ** 2,
+            )
         )
-        r_2 = float(np.mean(left_um[held.start + count : held.start + 2 * count]))
-        pressed.append((abs(float(voltage_V[held.start]) - u_1), (r_2 - r_1) ** 2))
-        approached.append((abs(u_1 - u_0), (r_1 - r_0) ** 2))
-    (way_V, error_um), (further_V, further_um) = _means(pressed), _means(approached)
+    further_V, further, way_V, early, early_decades, late, late_decades = (
+        fsum(column) / len(rows) for column in zip(*rows, strict=True)
+    )
     require_positive("way of a rehearsed press", way_V, "V")
-    points = [(0.25 * way_V, 0.5 * error_um), (way_V, error_um)]
+    creep_um = sqrt(max(0.0, late - early) / (late_decades - early_decades))
+    # That of a root mean square of so many draws.
+    share = 1.0 / sqrt(2.0 * len(rows))
+    least_um = sqrt(late / late_decades)
+    points = [(0.25 * way_V, 0.5 * sqrt(early)), (way_V, sqrt(early))]
     if further_V > way_V:
-        points.append((further_V, max(error_um, further_um)))
-    return ErrorGrowth(tuple(way for way, _ in points), tuple(um for _, um in points))
-
-
-def _means(rows: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Mean way, and the root of the mean square."""
-    count = len(rows)
-    return sum(way for way, _ in rows) / count, sqrt(sum(square for _, square in rows) / count)
+        points.append((further_V, sqrt(max(early, further))))
+    return Rehearsed(
+        ErrorGrowth(tuple(way for way, _ in points), tuple(um for _, um in points)),
+        Value(creep_um, share * max(creep_um, least_um)),
+    )
 
 
 def at_end(voltage_V: Column, samples: slice) -> slice:
     """Return the end of some samples, throughout which the voltage rests."""
     moved = np.flatnonzero(np.diff(voltage_V[samples]))
     return slice(samples.start + (int(moved[-1]) + 1 if len(moved) else 0), samples.stop)
-
-
-def _decades(samples: int, period_s: float) -> Column:
-    """log10(1 + t/1 s); 0 until the zero."""
-    t_s = np.arange(samples, dtype=np.float64) * period_s - ZERO_AFTER_S
-    return np.log10(1.0 + np.maximum(t_s, 0.0))
 
 
 def _together(what: str, values: Sequence[float], scatter: Sequence[float]) -> Value:

@@ -9,22 +9,22 @@ from pincette.control.response.error_growth import checked_growth
 from pincette.control.response.free_response import FreeSample
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.identified_response import identified_response
-from pincette.control.response.model_errors import RehearsedGrip, rehearsed_growth
+from pincette.control.response.model_errors import RehearsedGrip, rehearsed_errors
 
 PERIOD_S = 0.02
 REST, RISE = 20, 10
 
 
-def grips(*ways_V: float) -> tuple[np.ndarray, list[RehearsedGrip]]:
+def grips(*ways_V: float, hold: int = REST) -> tuple[np.ndarray, list[RehearsedGrip]]:
     """Voltages of grips that meet a part at 1 V, and press by these ways."""
     voltages: list[np.ndarray] = []
     found: list[RehearsedGrip] = []
     at = 0
     for way_V in ways_V:
-        legs = ((0.0, 1.0), (1.0, 1.0 + way_V))
+        legs = ((0.0, 1.0, REST), (1.0, 1.0 + way_V, hold))
         parts = [
-            np.concatenate([np.full(REST, low), np.linspace(low, high, RISE), np.full(REST, high)])
-            for low, high in legs
+            np.concatenate([np.full(REST, low), np.linspace(low, high, RISE), np.full(rest, high)])
+            for low, high, rest in legs
         ]
         ends = at + len(parts[0]), at + len(parts[0]) + len(parts[1])
         found.append(RehearsedGrip(slice(at, ends[0]), slice(*ends)))
@@ -35,7 +35,7 @@ def grips(*ways_V: float) -> tuple[np.ndarray, list[RehearsedGrip]]:
 
 def test_an_error_of_the_gain_is_found_at_the_ways_of_press_and_approach() -> None:
     u, rehearsed = grips(0.5, 0.5)
-    growth = rehearsed_growth(u, 0.1 * u + 4.0, PERIOD_S, rehearsed)
+    growth = rehearsed_errors(u, 0.1 * u + 4.0, PERIOD_S, rehearsed).growth
     assert growth.at(0.0) == 0.0
     assert growth.at(0.5) == pytest.approx(0.05)
     assert growth.at(1.0) == growth.at(99.0) == pytest.approx(0.1)
@@ -43,19 +43,35 @@ def test_an_error_of_the_gain_is_found_at_the_ways_of_press_and_approach() -> No
 
 def test_presses_of_several_ways_stand_together_at_their_mean() -> None:
     u, rehearsed = grips(0.3, 0.7)
-    growth = rehearsed_growth(u, 0.1 * u, PERIOD_S, rehearsed)
+    growth = rehearsed_errors(u, 0.1 * u, PERIOD_S, rehearsed).growth
     assert growth.at(0.5) == pytest.approx(0.1 * sqrt((0.3**2 + 0.7**2) / 2.0))
     assert growth.at(0.125) == pytest.approx(0.5 * growth.at(0.5))
+
+
+def test_creep_is_by_what_the_error_grows_in_the_holds() -> None:
+    u, rehearsed = grips(0.3, 0.5, hold=500)
+    left_um = 0.1 * u
+    for grip, sign in zip(rehearsed, (1.0, -1.0), strict=True):
+        age_s = np.arange(grip.press.stop - grip.approach.stop) * PERIOD_S
+        left_um[grip.press] += sign * 0.2 * np.log10(1.0 + age_s)
+    found = rehearsed_errors(u, left_um, PERIOD_S, rehearsed)
+    assert found.creep_um.value == pytest.approx(0.2, rel=0.1)
+    assert found.creep_um.uncertainty > 0.05
+    steady = rehearsed_errors(u, 0.1 * u, PERIOD_S, rehearsed).creep_um
+    assert steady.value == pytest.approx(0.0, abs=1e-6)
+    assert steady.uncertainty > 0.0
 
 
 def test_noise_hardly_counts_and_no_grip_is_refused() -> None:
     u, rehearsed = grips(0.3, 0.5, 0.7, 0.4)
     noise_um = np.random.default_rng(5).normal(0.0, 0.03, len(u))
-    assert rehearsed_growth(u, noise_um, PERIOD_S, rehearsed).at(9.0) < 0.02
+    found = rehearsed_errors(u, noise_um, PERIOD_S, rehearsed)
+    assert found.growth.at(9.0) < 0.02
+    assert found.creep_um.value < 0.05
     with pytest.raises(ValueError, match="no rehearsed grips"):
-        rehearsed_growth(u, noise_um, PERIOD_S, [])
+        rehearsed_errors(u, noise_um, PERIOD_S, [])
     with pytest.raises(ValueError, match="way of a rehearsed press = 0"):
-        rehearsed_growth(0.0 * u, noise_um, PERIOD_S, rehearsed)
+        rehearsed_errors(0.0 * u, noise_um, PERIOD_S, rehearsed)
 
 
 def test_x_1_states_it_since_its_zero() -> None:

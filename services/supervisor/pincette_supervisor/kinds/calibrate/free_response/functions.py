@@ -113,7 +113,7 @@ def analyse(run: Run) -> Analysis:
         found.model,
         residual_um,
         found.press_gain,
-        found.growth,
+        found.rehearsed.growth,
         (float(np.min(found.voltage_V)), float(np.max(found.voltage_V))),
     )
     gain, off = found.gain, found.model_gain.gain_um_per_V / found.gain.gain_um_per_V - 1.0
@@ -133,8 +133,8 @@ def analyse(run: Run) -> Analysis:
             identified("model.hysteresis_fraction", *found.line_error),
             identified(
                 "model.creep_mN_per_decade",
-                found.unknown_creep_um.value / s_p,
-                found.unknown_creep_um.uncertainty / s_p,
+                found.rehearsed.creep_um.value / s_p,
+                found.rehearsed.creep_um.uncertainty / s_p,
             ),
             identified(
                 "model.forgotten_mN",
