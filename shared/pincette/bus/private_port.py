@@ -5,11 +5,16 @@ import secrets
 import socket
 import struct
 from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic, sleep
 
 from pincette.bus.protocol import BusError
 
 TCP_MD5SIG_EXT, PREFIX, ADDRESS_BYTES, KEY_BYTES = 32, 1, 128, 80
 """Of RFC 2385 in Linux: see ``struct tcp_md5sig`` of ``linux/tcp.h``."""
+
+LISTENS_S, LOOK_S = 2.0, 0.01
+"""In which Zenoh listens, once its session is open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,26 +28,37 @@ class PrivatePort:
     @classmethod
     def chosen(cls) -> "PrivatePort":
         """One at random; whether it is taken is found where Zenoh listens at it."""
-        host = f"127.{secrets.randbelow(254) + 1}.{secrets.randbelow(256)}.{secrets.randbelow(254) + 1}"
-        return cls(host, 20000 + secrets.randbelow(12000), secrets.token_bytes(32))
-
-    @property
-    def endpoint(self) -> str:
-        """As in Zenoh's settings."""
-        return f"tls/{self.host}:{self.port}"
+        a, b, c = (secrets.randbelow(254) + 1 for _ in range(3))
+        return cls(f"127.{a}.{b}.{c}", 20_000 + secrets.randbelow(12_000), secrets.token_bytes(32))
 
     def close_to_others(self) -> bool:
-        """Want the key of whoever connects to this process's listener; false where the kernel has
-        no such option, and any account of this machine can open the port."""
-        for number in os.listdir("/proc/self/fd"):
+        """Want the key of whoever connects to this process's listener; false where it cannot be.
+
+        Then the kernel has no such option, and any account of this machine can open the port.
+        """
+        until_s = monotonic() + LISTENS_S
+        while (found := self._listener()) is None:
+            if monotonic() > until_s:
+                raise BusError(f"no listener of this program at {self.host}:{self.port}")
+            sleep(LOOK_S)
+        with found:
+            return self._sign(found)
+
+    def _listener(self) -> socket.socket | None:
+        for number in Path("/proc/self/fd").iterdir():
             try:
-                found = socket.socket(fileno=os.dup(int(number)))
+                copy = os.dup(int(number.name))
             except OSError:
                 continue
-            with found:
-                if _listens(found) == (self.host, self.port):
-                    return self._sign(found)
-        raise BusError(f"no listener of this program at {self.endpoint}, where one was opened")
+            try:
+                found = socket.socket(fileno=copy)
+            except OSError:
+                os.close(copy)
+                continue
+            if _listens(found) == (self.host, self.port):
+                return found
+            found.close()
+        return None
 
     def connecting(self) -> socket.socket:
         """A socket on its way to the port, without waiting for it."""

@@ -1,7 +1,7 @@
 """Both TLS sessions of a guard: with who connects, and in its name with the Zenoh behind it."""
 
-# Zenoh's access lists go by the common name of a certificate. So the guard, which has seen the real
-# one, shows Zenoh another of the same name: signed by an authority that lives in this process alone.
+# Zenoh's access lists go by the common name of a certificate. So the guard, which has seen the
+# real one, shows Zenoh another of the same name, signed by an authority of this process alone.
 
 import ssl
 import tempfile

@@ -45,7 +45,7 @@ REFUSED = zenoh.Encoding.TEXT_PLAIN
 
 
 class Joined:
-    """A session, and the guard at its ports where it has certificates."""
+    """A session, and the guard at its ports where it has any."""
 
     def __init__(self, session: "zenoh.Session", guard: Guard | None) -> None:
         self.session, self.guard = session, guard
@@ -66,9 +66,10 @@ class Joined:
 def open_session(config: SessionConfig, name: str) -> Joined:
     """Join; raises BusError with what to do where that fails."""
     zenoh.init_log_from_env_or("error")
-    if config.tls is None or not config.listen:
+    if not config.listen:
         return Joined(_opened(config, settings(config, name), name), None)
-    behind, vouching = PrivatePort.chosen(), Vouching(config.tls.credentials)
+    behind = PrivatePort.chosen()
+    vouching = None if config.tls is None else Vouching(config.tls.credentials)
     try:
         guard = Guard([address_of(place) for place in config.listen], behind, vouching)
     except OSError as error:
@@ -76,7 +77,7 @@ def open_session(config: SessionConfig, name: str) -> Joined:
     try:
         session = _opened(config, guarded(config, name, behind, vouching), name)
         if not behind.close_to_others():
-            log.warning(UNSIGNED, behind.endpoint)
+            log.warning(UNSIGNED, name)
     except BusError:
         guard.close()
         raise
