@@ -7,6 +7,7 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable, Generator
+from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, cast
 
@@ -16,6 +17,7 @@ from pincette.bus import private_port
 from pincette.bus.admission import HELLO_S
 from pincette.bus.guard import MOST_PENDING, Guard
 from pincette.bus.private_port import PrivatePort
+from pincette.bus.protocol import BusError
 from pincette.bus.relay import MOST_WAITING
 from pincette.bus.topology import (
     SessionConfig,
@@ -27,7 +29,7 @@ from pincette.bus.topology import (
 from pincette.bus.zenoh_bus import Joined, open_session
 from pincette.security.access import client_access, router_access
 from pincette.security.folder import Folder
-from pincette.security.identity import program
+from pincette.security.identity import Credentials, program
 from tests.support.bare_connects import (
     TLS_HELLO_BEGUN,
     ZENOH_INIT_BEGUN,
@@ -45,6 +47,7 @@ KEY = "pincette/v1/demo/job"
 OPENS_S = 1.0
 """In which a link is made while strangers come; without the guard it took 40 s."""
 BACK_S = 30.0
+REVOKED_WITHIN_S = 2.0
 MEGABYTES = 4
 
 
@@ -136,6 +139,41 @@ def test_the_name_in_the_certificate_reaches_the_access_list(folder: Folder) -> 
             assert [one.auth_identifier for one in door.router.session.info.links()] == [
                 "supervisor"
             ]
+    finally:
+        door.router.close()
+
+
+def test_whose_certificate_is_revoked_is_out_and_stays_out(tmp_path: Path) -> None:
+    folder = folder_for(tmp_path / "pki", "demo")
+    door = Door(folder)
+    viewer = folder.named("viewer")
+    own = secured(
+        client_session("127.0.0.1", door.port),
+        TlsIdentity(folder.credentials(TOOL), client_access(ROUTER)),
+    )
+    copies = [tmp_path / name for name in ("crt", "key")]
+    theirs = folder.credentials(viewer)
+    for copy, place in zip(copies, (theirs.certificate, theirs.private_key), strict=True):
+        copy.write_bytes(place.read_bytes())
+    kept = Credentials(viewer, theirs.authority, *copies)
+    joins = secured(
+        client_session("127.0.0.1", door.port), TlsIdentity(kept, client_access(ROUTER))
+    )
+    try:
+        with open_session(own, "tool"), open_session(joins, "viewer"):
+            assert len(door.router.session.info.links()) == 2
+            (tmp_path / "pki" / "revoked").write_text("no number\n")
+            sleep(1.2)
+            assert len(door.router.session.info.links()) == 2, "nothing follows from a bad list"
+            (tmp_path / "pki" / "revoked").unlink()
+            folder.revoke(viewer)
+            deadline = monotonic() + REVOKED_WITHIN_S
+            while len(door.router.session.info.links()) > 1:
+                assert monotonic() < deadline
+                sleep(0.02)
+        with pytest.raises(BusError, match="viewer"):
+            open_session(joins, "viewer")
+        assert door.opened_s() < OPENS_S
     finally:
         door.router.close()
 

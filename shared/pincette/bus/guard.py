@@ -9,6 +9,7 @@ import errno
 import logging
 import selectors
 import socket
+import ssl
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from pincette.bus.admission import Admission, Pending, reset
 from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError
 from pincette.bus.relay import READ, Relay, Stream
-from pincette.bus.vouching import Vouching
+from pincette.bus.vouching import Vouching, serial_of
 
 log = logging.getLogger("pincette")
 MOST_PENDING = 128
@@ -30,6 +31,8 @@ BATCH = 64
 BACKLOG = 4096
 LOOK_S = 0.1
 """How often overdue connections are looked for."""
+REVOKED_S = 1.0
+"""The same where there are none, for the list of revoked certificates."""
 PAUSE_S = 0.01
 """Where no file can be opened any more."""
 
@@ -53,6 +56,7 @@ class Guard:
     ) -> None:
         """Listen; raises OSError where a place is taken."""
         self.count = Count()
+        self._vouching = vouching
         self._selector = selectors.DefaultSelector()
         self._admission = Admission(self._selector, behind, vouching, self._advance)
         self._pending: dict[str, dict[Pending, None]] = {}
@@ -95,15 +99,16 @@ class Guard:
     def _run(self) -> None:
         look_s = monotonic()
         while True:
-            for key, events in self._selector.select(LOOK_S if self._many else None):
+            for key, events in self._selector.select(LOOK_S if self._many else REVOKED_S):
                 if key.fileobj is self._woken:
                     return
                 # What an earlier event of the same round has ended is no longer watched.
                 if self._selector.get_map().get(key.fd) is key:
                     key.data(key.fileobj, events)
-            if self._many and monotonic() > look_s:
+            if monotonic() > look_s:
                 look_s = monotonic() + LOOK_S
                 self._look()
+                self._end_revoked()
 
     def _accept(self, listener: socket.socket, _events: int) -> None:
         for _ in range(BATCH):
@@ -161,6 +166,17 @@ class Guard:
                 self._end(one, reset)
             elif one.silent:
                 self._advance(one)
+
+    def _end_revoked(self) -> None:
+        if self._vouching is None or not self._vouching.revoked.changed():
+            return
+        for relay in list(self._relays):
+            outer = relay.sides[0]
+            if isinstance(outer, ssl.SSLSocket):
+                shown = outer.getpeercert()
+                if self._vouching.revoked.holds(serial_of(shown)):
+                    log.warning("guard: a link whose certificate was revoked is ended")
+                    relay.close()
 
     def _end(self, one: Pending, close: Callable[[Stream], None]) -> None:
         self._forget(one)

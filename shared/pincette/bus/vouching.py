@@ -12,6 +12,7 @@ from typing import Any, cast
 from pincette.bus.protocol import BusError
 from pincette.security.certificates import Pair, issue, new_authority
 from pincette.security.identity import VIEWER, Credentials, Identity
+from pincette.security.revocation import RevocationList
 
 DAYS = 36500.0
 MOST_KEPT = 256
@@ -25,6 +26,7 @@ class Vouching:
         self._authority = new_authority(datetime.now(UTC), DAYS)
         self._credentials = credentials
         self._contexts: dict[tuple[str, float], ssl.SSLContext] = {}
+        self.revoked = RevocationList(credentials.authority.parent)
         self.outer = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         self.outer.minimum_version = ssl.TLSVersion.TLSv1_3
         self.outer.verify_mode = ssl.CERT_REQUIRED
@@ -38,8 +40,12 @@ class Vouching:
         return self._credentials.authority.read_text() + self._authority.certificate.decode()
 
     def inner(self, shown: Any) -> ssl.SSLContext:
-        """A client's context with a certificate of the same name and end as the one shown, which
-        is as ``getpeercert`` gives it."""
+        """A client's context with a certificate of the same name and end as the one shown.
+
+        That is as ``getpeercert`` gives it; raises BusError where it was revoked.
+        """
+        if self.revoked.holds(serial_of(shown)):
+            raise BusError(f"the certificate of {_name(shown)} was revoked")
         name, ends_s = _name(shown), float(ssl.cert_time_to_seconds(shown["notAfter"]))
         found = self._contexts.get((name, ends_s))
         if found is None:
@@ -57,6 +63,11 @@ class Vouching:
         context.load_verify_locations(self._credentials.authority)
         _load(context, pair)
         return context
+
+
+def serial_of(shown: Any) -> int:
+    """Serial number of a certificate, as ``getpeercert`` gives it."""
+    return int(shown["serialNumber"], 16)
 
 
 def _load(context: ssl.SSLContext, pair: Pair) -> None:
