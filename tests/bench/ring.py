@@ -20,7 +20,7 @@ from queue import SimpleQueue
 
 import zenoh
 
-from pincette.bus.zenoh_bus import open_session
+from pincette.bus.session import open_session
 from pincette.core.codec import decode, encode
 from pincette.core.topics import LOOP
 from pincette.instruments.link import open_link

@@ -3,6 +3,7 @@
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
+import re
 import secrets
 import socket
 import threading
@@ -19,6 +20,7 @@ from pincette.bus.guard import MOST_PENDING, Guard
 from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError
 from pincette.bus.relay import MOST_WAITING
+from pincette.bus.session import Joined, open_session
 from pincette.bus.topology import (
     SessionConfig,
     TlsIdentity,
@@ -26,7 +28,6 @@ from pincette.bus.topology import (
     router_session,
     secured,
 )
-from pincette.bus.zenoh_bus import Joined, open_session
 from pincette.security.access import client_access, router_access
 from pincette.security.folder import Folder
 from pincette.security.identity import Credentials, program
@@ -141,6 +142,28 @@ def test_the_name_in_the_certificate_reaches_the_access_list(folder: Folder) -> 
             ]
     finally:
         door.router.close()
+
+
+def test_each_link_is_told_with_its_peer_and_why_it_went(
+    door: Door, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "pincette")
+    deadline = monotonic() + 5.0
+    with open_session(door.client, "tool"):
+        while len(caplog.messages) < 2:  # of both sides
+            assert monotonic() < deadline
+            sleep(0.01)
+        (mine,) = [one for one in caplog.messages if f":{door.port}" in one]
+        assert mine.startswith("link up: ")
+    while not any(one.startswith("link down") for one in caplog.messages):
+        assert monotonic() < deadline
+        sleep(0.01)
+    told = [one for one in caplog.messages if f":{door.port}" not in one]
+    name = "supervisor" if door.client.tls else "a program"
+    assert re.fullmatch(rf"link up: {name} at 127\.0\.0\.1:\d+", told[0])
+    down = rf"link down after \d+\.\d s: {name} at 127\.0\.0\.1:\d+: (it hung up|its lease.*)"
+    assert re.fullmatch(down, told[1])
+    assert len(told) == 2
 
 
 def test_whose_certificate_is_revoked_is_out_and_stays_out(tmp_path: Path) -> None:

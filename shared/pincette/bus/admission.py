@@ -44,6 +44,7 @@ class Pending:
     """A connection on its way in; ``inner`` is the one to Zenoh that belongs to it."""
 
     address: str
+    port: int
     outer: Stream
     until_s: float
     inner: Stream | None = None
@@ -75,11 +76,11 @@ class Admission:
             Stage.VOUCH: self._vouch,
         }
 
-    def begin(self, line: socket.socket, address: str) -> Pending:
+    def begin(self, line: socket.socket, address: str, port: int) -> Pending:
         """Take a connection."""
         line.setblocking(False)
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        one = Pending(address, line, monotonic() + HELLO_S)
+        one = Pending(address, port, line, monotonic() + HELLO_S)
         self._await(one, line, READ)
         return one
 

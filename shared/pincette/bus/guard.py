@@ -63,6 +63,8 @@ class Guard:
         """By address, and in the order in which they came."""
         self._many = 0
         self._relays: set[Relay] = set()
+        self._links: dict[str, Relay] = {}
+        """The newest links, also those that are over, by Zenoh's name of their other end."""
         self._wake, self._woken = socket.socketpair()
         self._selector.register(self._woken, READ)
         self._listeners = list[socket.socket]()
@@ -79,6 +81,10 @@ class Guard:
     def start(self) -> None:
         """Let connections in, once Zenoh listens behind."""
         self._thread.start()
+
+    def link_of(self, end: str) -> Relay | None:
+        """The link that Zenoh sees as one with ``end``, over or not; None where it is none."""
+        return self._links.get(end)
 
     def close(self) -> None:
         """End every connection."""
@@ -125,7 +131,7 @@ class Guard:
                 continue
             if self._many >= MOST_PENDING:
                 self._make_room()
-            one = self._admission.begin(line, address[0])
+            one = self._admission.begin(line, *address[:2])
             self._pending.setdefault(one.address, {})[one] = None
             self._many += 1
             self._advance(one)
@@ -141,8 +147,14 @@ class Guard:
         if admitted and one.inner is not None:
             self._forget(one)
             self.count.admitted += 1
-            relay = Relay(self._selector, one.outer, one.inner, self._relays.discard)
+            ends = one.outer, one.inner
+            whence = f"{one.address}:{one.port}"
+            relay = Relay(self._selector, *ends, self._relays.discard, whence)
             self._relays.add(relay)
+            host, port = one.inner.getsockname()
+            self._links[f"{host}:{port}"] = relay
+            if len(self._links) > 2 * MOST_LINKS:
+                del self._links[next(iter(self._links))]
             relay.begin()
 
     def _all(self) -> list[Pending]:
@@ -175,8 +187,7 @@ class Guard:
             if isinstance(outer, ssl.SSLSocket):
                 shown = outer.getpeercert()
                 if self._vouching.revoked.holds(serial_of(shown)):
-                    log.warning("guard: a link whose certificate was revoked is ended")
-                    relay.close()
+                    relay.close("its certificate was revoked")
 
     def _end(self, one: Pending, close: Callable[[Stream], None]) -> None:
         self._forget(one)

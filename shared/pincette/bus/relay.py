@@ -21,8 +21,12 @@ class Relay:
         outer: Stream,
         inner: Stream,
         ended: Callable[["Relay"], None],
+        whence: str = "",
     ) -> None:
         self._selector, self._ended = selector, ended
+        self.whence = whence
+        self.why = ""
+        """Why it has ended; empty before."""
         self.sides = (outer, inner)
         self._waiting = {outer: bytearray(), inner: bytearray()}
         """Bytes that are to be sent to each side."""
@@ -35,11 +39,11 @@ class Relay:
         for one in self.sides:
             self._ready(one, READ)
 
-    def close(self) -> None:
+    def close(self, why: str = "") -> None:
         """End both sides; nothing happens where they have ended."""
         if not self._waiting:
             return
-        self._waiting = {}
+        self._waiting, self.why = {}, why
         for one in self.sides:
             if one in self._selector.get_map():
                 self._selector.unregister(one)
@@ -57,8 +61,8 @@ class Relay:
                 self._read(side)
             if self._waiting:
                 self._watch()
-        except OSError:
-            self.close()
+        except OSError as error:
+            self.close(error.strerror or str(error))
 
     def _read(self, side: Stream) -> None:
         """Take what there is, unless the other side is behind; at once to the other side."""
@@ -69,7 +73,7 @@ class Relay:
             except (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):
                 return
             if not found:
-                self.close()
+                self.close("it hung up" if side is self.sides[0] else "")
                 return
             self._waiting[other] += found
             self._send(other)

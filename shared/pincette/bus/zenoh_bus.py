@@ -1,24 +1,18 @@
-"""The bus over Zenoh; the only file that imports zenoh."""
+"""The bus over Zenoh: publishes, subscribes, asks and answers in messages."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
-import json
-import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar, cast
 
 import zenoh
 
-from pincette.bus.guard import Guard
-from pincette.bus.handshake import diagnose_link, is_taken
-from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
-from pincette.bus.settings import guarded, settings
-from pincette.bus.topology import SessionConfig, address_of
-from pincette.bus.vouching import Vouching
+from pincette.bus.session import open_session
+from pincette.bus.topology import SessionConfig
 from pincette.core.codec import MAX_BYTES, decode, encode
 from pincette.core.codec.refusals import CodecError
 from pincette.core.codec.wire import ENCODING, explained, of_other_wires, update_which
@@ -35,75 +29,8 @@ from pincette.core.topics import (
 )
 
 M = TypeVar("M", bound=Message)
-log = logging.getLogger("pincette")
-UNSIGNED = (
-    "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this machine can "
-    "keep others from this program's door"
-)
 REFUSED = zenoh.Encoding.TEXT_PLAIN
 """Of a refusal by a program; Zenoh's own errors have another."""
-
-
-class Joined:
-    """A session, and the guard at its ports where it has any."""
-
-    def __init__(self, session: "zenoh.Session", guard: Guard | None) -> None:
-        self.session, self.guard = session, guard
-
-    def __enter__(self) -> "zenoh.Session":
-        return self.session
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Leave the bus."""
-        if self.guard is not None:
-            self.guard.close()
-        self.session.close()
-
-
-def open_session(config: SessionConfig, name: str) -> Joined:
-    """Join; raises BusError with what to do where that fails."""
-    zenoh.init_log_from_env_or("error")
-    if not config.listen:
-        return Joined(_opened(config, settings(config, name), name), None)
-    behind = PrivatePort.chosen()
-    vouching = None if config.tls is None else Vouching(config.tls.credentials)
-    try:
-        guard = Guard([address_of(place) for place in config.listen], behind, vouching)
-    except OSError as error:
-        raise _not_joined(config, name, error) from error
-    try:
-        session = _opened(config, guarded(config, name, behind, vouching), name)
-        if not behind.close_to_others():
-            log.warning(UNSIGNED, name)
-    except BusError:
-        guard.close()
-        raise
-    guard.start()
-    return Joined(session, guard)
-
-
-def _opened(config: SessionConfig, tree: Mapping[str, Any], name: str) -> "zenoh.Session":
-    try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(tree)))
-    except zenoh.ZError as error:
-        raise _not_joined(config, name, error) from error
-
-
-def _not_joined(config: SessionConfig, name: str, error: Exception) -> BusError:
-    if taken := [place for place in config.listen if is_taken(place)]:
-        return BusError(
-            f"{name}: {', '.join(taken)} is in use: another rig, or the same rig for "
-            "the second time? Stop it, or give this rig another [bus] port"
-        )
-    files = config.tls.credentials if config.tls else None
-    why = [trouble for place in config.connect if (trouble := diagnose_link(place, files))]
-    return BusError(
-        f"{name}: cannot join the bus (listen {', '.join(config.listen) or 'nowhere'}, "
-        f"connect {', '.join(config.connect) or 'nowhere'}): {'; '.join(why) or error}"
-    )
 
 
 class ZenohBus:
@@ -309,11 +236,3 @@ def _reply(query: zenoh.Query, answer: Message | str) -> None:
             query.reply_err(answer.encode(), encoding=REFUSED)
         else:
             query.reply(query.key_expr, encode(answer), encoding=zenoh.Encoding(ENCODING))
-
-
-def serve_router(
-    config: SessionConfig, rig: str, wait: Callable[[], None], name: str = "router"
-) -> None:
-    """Route between the services of a rig and the tools around it until ``wait`` returns."""
-    with open_session(config, f"{rig}/{name}"):
-        wait()
