@@ -234,3 +234,4 @@ class Supervisor(Blocking[AsyncSupervisor]):
     acknowledge = blocking(AsyncSupervisor.acknowledge)
     session = blocking(AsyncSupervisor.session)
     audit = blocking(AsyncSupervisor.audit)
+    audit_chain = blocking(AsyncSupervisor.audit_chain)
