@@ -51,7 +51,8 @@ class ComposedLoop:
         if self._published is None:
             for topic in TOPICS:
                 self.bus.subscribe(topic, self._keep)
-        self._published = published = []
+        published: list[Message] = []
+        self._published = published
         self.bus.call(RESET, Reset(acknowledge=True))
         digest = self.rig.digest()
         arm(self.bus, program, epoch=epoch, digest=digest, calibration=calibration)

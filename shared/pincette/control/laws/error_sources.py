@@ -122,9 +122,7 @@ def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
     repeats_um, scatter = _repeating(rest_um, free, seen.cycle_ticks)
     noise_um = scatter * _rms(rest_um - repeats_um, free)
     # A mean over few cycles still has its share of the noise.
-    response_um = sqrt(
-        max(0.0, _rms(repeats_um, free) ** 2 - noise_um**2 * (1.0 - scatter**-2.0))
-    )
+    response_um = sqrt(max(0.0, _rms(repeats_um, free) ** 2 - noise_um**2 * (1.0 - scatter**-2.0)))
     position: dict[Cause, float] = {
         "noise": noise_um,
         "response": response_um,
@@ -172,9 +170,7 @@ def _with_speed(error_um: Series, x_r_um: Series, there: NDArray[np.bool_]) -> S
     return along
 
 
-def _repeating(
-    error: Series, there: NDArray[np.bool_], cycle_ticks: int
-) -> tuple[Series, float]:
+def _repeating(error: Series, there: NDArray[np.bool_], cycle_ticks: int) -> tuple[Series, float]:
     """What comes back in each cycle, or is slow; and √(n/(n - 1)) of the n that it is a mean of."""
     masked = np.where(there, error, np.nan)
     cycles = len(error) // cycle_ticks if cycle_ticks else 0
