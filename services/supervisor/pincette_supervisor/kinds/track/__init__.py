@@ -119,7 +119,7 @@ class Learned(Model):
     largest_um: float
     """Largest correction of x_r."""
     over: bool
-    """Whether no more is learned: after twelve cycles, or since no error falls any more."""
+    """Whether no more is learned: after twelve cycles, or since nothing of an error comes back."""
     errors_um: list[float]
     """R.m.s. of x less x_r of each cycle that was learned from."""
 
