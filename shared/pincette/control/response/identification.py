@@ -3,14 +3,14 @@
 The plays p_i(u) are known, and the displacement is linear in their weights; the creep is that of
 the static output which the weights make, so weights and creep are found together:
 
-    x_k ≈ y_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ w_i·p_i
+    x_k ≈ y_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ (w_i·p_i + a_i·p_i² + b_i·p_i³)
 
 Neighbouring plays are nearly collinear: the solution is held by a ridge. Weights may be negative,
 so that a branch may bend either way; what must hold, a displacement that rises with the voltage,
 is checked of the model that results. The residual is that of this model, simulated.
 
-What least squares cannot give, the families of plays, curvature and ridge, is chosen by motion
-that the coefficients were not fitted to; and motion that the choice has not seen gives the
+What least squares cannot give, the families of plays, curvature, bends and ridge, is chosen by
+motion that the coefficients were not fitted to; and motion that the choice has not seen gives the
 residual.
 
 A family of plays has thresholds r_i spread over the travel, and fadings λ_i = c/r_i: each of its
@@ -32,6 +32,7 @@ from pincette.control.checks import require_as_many, require_positive
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import (
     Column,
+    bend_columns,
     low_passed,
     moved_um,
     play_columns,
@@ -81,6 +82,8 @@ class Candidates(NamedTuple):
     )
     """r·λ of each family of plays; several families blend several rates of forgetting."""
     curved: tuple[bool, ...] = (False, True)
+    bent: tuple[bool, ...] = (False, True)
+    """Whether plays that forget nothing are bent, with the curvature."""
     ridges: tuple[float, ...] = (1e-6, 1e-4)
     """Share of the columns' mean square: 1e-6 bounds the condition number by 1e3·√columns."""
 
@@ -91,7 +94,13 @@ ALL = Candidates()
 class _Choice(NamedTuple):
     families: tuple[float, ...]
     curved: bool
+    bent: bool
     ridge: float
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is such a model: bends go with curvature and with plays that keep."""
+        return not self.bent or (self.curved and not any(self.families))
 
 
 class _Record(NamedTuple):
@@ -110,7 +119,7 @@ class _Plays(NamedTuple):
     thresholds_V: tuple[float, ...]
     fadings_per_V: tuple[float, ...]
     columns: NDArray[np.float64]
-    """p_i, and in the last column u²."""
+    """p_i, then u²; and then where nothing fades the squares of p_i, i > 0, and all cubes."""
     passed: NDArray[np.float64]
     """Creep states of each column."""
 
@@ -230,6 +239,7 @@ def _choose(record: _Record, fitted: int, candidates: Candidates) -> _Choice:
     """By what each leaves of the middle of the record; a richer one has to be worth it."""
     until = int(fitted - SHARE_OF_CHOICE * len(record.u))
     choices = [_Choice(*values) for values in product(*candidates)]
+    choices = [choice for choice in choices if choice.possible]
     best, least = choices[0], inf
     if len(choices) > 1:
         for choice in choices:
@@ -254,6 +264,7 @@ def _fit(record: _Record, until: int, choice: _Choice) -> HysteresisModel:
     plays = _plays(record, choice.families)
     count = len(plays.thresholds_V)
     used = count + 1 if choice.curved else count
+    used = plays.columns.shape[1] if choice.bent else used
     known = slice(record.known, until)
     _require_travel("fitted", record, slice(until), LEAST_TRAVEL_V)
     _require_enough(max(0, until - record.known), used + len(record.creep_times_s) + 1)
@@ -271,12 +282,21 @@ def _fit(record: _Record, until: int, choice: _Choice) -> HysteresisModel:
         creep_fractions=tuple(found.fractions.tolist()),
         fadings_per_V=plays.fadings_per_V,
         curvature_um_per_V2=float(found.weights[count]) if choice.curved else 0.0,
+        squares_um_per_V2=(
+            (0.0, *found.weights[count + 1 : 2 * count].tolist()) if choice.bent else ()
+        ),
+        cubes_um_per_V3=tuple(found.weights[2 * count :].tolist()) if choice.bent else (),
+        bent_V=_range_V(record) if choice.bent else (0.0, 0.0),
     )
     # The model's own check knows neither its curvature nor how its families lie to each other.
     slopes = slopes_um_per_V(model, plays.columns[:, :count], record.u)
     index = int(np.argmin(slopes.min(axis=1)))
     require_positive(f"slope at {record.u[index]:.3f} V", float(slopes[index].min()), "µm/V")
     return model
+
+
+def _range_V(record: _Record) -> tuple[float, float]:
+    return float(np.min(record.u)), float(np.max(record.u))
 
 
 def _plays(record: _Record, families: tuple[float, ...]) -> _Plays:
@@ -291,6 +311,9 @@ def _plays(record: _Record, families: tuple[float, ...]) -> _Plays:
             fadings += [share / threshold for threshold in family]
         plays = play_columns(thresholds, fadings, record.u)
         columns = np.column_stack([plays, record.u**2])
+        if not any(fadings):
+            squares, cubes = bend_columns(plays, _range_V(record))
+            columns = np.column_stack([columns, squares[:, 1:], cubes])
         passed = low_passed(record.creep_times_s, columns, record.period_s)
         fading = tuple(fadings) if any(fadings) else ()
         record.plays[families] = _Plays(tuple(thresholds), fading, columns, passed)
