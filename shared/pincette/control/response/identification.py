@@ -20,9 +20,9 @@ family of c = 0 forgets nothing. Turned at its threshold a play yields again aft
     r·ln[(1 + c)/(1 - c)]/c,    2·r where c = 0
 """
 
-from collections.abc import Sequence
-from itertools import product
-from math import inf, log
+from collections.abc import Callable, Sequence
+from itertools import pairwise, product
+from math import inf, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +59,8 @@ SHARE_OF_CHOICE = 0.25
 """Of the record, before the part held out: what families, curvature, ridge are chosen by."""
 HELD_OUT = 0.25
 """Share of the record, the last one, that the coefficients are not fitted to."""
+PARTS = 3
+"""Of the samples that are fitted, by which bends are chosen."""
 WORTH = 0.9
 """Another candidate must leave less than this share of what the present one leaves: by a few per
 cent two spans of one record differ anyway."""
@@ -212,7 +214,9 @@ def _require_usable(u: Column, x: Column, threshold_V: float) -> None:
         raise ValueError(f"the voltage travels {travel_V:.3f} V, must be at least {wanted_V:.3f} V")
 
 
-def _require_travel(use: str, record: _Record, samples: slice, wanted_V: float) -> None:
+def _require_travel(
+    use: str, record: _Record, samples: slice | NDArray[np.int_], wanted_V: float
+) -> None:
     u = record.u[samples]
     travel_V = float(np.ptp(u)) if len(u) else 0.0
     if not travel_V >= wanted_V:
@@ -240,13 +244,37 @@ def _choose(record: _Record, fitted: int, candidates: Candidates) -> _Choice:
     until = int(fitted - SHARE_OF_CHOICE * len(record.u))
     choices = [_Choice(*values) for values in product(*candidates)]
     choices = [choice for choice in choices if choice.possible]
+    plain = [choice for choice in choices if not choice.bent]
+    bent = [choice for choice in choices if choice.bent]
+    best = _best(plain, lambda choice: _left(record, until, fitted, choice))
+    # Bends have so many coefficients that they want most of the record, part after part.
+    return _best([*best, *bent], lambda choice: _left_in_turn(record, fitted, choice))[0]
+
+
+def _best(choices: Sequence[_Choice], left: Callable[[_Choice], float]) -> Sequence[_Choice]:
+    """The one that leaves least, a later one only where it is worth it; none of none."""
+    if len(choices) < 2:
+        return choices
     best, least = choices[0], inf
-    if len(choices) > 1:
-        for choice in choices:
-            left = _left(record, until, fitted, choice)
-            if left < WORTH * least:
-                best, least = choice, left
-    return best
+    for choice in choices:
+        leaves = left(choice)
+        if leaves < WORTH * least:
+            best, least = choice, leaves
+    return [best]
+
+
+def _left_in_turn(record: _Record, end: int, choice: _Choice) -> float:
+    """What a choice leaves of each part of the known samples, fitted to the others, r.m.s."""
+    edges = np.linspace(record.known, end, PARTS + 1).astype(int)
+    found: list[float] = []
+    for since, until in pairwise(edges.tolist()):
+        others = np.r_[record.known : since, until:end]
+        try:
+            model = _fitted(record, others, choice)
+        except ValueError:
+            return inf
+        found.append(_missed_um(record, model, choice, slice(since, until)))
+    return sqrt(sum(value * value for value in found) / PARTS)
 
 
 def _left(record: _Record, until: int, end: int, choice: _Choice) -> float:
@@ -254,20 +282,28 @@ def _left(record: _Record, until: int, end: int, choice: _Choice) -> float:
         model = _fit(record, until, choice)
     except ValueError:
         return inf  # a candidate that makes an impossible model is none
+    return _missed_um(record, model, choice, slice(until, end))
+
+
+def _missed_um(record: _Record, model: HysteresisModel, choice: _Choice, part: slice) -> float:
     plays = _plays(record, choice.families)
     motion = moved_um(model, plays.columns[:, : len(plays.thresholds_V)], record.u, record.period_s)
-    return float(np.std((record.x - motion)[until:end]))
+    return float(np.std((record.x - motion)[part]))
 
 
 def _fit(record: _Record, until: int, choice: _Choice) -> HysteresisModel:
     """Model fitted to the samples before ``until``."""
+    _require_travel("fitted", record, slice(until), LEAST_TRAVEL_V)
+    return _fitted(record, np.arange(record.known, max(record.known, until)), choice)
+
+
+def _fitted(record: _Record, known: NDArray[np.int_], choice: _Choice) -> HysteresisModel:
+    """Model fitted to some samples."""
     plays = _plays(record, choice.families)
     count = len(plays.thresholds_V)
     used = count + 1 if choice.curved else count
     used = plays.columns.shape[1] if choice.bent else used
-    known = slice(record.known, until)
-    _require_travel("fitted", record, slice(until), LEAST_TRAVEL_V)
-    _require_enough(max(0, until - record.known), used + len(record.creep_times_s) + 1)
+    _require_enough(len(known), used + len(record.creep_times_s) + 1)
     _require_travel("fitted", record, known, LEAST_TRAVEL_V)
     found = separable_fit(
         plays.columns[known, :used],
