@@ -3,6 +3,7 @@
 from typing import Any
 
 from pincette.api import Model, example
+from pincette.api.endings import Ending
 from pincette.api.states import ActionType, JobState
 
 
@@ -102,6 +103,7 @@ class Job(Model):
         revision=5,
         position=None,
         cause="",
+        ending=None,
         request={"kind": "grip", "autostart": True},
         values={"force_mN": 20.0, "hold_s": 4.0},
         labels={},
@@ -128,6 +130,8 @@ class Job(Model):
     """Place in the queue of a job that waits for another one: 1 is the next."""
     cause: str
     """Why a job did not succeed, in words."""
+    ending: Ending | None = None
+    """Why it has ended, as a code with numbers; null until then."""
     request: dict[str, Any]
     """As it was sent."""
     values: dict[str, Any]
@@ -138,7 +142,8 @@ class Job(Model):
     header ``X-Operator``, or the address it came from."""
     progress: Progress | None
     result: dict[str, Any] | None
-    """Of a job that has moved: see the models of results by kind."""
+    """Of a job that has moved, by its kind; of one that was interrupted, as far as its record
+    tells: the members that every result has."""
     actions: list[Action]
     allowed_actions: list[ActionType]
     created_at: str

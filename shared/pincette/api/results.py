@@ -1,6 +1,6 @@
 """What comes of a job, as it is stored and sent."""
 
-from typing import Any
+from typing import Any, Literal
 
 from pincette.api import Model, example
 from pincette.api.plans import Pose
@@ -46,12 +46,30 @@ class ActionTaken(Model):
     seq: int
 
 
+OutcomeCode = Literal[
+    "gripped",
+    "tracked",
+    "released",
+    "moved",
+    "stopped",
+    "no_contact",
+    "wrong_stiffness",
+    "lost",
+    "overforce",
+    "overtravel",
+    "contact",
+    "zero_refused",
+    "tripped",
+    "unfinished",
+]
+
+
 class JobResult(Model):
     """What every result has."""
 
-    outcome: str
-    """gripped, tracked, released, moved, stopped, no_contact, wrong_stiffness, lost, overforce,
-    overtravel, contact, zero_refused, tripped, or unfinished."""
+    outcome: OutcomeCode
+    """How the program ended, by the controller; ``tripped`` by the actuator, ``unfinished`` where
+    nobody said."""
     phases: list[Phase]
     limits_acted: list[LimitActed]
     actions: list[ActionTaken]

@@ -1,11 +1,12 @@
 """Follows the samples of a job to their end, and passes its actions on to the rig."""
 
+from pincette.api.endings import Ending
 from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import Acted, ActionCode, Cause, Outcome
 from pincette.core.messages import Ack, Action, Applied
 from pincette.core.topics import ACTION, TELEMETRY, TRIP
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms.trips import TripReason, trip_ending
 from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.deafness import Silence
 from pincette_supervisor.jobs.job import LiveJob
@@ -123,7 +124,8 @@ class JobMonitor:
             words = self._context.trip_words(tracker.trip)
             self._context.alarms.raise_trip(tracker.trip, words, job.id)
         if state in TRIPPABLE:
-            job.move("trip", self._trip_words(tracker.trip), only_from=state)
+            words, ending = self._trip_words(tracker.trip), trip_ending(tracker.trip)
+            job.move("trip", words, only_from=state, ending=ending)
 
     def _trip_words(self, trip: TripReason) -> str:
         return f"actuator tripped: {self._context.trip_words(trip)}"
@@ -131,12 +133,16 @@ class JobMonitor:
     def _lease_ended(self, seq: int) -> None:
         """Stop the job whose lease has ended at the controller."""
         context, job = self._context, self._job
-        words = ended_words(context.bus, policies.lease_s(job.request, self._rig))
+        length_s = policies.lease_s(job.request, self._rig)
+        words = ended_words(context.bus, length_s)
+        ending = Ending(code="lease_ended", values={"limit_s": length_s})
         context.alarms.raise_alarm(
             "lease", words, severity="alarm", clears="acknowledge", job=job.id
         )
         state = job.state
-        if "stop" in STATES[state].events and job.move("stop", words, only_from=state):
+        if "stop" in STATES[state].events and job.move(
+            "stop", words, only_from=state, ending=ending
+        ):
             # It acts already: asked again, it would begin anew.
             self._asked_in, self._effective_seq = job.moves, seq
 
@@ -155,11 +161,13 @@ class JobMonitor:
             return bool(silence)
         if state == "aborting":
             return self._abort(silence)
+        ending = Ending(code="silent", values={"silent_s": lasts_s})
         if self._watch.overdue():
             silence = f"{state} took too long: {tracker.lagging_program()} lags"
+            ending = Ending(code="overdue")
         if silence:
             event: Event = "overdue" if "overdue" in STATES[state].events else "trip"
-            job.move(event, silence, only_from=state)
+            job.move(event, silence, only_from=state, ending=ending)
         elif state == "stopping":
             self._stop(moves)
         elif state == "pausing":
@@ -182,7 +190,7 @@ class JobMonitor:
         except RefusalError:
             return False  # the program has just ended; its last sample is on its way
         except BusError as error:
-            job.move("overdue", str(error), only_from=state)
+            job.move("overdue", str(error), only_from=state, ending=Ending(code="unanswered"))
             return False
         self._effective_seq = reply.seq if isinstance(reply, Ack) else self._tracker.telemetry_seq
         return True
@@ -223,12 +231,13 @@ class JobMonitor:
             try:
                 self._context.bus.call(TRIP, policies.abort_trip(job.request, job.cause[:200]), 1.0)
             except BusError as error:
-                job.note_cause(str(error))
+                job.note_cause(str(error), Ending(code="unanswered"))
                 self._close("fail")
                 return True
             return False
         if silence or self._watch.overdue():
-            job.note_cause(silence or "the actuator did not say in time that it is safe")
+            late = "the actuator did not say in time that it is safe"
+            job.note_cause(silence or late, Ending(code="silent" if silence else "overdue"))
             self._close("fail")
             return True
         return False
@@ -261,10 +270,11 @@ class JobMonitor:
                 words = self._trip_words(tracker.trip)
                 more = gone or stall_words(self._context, tracker.trip)
                 job.cause = f"{words}; {more}" if more else words
-            job.note_cause(tracker.final_words())
+                job.ending = trip_ending(tracker.trip)
+            job.note_cause(tracker.final_words(), Ending(code="bad_outcome"))
         fault = self._recorder.store(tracker, self._collection, over=over)
         if fault and event == "done":
-            job.note_cause(fault)
+            job.note_cause(fault, Ending(code="no_finding"))
             event = "fail"
         if event == "fail" and tracker.trip is not None and not gone and not self._trip_asked:
             self._prepare_resumption(tracker.trip)
@@ -288,4 +298,4 @@ class JobMonitor:
             job.note_cause(str(error))
         self._recorder.store(self._tracker, self._collection, over=True)
         if not job.terminal:
-            job.end("interrupt", "the supervisor ended")
+            job.end("interrupt", "the supervisor ended", "supervisor_ended")

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pincette.api.endings import Ending
 from pincette.api.jobs import Action, Job
 from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, allowed_actions
@@ -39,10 +40,17 @@ def fingerprint_of(request: JobRequest) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def _ending(row: JobRow) -> Ending | None:
+    # As JSON, in which a code may be a text.
+    return None if row.ending is None else Ending.model_validate_json(json.dumps(row.ending))
+
+
 def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: Path) -> Job:
     """One job, with its live state and its place in the queue where it has one."""
     if live is not None and live.revision > row.revision:  # not written to the journal yet
-        row = replace(row, state=live.state, cause=live.cause, revision=live.revision)
+        ended = live.ending.model_dump(mode="json") if live.terminal and live.ending else None
+        more = {"state": live.state, "cause": live.cause, "ending": ended}
+        row = replace(row, **more, revision=live.revision)
     busy = live if live is not None and not live.done.is_set() else None
     # Set after the progress that has the instruction, hence read before it.
     waiting = busy is not None and busy.waiting is not None
@@ -60,6 +68,7 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
         revision=row.revision,
         position=position,
         cause=row.cause,
+        ending=_ending(row),
         request=row.request,
         values=values,
         labels=row.request.get("labels", {}),

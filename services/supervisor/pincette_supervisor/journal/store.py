@@ -6,6 +6,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Select, and_, delete, func, insert, select, update
 
+from pincette.api.endings import Ending
 from pincette.api.events import Event
 from pincette.api.states import STATES
 from pincette_supervisor.journal.database import Database, StoreError, columns, matching, rows
@@ -30,7 +31,7 @@ EVENTS_KEPT = 200_000
 """Events that are kept at least; some weeks of work."""
 EVENTS_SWEEP = 500
 """After how many events the oldest go; at most twice as many at once."""
-CHANGING = ("state", "cause", "plan", "result", "started_at", "ended_at", "epoch")
+CHANGING = ("state", "cause", "ending", "plan", "result", "started_at", "ended_at", "epoch")
 
 
 class KeyTakenError(Exception):
@@ -48,11 +49,18 @@ class Store(Database):
         """Mark jobs that an earlier supervisor left unfinished, not queued; returns their names."""
         kept = ["queued", *(name for name, state in STATES.items() if state.terminal)]
         left = select(JOBS.c.id, JOBS.c.rig).where(JOBS.c.state.not_in(kept))
+        ended = Ending(code="supervisor_ended")
         body = {"state": "interrupted", "cause": INTERRUPTED, "event": "interrupt"}
+        body["ending"] = ended.code
+        values_interrupted = {
+            "state": "interrupted",
+            "cause": INTERRUPTED,
+            "ending": ended.model_dump(mode="json"),
+        }
         with self.writing() as connection:
             found = connection.execute(left.order_by(JOBS.c.number)).all()
             for name, rig in found:
-                values = {"state": "interrupted", "cause": INTERRUPTED, "ended_at": at}
+                values = {**values_interrupted, "ended_at": at}
                 _revise(connection, name, values)
                 _add_event(connection, at, rig, name, "state", body)
         return [name for name, _ in found]

@@ -30,6 +30,7 @@ JOBS = Table(
     Column("rig", String, nullable=False, index=True),
     Column("state", String, nullable=False, index=True),
     Column("cause", String, nullable=False),
+    Column("ending", JSON(none_as_null=True)),
     Column("request", JSON, nullable=False),
     Column("plan", JSON, nullable=False),
     Column("result", JSON(none_as_null=True)),
@@ -187,6 +188,8 @@ class JobRow:
     plan: dict[str, Any]
     created_at: str
     cause: str = ""
+    ending: dict[str, Any] | None = None
+    """Why it has ended, as ``api.endings.Ending``."""
     result: dict[str, Any] | None = None
     started_at: str | None = None
     ended_at: str | None = None

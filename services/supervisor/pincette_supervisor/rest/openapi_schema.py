@@ -5,6 +5,7 @@ from typing import Any
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.problems import Problem, responses
+from pincette.api.results import JobResult
 
 SCHEMAS = "#/components/schemas/"
 NAMES = {
@@ -26,12 +27,18 @@ ESTOP = "/estop"
 def complete(document: dict[str, Any]) -> None:
     """Add models and answers that no route names, and remove FastAPI's own error model."""
     schemas = document["components"]["schemas"]
-    # Results are part of a job, whose schema does not say of which kind.
-    results = dict.fromkeys(kind.result for kind in job_kinds().values())
+    # A job holds the result of any kind, and kinds are registered by plug-ins.
+    results = dict.fromkeys([*(kind.result for kind in job_kinds().values()), JobResult])
     for model in (Problem, *results):
         tree = model.model_json_schema(ref_template=SCHEMAS + "{model}")
         schemas.update(tree.pop("$defs", {}))
         schemas[model.__name__] = tree
+    told = schemas["Job"]["properties"]
+    named = [{"$ref": SCHEMAS + model.__name__} for model in results]
+    told["result"] = {
+        "description": told["result"]["description"],
+        "anyOf": [*named, {"type": "null"}],
+    }
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
     for operation in _operations(document):

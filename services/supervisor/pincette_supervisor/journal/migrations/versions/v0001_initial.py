@@ -46,6 +46,7 @@ def _jobs() -> None:
         sa.Column("rig", sa.String, nullable=False, index=True),
         sa.Column("state", sa.String, nullable=False, index=True),
         _text("cause"),
+        sa.Column("ending", sa.JSON(none_as_null=True)),
         sa.Column("request", sa.JSON, nullable=False),
         sa.Column("plan", sa.JSON, nullable=False),
         sa.Column("result", sa.JSON(none_as_null=True)),
