@@ -10,6 +10,8 @@ Quantity = Literal[
     "voltage",
     "taught_voltage",
     "slew",
+    "rate",
+    "acceleration",
     "speed",
     "duration",
     "sweep_amplitude",

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from pincette.api.endings import Ending, EndingCode
 from pincette.api.requests import JobRequest
 from pincette.api.states import JobState
+from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import JobRow, Store, utc_now
 from pincette_supervisor.kinds.bodies import REQUEST
@@ -43,7 +44,7 @@ class JobQueue:
             try:
                 request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))
             except ValidationError as error:
-                cause = f"its request is not understood any more: {error.errors()[0]['msg']}"
+                cause = f"its request is not understood any more: {refusal(error.errors()[0])}"
                 self._end(row, "failed", "request_outdated", cause)
             else:
                 self._entries.append(Entry(row, request, row.revision))
@@ -64,6 +65,11 @@ class JobQueue:
         """Let the next job start when the rig is free."""
         self.halted = ""
         self.publish()
+
+    @property
+    def first(self) -> Entry:
+        """The job whose turn comes next, halted or not; there is one."""
+        return self._entries[0]
 
     def next(self) -> Entry | None:
         """The next job; None if the queue is empty or halted."""

@@ -6,7 +6,9 @@ All are coroutines, so that an emergency stop waits for no thread of the pool.
 import asyncio
 import re
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from typing import Annotated, Any
+from urllib.parse import unquote
 
 from fastapi import Depends, Header, Request, Security
 from fastapi.security import (
@@ -25,6 +27,7 @@ from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator, Caller, require_scope
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.store import Store
+from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rigs.rigs import Rigs
 
 COOKIE = "pincette_session"
@@ -34,6 +37,7 @@ DISCONNECT_S = 10.0
 """For how long the event loop may take to say whether a caller has hung up."""
 OPERATOR_LENGTH, KEY_LENGTH = 80, 255
 PRINTABLE = r"^[ -~]+$"
+NOT_BLANK = r"[^\s]"
 BEARER = HTTPBearer(
     scheme_name="key",
     auto_error=False,
@@ -63,9 +67,18 @@ def caller_of(scope: AsgiScope, authenticator: Authenticator) -> Caller:
     return known
 
 
+def decoded(header: str) -> str:
+    """A name of any alphabet from a header: UTF-8 as it is, or percent-encoded as in a URL."""
+    with suppress(UnicodeError):
+        header = header.encode("latin-1").decode()
+    with suppress(UnicodeError):
+        return unquote(header, errors="strict")
+    return header
+
+
 def label_of(scope: AsgiScope) -> str:
     """The legible part of ``X-Operator``; empty if there is none."""
-    label = Headers(scope=scope).get("x-operator", "")[:OPERATOR_LENGTH]
+    label = decoded(Headers(scope=scope).get("x-operator", ""))[:OPERATOR_LENGTH]
     return label if label.isprintable() and label.strip() else ""
 
 
@@ -136,14 +149,26 @@ async def _operator(
         str | None,
         Header(
             description="who asks, kept with the action; where there are keys, a label beside the "
-            "name of the key",
+            f"name of the key; {OPERATOR_LENGTH} characters of any alphabet at most, in UTF-8 or "
+            "percent-encoded",
             min_length=1,
-            max_length=OPERATOR_LENGTH,
-            pattern=PRINTABLE,
+            pattern=NOT_BLANK,
         ),
     ] = None,
 ) -> str:
-    return caller.signed(x_operator or "")
+    label = decoded(x_operator or "")
+    if x_operator is not None and (
+        not label.isprintable() or not label.strip() or len(label) > OPERATOR_LENGTH
+    ):
+        message = f"X-Operator = {label[:100]!r}: send 1 to {OPERATOR_LENGTH} printable characters"
+        raise ProblemError(
+            422,
+            "invalid-request",
+            "The request cannot be used",
+            message,
+            errors=[{"parameter": "X-Operator", "message": message}],
+        )
+    return caller.signed(label)
 
 
 Sender = Annotated[str, Depends(_sender)]

@@ -4,6 +4,7 @@ Plain functions run in a pool of threads, so that neither the store nor a slow p
 holds up the event loop.
 """
 
+import re
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
@@ -14,7 +15,7 @@ from pydantic import AwareDatetime
 from pincette.api.jobs import ActionRequest, Job, JobList
 from pincette.api.plans import JobPlan
 from pincette.api.problems import responses
-from pincette.api.requests import JobRequest
+from pincette.api.requests import LABEL_NAME, JobRequest
 from pincette.api.states import JobState
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.job_filter import JobFilter
@@ -97,13 +98,14 @@ def _label(text: str | None) -> tuple[str, str] | None:
     if text is None:
         return None
     name, equals, value = text.partition("=")
-    if not equals:
+    if not equals or re.fullmatch(LABEL_NAME, name) is None:
+        message = f"label = {text!r}: write name=value, as part=B7"
         raise ProblemError(
             422,
             "invalid-request",
             "The request cannot be used",
-            f"label = {text!r} has no value: write name=value",
-            errors=[{"parameter": "label", "message": f"label = {text!r}: write name=value"}],
+            message,
+            errors=[{"parameter": "label", "message": message}],
         )
     return name, value
 
@@ -236,14 +238,16 @@ async def job_state(
     """One job.
 
     With ``wait`` the answer comes when it has ended (``terminal``), or when it is not as it
-    was at the revision of ``since`` or of ``If-None-Match`` (``change``), or in time as it is
-    then. Progress alone is no change.
+    was at the revision of ``since`` or of ``If-None-Match``, or without both as it is now
+    (``change``), or in time as it is then. Progress alone is no change.
     """
     known = matched_revision(job, if_none_match) if since is None else since
     manager = rigs.with_live_job(job)
     if wait == "terminal":
         await manager.changes.wait(lambda: manager.is_over(job), timeout_s)
-    elif wait == "change" and known is not None:
+    elif wait == "change":
+        if known is None:
+            known = (await run_in_threadpool(rigs.job, job)).revision
         await manager.changes.wait(lambda: manager.changed_since(job, known), timeout_s)
     found = await run_in_threadpool(rigs.job, job)
     tag = etag(found.id, found.revision)
