@@ -23,11 +23,11 @@ def raised_codes() -> set[str]:
     found = set(CODES.values())
     for path in SOURCES:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            named = isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-            if named and node.func.id == "ProblemError" and len(node.args) > 1:
-                code = node.args[1]
-                if isinstance(code, ast.Constant):
-                    found.add(str(code.value))
+            if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
+                continue
+            code = node.args[1] if len(node.args) > 1 else None
+            if node.func.id == "ProblemError" and isinstance(code, ast.Constant):
+                found.add(str(code.value))
     return found
 
 

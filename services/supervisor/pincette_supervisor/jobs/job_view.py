@@ -17,6 +17,9 @@ from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.store import JobRow, utc_now
 from pincette_supervisor.planning.planned import Planned
 
+SAID = ("sample", "batch", "operator", "notes", "labels", "pinned")
+"""What a person has said of a job."""
+
 
 def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> JobRow:
     """The journal row of a new job; its name is the time and a random suffix."""
@@ -30,6 +33,11 @@ def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> 
         plan={**planned.plan.model_dump(mode="json"), "values": planned.values},
         created_at=utc_now(),
         requested_by=by,
+        sample=request.sample,
+        batch=request.batch,
+        operator=request.operator,
+        notes=request.notes,
+        labels=dict(request.labels),
     )
 
 
@@ -56,6 +64,7 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
     waiting = busy is not None and busy.waiting is not None
     values: dict[str, Any] = row.plan.get("values", {})
     record: dict[str, Any] = row.plan.get("record", {})
+    deleted = "deleted_at" in record
     actions: list[ActionType] = []
     if busy is not None or position is not None:
         held = busy is not None and busy.held
@@ -71,7 +80,7 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
         ending=_ending(row),
         request=row.request,
         values=values,
-        labels=row.request.get("labels", {}),
+        **{name: getattr(row, name) for name in SAID},
         by=row.requested_by,
         progress=None if busy is None else busy.progress,
         result=row.result,
@@ -83,7 +92,7 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
         created_at=row.created_at,
         started_at=row.started_at,
         ended_at=row.ended_at,
-        record=None if row.epoch is None else str((records / row.id).absolute()),
+        record=None if row.epoch is None or deleted else str((records / row.id).absolute()),
         record_complete=record.get("complete"),
         record_detail=record.get("detail", ""),
     )

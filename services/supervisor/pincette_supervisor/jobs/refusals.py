@@ -126,6 +126,12 @@ def model_changed() -> ProblemError:
     )
 
 
+def require_same(job: str, fingerprint: str, sent: str) -> None:
+    """Raise ProblemError where a key comes with another request than the one it has created."""
+    if fingerprint != sent:
+        raise key_reused(job)
+
+
 def key_reused(job: str) -> ProblemError:
     """422 because an ``Idempotency-Key`` came with another request."""
     return ProblemError(

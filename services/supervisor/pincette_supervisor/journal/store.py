@@ -32,6 +32,8 @@ EVENTS_KEPT = 200_000
 EVENTS_SWEEP = 500
 """After how many events the oldest go; at most twice as many at once."""
 CHANGING = ("state", "cause", "ending", "plan", "result", "started_at", "ended_at", "epoch")
+EDITABLE = ("sample", "batch", "operator", "notes", "labels", "pinned", "priority", "place")
+"""What a person may say of a job, and where it waits."""
 
 
 class KeyTakenError(Exception):
@@ -84,8 +86,8 @@ class Store(Database):
             return _creation(connection, key)
 
     def change(self, name: str, **values: object) -> int:
-        """Change some of ``CHANGING``; returns the revision; raises LookupError without the job."""
-        odd = values.keys() - set(CHANGING)
+        """Change some of its columns; returns the revision; raises LookupError without the job."""
+        odd = values.keys() - {*CHANGING, *EDITABLE}
         if odd:
             raise ValueError(f"a job's {', '.join(sorted(odd))} cannot be changed")
         with self.writing() as connection:
@@ -123,7 +125,9 @@ class Store(Database):
         """Jobs of a rig that wait for their turn, the next first."""
         waits = and_(JOBS.c.state == "queued", JOBS.c.rig == rig)
         with self.reading() as connection:
-            return _select(connection, select(JOBS).where(waits).order_by(JOBS.c.number))
+            return _select(
+                connection, select(JOBS).where(waits).order_by(JOBS.c.place, JOBS.c.number)
+            )
 
     def counted(self) -> dict[tuple[str, str, str], int]:
         """How many jobs there are, by rig, kind and state; none where there is none."""

@@ -35,10 +35,7 @@ def complete(document: dict[str, Any]) -> None:
         schemas[model.__name__] = tree
     told = schemas["Job"]["properties"]
     named = [{"$ref": SCHEMAS + model.__name__} for model in results]
-    told["result"] = {
-        "description": told["result"]["description"],
-        "anyOf": [*named, {"type": "null"}],
-    }
+    told["result"] = {"title": "Result", "anyOf": [*named, {"type": "null"}]}
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
     for operation in _operations(document):
