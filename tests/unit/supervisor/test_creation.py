@@ -110,7 +110,7 @@ def test_a_job_is_found_by_its_outcome_and_by_labels_of_any_alphabet(harness: Ha
 
 def test_an_action_is_kept_with_who_asked_and_when_it_acted(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
-    assert harness.act(job, "stop", headers={"X-Operator": "x" * 81}).status_code == 422
+    assert harness.act(job, "stop", headers={"X-Operator": "x" * 961}).status_code == 422
     harness.act(job, "stop", headers={"X-Operator": "Ada, cell 4"})
     (action,) = harness.ended(job)["actions"]
     assert (action["by"], action["seq"]) == ("Ada, cell 4", IN_APPROACH)

@@ -27,7 +27,6 @@ from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator, Caller, require_scope
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rigs.rigs import Rigs
 
 COOKIE = "pincette_session"
@@ -35,7 +34,7 @@ CALLER, NOTE = "pincette.caller", "pincette.note"
 """Keys of an ASGI scope: the caller, and what the audit log is told of the request."""
 DISCONNECT_S = 10.0
 """For how long the event loop may take to say whether a caller has hung up."""
-OPERATOR_LENGTH, KEY_LENGTH = 80, 255
+OPERATOR_LENGTH, KEY_LENGTH = 960, 255
 PRINTABLE = r"^[ -~]+$"
 NOT_BLANK = r"[^\s]"
 BEARER = HTTPBearer(
@@ -72,14 +71,13 @@ def decoded(header: str) -> str:
     with suppress(UnicodeError):
         header = header.encode("latin-1").decode()
     with suppress(UnicodeError):
-        return unquote(header, errors="strict")
-    return header
+        header = unquote(header, errors="strict")
+    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in header)
 
 
 def label_of(scope: AsgiScope) -> str:
-    """The legible part of ``X-Operator``; empty if there is none."""
-    label = decoded(Headers(scope=scope).get("x-operator", ""))[:OPERATOR_LENGTH]
-    return label if label.isprintable() and label.strip() else ""
+    """What ``X-Operator`` names; empty if there is none."""
+    return decoded(Headers(scope=scope).get("x-operator", "")[:OPERATOR_LENGTH]).strip()
 
 
 async def _access(request: Request) -> Access:
@@ -149,25 +147,14 @@ async def _operator(
         str | None,
         Header(
             description="who asks, kept with the action; where there are keys, a label beside the "
-            f"name of the key; {OPERATOR_LENGTH} characters of any alphabet at most, in UTF-8 or "
-            "percent-encoded",
+            "name of the key; of any alphabet, in UTF-8 or percent-encoded",
             min_length=1,
+            max_length=OPERATOR_LENGTH,
             pattern=NOT_BLANK,
         ),
     ] = None,
 ) -> str:
     label = decoded(x_operator or "")
-    if x_operator is not None and (
-        not label.isprintable() or not label.strip() or len(label) > OPERATOR_LENGTH
-    ):
-        message = f"X-Operator = {label[:100]!r}: send 1 to {OPERATOR_LENGTH} printable characters"
-        raise ProblemError(
-            422,
-            "invalid-request",
-            "The request cannot be used",
-            message,
-            errors=[{"parameter": "X-Operator", "message": message}],
-        )
     return caller.signed(label)
 
 

@@ -39,6 +39,8 @@ def complete(document: dict[str, Any]) -> None:
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
     for operation in _operations(document):
+        for parameter in operation.get("parameters", ()):
+            parameter["schema"] = _sent(parameter["schema"])
         if _is_own_error_model(operation["responses"].get("422", {})):
             del operation["responses"]["422"]
         for content in operation.get("requestBody", {}).get("content", {}).values():
@@ -47,6 +49,14 @@ def complete(document: dict[str, Any]) -> None:
             )
             _name_inner_unions(content["schema"], schemas)
     _add_shared_responses(document)
+
+
+def _sent(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a parameter without null, which no query and no header can carry."""
+    kinds = [kind for kind in schema.get("anyOf", ()) if kind != {"type": "null"}]
+    if len(kinds) != 1:
+        return schema
+    return {name: value for name, value in schema.items() if name != "anyOf"} | kinds[0]
 
 
 def _placed(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -1,6 +1,5 @@
 """Jobs found again over REST: listed, exported as one table, described, their records deleted."""
 
-import re
 from datetime import datetime
 from typing import Annotated, Literal
 
@@ -37,16 +36,7 @@ EXPORTED = 10_000
 def _label(text: str | None) -> tuple[str, str] | None:
     if text is None:
         return None
-    name, equals, value = text.partition("=")
-    if not equals or re.fullmatch(LABEL_NAME, name) is None:
-        message = f"label = {text!r}: write name=value, as part=B7"
-        raise ProblemError(
-            422,
-            "invalid-request",
-            "The request cannot be used",
-            message,
-            errors=[{"parameter": "label", "message": message}],
-        )
+    name, _, value = text.partition("=")
     return name, value
 
 
@@ -70,7 +60,10 @@ async def _filter(
     kind: KindName | None = None,
     state: JobState | None = None,
     rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
-    label: Annotated[str | None, Query(description="name=value", max_length=300)] = None,
+    label: Annotated[
+        str | None,
+        Query(description="name=value", pattern=LABEL_NAME.replace("$", "="), max_length=300),
+    ] = None,
     outcome: Annotated[
         str | None, Query(description="of the result, such as gripped", max_length=NAME_LENGTH)
     ] = None,
