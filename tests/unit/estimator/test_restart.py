@@ -113,9 +113,7 @@ def test_without_a_restart_the_same_stroke_errs_by_less(free: PlantParameters) -
 
 
 def test_the_approach_of_a_new_arm_tells_that_it_is_new(free: PlantParameters) -> None:
-    held = {
-        from_zero: FreeArm(free).stroke(1, from_zero=from_zero)[-1] for from_zero in (False, True)
-    }
+    held = {known: FreeArm(free).stroke(1, from_zero=known)[-1] for known in (False, True)}
     assert held[False].force_uncertainty_mN > 3.0
     assert abs(held[True].force_mN) < held[True].force_uncertainty_mN < 1.0
 
