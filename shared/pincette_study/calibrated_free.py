@@ -11,12 +11,11 @@ from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
     PRESS_CYCLES,
     free_response_program,
+    rehearsed_grips,
 )
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
 from pincette.control.response.free_calibration import FreeMotion, calibrate_free_response
-from pincette.control.response.identification import HELD_OUT
-from pincette.control.response.model_errors import structure_function
 from pincette.core.messages import Estimate, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
 from pincette.engine.teaching import SPEED_FACTOR, free_range_um, without_part
@@ -39,17 +38,10 @@ def with_calibrated_response(rig: RigFile) -> RigFile:
     motion = _motion(rig, program, ComposedLoop(_unknown(rig)).play(program))
     cycle_s = _path(program, "cycles").cycle_s
     found = calibrate_free_response(motion, cycle_s / rig.rig.period_s)
-    unseen = slice(int(motion.course.stop * (1.0 - HELD_OUT)), None)
-    growth = structure_function(
-        found.voltage_V[unseen],
-        (found.x_um - found.model_um)[unseen],
-        motion.period_s,
-        rig.sensor.noise_um,
-    )
     residual_um = max(found.model_residual_um, found.cycles_residual_um)
     taught_V = (min(motion.voltage_V), max(motion.voltage_V))
     table = IdentifiedFreeResponse.from_model(
-        found.model, residual_um, found.press_gain, growth, taught_V
+        found.model, residual_um, found.press_gain, found.rehearsed.growth, taught_V
     )
     update = {"free_response": table, "piezo_um_per_V": found.gain.gain_um_per_V}
     return rig.model_copy(update={"model": rig.model.model_copy(update=update)})
@@ -88,6 +80,7 @@ def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMoti
         presses=whole("presses", PRESS_CYCLES),
         before_step=of("before step"),
         after_step=of("creep"),
+        grips=rehearsed_grips(of, program),
     )
 
 

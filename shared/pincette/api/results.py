@@ -92,12 +92,30 @@ class ErrorSources(Model):
     force_mN: ErrorCauses
 
 
+OutcomeCode = Literal[
+    "gripped",
+    "tracked",
+    "released",
+    "moved",
+    "stopped",
+    "no_contact",
+    "wrong_stiffness",
+    "lost",
+    "overforce",
+    "overtravel",
+    "contact",
+    "zero_refused",
+    "tripped",
+    "unfinished",
+]
+
+
 class JobResult(Model):
     """What every result has."""
 
-    outcome: str
-    """gripped, tracked, released, moved, stopped, no_contact, wrong_stiffness, lost, overforce,
-    overtravel, contact, zero_refused, tripped, or unfinished."""
+    outcome: OutcomeCode
+    """How the program ended, by the controller; ``tripped`` by the actuator, ``unfinished`` where
+    nobody said."""
     phases: list[Phase]
     limits_acted: list[LimitActed]
     actions: list[ActionTaken]

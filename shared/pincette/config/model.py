@@ -192,9 +192,10 @@ class Model(Table):
     creep_mN_per_decade: NotNegative = 0.3
     """Growth of the force uncertainty per decade of zero age."""
     forgotten_mN: NotNegative = 3.0
-    """Largest force uncertainty from voltage reversals, which erase the arm's hysteresis memory."""
+    """Largest standard error of the force from a small to-and-fro of the voltage, which wears the
+    hysteresis."""
     forgotten_scale_V: Positive = 0.4
-    """Voltage travel back and forth since the zero at which 63 % of it is reached."""
+    """Way of that to-and-fro since the zero, there or back, at which 63 % of it is reached."""
     force_filter_s: NotNegative = 0.03
     """Time constant of the law's low-pass over the force error."""
     force_observer: Literal["quasi_static", "inverse_dynamics", "kalman"] = "quasi_static"

@@ -241,3 +241,49 @@ def test_a_motion_that_teaches_nothing_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=text):
         identify_free_response(voltage_V, x_um, PERIOD_S, thresholds_V=(0.0, 0.5), creep_times_s=())
+
+
+def rests(seconds: float) -> Column:
+    return np.zeros(round(seconds / PERIOD_S))
+
+
+AWKWARD: dict[str, Column] = {
+    "a constant voltage": np.full(2000, 1.5),
+    "rests first": np.concatenate([rests(120.0), drive(2000)]),
+    "rests last": np.concatenate([drive(2000), rests(120.0)]),
+    "rests most of the time": np.concatenate([rests(60.0), drive(400), rests(60.0)]),
+    "one step": np.concatenate([rests(10.0), np.full(500, 2.0)]),
+    "one stroke": np.linspace(0.0, 3.0, 1500),
+    "few samples": np.array(drive(130)),
+    "no samples": np.empty(0),
+    "one sample": np.zeros(1),
+    "steps of the output": np.round(np.array(drive(2000)) / 0.1) * 0.1,
+}
+
+
+@pytest.mark.parametrize("period_s", [0.005, 0.02])
+@pytest.mark.parametrize(
+    ("unpoled", "still"), [(False, False), (True, False), (False, True)], ids=["", "unpoled", "x"]
+)
+@pytest.mark.parametrize("record", AWKWARD)
+def test_an_awkward_record_gives_a_good_model_or_a_sentence(
+    record: str, *, unpoled: bool, still: bool, period_s: float
+) -> None:
+    u = AWKWARD[record]
+    x = np.full(len(u), 3.0)
+    if not still and len(u):
+        x = simulate(MODEL, u, period_s) + noise(len(u))
+    said = ""
+    try:
+        found = identify_free_response(u.tolist(), x.tolist(), period_s, unpoled=unpoled)
+    except np.linalg.LinAlgError:
+        raise
+    except ValueError as error:
+        said, found = str(error), None
+    if found is None:
+        assert any(unit in said for unit in (" V", "samples", "µm/V")), said
+        return
+    assert not still
+    left_um = x - simulate(found.model, u, period_s)
+    assert float(np.std(left_um[int(0.75 * len(u)) :])) == pytest.approx(found.residual_um)
+    assert found.residual_um < 0.03 * float(np.ptp(x))
