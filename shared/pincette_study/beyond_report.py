@@ -215,7 +215,7 @@ def _pairs(trials: Sequence[BeyondTrial]) -> bytes:
                     for w in ("", "dry_run")
                 )
                 before, after = [plain[seed] for seed in made], list(made.values())
-                most = max(most, *before, *after)
+                most = max((most, *before, *after))
                 words = f"{frequency_hz:g} Hz"
                 axis.plot(before, after, "o", color=color, markersize=4, label=words)
             axis.plot([0.0, most], [0.0, most], color=RED, linewidth=0.8, linestyle=":")
