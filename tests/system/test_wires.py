@@ -73,5 +73,5 @@ def test_a_recording_of_bytes_gives_the_same_job_without_instruments(tmp_path: P
     with running_rig(parse_rig(tree), later) as running:
         again = running.ended(running.start_grip())
     assert first["state"] == again["state"] == "succeeded"
-    assert len(recorded(live, first)["x_um"]) > 300
+    assert len(recorded(live, first)["x_um"]) > 100
     assert recorded(later, again) == recorded(live, first)

@@ -13,8 +13,11 @@ NotNegative = Annotated[float, Field(ge=0, le=LARGEST[""])]
 Duration = Annotated[float, Field(gt=0, le=3600)]
 Speed = Annotated[float, Field(ge=0.1, le=1000)]
 Label = Annotated[str, Field(max_length=200)]
-LabelName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}$")]
+LABEL_NAME = r"""^[^\s="'\\\x00-\x1f\x7f]{1,40}$"""
+Notes = Annotated[str, Field(max_length=4000)]
+LabelName = Annotated[str, Field(pattern=LABEL_NAME)]
 RecipeName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}(@[1-9][0-9]{0,5})?$")]
+Labels = Annotated[dict[LabelName, Label], Field(max_length=16)]
 OnStop = Literal["hold", "release", "retract"]
 OnAbort = Literal["freeze", "ramp"]
 
@@ -32,7 +35,15 @@ class JobRequest(BaseModel, frozen=True):
     """Plan and predict only; no job is made."""
     rig: str | None = Field(default=None, max_length=40)
     """Name of the rig; may be left out where there is one."""
-    labels: dict[LabelName, Label] = Field(default_factory=dict, max_length=16)
+    sample: Label = ""
+    """What is gripped, such as B7."""
+    batch: Label = ""
+    """Batch that the sample belongs to."""
+    operator: Annotated[str, Field(max_length=80)] = ""
+    """Who works at the bench."""
+    notes: Notes = ""
+    """Whatever should be known of the job later."""
+    labels: Labels = Field(default_factory=dict)
     queue: bool = False
     """Wait for the rig while another job has it, instead of being refused."""
     recipe: RecipeName | None = None

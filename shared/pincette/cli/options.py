@@ -26,7 +26,7 @@ UNITS = {
 }
 PREFIX = "request_"
 """Before the name of a field where it stands beside the other parameters of a command."""
-NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue")
+NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue", "priority")
 Reader = Callable[[str], Any]
 
 

@@ -103,6 +103,13 @@ def csv(target: Target, name: JobName, out: Out = None) -> None:
     _download(target, target.job(name), [SAMPLES], out)
 
 
+@command(records_app, "delete")
+def delete(target: Target, name: JobName) -> None:
+    """Delete the files of a job that has ended and is not pinned; its result stays."""
+    job = target.job(name)
+    target.answer(job.delete_record(), f"job {job.id}: its record is deleted")
+
+
 def _download(target: Target, job: JobHandle, names: list[str], out: Path | None) -> None:
     paths = [str(job.download(name, out or Path(job.id))) for name in names]
     target.answer(paths, "\n".join(paths))

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
+from urllib.parse import quote
 
 import httpx
 from pydantic import BaseModel, ValidationError
@@ -137,12 +138,12 @@ def identity_headers(operator: str | None, key: str | None) -> dict[str, str]:
     """Headers that name the caller; raises ValueError if a header cannot carry a value."""
     headers: dict[str, str] = {}
     if operator is not None:
-        if not _is_printable(operator, OPERATOR_MAX):
+        if not operator.isprintable() or not operator.strip() or len(operator) > OPERATOR_MAX:
             raise ValueError(
-                f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters of ASCII are "
-                "wanted"
+                f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters are wanted"
             )
-        headers["X-Operator"] = operator
+        # A header carries ASCII alone; what has a meaning there is encoded, too.
+        headers["X-Operator"] = quote(operator, safe=" ,;:!?()[]/@+*'&$=-_.~")
     if key is not None:
         if not _is_printable(key, KEY_MAX) or " " in key:
             # The message leaves the key out: it is a secret.

@@ -13,7 +13,7 @@ from pincette.api.events import Alarm, AlarmList, Event
 from pincette.api.jobs import Job
 from pincette.api.requests import Recipe, RecipeHistory, RecipeList
 from pincette.api.rigs import Rig, RigList, StoppedList
-from pincette.client.call import get, post
+from pincette.client.call import Call, content, get, post
 from pincette.client.errors import WhichRigError
 from pincette.client.job import AsyncJobHandle
 from pincette.client.rig import AsyncRigHandle, events, jobs
@@ -104,6 +104,13 @@ class AsyncSupervisor:
         created_to (ISO 8601 with a time zone), and before (a job's id).
         """
         return await jobs(self.transport, limit, **filters)
+
+    async def export(self, form: Literal["csv", "parquet"] = "csv", **filters: str | int) -> bytes:
+        """Many jobs as one table, by the filters of ``jobs``."""
+        query = {"format": form, **filters}
+        return await self.transport.send(
+            Call("GET", "/jobs/export", content, query, repeatable=True)
+        )
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:
         """Events of every rig as they come, after a number; new ones only if it is left out."""

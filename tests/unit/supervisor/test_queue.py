@@ -132,3 +132,44 @@ def test_the_queue_survives_a_restart_and_waits_for_a_person(
     assert order(after, "resume").status_code == 200
     ended = after.ended(second)
     assert (ended["state"], ended["labels"]) == ("succeeded", {"part": "bead"})
+
+
+def test_a_queue_is_not_resumed_while_a_part_is_held_and_uses_up_no_job(harness: Harness) -> None:
+    first = harness.playing_to(IN_HOLD)
+    second = queued(harness)["id"]
+    harness.acted(first, "stop")
+    harness.ended(first)
+    refused = order(harness, "resume")
+    assert refused.status_code == 409
+    assert refused.json()["type"].endswith("part-held")
+    assert harness.get(f"/jobs/{second}")["state"] == "queued"
+    harness.bus.pause_at = None
+    harness.acted(first, "release")
+    harness.freed(first)
+    assert harness.get(f"/jobs/{second}")["state"] == "queued"
+    assert order(harness, "resume").status_code == 200
+    assert harness.ended(second)["state"] == "succeeded"
+
+
+def test_an_emergency_stop_between_two_jobs_uses_up_none(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = harness.playing_to(IN_HOLD)
+    second = queued(harness)["id"]
+    next_entry = harness.manager.queue.next
+
+    def stopped_before() -> Any:
+        if not harness.bus.latch:
+            harness.bus.trip("estop: an emergency stop was asked for")
+        return next_entry()
+
+    with monkeypatch.context() as between:
+        between.setattr(harness.manager.queue, "next", stopped_before)
+        harness.bus.play()
+        assert harness.freed(first)["state"] == "succeeded"
+    assert harness.get(f"/jobs/{second}")["state"] == "queued"
+    assert "latched" in harness.get("/rigs/demo")["queue"]["halted"]
+    harness.bus.pause_at = None
+    assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
+    assert order(harness, "resume").status_code == 200
+    assert harness.ended(second)["state"] == "succeeded"

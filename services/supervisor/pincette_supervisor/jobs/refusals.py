@@ -1,5 +1,6 @@
 """Why a job or an action is not taken, as problem documents."""
 
+from pincette.api.job_kinds import JobKind
 from pincette.api.states import ActionType, allowed_actions
 from pincette.bus.protocol import BusError
 from pincette.core.faults import Cause
@@ -45,7 +46,21 @@ def require_ready(context: RigContext, planned: Planned | None) -> None:
         raise unready(reasons)
     words = held_words(context)
     if words and planned is not None and not planned.begins_held:
-        raise ProblemError(409, "part-held", "The gripper holds a part", words)
+        raise part_held(words)
+
+
+def require_startable(context: RigContext, kind: JobKind) -> None:
+    """Raise ProblemError where the rig cannot start a job of a kind, by what its programs say."""
+    context.health.refresh(force=True)
+    require_ready(context, None)
+    words = held_words(context)
+    if words and not kind.begins_held:
+        raise part_held(words)
+
+
+def part_held(words: str) -> ProblemError:
+    """409 because a part is held."""
+    return ProblemError(409, "part-held", "The gripper holds a part", words)
 
 
 def unready(reasons: list[str]) -> ProblemError:
@@ -109,6 +124,12 @@ def model_changed() -> ProblemError:
         "Another model has come into use",
         "the job was planned with the model before; send it again",
     )
+
+
+def require_same(job: str, fingerprint: str, sent: str) -> None:
+    """Raise ProblemError where a key comes with another request than the one it has created."""
+    if fingerprint != sent:
+        raise key_reused(job)
 
 
 def key_reused(job: str) -> ProblemError:
