@@ -3,35 +3,24 @@
 The same motion in voltage, and the same identification; in a study no supervisor runs.
 """
 
-from collections.abc import Callable
-
-from msgspec.structs import replace
-
 from pincette.config import IdentifiedFreeResponse, RigFile, derived
 from pincette.control.planning.calibration_programs import (
-    FREE,
     full_cycles,
-    voltage_moves,
 )
 from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
     PRESS_CYCLES,
     free_response_program,
+    rehearsed_grips,
 )
 from pincette.control.planning.paths import Path
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
 from pincette.control.response.free_calibration import FreeMotion, calibrate_free_response
-from pincette.control.response.identification import HELD_OUT
-from pincette.control.response.model_errors import structure_function
-from pincette.core.faults import Outcome
-from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
+from pincette.core.messages import Estimate, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
-from pincette.engine.simulated import simulated_bench
 from pincette.engine.teaching import SPEED_FACTOR, free_range_um, without_part
-from pincette.sim.bench import Bench
 from pincette_study.closed_loop import StudyError, outcome
 
-FORCE_MAX_MN = 1e3
 LINE_ERROR = 0.5
 """Share of the travel by which the first stroke of an unpoled arm may leave the line."""
 
@@ -49,17 +38,10 @@ def with_calibrated_response(rig: RigFile) -> RigFile:
     motion = _motion(rig, program, ComposedLoop(_unknown(rig)).play(program))
     cycle_s = _path(program, "cycles").cycle_s
     found = calibrate_free_response(motion, cycle_s / rig.rig.period_s)
-    unseen = slice(int(motion.course.stop * (1.0 - HELD_OUT)), None)
-    growth = structure_function(
-        found.voltage_V[unseen],
-        (found.x_um - found.model_um)[unseen],
-        motion.period_s,
-        rig.sensor.noise_um,
-    )
     residual_um = max(found.model_residual_um, found.cycles_residual_um)
     taught_V = (min(motion.voltage_V), max(motion.voltage_V))
     table = IdentifiedFreeResponse.from_model(
-        found.model, residual_um, found.press_gain, growth, taught_V
+        found.model, residual_um, found.press_gain, found.rehearsed.growth, taught_V
     )
     update = {"free_response": table, "piezo_um_per_V": found.gain.gain_um_per_V}
     return rig.model_copy(update={"model": rig.model.model_copy(update=update)})
@@ -70,33 +52,6 @@ def _unknown(rig: RigFile) -> RigFile:
     free = without_part(rig)
     update = {"hysteresis_fraction": LINE_ERROR}
     return free.model_copy(update={"model": free.model.model_copy(update=update)})
-
-
-def after_strokes(rig: RigFile) -> ComposedLoop:
-    """A rig that has gone twice over the taught range with the part away; the part is back.
-
-    Such strokes wipe out what an arm has been through before, of which the model knows nothing.
-    """
-    low_V, high_V = (end_um / rig.model.piezo_um_per_V for end_um in free_range_um(rig))
-    turns_V = (high_V, low_V, high_V, low_V, 0.0)
-    rate_V_per_s = SPEED_FACTOR * rig.grip.approach_um_per_s / rig.model.piezo_um_per_V
-    path = voltage_moves([(0.0, rate_V_per_s, 0.0), *((V, rate_V_per_s, 0.5) for V in turns_V)])
-    benches: list[Bench] = []
-
-    def set_up(told: Callable[[GroundTruth], None]) -> Bench:
-        benches.append(simulated_bench(rig, told))
-        return benches[0]
-
-    loop = ComposedLoop(rig, set_up)
-    benches[0].rig.remove_part()
-    # A model that does not know the past reads force off the first stroke: no guard may end it.
-    guards = replace(FREE, force_max_mN=FORCE_MAX_MN)
-    strokes = Segment("strokes", "voltage", path.duration_s, path=path)
-    ended = outcome(loop.play(Program((strokes,), guards, contact_stiffness_mN_per_um=1.0)))
-    if ended != Outcome.MOVED:
-        raise StudyError(f"the strokes over the taught range ended {ended!r}")
-    benches[0].rig.place_part()
-    return loop
 
 
 def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMotion:
@@ -125,6 +80,7 @@ def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMoti
         presses=whole("presses", PRESS_CYCLES),
         before_step=of("before step"),
         after_step=of("creep"),
+        grips=rehearsed_grips(of, program),
     )
 
 

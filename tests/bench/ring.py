@@ -20,7 +20,7 @@ from queue import SimpleQueue
 
 import zenoh
 
-from pincette.bus.zenoh_bus import open_session
+from pincette.bus.session import open_session
 from pincette.core.codec import decode, encode
 from pincette.core.topics import LOOP
 from pincette.instruments.link import open_link
@@ -44,7 +44,8 @@ def main(role: str, url: str, port: int, kind: str = "") -> None:
     coded = kind == "coded"
     whole = coded or kind == "whole"
     place = routed_ends(port) if kind == "routed" else ends(port, role, whole=whole)
-    session = open_session(place, role)
+    joined = open_session(place, role)
+    session = joined.session
     link = open_link(url, baud=115200, timeout_s=5.0) if role in REQUESTS else None
     queue: SimpleQueue[int] = SimpleQueue()
     payload = bytes(SIZES[role])
@@ -86,7 +87,7 @@ def main(role: str, url: str, port: int, kind: str = "") -> None:
         if link is not None:
             link.exchange(REQUESTS[role])
         publisher.put(encode(said) if coded else payload)
-    session.close()
+    joined.close()
 
 
 def _leash(queue: "SimpleQueue[int]") -> None:

@@ -142,14 +142,15 @@ def kill(rig: RunningRig, name: str) -> float:
     return now
 
 
-def restart(rig: RunningRig, name: str) -> None:
-    """Start a program that has been killed again."""
-    process = rig.fleet.members[name].process
-    process.wait(5.0)
-    for stream in (process.stdin, process.stdout):
-        if stream is not None:
-            stream.close()
-    rig.fleet.start([name])
+def restart(rig: RunningRig, *names: str) -> None:
+    """Start programs that have ended again, together."""
+    for name in names:
+        process = rig.fleet.members[name].process
+        process.wait(5.0)
+        for stream in (process.stdin, process.stdout):
+            if stream is not None:
+                stream.close()
+    rig.fleet.start(names)
 
 
 def refused(rig: RunningRig) -> Json:

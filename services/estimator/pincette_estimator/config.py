@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from msgspec.structs import replace
-
 from pincette.config import RigFile, derived
 from pincette.control.arm.plant import DifferenceEquation, discretize
 from pincette.control.force.contact_detector import KinkLimits, kink_limits
@@ -24,7 +22,10 @@ class EstimatorConfig:
     response: FreeResponse
     """x_1 before anything has happened: the arm unpoled, at 0 V."""
     unknown: UnknownPast
-    """What the arm may have been through before; in lockstep it is new, as the simulation is."""
+    """What the arm may have been through before.
+
+    A simulated arm that starts with the programs is new, but not every new arm is as the model's.
+    """
     residual: ResidualTable | None
     """What x_1 misses along the program that is armed; None: nobody has measured it."""
     observer: ForceObserver
@@ -56,7 +57,7 @@ def configure(rig: RigFile) -> EstimatorConfig:
         period_s=period_s,
         plant=discretize(model.arm(), period_s),
         response=response,
-        unknown=replace(unknown, known=True) if rig.lockstep else unknown.judged(response),
+        unknown=unknown.judged(response),
         residual=derived.residual(model),
         observer=observer,
         compliance_um_per_mN=s_p,

@@ -13,10 +13,10 @@ from msgspec import field
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.force.contact_detector import ContactDetector
 from pincette.control.force.observers import ForceObserver
-from pincette.control.force.reversal_memory import ReversalMemory
 from pincette.control.record import FrozenRecord
 from pincette.control.response.free_response import FreeResponse, FreeSample
 from pincette.control.response.residual_table import Residual
+from pincette.control.response.reversal_memory import ReversalMemory
 from pincette.control.response.unknown_past import UnknownPast
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.messages import Applied, Position

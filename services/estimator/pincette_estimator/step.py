@@ -1,13 +1,17 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
+from math import hypot
+
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.arm.plant import perturbation
 from pincette.control.force.contact_detector import ContactDetector
-from pincette.control.force.reversal_memory import ReversalMemory
+from pincette.control.force.estimation import COVERAGE
 from pincette.control.force.zeroing import zero_refusal
-from pincette.control.response.free_response import FreeSample
+from pincette.control.response.free_response import FreeSample, rest_mean
+from pincette.control.response.reversal_memory import ReversalMemory
+from pincette.control.response.unknown_past import UnknownPast
 from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
 from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
@@ -146,12 +150,24 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
     return replace(
         state,
         response=response.rezero(state.samples, config.zero_limits.rest_samples),
-        unknown=state.unknown.rezero(response),
+        unknown=_compared(config, state, t_s).rezero(response),
         contact_detector=state.contact_detector.restarted(position.x_um, nominal_um),
         reversal_memory=ReversalMemory(applied.voltage_V),
         zero_s=t_s,
         zero_refusal=None,
     )
+
+
+def _compared(config: EstimatorConfig, state: State, t_s: float) -> UnknownPast:
+    """What a free arm has told of its past since the last zero; nothing before the first."""
+    if state.zero_s is None:
+        return state.unknown
+    response, count = state.response, config.zero_limits.rest_samples
+    standard_um = hypot(
+        response.error_um(), creep_um(config, t_s - state.zero_s) / COVERAGE, config.noise_um
+    )
+    residual_um = response.residual_um(rest_mean(state.samples, count))
+    return state.unknown.compared(response, residual_um, standard_um)
 
 
 def _estimate(

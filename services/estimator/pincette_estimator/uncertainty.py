@@ -3,7 +3,7 @@
 from math import hypot, log10
 
 from pincette.control.force.estimation import COVERAGE, uncertainty
-from pincette.control.force.reversal_memory import forgotten_mN
+from pincette.control.response.reversal_memory import forgotten_share
 from pincette.control.response.unknown_past import standard_uncertainty_um
 from pincette_estimator.config import EstimatorConfig
 from pincette_estimator.state import State
@@ -16,11 +16,8 @@ def uncertainty_mN(config: EstimatorConfig, state: State, zero_age_s: float) -> 
     what is left of them is its error. Past the end of what was played creep begins anew.
     """
     free_um = state.response.error_um()
-    lost_mN = forgotten_mN(
-        state.reversal_memory.total_V,
-        full_mN=config.forgotten_mN,
-        scale_V=config.forgotten_scale_V,
-    )
+    share = forgotten_share(state.reversal_memory.total_V, config.forgotten_scale_V)
+    lost_mN = share * config.forgotten_mN
     if config.residual is not None and state.missed is not None and state.zero_s is not None:
         free_um, lost_mN = config.residual.error_um, 0.0
         zero_age_s = state.missed.beyond * config.period_s

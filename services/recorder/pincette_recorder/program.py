@@ -14,7 +14,6 @@ from pincette.core.faults import FaultCode, fault
 from pincette.core.messages import Finish, Message, Record, Status
 from pincette.core.topics import FINISH, RECORD, STATUS, TOPICS
 from pincette.engine.program import Context
-from pincette.engine.realtime.os_scheduling import lower_priority
 from pincette_recorder import record_repair, retention
 from pincette_recorder.config import RecorderConfig, configure
 from pincette_recorder.intake import Intake
@@ -121,8 +120,6 @@ class Recorder:
 def run(context: Context) -> None:
     """Record until the program is stopped."""
     config = configure(context.rig, context.data)
-    if not context.rig.lockstep:
-        lower_priority()
     with closing(context.open_bus()) as bus:
         recorder = Recorder(config, bus)
         recorder.serve()

@@ -10,7 +10,6 @@ from fastapi import FastAPI
 
 from pincette.config import RigFile
 from pincette.engine.program import Context
-from pincette.engine.realtime.os_scheduling import lower_priority
 from pincette_supervisor.access.access import Access, TokenBuckets, authenticator_of, require_key
 from pincette_supervisor.access.key_sync import KeySync
 from pincette_supervisor.attention import ATTENTION
@@ -57,8 +56,6 @@ def run(context: Context) -> None:
         listener = stack.enter_context(closing(bind(config.host, config.port)))
         worker = stack.enter_context(closing(Worker(played)))
         worker.begin()
-        if not context.rig.lockstep:  # in lockstep the loop waits for late programs
-            lower_priority()
         import_functions()
         store = stack.enter_context(closing(Store(config.store)))
         access = Access(authenticator_of(config), names=config.names, buckets=TokenBuckets())

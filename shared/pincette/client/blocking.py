@@ -166,6 +166,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
     job = blocking(AsyncRigHandle.job, JobHandle)
     active_job = blocking(AsyncRigHandle.active_job, _optional)
     events = iterator(AsyncRigHandle.events)
+    live = iterator(AsyncRigHandle.live)
     estop = blocking(AsyncRigHandle.estop)
     reset = blocking(AsyncRigHandle.reset)
     queue = blocking(AsyncRigHandle.queue)
@@ -236,3 +237,4 @@ class Supervisor(Blocking[AsyncSupervisor]):
     acknowledge = blocking(AsyncSupervisor.acknowledge)
     session = blocking(AsyncSupervisor.session)
     audit = blocking(AsyncSupervisor.audit)
+    audit_chain = blocking(AsyncSupervisor.audit_chain)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import httpx
 
-from pincette.api.access import AuditEntry, AuditList, Session
+from pincette.api.access import AuditChain, AuditEntry, AuditList, Session
 from pincette.api.calibrations import Proposal, ProposalList
 from pincette.api.events import Alarm, AlarmList, Event
 from pincette.api.jobs import Job
@@ -173,6 +173,10 @@ class AsyncSupervisor:
         """Requests that change something, the newest first; those before a number."""
         found = await self.transport.send(get("/audit", AuditList, limit=limit, before=before))
         return found.entries
+
+    async def audit_chain(self, link: str | None = None) -> AuditChain:
+        """Whether the audit log is whole, and holds a newest link that was noted before."""
+        return await self.transport.send(get("/audit/chain", AuditChain, link=link))
 
 
 def _only(rigs: Sequence[Rig]) -> str:

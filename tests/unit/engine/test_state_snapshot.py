@@ -7,10 +7,10 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.config import RigFile, parse_rig
-from pincette.control.force.reversal_memory import ReversalMemory
 from pincette.control.response.free_response import LinearResponse
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.recorded_response import RecordedResponse
+from pincette.control.response.reversal_memory import ReversalMemory
 from pincette.core.service import AnyService
 from pincette.engine.request_log import restored, snapshot
 from pincette_actuator import SERVICE as ACTUATOR

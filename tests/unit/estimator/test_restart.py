@@ -49,17 +49,25 @@ class FreeArm:
         self.at_V = voltage_V
         return self.bench.feed(self.state.x_um, voltage_V, zero=zero)
 
-    def rest(self, seconds: float) -> list[Estimate]:
-        return [self.tick(self.at_V) for _ in range(round(seconds / PERIOD_S))]
-
-    def stroke(self, epoch: int) -> list[Estimate]:
-        """As in a grip: zero half way up, then to the voltage that presses, and hold."""
-        self.bench.arm(epoch)
-        self.move(ZERO_V)
+    def zero(self) -> None:
         self.rest(0.4)
         zeroed = self.tick(self.at_V, zero=True)
         assert zeroed.zero_refusal is None
         assert zeroed.zero_age_s == 0.0
+
+    def rest(self, seconds: float) -> list[Estimate]:
+        return [self.tick(self.at_V) for _ in range(round(seconds / PERIOD_S))]
+
+    def stroke(self, epoch: int, *, from_zero: bool = False) -> list[Estimate]:
+        """As in a grip: zero half way up, then to the voltage that presses, and hold.
+
+        With ``from_zero`` there is a zero before it moves, too.
+        """
+        self.bench.arm(epoch)
+        if from_zero:
+            self.zero()
+        self.move(ZERO_V)
+        self.zero()
         found = [*self.move(PRESS_V), *self.rest(2.0)]
         self.move(0.0)
         self.rest(0.5)
@@ -76,16 +84,17 @@ def a_past(arm: FreeArm, seed: int) -> None:
     arm.rest(draw.uniform(0.0, 3.0))
 
 
+@pytest.mark.parametrize("from_zero", [False, True])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_force_after_a_restart_is_within_what_is_stated(
-    free: PlantParameters, seed: int
+    free: PlantParameters, seed: int, *, from_zero: bool
 ) -> None:
     arm = FreeArm(free)
     a_past(arm, seed)
     arm.bench = Bench(configure(DEMO))
     beyond = [
         (one.force_mN, one.force_uncertainty_mN)
-        for one in arm.stroke(2)
+        for one in arm.stroke(2, from_zero=from_zero)
         if abs(one.force_mN) > one.force_uncertainty_mN
     ]
     assert beyond == [], f"seed {seed}"
@@ -101,6 +110,12 @@ def test_without_a_restart_the_same_stroke_errs_by_less(free: PlantParameters) -
             arm.bench = Bench(configure(DEMO))
         worst[restarts] = max(abs(one.force_mN) for one in arm.stroke(2))
     assert worst[True] > 2.0 * worst[False]
+
+
+def test_the_approach_of_a_new_arm_tells_that_it_is_new(free: PlantParameters) -> None:
+    held = {from_zero: FreeArm(free).stroke(1, from_zero=from_zero)[-1] for from_zero in (0, 1)}
+    assert held[0].force_uncertainty_mN > 3.0
+    assert abs(held[1].force_mN) < held[1].force_uncertainty_mN < 1.0
 
 
 def test_a_stroke_makes_less_of_what_is_unknown(free: PlantParameters) -> None:
@@ -123,10 +138,9 @@ def test_it_is_told_until_strokes_have_wiped_it_out(free: PlantParameters) -> No
     assert arm.bench.state.unknown.known
 
 
-def test_in_lockstep_the_simulated_arm_is_new() -> None:
+def test_in_lockstep_a_new_arm_is_not_taken_for_the_models() -> None:
     bench = Bench(configure(LOCKSTEP))
-    assert bench.state.findings == ()
-    assert bench.state.unknown.known
+    assert [finding.code for finding in bench.state.findings] == [FaultCode.MEMORY_UNKNOWN]
 
 
 def test_a_line_has_no_memory_to_lose() -> None:

@@ -42,6 +42,7 @@ DEMANDS: dict[str, set[tuple[str, str]]] = {
         ("post", "/api/v1/calibrations/{calibration}/actions"),
         ("post", "/api/v1/rigs/{rig}/model/actions"),
         ("get", "/api/v1/audit"),
+        ("get", "/api/v1/audit/chain"),
     },
 }
 """What is not as its method lets one expect: reading observes, the rest operates."""
@@ -200,10 +201,75 @@ def test_the_log_is_only_added_to(harness: Harness, ring: ScopeKeys, tmp_path: P
     assert audit(harness, ring)[0]["who"] == "an-observe"
 
 
+def test_stops_of_a_stranger_are_told_once_and_beside_those_of_others(
+    harness: Harness, ring: ScopeKeys
+) -> None:
+    for _ in range(50):
+        assert harness.call("POST", "/api/v1/estop").status_code == 200
+    harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
+    found = {(one["who"], one["action"], one["count"]) for one in audit(harness, ring)}
+    assert found == {
+        ("127.0.0.1", "POST /api/v1/estop", 50),
+        ("an-observe", "POST /api/v1/estop", 1),
+    }
+
+
+def chain(harness: Harness, ring: ScopeKeys, **query: str) -> dict[str, Any]:
+    headers = ring.headers("admin")
+    answer = harness.call("GET", "/api/v1/audit/chain", headers=headers, params=query)
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+TRIGGERS = ("audit_is_append_only", "audit_keeps_the_newest")
+DAMAGES = [
+    ("UPDATE audit SET who = 'nobody' WHERE number = 3", 3),
+    ("UPDATE audit SET status = 403 WHERE number = 5", 5),
+    ("UPDATE audit SET count = 2 WHERE number = 2", 2),
+    ("DELETE FROM audit WHERE number = 3", 4),
+    ("UPDATE audit SET link = 'x' WHERE number = 4", 4),
+    ("UPDATE audit SET number = 9 WHERE number = 5", 9),
+    (
+        "UPDATE audit SET number = 8 WHERE number = 3; "
+        "UPDATE audit SET number = 3 WHERE number = 4; "
+        "UPDATE audit SET number = 4 WHERE number = 8",
+        3,
+    ),
+]
+
+
+@pytest.mark.parametrize(("damage", "broken"), DAMAGES)
+def test_what_was_changed_in_the_file_is_found(
+    harness: Harness, ring: ScopeKeys, tmp_path: Path, damage: str, broken: int
+) -> None:
+    for _ in range(5):
+        harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
+    whole = chain(harness, ring)
+    assert (whole["entries"], whole["first"], whole["newest"]) == (5, 1, 5)
+    assert whole["broken"] is None
+    with closing(sqlite3.connect(tmp_path / "supervisor.sqlite")) as base:
+        for trigger in TRIGGERS:
+            base.execute(f"DROP TRIGGER {trigger}")
+        base.executescript(damage)
+        base.commit()
+    assert chain(harness, ring)["broken"] == broken
+
+
+def test_a_log_that_is_written_anew_lacks_the_link_that_was_noted(
+    harness: Harness, ring: ScopeKeys
+) -> None:
+    harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
+    noted = chain(harness, ring)["link"]
+    harness.call("POST", "/api/v1/estop", headers=ring.headers("operate"))
+    assert chain(harness, ring, link=noted)["found"] is True
+    assert chain(harness, ring, link="0" * 64)["found"] is False
+    assert chain(harness, ring)["found"] is None
+
+
 MANY = """
 WITH RECURSIVE counted(number) AS (SELECT 1 UNION ALL SELECT number + 1 FROM counted LIMIT 200004)
-INSERT INTO audit (at, who, address, action, detail, status, count)
-SELECT '2026-03-01T12:00:00.000Z', 'ann', '127.0.0.1', 'POST /estop', '', 200, 1 FROM counted
+INSERT INTO audit (at, who, address, action, detail, status, count, link)
+SELECT '2026-03-01T12:00:00.000Z', 'ann', '127.0.0.1', 'POST /estop', '', 200, 1, '' FROM counted
 """
 
 

@@ -2,16 +2,18 @@
 
 from pincette.api.endings import Ending
 from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
-from pincette.bus.protocol import BusError, RefusalError
-from pincette.core.faults import Acted, ActionCode, Cause, Outcome
-from pincette.core.messages import Ack, Action, Applied
+from pincette.bus.protocol import BusError
+from pincette.core.faults import Acted, Cause, Outcome
+from pincette.core.messages import Action, Applied
 from pincette.core.topics import ACTION, TELEMETRY, TRIP
 from pincette_supervisor.alarms.trips import TripReason, trip_ending
 from pincette_supervisor.jobs import policies
+from pincette_supervisor.jobs.controller_actions import ControllerActions
 from pincette_supervisor.jobs.deafness import Silence
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import ended_words
+from pincette_supervisor.jobs.missing_samples import MissingSamples
 from pincette_supervisor.jobs.resumption import resumption
 from pincette_supervisor.jobs.stalls import stall_words
 from pincette_supervisor.jobs.tracker import Tracker, gone_words
@@ -49,23 +51,25 @@ class JobMonitor:
         lease_s = policies.lease_s(job.request, self._rig)
         self._silence = Silence(context, self._tracker, job.epoch, lease_s)
         self._watch = Watch(job, planned, self._tracker, context.clock)
+        self._missing = MissingSamples(planned, job.epoch, self._rig.rig.period_s)
+        self._given_up = False
+        """Whether it was stopped since it lacks too many samples."""
         self._last_message_at = context.observer.awake_clock()
         self._applied: Applied | None = None
         """The actuator's newest sample."""
         self._over_at: float | None = None
         self._progress_sent_at = float("-inf")
-        self._asked_in = -1
-        """Count of the job's moves when the controller was last asked for something."""
-        self._effective_seq: int | None = None
-        """The seq at which the action takes effect; None where it was refused."""
-        self._trip_asked = self._pause_asked = self._trip_reported = False
+        self._actions = ControllerActions(context.bus, job, self._tracker)
+        self._trip_asked = self._trip_reported = False
 
     def follow(self) -> None:
         """Return when the arming is over by the actuator's sample, or all programs are silent."""
         tracker, job = self._tracker, self._job
         while True:
             self._watch.look()
-            moved = tracker.update(self._collection.drain())
+            messages = self._collection.drain()
+            moved = tracker.update(messages)
+            self._missing.follow(messages)
             if moved if self._rig.lockstep else self._actuator_published():
                 self._last_message_at = self._context.observer.awake_clock()
             if moved:
@@ -143,8 +147,7 @@ class JobMonitor:
         if "stop" in STATES[state].events and job.move(
             "stop", words, only_from=state, ending=ending
         ):
-            # It acts already: asked again, it would begin anew.
-            self._asked_in, self._effective_seq = job.moves, seq
+            self._actions.acts_since(seq)
 
     def _poll_state(self) -> bool:
         """Act on the state; true where nothing more is to be expected of the rig."""
@@ -168,59 +171,20 @@ class JobMonitor:
         if silence:
             event: Event = "overdue" if "overdue" in STATES[state].events else "trip"
             job.move(event, silence, only_from=state, ending=ending)
+        elif state == "running" and (lack := self._missing.lack):
+            words, ending = lack
+            self._given_up = job.move("stop", words, only_from=state, ending=ending)
         elif state == "stopping":
-            self._stop(moves)
+            if self._actions.stopped_in_hold(moves):
+                self._close("confirm", over=False)
         elif state == "pausing":
-            self._pause(moves)
+            self._actions.pause(moves)
         elif state == "resuming":
-            self._resume(moves)
+            self._actions.resume(moves)
         elif state == "paused" and not tracker.paused:
             # A guard or a release has ended the pause.
             job.move("go_on", only_from="paused")
         return False
-
-    def _ask_once(self, action: ActionCode, state: JobState, moves: int) -> bool:
-        """Ask the controller once in a state; false where it refuses or does not answer."""
-        job = self._job
-        if self._asked_in == moves:
-            return self._effective_seq is not None
-        self._asked_in, self._effective_seq = moves, None
-        try:
-            reply = self._context.bus.call(ACTION, Action(action))
-        except RefusalError:
-            return False  # the program has just ended; its last sample is on its way
-        except BusError as error:
-            job.move("overdue", str(error), only_from=state, ending=Ending(code="unanswered"))
-            return False
-        self._effective_seq = reply.seq if isinstance(reply, Ack) else self._tracker.telemetry_seq
-        return True
-
-    def _took_effect(self) -> bool:
-        """Whether the action has taken effect by the controller's newest sample."""
-        return (
-            self._effective_seq is not None and self._tracker.telemetry_seq >= self._effective_seq
-        )
-
-    def _stop(self, moves: int) -> None:
-        """Ask the controller once; a part that a stop keeps makes the stop complete."""
-        tracker, request = self._tracker, self._job.request
-        self._ask_once(ActionCode(policies.lease_end(request)), "stopping", moves)
-        if tracker.stop_took_effect and tracker.held and policies.on_stop(request) == "hold":
-            self._close("confirm", over=False)
-
-    def _pause(self, moves: int) -> None:
-        self._pause_asked = True
-        self._ask_once(ActionCode.PAUSE, "pausing", moves)
-        if self._took_effect() and self._tracker.paused:
-            self._job.move("rest", only_from="pausing")
-
-    def _resume(self, moves: int) -> None:
-        """Go on where the pause began, or give up a pause that has not begun."""
-        taken = not self._pause_asked or self._ask_once(ActionCode.RESUME, "resuming", moves)
-        if taken and self._pause_asked and not (self._took_effect() and not self._tracker.paused):
-            return
-        self._pause_asked = False
-        self._job.move("go_on", only_from="resuming")
 
     def _abort(self, silence: str) -> bool:
         """Ask the actuator once; where it does not answer, or in time, the job has failed."""
@@ -254,7 +218,7 @@ class JobMonitor:
         elif tracker.trip is not None:
             self._close("confirm" if tracker.trip.cause == Cause.ABORT else "fail")
         elif job.state in ("stopping", "aborting"):
-            self._close("confirm")
+            self._close("fail" if self._given_up else "confirm")
         elif tracker.final_outcome() == Outcome.STOPPED:
             job.move("stop", only_from=job.state)
             self._close("confirm")

@@ -145,6 +145,7 @@ AUDIT = Table(
     Column("detail", String, nullable=False),
     Column("status", Integer, nullable=False),
     Column("count", Integer, nullable=False),
+    Column("link", String, nullable=False),
     sqlite_autoincrement=True,
 )
 """What was asked for and by whom; triggers of the file refuse to change a row, or to lose one."""

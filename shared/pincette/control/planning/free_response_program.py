@@ -1,10 +1,12 @@
 """The free motion in voltage from which the free response, its gain, loop and creep are found.
 
 The course of ``teaching``, in voltage and without a law; then cycles of 2 V peak to peak and
-0.5 Hz, the paper's largest drive, until they are settled; then a step with a rest after it. The
-part is away: nothing is touched.
+0.5 Hz, the paper's largest drive, until they are settled; then a step with a rest after it; then
+grips rehearsed without a part, by which the model's error in a grip is judged. The part is away:
+nothing is touched.
 """
 
+from collections.abc import Callable
 from math import isfinite, pi
 
 from pincette.control.checks import require_positive
@@ -16,8 +18,10 @@ from pincette.control.planning.calibration_programs import (
 )
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.teaching import COURSE
+from pincette.control.response.model_errors import RehearsedGrip
 
 GAIN_PP_V, GAIN_HZ = 2.0, 0.5
 """Drive at which d_p is stated: section VI.B of the paper."""
@@ -30,20 +34,40 @@ PRESS_CYCLES = 4
 """Of those after they have settled."""
 CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
 """Rest before the step, so that older creep is slow beside that which is looked at, and after."""
+REHEARSED = ((0.50, 0.62), (0.55, 0.88), (0.60, 0.75), (0.52, 0.95), (0.57, 0.70), (0.50, 0.82))
+"""Shares of the range at which a part would be met, and to which it would be pressed."""
+BEFORE_S, ZERO_S, HELD_S = 0.4, 0.4, 5.0
+"""Rests of a rehearsal: before it and after it, where a grip is zeroed, and pressed."""
+SWINGS_EVERY = 3
+"""Each so many rehearsals, the hold goes on with small swings, as sensor noise and a law make."""
+SMALL_PP_V, SMALL_HZ, SMALL_S = 0.02, 12.5, 4.0
+"""Small swings, 1 V to and fro in all, as in a hold of some 30 s; little wider than those of noise,
+since relays know swings by their width."""
+SMALL_SAMPLES = 4.0
+"""Samples that a small swing has at least."""
 
 
 def free_response_program(
-    rig: PlannedRig, *, from_V: float, to_V: float, rate_V_per_s: float, rest_V: float = 0.0
+    rig: PlannedRig,
+    *,
+    from_V: float,
+    to_V: float,
+    rate_V_per_s: float,
+    rest_V: float = 0.0,
+    grip_V_per_s: float | None = None,
 ) -> Program:
     """Phases ``teach``, ``before presses``, ``presses``, ``after presses``, ``cycles``,
-    ``before step``, ``step``, ``creep`` and ``return``.
+    ``before step``, ``step``, ``creep`` and ``return``; then of each rehearsal N, from 1 on,
+    ``approach N``, ``press N``, of some ``small swings N``, and ``let go N``.
 
     Parameters
     ----------
     from_V, to_V
         Voltages that a grip needs.
     rate_V_per_s
-        Peak rate of the fastest moves.
+        Peak rate of the fastest moves of the course.
+    grip_V_per_s
+        Peak rate of the rehearsed grips; None: as the course.
     rest_V
         Voltage at which it begins and ends.
 
@@ -90,6 +114,9 @@ def free_response_program(
     # As fast as may be: creep is looked at from the middle of the step on.
     step = voltage_moves([(from_V, 0.0, 0.0), (to_V, rig.limits.slew_V_per_s, 0.0)])
     back = voltage_moves([(to_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, 0.5)])
+    quick_V_per_s = grip_V_per_s or rate_V_per_s
+    require_within("rate of the grips", quick_V_per_s, "V/s", 0.0, rig.limits.slew_V_per_s)
+    grips = [(from_V + contact * way_V, from_V + pressed * way_V) for contact, pressed in REHEARSED]
     return free_program(
         Segment("teach", "voltage", teach.duration_s, path=teach),
         Segment("before presses", "voltage", lead.duration_s, path=lead),
@@ -100,7 +127,51 @@ def free_response_program(
         Segment("step", "voltage", step.duration_s, path=step),
         Segment("creep", "voltage", CREEP_S),
         Segment("return", "voltage", back.duration_s, path=back),
+        *[
+            segment
+            for number, grip_V in enumerate(grips, start=1)
+            for segment in _rehearsal(rig, number, (rest_V, *grip_V), quick_V_per_s)
+        ],
     )
+
+
+def _rehearsal(
+    rig: PlannedRig, number: int, voltages_V: tuple[float, float, float], rate_V_per_s: float
+) -> list[Segment]:
+    """A grip without a part, from rest to contact to press and back."""
+    rest_V, contact_V, press_V = voltages_V
+    approach = voltage_moves([(rest_V, 0.0, BEFORE_S), (contact_V, rate_V_per_s, ZERO_S)])
+    press = voltage_moves([(contact_V, 0.0, 0.0), (press_V, rate_V_per_s, HELD_S)])
+    let_go = voltage_moves([(press_V, 0.0, 0.0), (rest_V, rate_V_per_s, BEFORE_S)])
+    paths = [("approach", approach), ("press", press), ("let go", let_go)]
+    if number % SWINGS_EVERY == 0:
+        paths.insert(2, ("small swings", _small_swings(rig, press_V)))
+    return [
+        Segment(f"{what} {number}", "voltage", path.duration_s, path=path) for what, path in paths
+    ]
+
+
+def rehearsed_grips(
+    samples_of: Callable[[str], slice], program: Program
+) -> tuple[RehearsedGrip, ...]:
+    """Samples of the rehearsals of such a program, by those of a phase."""
+    phases = {segment.phase for segment in program.segments}
+    return tuple(
+        RehearsedGrip(
+            samples_of(f"approach {number}"),
+            samples_of(f"press {number}"),
+            samples_of(f"small swings {number}") if f"small swings {number}" in phases else None,
+        )
+        for number in range(1, len(REHEARSED) + 1)
+    )
+
+
+def _small_swings(rig: PlannedRig, mean_V: float) -> Path:
+    """About a voltage, or so near to it that they stay within the limits."""
+    limits, half_V = rig.limits, 0.5 * SMALL_PP_V
+    about_V = min(max(mean_V, limits.voltage_min_V + half_V), limits.voltage_max_V - half_V)
+    hz = min(SMALL_HZ, 1.0 / (SMALL_SAMPLES * rig.period_s))
+    return sinusoid("voltage", about_V, SMALL_PP_V, hz, max(1, round(SMALL_S * hz)))
 
 
 def cycles_mean_V(rig: PlannedRig, rest_V: float = 0.0) -> float:

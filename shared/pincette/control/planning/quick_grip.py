@@ -6,9 +6,12 @@ the force rises by the stiffness K_e/S of part and arm in series:
     F = F_touch + K_e/S·v·n·T,    K_e/S = 1/(1/K_e + s_p),  S = 1 + s_p·K_e
 
 At the touch this must be below half of the planned force, of the hardest part there may be, so that
-the other half is left for the load. From there F_r is a quintic that begins with the rate K_e·v and
-ends at rest. With the way ΔF/K_e still to go it falls smoothly from v to 0 in 2·ΔF/(K_e·v), and
-passes its end where it takes more than 2.5·ΔF/(K_e·v).
+the other half is left for the load. On the approach, where a part is met that is nearer than
+planned, it may be three quarters: no load follows, and the rest is left for turning back.
+
+From the touch F_r is a quintic that begins with the rate K_e·v and ends at rest. With the way
+ΔF/K_e still to go it falls smoothly from v to 0 in 2·ΔF/(K_e·v), and passes its end where it takes
+more than 2.5·ΔF/(K_e·v).
 """
 
 from typing import NamedTuple
@@ -22,8 +25,9 @@ LOAD_PERIODS = 15
 SMOOTH, LONGEST = 2.0, 2.5
 """Duration of a load from the speed v over the way d, in d/v: falling smoothly, and without passing
 its end."""
-FORCE_SHARE = 0.5
-"""Of the planned force that may be there when the touch is believed."""
+FORCE_SHARE, EARLY_SHARE = 0.5, 0.75
+"""Of the planned force that may be there when a touch is believed: where it is expected, and of a
+part that is nearer than planned."""
 SLEW_SHARE = 0.6
 """Of the slew limit that an approach uses where nobody names its speed: hysteresis takes more."""
 HALVINGS = 30
@@ -79,10 +83,10 @@ class QuickSpeeds(NamedTuple):
         }
 
 
-def speed_limit(touch: Touch, rig: PlannedRig) -> float:
-    """Highest speed in µm/s at which the touch is believed in time; 0 or less where none is."""
+def speed_limit(touch: Touch, rig: PlannedRig, share: float = FORCE_SHARE) -> float:
+    """Highest speed in µm/s at which a touch is believed in time; 0 or less where none is."""
     series = 1.0 / (1.0 / touch.hardest_mN_per_um + rig.compliance_um_per_mN)
-    room_mN = FORCE_SHARE * touch.force_mN - touch.contact_force_mN
+    room_mN = share * touch.force_mN - touch.contact_force_mN
     return room_mN / (series * CONTACT_SAMPLES * rig.period_s)
 
 
@@ -115,9 +119,10 @@ def quick_speeds(
     limit = speed_limit(touch, rig)
     if limit <= 0.0:
         return None
+    early = speed_limit(touch, rig, EARLY_SHARE)
     least_s = LOAD_PERIODS * rig.period_s
     slew = SLEW_SHARE * rig.limits.slew_V_per_s * rig.piezo_um_per_V
-    approach = asked.approach_um_per_s or min(usual.approach_um_per_s, limit, slew)
+    approach = asked.approach_um_per_s or min(usual.approach_um_per_s, early, slew)
     peak = asked.load_um_per_s or usual.load_um_per_s
     seek = asked.seek_um_per_s or min(usual.seek_um_per_s, peak, limit)
     way_um = _way_um(touch, rig, seek)
@@ -130,9 +135,12 @@ def quick_speeds(
     unload_s = asked.load_s or max(least_s, minimum_duration(unload_um, peak))
     longest_s = max(least_s, LONGEST * way_um / seek)
     found: list[Violation] = []
-    for name, value in (("approach", asked.approach_um_per_s), ("seek", asked.seek_um_per_s)):
-        if value is not None and value > limit * (1.0 + 1e-9):
-            found.append(_too_fast(f"{name}_um_per_s", value, limit, touch, rig))
+    for name, value, share in (
+        ("approach_um_per_s", asked.approach_um_per_s, EARLY_SHARE),
+        ("seek_um_per_s", asked.seek_um_per_s, FORCE_SHARE),
+    ):
+        if value is not None and value > speed_limit(touch, rig, share) * (1.0 + 1e-9):
+            found.append(_too_fast(name, value, share, touch, rig))
     if asked.load_um_per_s is not None and asked.load_um_per_s < seek * (1.0 - 1e-9):
         message = (
             f"load_um_per_s = {asked.load_um_per_s:g} µm/s is below the speed of the seek, "
@@ -165,7 +173,8 @@ def _way_um(touch: Touch, rig: PlannedRig, speed: float) -> float:
     return max(0.1 * touch.force_mN, touch.force_mN - begun_mN) / K_e
 
 
-def _too_fast(name: str, value: float, limit: float, touch: Touch, rig: PlannedRig) -> Violation:
+def _too_fast(name: str, value: float, share: float, touch: Touch, rig: PlannedRig) -> Violation:
+    limit = speed_limit(touch, rig, share)
     at_mN = force_at_touch_mN(
         touch.contact_force_mN,
         touch.hardest_mN_per_um,
@@ -176,7 +185,7 @@ def _too_fast(name: str, value: float, limit: float, touch: Touch, rig: PlannedR
     message = (
         f"{name} = {value:g} µm/s is above {limit:.3g} µm/s: within {CONTACT_SAMPLES} periods of "
         f"{rig.period_s:g} s the force would be {at_mN:.2f} mN before the touch is believed, more "
-        f"than half of {touch.force_mN:g} mN: go more slowly, shorten the period, or plan more "
-        "force"
+        f"than {100.0 * share:g} % of {touch.force_mN:g} mN: go more slowly, shorten the period, "
+        "or plan more force"
     )
     return Violation(f"/{name}", "speed", value, limit, "µm/s", 0.0, message)

@@ -2,9 +2,10 @@
 
 A zero takes off what the model errs by there; what it errs by later is a difference of two errors,
 
-    E(w) = √⟨[r(t) - r(t_0)]²⟩  over all t, t_0 with |u(t) - u(t_0)| = w,    r = x - x_1
+    E(w) = √⟨[r(t) - r(t_0)]²⟩,    |u(t) - u(t_0)| = w,    r = x - x_1
 
-``model_errors.structure_function`` finds it; the estimator reads it.
+over grips that are rehearsed without a part, t_0 being where they would be zeroed:
+``model_errors.rehearsed_errors`` finds it, the estimator reads it.
 """
 
 from collections.abc import Sequence

@@ -26,7 +26,15 @@ from pincette.control.response.identification import (
     Identification,
     identify_free_response,
 )
-from pincette.control.response.model_errors import Value, line_error, unknown_creep
+from pincette.control.response.model_errors import (
+    Forgetting,
+    Rehearsed,
+    RehearsedGrip,
+    Value,
+    line_error,
+    rehearsed_errors,
+    unknown_forgetting,
+)
 
 CREEP_FROM_S = 0.1
 """Since the end of the step; before, the arm still swings."""
@@ -46,7 +54,8 @@ class FreeMotion:
     """One record of a free arm, N samples of matched ages: ``voltage_V[k]`` led to ``x_um[k]``.
 
     It begins with the course that the model is identified from. Slices of it are those of the
-    cycles and the presses at full amplitude, of the rest before the step, and of the rest after it.
+    cycles and the presses at full amplitude, of the rest before the step, of the rest after it, and
+    of the rehearsed grips.
     """
 
     voltage_V: Sequence[float] | Column
@@ -57,6 +66,7 @@ class FreeMotion:
     presses: slice
     before_step: slice
     after_step: slice
+    grips: Sequence[RehearsedGrip]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +87,10 @@ class FreeCalibration:
     """R.m.s. of the cycles about the model, its mean taken off."""
     line_error: Value
     """Of a straight line in place of the model, as a share of the travel."""
-    unknown_creep_um: Value
-    """Per decade, that the model does not follow in a hold."""
+    forgetting: Forgetting
+    """Error of the model under a small to-and-fro."""
+    rehearsed: Rehearsed
+    """Errors of the model since a zero."""
     unpoled: bool
     """Whether the model was fitted to an actuator that began without a memory."""
     t_s: Column
@@ -121,6 +133,7 @@ def calibrate_free_response(
     presses = secant_gain(u[motion.presses], x[motion.presses], samples_per_cycle)
     modelled = secant_gain(u[motion.presses], free[motion.presses], samples_per_cycle)
     cycles_residual_um = float(np.std(left[motion.cycles]))
+    swings = [grip.swings for grip in motion.grips if grip.swings is not None]
     _require_explained(max(identified.residual_um, cycles_residual_um), x, creep)
     return FreeCalibration(
         gain=gain,
@@ -131,9 +144,8 @@ def calibrate_free_response(
         press_gain=presses.stroke_um / modelled.stroke_um,
         cycles_residual_um=cycles_residual_um,
         line_error=line_error((gain, presses)),
-        unknown_creep_um=unknown_creep(
-            (left[_rest(motion)], left[motion.after_step]), motion.period_s
-        ),
+        forgetting=unknown_forgetting(u, left, motion.period_s, swings),
+        rehearsed=rehearsed_errors(u, left, motion.period_s, motion.grips),
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
         voltage_V=u,
@@ -162,14 +174,6 @@ def _require_explained(residual_um: float, x: Column, creep: Creep) -> None:
             f"{noise_um:.3f} µm. Something beside hysteresis and creep moves the arm: take away "
             "what it may touch, let the bench come to rest, and calibrate again"
         )
-
-
-def _rest(motion: FreeMotion) -> slice:
-    """The samples before the step in which the voltage rests."""
-    u = np.asarray(motion.voltage_V, dtype=np.float64)[motion.before_step]
-    moved = np.flatnonzero(np.diff(u))
-    first = motion.before_step.start + (int(moved[-1]) + 1 if len(moved) else 0)
-    return slice(first, motion.before_step.stop)
 
 
 def _identified(

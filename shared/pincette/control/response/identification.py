@@ -3,14 +3,14 @@
 The plays p_i(u) are known, and the displacement is linear in their weights; the creep is that of
 the static output which the weights make, so weights and creep are found together:
 
-    x_k ≈ y_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ w_i·p_i
+    x_k ≈ y_k + Σ κ_j·c_j(y)_k + offset,    y = q·u² + Σ (w_i·p_i + a_i·p_i² + b_i·p_i³)
 
 Neighbouring plays are nearly collinear: the solution is held by a ridge. Weights may be negative,
 so that a branch may bend either way; what must hold, a displacement that rises with the voltage,
 is checked of the model that results. The residual is that of this model, simulated.
 
-What least squares cannot give, the families of plays, curvature and ridge, is chosen by motion
-that the coefficients were not fitted to; and motion that the choice has not seen gives the
+What least squares cannot give, the families of plays, curvature, bends and ridge, is chosen by
+motion that the coefficients were not fitted to; and motion that the choice has not seen gives the
 residual.
 
 A family of plays has thresholds r_i spread over the travel, and fadings λ_i = c/r_i: each of its
@@ -20,9 +20,9 @@ family of c = 0 forgets nothing. Turned at its threshold a play yields again aft
     r·ln[(1 + c)/(1 - c)]/c,    2·r where c = 0
 """
 
-from collections.abc import Sequence
-from itertools import product
-from math import inf, log
+from collections.abc import Callable, Sequence
+from itertools import pairwise, product
+from math import inf, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +32,7 @@ from pincette.control.checks import require_as_many, require_positive
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import (
     Column,
+    bend_columns,
     low_passed,
     moved_um,
     play_columns,
@@ -58,6 +59,8 @@ SHARE_OF_CHOICE = 0.25
 """Of the record, before the part held out: what families, curvature, ridge are chosen by."""
 HELD_OUT = 0.25
 """Share of the record, the last one, that the coefficients are not fitted to."""
+PARTS = 3
+"""Of the samples that are fitted, by which bends are chosen."""
 WORTH = 0.9
 """Another candidate must leave less than this share of what the present one leaves: by a few per
 cent two spans of one record differ anyway."""
@@ -81,6 +84,8 @@ class Candidates(NamedTuple):
     )
     """r·λ of each family of plays; several families blend several rates of forgetting."""
     curved: tuple[bool, ...] = (False, True)
+    bent: tuple[bool, ...] = (False, True)
+    """Whether plays that forget nothing are bent, with the curvature."""
     ridges: tuple[float, ...] = (1e-6, 1e-4)
     """Share of the columns' mean square: 1e-6 bounds the condition number by 1e3·√columns."""
 
@@ -91,7 +96,13 @@ ALL = Candidates()
 class _Choice(NamedTuple):
     families: tuple[float, ...]
     curved: bool
+    bent: bool
     ridge: float
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is such a model: bends go with curvature and with plays that keep."""
+        return not self.bent or (self.curved and not any(self.families))
 
 
 class _Record(NamedTuple):
@@ -110,7 +121,7 @@ class _Plays(NamedTuple):
     thresholds_V: tuple[float, ...]
     fadings_per_V: tuple[float, ...]
     columns: NDArray[np.float64]
-    """p_i, and in the last column u²."""
+    """p_i, then u²; and then where nothing fades the squares of p_i, i > 0, and all cubes."""
     passed: NDArray[np.float64]
     """Creep states of each column."""
 
@@ -203,7 +214,9 @@ def _require_usable(u: Column, x: Column, threshold_V: float) -> None:
         raise ValueError(f"the voltage travels {travel_V:.3f} V, must be at least {wanted_V:.3f} V")
 
 
-def _require_travel(use: str, record: _Record, samples: slice, wanted_V: float) -> None:
+def _require_travel(
+    use: str, record: _Record, samples: slice | NDArray[np.int_], wanted_V: float
+) -> None:
     u = record.u[samples]
     travel_V = float(np.ptp(u)) if len(u) else 0.0
     if not travel_V >= wanted_V:
@@ -230,13 +243,38 @@ def _choose(record: _Record, fitted: int, candidates: Candidates) -> _Choice:
     """By what each leaves of the middle of the record; a richer one has to be worth it."""
     until = int(fitted - SHARE_OF_CHOICE * len(record.u))
     choices = [_Choice(*values) for values in product(*candidates)]
+    choices = [choice for choice in choices if choice.possible]
+    plain = [choice for choice in choices if not choice.bent]
+    bent = [choice for choice in choices if choice.bent]
+    best = _best(plain, lambda choice: _left(record, until, fitted, choice))
+    # Bends have so many coefficients that they want most of the record, part after part.
+    return _best([*best, *bent], lambda choice: _left_in_turn(record, fitted, choice))[0]
+
+
+def _best(choices: Sequence[_Choice], left: Callable[[_Choice], float]) -> Sequence[_Choice]:
+    """The one that leaves least, a later one only where it is worth it; none of none."""
+    if len(choices) < 2:
+        return choices
     best, least = choices[0], inf
-    if len(choices) > 1:
-        for choice in choices:
-            left = _left(record, until, fitted, choice)
-            if left < WORTH * least:
-                best, least = choice, left
-    return best
+    for choice in choices:
+        leaves = left(choice)
+        if leaves < WORTH * least:
+            best, least = choice, leaves
+    return [best]
+
+
+def _left_in_turn(record: _Record, end: int, choice: _Choice) -> float:
+    """What a choice leaves of each part of the known samples, fitted to the others, r.m.s."""
+    edges = np.linspace(record.known, end, PARTS + 1).astype(int)
+    found: list[float] = []
+    for since, until in pairwise(edges.tolist()):
+        others = np.r_[record.known : since, until:end]
+        try:
+            model = _fitted(record, others, choice)
+        except ValueError:
+            return inf
+        found.append(_missed_um(record, model, choice, slice(since, until)))
+    return sqrt(sum(value * value for value in found) / PARTS)
 
 
 def _left(record: _Record, until: int, end: int, choice: _Choice) -> float:
@@ -244,19 +282,28 @@ def _left(record: _Record, until: int, end: int, choice: _Choice) -> float:
         model = _fit(record, until, choice)
     except ValueError:
         return inf  # a candidate that makes an impossible model is none
+    return _missed_um(record, model, choice, slice(until, end))
+
+
+def _missed_um(record: _Record, model: HysteresisModel, choice: _Choice, part: slice) -> float:
     plays = _plays(record, choice.families)
     motion = moved_um(model, plays.columns[:, : len(plays.thresholds_V)], record.u, record.period_s)
-    return float(np.std((record.x - motion)[until:end]))
+    return float(np.std((record.x - motion)[part]))
 
 
 def _fit(record: _Record, until: int, choice: _Choice) -> HysteresisModel:
     """Model fitted to the samples before ``until``."""
+    _require_travel("fitted", record, slice(until), LEAST_TRAVEL_V)
+    return _fitted(record, np.arange(record.known, max(record.known, until)), choice)
+
+
+def _fitted(record: _Record, known: NDArray[np.int_], choice: _Choice) -> HysteresisModel:
+    """Model fitted to some samples."""
     plays = _plays(record, choice.families)
     count = len(plays.thresholds_V)
     used = count + 1 if choice.curved else count
-    known = slice(record.known, until)
-    _require_travel("fitted", record, slice(until), LEAST_TRAVEL_V)
-    _require_enough(max(0, until - record.known), used + len(record.creep_times_s) + 1)
+    used = plays.columns.shape[1] if choice.bent else used
+    _require_enough(len(known), used + len(record.creep_times_s) + 1)
     _require_travel("fitted", record, known, LEAST_TRAVEL_V)
     found = separable_fit(
         plays.columns[known, :used],
@@ -271,12 +318,21 @@ def _fit(record: _Record, until: int, choice: _Choice) -> HysteresisModel:
         creep_fractions=tuple(found.fractions.tolist()),
         fadings_per_V=plays.fadings_per_V,
         curvature_um_per_V2=float(found.weights[count]) if choice.curved else 0.0,
+        squares_um_per_V2=(
+            (0.0, *found.weights[count + 1 : 2 * count].tolist()) if choice.bent else ()
+        ),
+        cubes_um_per_V3=tuple(found.weights[2 * count :].tolist()) if choice.bent else (),
+        bent_V=_range_V(record) if choice.bent else (0.0, 0.0),
     )
     # The model's own check knows neither its curvature nor how its families lie to each other.
     slopes = slopes_um_per_V(model, plays.columns[:, :count], record.u)
     index = int(np.argmin(slopes.min(axis=1)))
     require_positive(f"slope at {record.u[index]:.3f} V", float(slopes[index].min()), "µm/V")
     return model
+
+
+def _range_V(record: _Record) -> tuple[float, float]:
+    return float(np.min(record.u)), float(np.max(record.u))
 
 
 def _plays(record: _Record, families: tuple[float, ...]) -> _Plays:
@@ -291,6 +347,9 @@ def _plays(record: _Record, families: tuple[float, ...]) -> _Plays:
             fadings += [share / threshold for threshold in family]
         plays = play_columns(thresholds, fadings, record.u)
         columns = np.column_stack([plays, record.u**2])
+        if not any(fadings):
+            squares, cubes = bend_columns(plays, _range_V(record))
+            columns = np.column_stack([columns, squares[:, 1:], cubes])
         passed = low_passed(record.creep_times_s, columns, record.period_s)
         fading = tuple(fadings) if any(fadings) else ()
         record.plays[families] = _Plays(tuple(thresholds), fading, columns, passed)

@@ -1,33 +1,43 @@
 """What an identified free response gets wrong, from motion it was not fitted to.
 
-Three errors are told apart, in the terms in which the estimator's uncertainty has them: of the
+Four errors are told apart, in the terms in which the estimator's uncertainty has them: of the
 straight line that stands in for x_1 where nothing is identified, as a share of the travel; of
-the creep that x_1 does not know, per decade of the age of a zero; and of x_1 itself, as it grows
-with the voltage's way since a zero.
+the creep that x_1 does not know, per decade of the age of a zero; of what the actuator forgets
+under a small to-and-fro, by its way; and of x_1 itself, as it grows with the voltage's way since
+a zero.
 """
 
 from collections.abc import Sequence
-from math import sqrt
+from math import fsum, log10, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from pincette.control.calibration.free_motion import SecantGain
-from pincette.control.calibration.lines import straight_line
-from pincette.control.checks import require_as_many, require_not_negative, require_positive
+from pincette.control.checks import require_positive
 from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.hysteresis_motion import Column
+from pincette.control.response.reversal_memory import ReversalMemory
 
-ZERO_AFTER_S = 0.4
-"""Into a hold, from when its drift counts: as long as a grip rests before its zero."""
+REST_S = 0.2
+"""End of a rest over which its place is taken."""
+BLOCK_S = 0.4
+"""Before small swings, over which noise is averaged."""
+SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+"""Tried, each twice the one before."""
+SCALES_ALIKE = 1.05
+"""Ratio of sums of squares."""
 
-SHARES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Of the travel, between which ways count as alike: most of the growth is at short ways."""
-LAGS = 12
-SHORTEST_S, LONGEST_S = 0.4, 10.0
-"""Lags: from the rest of a zero to a slow approach with the load after it."""
-LEAST_PAIRS = 100
-"""Of samples, below which a way tells nothing."""
+
+class RehearsedGrip(NamedTuple):
+    """Samples of a grip without a part."""
+
+    approach: slice
+    """From rest to where a part would be met, with a rest at both ends."""
+    press: slice
+    """On from there, with a rest at the end."""
+    swings: slice | None = None
+    """Small swings after it."""
 
 
 class Value(NamedTuple):
@@ -53,86 +63,149 @@ def line_error(loops: Sequence[SecantGain]) -> Value:
     return _together("loops", shares, [0.0] * len(shares))
 
 
-def unknown_creep(left_um: Sequence[Column], period_s: float) -> Value:
-    """Drift in µm per decade, b of a + b·log10(1 + t/1 s), of what x_1 leaves in holds.
+class Forgetting(NamedTuple):
+    """What the actuator forgets under small swings and the model does not, or the reverse."""
 
-    Parameters
-    ----------
-    left_um
-        Position less x_1 of each hold; t counts from ``ZERO_AFTER_S`` after its beginning.
-
-    Raises
-    ------
-    ValueError
-        Where there is no hold, or one is too short for a line.
-    """
-    slopes: list[float] = []
-    scatter: list[float] = []
-    for left in left_um:
-        line = straight_line(
-            _decades(len(left), period_s)[round(ZERO_AFTER_S / period_s) :].tolist(),
-            left[round(ZERO_AFTER_S / period_s) :].tolist(),
-        )
-        slopes.append(abs(line.slope))
-        scatter.append(line.slope_uncertainty)
-    return _together("holds", slopes, scatter)
+    full_um: Value
+    """Standard error that x_1 tends to."""
+    scale_V: Value
+    """Way to and fro at which 63 % of it is reached."""
 
 
-def structure_function(
-    voltage_V: Sequence[float] | Column,
-    left_um: Sequence[float] | Column,
-    period_s: float,
-    noise_um: float = 0.0,
-) -> ErrorGrowth:
-    """Growth of the error of x_1, between samples as far apart in time as a zero is from a press.
+def unknown_forgetting(
+    voltage_V: Column, left_um: Column, period_s: float, swings: Sequence[slice]
+) -> Forgetting:
+    """Fit r = r(0) + c·(1 - e^(-V/V_s)) to what x_1 leaves under each of several small swings.
 
-    Slower errors are creep. Source of the function: A. N. Kolmogorov, Dokl. Akad. Nauk SSSR 30,
-    1941.
+    V is the way to and fro, r(0) the mean over the last ``BLOCK_S`` before; one V_s serves all,
+    and the root mean square of c is the standard error.
 
     Parameters
     ----------
     voltage_V, left_um
-        N samples of matched ages; the offset of ``left_um`` does not matter.
-    noise_um
-        Standard deviation of the sensor's, which is stated apart: 2·noise² is taken off.
+        N samples of matched ages; position less x_1.
+    swings
+        The samples of each; before them the voltage rests.
 
     Raises
     ------
     ValueError
-        Where lengths disagree, the voltage rests, or the record is too short for any way.
+        Where there are none, or the voltage rests in one.
     """
-    u, r = np.asarray(voltage_V, dtype=np.float64), np.asarray(left_um, dtype=np.float64)
-    require_as_many("voltages", u, "residuals", r)
-    require_positive("period", period_s, "s")
-    require_not_negative("noise", noise_um, "µm")
-    travel_V = require_positive("travel of the voltage", float(np.ptp(u)) if len(u) else 0.0, "V")
-    edges_V = travel_V * np.array(SHARES)
-    cells = len(SHARES) - 1
-    squares, ways, pairs = np.zeros(cells), np.zeros(cells), np.zeros(cells)
-    lags = np.unique(np.round(np.geomspace(SHORTEST_S, LONGEST_S, LAGS) / period_s).astype(int))
-    for lag in lags[(lags > 0) & (lags < len(u))].tolist():
-        way = np.abs(u[lag:] - u[:-lag])
-        cell = np.clip(np.searchsorted(edges_V, way, side="right") - 1, 0, cells - 1)
-        squares += np.bincount(cell, (r[lag:] - r[:-lag]) ** 2, cells)
-        ways += np.bincount(cell, way, cells)
-        pairs += np.bincount(cell, minlength=cells)
-    ways_V: list[float] = []
+    count = max(1, round(BLOCK_S / period_s))
+    ways: list[Column] = []
+    moved: list[Column] = []
+    for samples in swings:
+        memory, way_V = ReversalMemory(float(voltage_V[samples.start - 1])), list[float]()
+        for value in voltage_V[samples].tolist():
+            memory = memory.follow(value)
+            way_V.append(memory.total_V)
+        before = left_um[max(0, samples.start - count) : samples.start]
+        require_positive("small swings", memory.total_V, "V")
+        ways.append(np.array(way_V))
+        moved.append(left_um[samples] - float(np.mean(before)))
+    fits = [_fitted(ways, moved, scale_V) for scale_V in SCALES_V]
+    errors_um, _ = min(fits, key=lambda fit: fit[1])
+    lefts = np.array([left for _, left in fits])
+    # Scales that leave hardly more than the best one cannot be told from it, nor those between.
+    like = np.array(SCALES_V)[lefts <= SCALES_ALIKE * lefts.min()]
+    between_V = (float(like[-1]) * sqrt(2.0) - float(like[0]) / sqrt(2.0)) / sqrt(12.0)
+    scale = Value(SCALES_V[int(np.argmin(lefts))], between_V)
+    # Each is one draw of what it is the standard deviation of.
+    return Forgetting(
+        _together("small swings", errors_um, [abs(error) / sqrt(2.0) for error in errors_um]), scale
+    )
+
+
+def _fitted(
+    ways: Sequence[Column], moved: Sequence[Column], scale_V: float
+) -> tuple[list[float], float]:
+    """c of each, and the sum of squares that is left of all."""
     errors_um: list[float] = []
-    largest_um = 0.0
-    for square, way, count in zip(squares.tolist(), ways.tolist(), pairs.tolist(), strict=True):
-        if count >= LEAST_PAIRS and way > 0.0:
-            largest_um = max(largest_um, sqrt(max(0.0, square / count - 2.0 * noise_um**2)))
-            ways_V.append(way / count)
-            errors_um.append(largest_um)
-    if not ways_V:
-        raise ValueError(f"{len(u)} samples are too few to tell how an error grows")
-    return ErrorGrowth(tuple(ways_V), tuple(errors_um))
+    left = 0.0
+    for way_V, d_um in zip(ways, moved, strict=True):
+        share = -np.expm1(-way_V / scale_V)
+        errors_um.append(float(share @ d_um) / float(share @ share))
+        left += float(np.sum((d_um - errors_um[-1] * share) ** 2))
+    return errors_um, left
 
 
-def _decades(samples: int, period_s: float) -> Column:
-    """log10(1 + t/1 s); 0 until the zero."""
-    t_s = np.arange(samples, dtype=np.float64) * period_s - ZERO_AFTER_S
-    return np.log10(1.0 + np.maximum(t_s, 0.0))
+class Rehearsed(NamedTuple):
+    """What grips that were rehearsed without a part say of x_1."""
+
+    growth: ErrorGrowth
+    """Of its error, with the way of the voltage since a zero."""
+    creep_um: Value
+    """Per decade of the age of the zero, by which the error grows beyond that."""
+
+
+def rehearsed_errors(
+    voltage_V: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
+) -> Rehearsed:
+    """Find how the error of x_1 grows with the way since a zero, and with its age.
+
+    Of each grip r(t) - r(t_0), r the position less x_1: of the rest at the contact against that
+    before the approach; of the begin of the hold, once the arm is at rest, and of its end, against
+    the rest at the contact. Their root mean squares stand at their mean ways; on a shorter way the
+    error is that of a random walk, √w, of which one point more is given. From begin to end of the
+    hold the mean square grows by c²·[log10(1 + t/1 s)]², t the age of the zero.
+
+    Parameters
+    ----------
+    voltage_V, left_um
+        N samples of matched ages; position less x_1.
+    grips
+        Of each the samples of its approach, with a rest at both ends, and of its press.
+
+    Raises
+    ------
+    ValueError
+        Where there are none, or the voltage does not move.
+    """
+    if not grips:
+        raise ValueError("no rehearsed grips, one is wanted at least")
+    count = max(1, round(REST_S / period_s))
+
+    def mean(values: Column, start: int) -> float:
+        return float(np.mean(values[start : start + count]))
+
+    rows: list[tuple[float, ...]] = []
+    for grip in grips:
+        begin, zero = grip.approach.start, grip.approach.stop - count
+        held, end = at_end(voltage_V, grip.press).start + count, grip.press.stop - count
+        approached, zeroed = mean(left_um, begin), mean(left_um, zero)
+        rows.append(
+            (
+                abs(mean(voltage_V, zero) - mean(voltage_V, begin)),
+                (zeroed - approached) ** 2,
+                abs(mean(voltage_V, held) - mean(voltage_V, zero)),
+                (mean(left_um, held) - zeroed) ** 2,
+                log10(1.0 + (held - zero) * period_s) ** 2,
+                (mean(left_um, end) - zeroed) ** 2,
+                log10(1.0 + (end - zero) * period_s) ** 2,
+            )
+        )
+    further_V, further, way_V, early, early_decades, late, late_decades = (
+        fsum(column) / len(rows) for column in zip(*rows, strict=True)
+    )
+    require_positive("way of a rehearsed press", way_V, "V")
+    creep_um = sqrt(max(0.0, late - early) / (late_decades - early_decades))
+    # That of a root mean square of so many draws.
+    share = 1.0 / sqrt(2.0 * len(rows))
+    least_um = sqrt(late / late_decades)
+    points = [(0.25 * way_V, 0.5 * sqrt(early)), (way_V, sqrt(early))]
+    if further_V > way_V:
+        points.append((further_V, sqrt(max(early, further))))
+    return Rehearsed(
+        ErrorGrowth(tuple(way for way, _ in points), tuple(um for _, um in points)),
+        Value(creep_um, share * max(creep_um, least_um)),
+    )
+
+
+def at_end(voltage_V: Column, samples: slice) -> slice:
+    """Return the end of some samples, throughout which the voltage rests."""
+    moved = np.flatnonzero(np.diff(voltage_V[samples]))
+    return slice(samples.start + (int(moved[-1]) + 1 if len(moved) else 0), samples.stop)
 
 
 def _together(what: str, values: Sequence[float], scatter: Sequence[float]) -> Value:

@@ -6,6 +6,10 @@ keep their order (M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, 
 chapter 2), so the pasts that come straight from either end of the range enclose all others, as far
 as the weights are not negative. Each is led through the same voltages as the model in use. By as
 much as the two part after a zero x_1 may err; a stroke that wipes the past out ends it.
+
+What a free arm does between two zeros tells how far from the model's its past is: an outermost past
+would have led it away from x_1 by a known way, and it has come by another. In proportion, the pasts
+that are left reach up to a share of the outermost one.
 """
 
 from math import sqrt
@@ -18,6 +22,8 @@ from pincette.control.response.voltage_memory import VoltageMemory
 
 RESTED_S = 86400.0
 """A rest after which creep is over: the furthest that it can be from the model's."""
+SURE = 2.0
+"""Standard uncertainties within which a comparison excludes nothing."""
 
 
 class UnknownPast(FrozenRecord, frozen=True):
@@ -33,6 +39,8 @@ class UnknownPast(FrozenRecord, frozen=True):
     """Whether the past has been wiped out, or nothing had happened; nothing is followed then."""
     at_zero_um: tuple[float, float] = (0.0, 0.0)
     """Displacement of each less the model's, at the last zero."""
+    shares: tuple[float, float] = (1.0, 1.0)
+    """Of the way from the model's past to each, up to which a past may still have been."""
 
     def follow(self, voltage_V: float, dt_s: float) -> "UnknownPast":
         """Take in that ``voltage_V`` has been applied for ``dt_s``."""
@@ -53,17 +61,39 @@ class UnknownPast(FrozenRecord, frozen=True):
         """Count from here on, where x_1 of the model in use has been put through the arm."""
         return self if self.known else replace(self, at_zero_um=self._apart_um(response))
 
+    def compared(
+        self, response: FreeResponse, residual_um: float, standard_um: float
+    ) -> "UnknownPast":
+        """Narrow the pasts by how far a free arm at rest has come from x_1 since the zero.
+
+        Parameters
+        ----------
+        response
+            The model in use, led through the same voltages.
+        residual_um
+            x - x_1.
+        standard_um
+            Standard uncertainty of x_1, the past left out; ``SURE`` times it is allowed for.
+        """
+        if self.known:
+            return self
+        lowest, highest = [
+            min(share, _share(parted_um, residual_um, SURE * standard_um))
+            for share, parted_um in zip(self.shares, self._parted_um(response), strict=True)
+        ]
+        return replace(self, shares=(lowest, highest))
+
     def error_um(self, response: FreeResponse) -> float:
         """Return the largest error of x_1 since the zero in µm.
 
-            max_m |[y_m - y] - [y_m - y]_zero|
+            max_m a_m·|[y_m - y] - [y_m - y]_zero|
 
-        with the displacement y of the model in use and y_m of each outermost past.
+        with the displacement y of the model in use, y_m of each outermost past, a_m its share.
         """
         if self.known:
             return 0.0
-        lowest_um, highest_um = self._apart_um(response)
-        return max(abs(lowest_um - self.at_zero_um[0]), abs(highest_um - self.at_zero_um[1]))
+        (lowest, highest), (lowest_um, highest_um) = self.shares, self._parted_um(response)
+        return max(lowest * abs(lowest_um), highest * abs(highest_um))
 
     def worst_um(self, response: FreeResponse) -> float:
         """Return that error in µm if the arm were zeroed here, then moved to an end or rested."""
@@ -87,6 +117,11 @@ class UnknownPast(FrozenRecord, frozen=True):
         """Follow it no longer where it does not matter any more."""
         return self if self.matters(response) else replace(self, known=True)
 
+    def _parted_um(self, response: FreeResponse) -> tuple[float, float]:
+        """By how much each has parted from the model since the zero."""
+        lowest_um, highest_um = self._apart_um(response)
+        return lowest_um - self.at_zero_um[0], highest_um - self.at_zero_um[1]
+
     def _apart_um(self, response: FreeResponse) -> tuple[float, float]:
         at_um = response.sample(0.0).displacement_um
         return (
@@ -99,6 +134,13 @@ def unknown_past(response: FreeResponse, ends_V: tuple[float, float]) -> Unknown
     """Pasts that rested at either end of a range; the next voltage is gone to straight."""
     lowest, highest = [response.follow(end_V, RESTED_S) for end_V in ends_V]
     return UnknownPast(lowest, highest, ends_V)
+
+
+def _share(parted_um: float, residual_um: float, allowed_um: float) -> float:
+    """Largest share of ``parted_um`` that lies within the residual and what is allowed for."""
+    towards_um = residual_um if parted_um > 0.0 else -residual_um
+    reach_um = max(0.0, towards_um) + allowed_um
+    return 1.0 if reach_um >= abs(parted_um) else reach_um / abs(parted_um)
 
 
 def standard_uncertainty_um(error_um: float) -> float:

@@ -9,6 +9,7 @@ from pincette.control.planning.free_response_program import (
     GAIN_HZ,
     PRESS_CYCLES,
     free_response_program,
+    rehearsed_grips,
 )
 from pincette.control.response.free_calibration import (
     FreeCalibration,
@@ -25,7 +26,7 @@ def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench,
     """Move an arm that touches nothing over the voltages of a grip; with a past, once more."""
     bench = Bench(simulation.model_copy(update={"bead": False}))
     rig = derived.planned_rig(DEMO)
-    program = free_response_program(rig, from_V=-0.3, to_V=3.5, rate_V_per_s=3.2)
+    program = free_response_program(rig, from_V=-0.3, to_V=3.5, rate_V_per_s=3.2, grip_V_per_s=6.3)
     if moved_before:
         bench.play(program.segments)
         del bench.voltage_V[:], bench.x_um[:]
@@ -45,6 +46,7 @@ def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench,
         presses=full["presses"],
         before_step=places["before step"],
         after_step=places["creep"],
+        grips=rehearsed_grips(places.__getitem__, program),
     )
 
 

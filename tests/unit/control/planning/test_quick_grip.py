@@ -11,6 +11,8 @@ from pincette.control.planning.feasibility import PlanLimits
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.control.planning.profiles import move, run_up
 from pincette.control.planning.quick_grip import (
+    EARLY_SHARE,
+    FORCE_SHARE,
     LOAD_PERIODS,
     AskedSpeeds,
     QuickSpeeds,
@@ -38,14 +40,14 @@ def speeds(
 
 @pytest.mark.parametrize("force_mN", [4.5, 5.0, 8.0, 20.0, 35.0])
 @pytest.mark.parametrize("period_s", [0.001, 0.02])
-def test_the_touch_is_felt_below_half_of_the_planned_force(
+def test_a_touch_is_felt_below_its_share_of_the_planned_force(
     force_mN: float, period_s: float
 ) -> None:
     touch, rig = TOUCH._replace(force_mN=force_mN), replace(RIG, period_s=period_s)
     found = speeds(touch=touch, rig=rig)
-    for v in (found.approach_um_per_s, found.seek_um_per_s):
+    for v, share in ((found.approach_um_per_s, 0.75), (found.seek_um_per_s, 0.5)):
         at_mN = force_at_touch_mN(2.0, touch.hardest_mN_per_um, 0.46, v, period_s)
-        assert at_mN <= 0.5 * force_mN + 1e-9
+        assert at_mN <= share * force_mN + 1e-9
     assert not found.violations
 
 
@@ -54,17 +56,21 @@ def test_a_force_below_twice_the_contact_force_has_no_speed() -> None:
     assert speed_limit(TOUCH._replace(force_mN=4.0), RIG) == 0.0
 
 
-@pytest.mark.parametrize("name", ["approach_um_per_s", "seek_um_per_s"])
-def test_a_speed_above_the_limit_is_refused_with_value_limit_and_remedy(name: str) -> None:
-    limit = speed_limit(TOUCH, RIG)
-    assert 100.0 < limit < 130.0
-    found = speeds(NOTHING._replace(**{name: 150.0}))
+@pytest.mark.parametrize(
+    ("name", "share"), [("approach_um_per_s", EARLY_SHARE), ("seek_um_per_s", FORCE_SHARE)]
+)
+def test_a_speed_above_the_limit_is_refused_with_value_limit_and_remedy(
+    name: str, share: float
+) -> None:
+    limit = speed_limit(TOUCH, RIG, share)
+    assert 100.0 < limit < 200.0
+    found = speeds(NOTHING._replace(**{name: 210.0}))
     (violation, *_) = found.violations
-    assert (violation.pointer, violation.value, violation.unit) == (f"/{name}", 150.0, "µm/s")
+    assert (violation.pointer, violation.value, violation.unit) == (f"/{name}", 210.0, "µm/s")
     assert violation.limit == pytest.approx(limit)
-    assert "go more slowly" in violation.message
+    assert f"{100.0 * share:g} % of 20 mN: go more slowly" in violation.message
     assert f"{limit:.3g} µm/s" in violation.message
-    assert not speeds(NOTHING._replace(**{name: 0.99 * limit}, load_um_per_s=130.0)).violations
+    assert not speeds(NOTHING._replace(**{name: 0.99 * limit}, load_um_per_s=210.0)).violations
 
 
 def test_a_shorter_period_allows_more_speed() -> None:

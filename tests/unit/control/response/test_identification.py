@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import sin
+from math import sin, sqrt
 
 import numpy as np
 import pytest
 
+from pincette.control.planning.calibration_programs import voltage_moves
+from pincette.control.planning.teaching import COURSE
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import (
     Column,
@@ -15,16 +17,18 @@ from pincette.control.response.hysteresis_motion import (
     simulate,
 )
 from pincette.control.response.identification import (
+    ALL,
     REACH,
     Candidates,
     identify_free_response,
     spread_creep_times,
     spread_thresholds,
 )
+from pincette.sim.plant.relays import follow_relays, loop_of_relays
 
-PERIOD_S = 0.02
+PERIOD_S, NOISE_UM = 0.02, 0.03
 MODEL = HysteresisModel((0.0, 0.4, 0.8), (12.0, 4.0, 2.0), (0.5, 5.0), (0.03, 0.05))
-PLAIN = Candidates(families=((0.0,),), curved=(False,), ridges=(1e-6,))
+PLAIN = Candidates(families=((0.0,),), curved=(False,), bent=(False,), ridges=(1e-6,))
 
 
 def drive(count: int) -> list[float]:
@@ -33,7 +37,7 @@ def drive(count: int) -> list[float]:
 
 
 def noise(count: int, seed: int = 1) -> Column:
-    return np.random.default_rng(seed).normal(0.0, 0.03, count)
+    return np.random.default_rng(seed).normal(0.0, NOISE_UM, count)
 
 
 def test_the_model_that_made_the_motion_is_found() -> None:
@@ -134,6 +138,44 @@ def test_an_actuator_of_another_class_that_does_not_fade_is_given_no_fading(
     assert found.residual_um < 0.2 * straight_um
 
 
+def teaching(laps: int) -> Column:
+    """The course of the calibration ``free_response``, in volts at its rate."""
+    legs = [(-0.3 + leg.to * 3.2, leg.pace * 3.0, leg.rest_s) for leg in COURSE] * laps
+    path = voltage_moves([(0.0, 3.0, 0.0), *legs])
+    count = int(path.duration_s / PERIOD_S)
+    return np.array([path.at(k * PERIOD_S) for k in range(count)])
+
+
+@pytest.mark.parametrize(("coercive_V", "spread_V", "centre_V"), [(2.0, 4.0, 1.4), (3.0, 4.5, 0.5)])
+def test_bends_are_found_where_loops_differ_with_the_voltage(
+    coercive_V: float, spread_V: float, centre_V: float
+) -> None:
+    """Relays after Preisach, as the simulated rig has them: three quarters of the error go."""
+    relays = loop_of_relays(19.0, 0.2, 2.5, coercive_V, spread_V, centre_V)
+    voltage_V = teaching(1)
+    behind_um = [0.0] * len(voltage_V)
+    follow_relays(relays, 0.0, (), voltage_V.tolist(), behind_um)
+    x_um = 19.0 * voltage_V - np.array(behind_um)
+    arguments = (voltage_V.tolist(), (x_um + noise(len(x_um))).tolist(), PERIOD_S)
+    found = identify_free_response(*arguments, unpoled=False)
+    unbent = ALL._replace(bent=(False,))
+    plain = identify_free_response(*arguments, candidates=unbent, unpoled=False)
+    missed_um, before_um = (
+        sqrt(max(0.0, one.residual_um**2 - NOISE_UM**2)) for one in (found, plain)
+    )
+    print(f"besides noise {missed_um:.3f} µm, without bends {before_um:.3f} µm")
+    assert found.model.squares_um_per_V2
+    assert missed_um < 0.5 * before_um
+
+
+def test_plays_that_need_no_bends_get_none() -> None:
+    voltage_V = teaching(1)
+    x_um = simulate(MODEL, voltage_V, PERIOD_S) + noise(len(voltage_V))
+    found = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S)
+    assert found.model.squares_um_per_V2 == ()
+    assert found.residual_um < 2.0 * NOISE_UM
+
+
 def test_collinear_plays_stay_bounded() -> None:
     voltage_V = drive(4000)
     x_um = simulate(MODEL, np.array(voltage_V), PERIOD_S)
@@ -201,3 +243,49 @@ def test_a_motion_that_teaches_nothing_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=text):
         identify_free_response(voltage_V, x_um, PERIOD_S, thresholds_V=(0.0, 0.5), creep_times_s=())
+
+
+def rests(seconds: float) -> Column:
+    return np.zeros(round(seconds / PERIOD_S))
+
+
+AWKWARD: dict[str, Column] = {
+    "a constant voltage": np.full(2000, 1.5),
+    "rests first": np.concatenate([rests(120.0), drive(2000)]),
+    "rests last": np.concatenate([drive(2000), rests(120.0)]),
+    "rests most of the time": np.concatenate([rests(60.0), drive(400), rests(60.0)]),
+    "one step": np.concatenate([rests(10.0), np.full(500, 2.0)]),
+    "one stroke": np.linspace(0.0, 3.0, 1500),
+    "few samples": np.array(drive(130)),
+    "no samples": np.empty(0),
+    "one sample": np.zeros(1),
+    "steps of the output": np.round(np.array(drive(2000)) / 0.1) * 0.1,
+}
+
+
+@pytest.mark.parametrize("period_s", [0.005, 0.02])
+@pytest.mark.parametrize(
+    ("unpoled", "still"), [(False, False), (True, False), (False, True)], ids=["", "unpoled", "x"]
+)
+@pytest.mark.parametrize("record", AWKWARD)
+def test_an_awkward_record_gives_a_good_model_or_a_sentence(
+    record: str, *, unpoled: bool, still: bool, period_s: float
+) -> None:
+    u = AWKWARD[record]
+    x = np.full(len(u), 3.0)
+    if not still and len(u):
+        x = simulate(MODEL, u, period_s) + noise(len(u))
+    said = ""
+    try:
+        found = identify_free_response(u.tolist(), x.tolist(), period_s, unpoled=unpoled)
+    except np.linalg.LinAlgError:
+        raise
+    except ValueError as error:
+        said, found = str(error), None
+    if found is None:
+        assert any(unit in said for unit in (" V", "samples", "µm/V")), said
+        return
+    assert not still
+    left_um = x - simulate(found.model, u, period_s)
+    assert float(np.std(left_um[int(0.75 * len(u)) :])) == pytest.approx(found.residual_um)
+    assert found.residual_um < 0.03 * float(np.ptp(x))

@@ -5,30 +5,12 @@ import pytest
 
 from pincette.control.calibration.free_motion import secant_gain
 from pincette.control.response.hysteresis_motion import Column
-from pincette.control.response.model_errors import ZERO_AFTER_S, line_error, unknown_creep
+from pincette.control.response.model_errors import (
+    line_error,
+    unknown_forgetting,
+)
 
 PERIOD_S = 0.02
-
-
-def hold(slope_um: float, seconds: float, seed: int) -> Column:
-    """A hold that drifts by so much per decade of the age of its zero, under noise."""
-    t_s = np.maximum(np.arange(round(seconds / PERIOD_S)) * PERIOD_S - ZERO_AFTER_S, 0.0)
-    noise_um = np.random.default_rng(seed).normal(0.0, 0.03, len(t_s))
-    return 7.0 + slope_um * np.log10(1.0 + t_s) + noise_um
-
-
-def test_creep_is_that_of_all_holds_together() -> None:
-    found = unknown_creep((hold(0.3, 6.0, 1), hold(-0.1, 12.0, 2)), PERIOD_S)
-    assert found.value == pytest.approx(((0.3**2 + 0.1**2) / 2.0) ** 0.5, rel=0.1)
-    # Two holds that differ by 0.2 µm say so.
-    assert found.uncertainty == pytest.approx(0.1, rel=0.2)
-
-
-def test_no_creep_is_little_more_than_its_uncertainty() -> None:
-    found = unknown_creep((hold(0.0, 6.0, 3), hold(0.0, 12.0, 4)), PERIOD_S)
-    assert found.value < 0.02
-    with pytest.raises(ValueError, match="no holds, one is wanted at least"):
-        unknown_creep((), PERIOD_S)
 
 
 def test_an_ellipse_misses_its_chord_by_what_it_is_wide() -> None:
@@ -41,3 +23,34 @@ def test_an_ellipse_misses_its_chord_by_what_it_is_wide() -> None:
     assert errors[0] == pytest.approx(0.0, abs=1e-9)
     assert errors[2] == pytest.approx(2.0 * errors[1], rel=0.1)
     assert errors[2] == pytest.approx(0.1 / 3.0**0.5, rel=0.1)
+
+
+def small_swings(full_um: float, scale_V: float, seed: int) -> tuple[Column, Column]:
+    """Voltage of 2 V to and fro after a rest, and an r that it wears, with noise."""
+    voltage_V = np.concatenate([np.zeros(50), 0.01 * (np.arange(200) % 2)])
+    way_V = np.concatenate([np.zeros(50), 0.005 * np.arange(200)])
+    noise_um = np.random.default_rng(seed).normal(0.0, 0.01, 250)
+    return voltage_V, full_um * -np.expm1(-way_V / scale_V) + noise_um
+
+
+def test_what_is_forgotten_is_that_of_all_swings_together() -> None:
+    (u, up_um), (_, down_um) = small_swings(0.3, 0.2, 1), small_swings(-0.1, 0.2, 2)
+    found = unknown_forgetting(
+        np.concatenate([u, u]),
+        np.concatenate([up_um, down_um]),
+        PERIOD_S,
+        (slice(50, 250), slice(300, 500)),
+    )
+    assert found.full_um.value == pytest.approx(((0.3**2 + 0.1**2) / 2.0) ** 0.5, rel=0.1)
+    assert found.full_um.uncertainty > 0.1
+    assert found.scale_V.value == 0.2
+    assert found.scale_V.uncertainty > 0.0
+
+
+def test_what_forgets_nothing_is_within_noise() -> None:
+    u, left_um = small_swings(0.0, 0.2, 3)
+    assert unknown_forgetting(u, left_um, PERIOD_S, (slice(50, 250),)).full_um.value < 0.02
+    with pytest.raises(ValueError, match="small swings = 0"):
+        unknown_forgetting(0.0 * u, left_um, PERIOD_S, (slice(50, 250),))
+    with pytest.raises(ValueError, match="no small swings, one is wanted at least"):
+        unknown_forgetting(u, left_um, PERIOD_S, ())

@@ -89,3 +89,57 @@ def test_it_is_led_through_what_was_followed_since() -> None:
 def test_a_line_remembers_nothing() -> None:
     line = nominal_response(18.0, FreeSample(0.0, 0.0), 0.2)
     assert not unknown_past(line, ENDS_V).matters(line)
+
+
+def rose(*to_V: float) -> tuple[IdentifiedResponse, UnknownPast]:
+    """Model and pasts, zeroed at 0 V, then led on."""
+    response, past = led(PLAYS, unknown_past(PLAYS, ENDS_V), 0.0)
+    return led(response, past.rezero(response), *to_V)
+
+
+def test_an_arm_that_moved_as_the_model_says_has_hardly_another_past() -> None:
+    response, past = rose(0.8)
+    told = past.compared(response, residual_um=0.0, standard_um=0.1)
+    assert told.error_um(response) == pytest.approx(2.0 * 0.1)
+    assert told.worst_um(response) < 0.3 * past.worst_um(response)
+
+
+def test_an_arm_from_an_outermost_past_keeps_it() -> None:
+    response, past = rose(0.8)
+    parted_um = (
+        past.highest.sample(0.0).displacement_um - response.displacement_um() - past.at_zero_um[1]
+    )
+    assert parted_um < -1.0
+    told = past.compared(response, parted_um, standard_um=0.1)
+    assert told.shares[1] == 1.0
+    assert told.shares[0] < 0.2
+
+
+def test_what_was_excluded_stays_so() -> None:
+    response, past = rose(0.8)
+    told = past.compared(response, residual_um=0.0, standard_um=0.1)
+    assert told.compared(response, residual_um=0.0, standard_um=10.0).shares == told.shares
+
+
+def test_an_arm_that_has_not_moved_tells_nothing() -> None:
+    response, past = rose()
+    assert past.compared(response, residual_um=0.0, standard_um=0.1).shares == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pasts_of_one_turn_stay_within_what_is_left(seed: int) -> None:
+    draw = random.Random(seed)
+    arm = PLAYS.follow(draw.uniform(*ENDS_V), 1.0).follow(0.0, 1.0)
+    from_um = arm.displacement_um()
+    response, past = rose(0.8)
+    arm = arm.follow(0.8, 1.0)
+    residual_um = (
+        arm.displacement_um() - from_um - response.displacement_um() + PLAYS.displacement_um()
+    )
+    past = past.compared(response, residual_um, standard_um=0.0).rezero(response)
+    at_um = arm.displacement_um() - response.displacement_um()
+    for to_V in (1.2, 1.8, 2.4):
+        response, past = led(response, past, to_V)
+        arm = arm.follow(to_V, 1.0)
+        error_um = arm.displacement_um() - response.displacement_um() - at_um
+        assert abs(error_um) <= past.error_um(response) + 1e-9, f"seed {seed}"

@@ -125,6 +125,7 @@ def _access() -> None:
         *(_text(name) for name in ("at", "who", "address", "action", "detail")),
         sa.Column("status", sa.Integer, nullable=False),
         sa.Column("count", sa.Integer, nullable=False),
+        _text("link"),
         sqlite_autoincrement=True,
     )
 

@@ -9,15 +9,13 @@ from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
     PRESS_CYCLES,
     free_response_program,
+    rehearsed_grips,
 )
-from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.free_calibration import (
     FreeCalibration,
     FreeMotion,
     calibrate_free_response,
 )
-from pincette.control.response.identification import HELD_OUT
-from pincette.control.response.model_errors import structure_function
 from pincette_supervisor.calibration.findings import (
     Analysis,
     figure,
@@ -40,6 +38,8 @@ from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
 
 BELOW_REST = 0.1
 """How far the free motion goes below rest, as a share of its height above."""
+QUICKEST = 0.9
+"""Share of the slew limit up to which a grip is rehearsed at the speed of a quick one."""
 GAIN_DIFFERENCE = 0.01
 """Share by which the model's own gain may differ from the measured one before it is said."""
 
@@ -60,8 +60,14 @@ def program(
         lowest_V = max(limits.voltage_min_V, least_V)
         low_V = max(lowest_V, rest_V - BELOW_REST * (high_V - rest_V))
     rate = request.rate_V_per_s or SPEED_FACTOR * rig.grip.approach_um_per_s / d_p
+    quick = rig.grip.quick.approach_um_per_s / d_p
     made = free_response_program(
-        derived.planned_rig(rig), from_V=low_V, to_V=high_V, rate_V_per_s=rate, rest_V=rest_V
+        derived.planned_rig(rig),
+        from_V=low_V,
+        to_V=high_V,
+        rate_V_per_s=rate,
+        rest_V=rest_V,
+        grip_V_per_s=min(quick, QUICKEST * limits.slew_V_per_s),
     )
     return made, {"low_V": low_V, "high_V": high_V, "rate_V_per_s": rate}, {}
 
@@ -84,7 +90,10 @@ def analyse(run: Run) -> Analysis:
     whole = full_cycles(path, taken.period_s, GAIN_CYCLES)
     presses, press_path = taken.of("presses"), path_of(planned, "presses")
     pressing = full_cycles(press_path, taken.period_s, PRESS_CYCLES)
-    course, everything = taken.of("teach"), slice(0, taken.of("creep").stop)
+    course, everything = (
+        taken.of("teach"),
+        slice(0, taken.of(planned.program.segments[-1].phase).stop),
+    )
     motion = FreeMotion(
         voltage_V=taken.filled(taken.voltage_V, everything, "free motion"),
         x_um=taken.filled(taken.x_um, everything, "free motion"),
@@ -94,6 +103,7 @@ def analyse(run: Run) -> Analysis:
         presses=slice(presses.start + pressing.start, presses.start + pressing.stop),
         before_step=taken.of("before step"),
         after_step=taken.of("creep"),
+        grips=rehearsed_grips(taken.of, planned.program),
     )
     found = calibrate_free_response(motion, path.cycle_s / taken.period_s)
     require_like_in_use(planned.model, "model.piezo_um_per_V", found.gain.gain_um_per_V)
@@ -103,7 +113,7 @@ def analyse(run: Run) -> Analysis:
         found.model,
         residual_um,
         found.press_gain,
-        _growth(found, motion, run),
+        found.rehearsed.growth,
         (float(np.min(found.voltage_V)), float(np.max(found.voltage_V))),
     )
     gain, off = found.gain, found.model_gain.gain_um_per_V / found.gain.gain_um_per_V - 1.0
@@ -123,9 +133,15 @@ def analyse(run: Run) -> Analysis:
             identified("model.hysteresis_fraction", *found.line_error),
             identified(
                 "model.creep_mN_per_decade",
-                found.unknown_creep_um.value / s_p,
-                found.unknown_creep_um.uncertainty / s_p,
+                found.rehearsed.creep_um.value / s_p,
+                found.rehearsed.creep_um.uncertainty / s_p,
             ),
+            identified(
+                "model.forgotten_mN",
+                found.forgetting.full_um.value / s_p,
+                found.forgetting.full_um.uncertainty / s_p,
+            ),
+            identified("model.forgotten_scale_V", *found.forgetting.scale_V),
         ),
         figures=(
             figure("loop", gain.loop_percent, "%", "width, of the stroke"),
@@ -156,14 +172,6 @@ def analyse(run: Run) -> Analysis:
         drawn=found,
         warnings=warnings,
     )
-
-
-def _growth(found: FreeCalibration, motion: FreeMotion, run: Run) -> ErrorGrowth:
-    """Of all that the model was not fitted to: the end of the course, and what comes after it."""
-    unseen = slice(int(motion.course.stop * (1.0 - HELD_OUT)), None)
-    left_um = (found.x_um - found.model_um)[unseen]
-    noise_um = run.planned.model.rig.sensor.noise_um
-    return structure_function(found.voltage_V[unseen], left_um, motion.period_s, noise_um)
 
 
 def draw(sheet: Sheet, found: FreeCalibration) -> None:
@@ -208,5 +216,7 @@ FUNCTIONS = CalibrationFunctions(
         "model.free_response",
         "model.hysteresis_fraction",
         "model.creep_mN_per_decade",
+        "model.forgotten_mN",
+        "model.forgotten_scale_V",
     ),
 )
