@@ -1,8 +1,9 @@
 """``pincette job list``, ``export``, ``describe``: jobs found again, and what is said of them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from rich.markup import escape
 from typer import Argument, BadParameter, Option, Typer
@@ -15,7 +16,7 @@ from pincette.cli.options import MOMENTS, Limit, choice, moment
 from pincette.cli.results import outcome
 from pincette.cli.terminal import STATE_COLOURS, clock, command, patience, table
 
-FORMATS = {".csv": "csv", ".parquet": "parquet"}
+FORMATS: Mapping[str, Literal["csv", "parquet"]] = {".csv": "csv", ".parquet": "parquet"}
 
 
 def label(text: str) -> tuple[str, str]:

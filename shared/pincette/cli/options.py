@@ -27,7 +27,7 @@ UNITS = {
 }
 PREFIX = "request_"
 """Before the name of a field where it stands beside the other parameters of a command."""
-NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue", "priority")
+NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue")
 Reader = Callable[[str], Any]
 
 

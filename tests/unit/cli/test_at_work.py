@@ -265,7 +265,7 @@ def test_watching_a_rig_is_a_line_an_event(at: At, capsys: pytest.CaptureFixture
     at(desk.rig(), desk.stream(*events), over)
     assert main(["watch", "--after", "0", *AT]) == Exit.INTERRUPTED
     shown = capsys.readouterr()
-    assert shown.err.startswith("demo: job ")
+    assert shown.err.startswith("demo: idle; ")
     assert "events come as they happen" in shown.err
     lines = shown.out.splitlines()
     assert [line.split("  ", 1)[1] for line in lines] == [
