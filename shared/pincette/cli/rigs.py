@@ -1,7 +1,7 @@
 """The state of rigs: `rigs`, `timing`, `checks`, `queue`; and events at a simulated one: `rig`."""
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 from msgspec.structs import asdict
 from rich.console import Console
@@ -138,8 +138,8 @@ def move_queued(
     target: Target,
     job: Annotated[str, Argument(metavar="JOB", help="the id of a job that waits")],
     place: Annotated[
-        int, Argument(metavar="PLACE", parser=integer, help="its place then; 1 is the next")
-    ] = 1,
+        Any, Argument(metavar="PLACE", parser=integer, help="its place then; 1 is the next")
+    ],
 ) -> None:
     """Give a job that waits another place in the queue."""
     handle = target.rig()
