@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from pincette_study import beyond
 from pincette_study.study import run_study
 from tests.support.rigs import demo_rig
 
@@ -52,7 +53,13 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     folder = tmp_path_factory.mktemp("paper")
     told: list[tuple[str, float]] = []
     begun = monotonic()
+    # Paths as short as they show what they are for.
+    monkeypatch = pytest.MonkeyPatch()
+    monkeypatch.setattr(beyond, "CYCLES", {0.5: 2, 2.0: 4, 5.0: 10})
+    monkeypatch.setattr(beyond, "LEARNED_CYCLES", 4)
+    monkeypatch.setattr(beyond, "AFTER_CYCLES", {0.5: 1, 2.0: 2, 5.0: 5})
     summary = run_study(demo_rig(), folder, lambda what, share: told.append((what, share)), 1, 1)
+    monkeypatch.undo()
     print(f"the study with one random rig took {monotonic() - begun:.1f} s")
     tree = json.loads((folder / "paper.json").read_text(encoding="utf-8"))
     return Study(folder, tree, summary, told)

@@ -12,8 +12,8 @@ d is what the law itself misses. d falls apart further:
 
 The first two, by least squares, go with the speed of the reference: lag. Of the rest, what comes
 back in each cycle (or, where nothing swings, what is slow) is the response r that the model of the
-free arm misses; the remainder is noise n. Samples at which a limit acted, and those just after,
-count for the limits alone.
+free arm misses; the contact line has what comes back of g. The remainder of both is noise.
+Samples at which a limit acted, and those just after, count for the limits alone.
 
 Of the true force, which no instrument shows, the causes are
 
@@ -120,13 +120,15 @@ def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
     lag_um = _with_speed(own_um, seen.x_r_um, free)
     rest_um = own_um - lag_um
     repeats_um, scatter = _repeating(rest_um, free, seen.cycle_ticks)
-    noise_um = scatter * _rms(rest_um - repeats_um, free)
+    off_um, _ = _repeating(gives_um, free, seen.cycle_ticks)
+    # The noise of the estimate moves the target, and the law follows: both parts have a share.
+    noise_um = scatter * _rms(rest_um - repeats_um + gives_um - off_um, free)
     # A mean over few cycles still has its share of the noise.
     response_um = sqrt(max(0.0, _rms(repeats_um, free) ** 2 - noise_um**2 * (1.0 - scatter**-2.0)))
     position: dict[Cause, float] = {
         "noise": noise_um,
         "response": response_um,
-        "contact_line": _rms(gives_um, free),
+        "contact_line": _rms(off_um, free),
         "lag": _rms(lag_um, free),
         "limits": _rms(error_um, limited),
     }

@@ -40,7 +40,13 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
     # A track's causes stand below the right column.
     low = BOTTOM if result.error_sources is None else BOTTOM + 0.13
     right = figure.add_gridspec(
-        rows, 1, left=MIDDLE + 0.055, right=RIGHT, top=TOP, bottom=low, hspace=0.25
+        rows,
+        1,
+        left=MIDDLE + 0.055,
+        right=RIGHT,
+        top=TOP,
+        bottom=low,
+        hspace=0.25 if rows == 2 else 0.42,
     )
     if result.error_sources is not None:
         causes = figure.add_axes((MIDDLE + 0.055, 0.025, RIGHT - MIDDLE - 0.055, 0.08))
