@@ -8,6 +8,7 @@ from math import cos, pi, sin, sqrt
 from pathlib import Path
 
 import numpy as np
+from draw_response import following_picture, repeating_picture, response_picture
 from draw_step import step_picture
 
 from pincette.control.arm.mode import sample_mode
@@ -224,6 +225,9 @@ PICTURES = {
     "method-plan": plan_picture,
     "method-exchange": exchange_picture,
     "method-track": track_picture,
+    "method-response": response_picture,
+    "method-following": following_picture,
+    "method-repeating": repeating_picture,
     "method-stability": stability_picture,
 }
 

@@ -1,4 +1,4 @@
-"""Beyond the paper: both laws with the identified free response, on two classes of hysteresis.
+"""Beyond the paper: the identified response in the law, a residual run, learning, and grips.
 
 Forgetting plays, of which the model is made, are kin to Bouc-Wen, and flatter it; relays are not.
 """
@@ -8,28 +8,46 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
-from statistics import median
-from typing import Any
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.config.laws import law_definition
-from pincette.plotting import BLUE, GREEN, ORANGE, Axis, label, legend, picture
-from pincette_study import printed
+from pincette.control.planning.paths import Path
+from pincette.control.planning.program import Program
+from pincette.control.planning.repetition import cycle_ticks, no_corrections
+from pincette.core.messages import GroundTruth, Message, Telemetry
 from pincette_study.calibrated import line_of, with_line
-from pincette_study.calibrated_free import after_strokes, with_calibrated_response
-from pincette_study.closed_loop import Errors, track_on, tracking_plan
+from pincette_study.calibrated_free import with_calibrated_response
+from pincette_study.closed_loop import (
+    Errors,
+    StudyError,
+    errors,
+    outcome,
+    rms,
+    tracked,
+    tracking_plan,
+)
+from pincette_study.desk import Desk
 from pincette_study.precision import FREQUENCIES_HZ, SCHEMES
-from pincette_study.report import Comparison, Picture, Section
 from pincette_study.rigs import Draw, random_relay_rig, random_rig
 
 CLASSES: Mapping[str, Callable[[RigFile, int], tuple[RigFile, Draw]]] = {
     "bouc_wen": random_rig,
     "relays": random_relay_rig,
 }
-TITLES = {"bouc_wen": "Bouc-Wen", "relays": "relays"}
+FIRST_SEED = 201
+"""Gains and the choice of models were found on seeds below 121."""
 REACH_UM = (-70.0, 120.0)
 """Limits of position: the calibration's cycles go 1 V below rest, and relays shift the rest."""
-QUANTITIES = ("position", "force")
+CYCLES = {0.5: 6, 2.0: 12, 5.0: 20}
+"""At full amplitude, by frequency."""
+LEARNED_CYCLES = 10
+AFTER_CYCLES = {0.5: 2, 2.0: 4, 5.0: 10}
+"""Cycles of the same path after those, by frequency: over these the error is stated."""
+PROFILES = ("quick", "gentle")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +61,30 @@ class BeyondTrial:
     frequency_hz: float
     errors: Errors
     prepared: str = ""
-    """What was done beside the calibrations; the keys of the summary begin with it."""
+    """What was done beside the calibrations, ``dry_run`` or ``learned``."""
+    cycles_percent: tuple[float, ...] = ()
+    """R.m.s. of the position's error over each cycle, where it is learned from."""
+
+
+@dataclass(frozen=True, slots=True)
+class GripTrial:
+    """A grip on a random rig."""
+
+    hysteresis: str
+    draw: Draw
+    profile: str
+    seconds_without_hold: float
+    peak_over_planned: float
+    """Largest true force over the one planned."""
+    hold_error_percent: float
+    """R.m.s. of the true force less the one planned, over the hold."""
+
+
+class BeyondTrials(NamedTuple):
+    """Of one rig, or of all."""
+
+    tracks: list[BeyondTrial]
+    grips: list[GripTrial]
 
 
 def run_beyond(
@@ -51,21 +92,22 @@ def run_beyond(
     rigs: int,
     progress: Callable[[int], None] | None = None,
     workers: int = 1,
-) -> list[BeyondTrial]:
-    """Draw, calibrate, press and track: every class, scheme and frequency, in their order.
+) -> BeyondTrials:
+    """Draw, calibrate, grip and track: every class, scheme and frequency, in their order.
 
     ``progress`` takes how many rigs are done, of all classes.
     """
-    trials: list[BeyondTrial] = []
+    trials = BeyondTrials([], [])
     for done, found in enumerate(_by_rig(base, rigs, workers), start=1):
-        trials += found
+        trials.tracks.extend(found.tracks)
+        trials.grips.extend(found.grips)
         if progress is not None:
             progress(done)
     return trials
 
 
-def _by_rig(base: RigFile, rigs: int, workers: int) -> Iterator[list[BeyondTrial]]:
-    drawn = [(name, seed) for name in CLASSES for seed in range(1, rigs + 1)]
+def _by_rig(base: RigFile, rigs: int, workers: int) -> Iterator[BeyondTrials]:
+    drawn = [(name, FIRST_SEED + number) for name in CLASSES for number in range(rigs)]
     one = partial(on_rig, base)
     if workers == 1:
         yield from map(one, drawn)
@@ -74,12 +116,8 @@ def _by_rig(base: RigFile, rigs: int, workers: int) -> Iterator[list[BeyondTrial
         yield from pool.map(one, drawn)
 
 
-def on_rig(base: RigFile, drawn: tuple[str, int]) -> list[BeyondTrial]:
-    """Play one rig, of a class and a seed, with default gains, one track after the other.
-
-    Before the first one it strokes over its range, as no model knows what was before, and relays
-    have no unpoled state in common with plays. From then on memory and creep are carried on.
-    """
+def prepared_rig(base: RigFile, drawn: tuple[str, int]) -> tuple[RigFile, Draw]:
+    """Draw a rig of a class by its seed, calibrate its free response, and press on its part."""
     name, seed = drawn
     rig, draw = CLASSES[name](base, seed)
     # No set is named: the product's own choice, once a free response is identified.
@@ -89,113 +127,84 @@ def on_rig(base: RigFile, drawn: tuple[str, int]) -> list[BeyondTrial]:
             update={"position_min_um": REACH_UM[0], "position_max_um": REACH_UM[1]}
         ),
     }
-    rig = rig.model_copy(update=update)
-    taught = with_calibrated_response(rig)
-    line = line_of(after_strokes(taught).play(tracking_plan(taught).program, 2))
-    prepared = with_line(taught, *line).rig
-    loop, epoch = after_strokes(prepared), 2
-    trials: list[BeyondTrial] = []
+    taught = with_calibrated_response(rig.model_copy(update=update))
+    desk = Desk(taught)
+    desk.stroke()
+    return with_line(taught, *line_of(desk.play(tracking_plan(taught).program))).rig, draw
+
+
+def on_rig(base: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
+    """Play one rig, of a class and a seed, with default gains, one job after the other.
+
+    Before the first one it strokes over its range, as no model knows what was before, and relays
+    have no unpoled state in common with plays. From then on memory and creep are carried on.
+    """
+    rig, draw = prepared_rig(base, drawn)
+    desk = Desk(rig)
+    desk.stroke()
+    found = BeyondTrials([], [])
+    for profile in PROFILES:
+        found.grips.append(_grip(desk, drawn[0], draw, profile))
+    for frequency_hz in FREQUENCIES_HZ:
+        found.tracks.extend(_tracks(desk, drawn[0], draw, frequency_hz))
+    return found
+
+
+def _tracks(desk: Desk, name: str, draw: Draw, frequency_hz: float) -> Iterator[BeyondTrial]:
+    """Track plainly, play it without the part, track with what that has shown, and learn."""
+    rig, period_s = desk.rig, desk.rig.rig.period_s
+
+    def program(scheme: str, cycles: int) -> tuple[Program, Path]:
+        plan = tracking_plan(rig, frequency_hz=frequency_hz, cycles=cycles)
+        settings = law_definition(scheme).settings(rig.law_set)
+        path = next(s.path for s in plan.program.segments if s.path is not None)
+        return replace(plan.program, laws=(settings.spec(),), contact_line="identified"), path
+
+    def trial(scheme: str, played: list[Message], path: Path, prepared: str) -> BeyondTrial:
+        learns = prepared == "learned"
+        of_cycles = _cycles_percent(played, path, period_s) if learns else ()
+        seen = tracked(played, path, period_s, LEARNED_CYCLES if learns else 0)
+        return BeyondTrial(name, draw, scheme, frequency_hz, errors(seen), prepared, of_cycles)
+
+    record: list[tuple[Program, list[Message]]] = []
     for scheme in SCHEMES:
-        settings = law_definition(scheme).settings(prepared.law_set)
-        for frequency_hz in FREQUENCIES_HZ:
-            plan = tracking_plan(prepared, frequency_hz=frequency_hz)
-            found = track_on(loop, settings, plan, epoch)
-            trials.append(BeyondTrial(name, draw, scheme, frequency_hz, found))
-            epoch += 1
-    return trials
+        made, path = program(scheme, CYCLES[frequency_hz])
+        record.append((made, desk.play(made)))
+        yield trial(scheme, record[-1][1], path, "")
+    # One table serves both schemes, which play the same motion.
+    known = desk.residual(*record[0])
+    for scheme in SCHEMES if known is not None else ():
+        made, path = program(scheme, CYCLES[frequency_hz])
+        yield trial(scheme, desk.play(made, known), path, "dry_run")
+    for scheme in SCHEMES:
+        made, path = program(scheme, LEARNED_CYCLES + AFTER_CYCLES[frequency_hz])
+        nothing = no_corrections(cycle_ticks(path.cycle_s, period_s))
+        played = desk.play(replace(made, corrections=nothing))
+        yield trial(scheme, played, path, "learned")
 
 
-def summary(trials: Sequence[BeyondTrial]) -> dict[str, Any]:
-    """Medians over the rigs, the worst beside: by class, scheme and frequency."""
-    tree: dict[str, Any] = {}
-    for trial in trials:
-        by_scheme = tree.setdefault(trial.hysteresis, {}).setdefault(trial.scheme, {})
-        values = by_scheme.setdefault(_key(trial.frequency_hz), {})
-        for quantity in QUANTITIES:
-            kept = f"{trial.prepared}{quantity}_percent"
-            values.setdefault(kept, []).append(getattr(trial.errors, f"{quantity}_percent"))
-    for by_scheme in tree.values():
-        for by_frequency in by_scheme.values():
-            for key, values in by_frequency.items():
-                worst = {f"{name}_worst": max(some) for name, some in values.items()}
-                by_frequency[key] = {name: median(some) for name, some in values.items()} | worst
-    return tree
+def _cycles_percent(played: Sequence[Message], path: Path, period_s: float) -> tuple[float, ...]:
+    seen = tracked(played, path, period_s)
+    pp_um = float(np.ptp(seen.x_r_um))
+    each = np.split(seen.x_um - seen.x_r_um, path.cycles)
+    return tuple(100.0 * rms(error_um) / pp_um for error_um in each)
 
 
-def _key(frequency_hz: float) -> str:
-    return f"hz_{frequency_hz:g}".replace(".", "_")
-
-
-def section(trials: Sequence[BeyondTrial]) -> Section:
-    """The report's part."""
-    rigs = len({trial.draw.seed for trial in trials})
-    rows: list[Comparison] = []
-    for name, by_scheme in summary(trials).items():
-        for scheme, by_frequency in by_scheme.items():
-            for frequency_hz in FREQUENCIES_HZ:
-                values = by_frequency[_key(frequency_hz)]
-                rows += [
-                    Comparison(
-                        f"{TITLES[name]}, {scheme.upper()} {quantity}, {frequency_hz:g} Hz, median",
-                        "%",
-                        None,
-                        values[f"{quantity}_percent"],
-                        f"worst {values[f'{quantity}_percent_worst']:.2f} %",
-                    )
-                    for quantity in QUANTITIES
-                ]
-    return Section(
-        key="beyond",
-        title="Beyond the paper: the identified free response in the law",
-        text=(
-            f"{rigs} rigs of each class of hysteresis, drawn at random, calibrated as the product "
-            "does it and pressed once. In (17) k·H(u) stands in the place of d·u, H being the "
-            "identified hysteresis and creep; gains are the defaults, the same on every rig. "
-            f"{printed.X_PP_UM} µm peak to peak. Position as measured, force as it truly was.",
-            "H is made of plays, which are kin to the Bouc-Wen hysteresis of one class of rigs; "
-            "the relays of the other class are not, and are the fairer test.",
-        ),
-        pictures=(Picture("beyond", "errors of each rig, PBSMIC", _scatter(trials)),),
-        comparisons=tuple(rows),
-        data={"trials": [_plain(trial) for trial in trials]},
+def _grip(desk: Desk, name: str, draw: Draw, profile: str) -> GripTrial:
+    planned, played = desk.grip(profile)
+    if outcome(played) != "gripped":
+        raise StudyError(f"the {profile} grip of {name} rig {draw.seed} ended {outcome(played)!r}")
+    views = [m for m in played if isinstance(m, Telemetry)]
+    told = [m for m in played if isinstance(m, GroundTruth)]
+    true_mN = {m.seq - told[0].seq: m.force_mN for m in told}
+    hold = [view.seq for view in views if view.phase == "hold"]
+    force_mN: float = planned.values["force_mN"]
+    held_mN = np.array([true_mN[seq] for seq in hold])
+    return GripTrial(
+        name,
+        draw,
+        profile,
+        seconds_without_hold=desk.rig.rig.period_s * (len(views) - len(hold)),
+        peak_over_planned=max(true_mN.values()) / force_mN,
+        hold_error_percent=100.0 * rms(held_mN - force_mN) / force_mN,
     )
-
-
-def _plain(trial: BeyondTrial) -> dict[str, Any]:
-    return {
-        "hysteresis": trial.hysteresis,
-        "seed": trial.draw.seed,
-        "stiffness_mN_per_um": trial.draw.stiffness_mN_per_um,
-        "loop_percent": trial.draw.loop_percent,
-        "creep_percent_per_decade": trial.draw.creep_percent_per_decade,
-        "scheme": trial.scheme,
-        "frequency_hz": trial.frequency_hz,
-        "prepared": trial.prepared,
-        **{name: getattr(trial.errors, name) for name in Errors.__slots__},
-    }
-
-
-def _scatter(trials: Sequence[BeyondTrial]) -> bytes:
-    def draw(axes: list[Axis]) -> None:
-        for axis, name in zip(axes, CLASSES, strict=True):
-            for frequency_hz, color in zip(FREQUENCIES_HZ, (BLUE, GREEN, ORANGE), strict=True):
-                some = [
-                    trial.errors
-                    for trial in trials
-                    if (trial.hysteresis, trial.scheme, trial.frequency_hz, trial.prepared)
-                    == (name, "pbsmic", frequency_hz, "")
-                ]
-                axis.plot(
-                    [errors.position_percent for errors in some],
-                    [errors.force_percent for errors in some],
-                    "o",
-                    color=color,
-                    markersize=4,
-                    label=f"{frequency_hz:g} Hz",
-                )
-            axis.set_xlim(left=0.0)
-            axis.set_ylim(bottom=0.0)
-            label(axis, "position RMSE / %", "force RMSE / %", TITLES[name])
-            legend(axis)
-
-    return picture(1, 2, 4.2, draw)

@@ -3,15 +3,9 @@
 The same motion in voltage, and the same identification; in a study no supervisor runs.
 """
 
-from collections.abc import Callable
-
-from msgspec.structs import replace
-
 from pincette.config import IdentifiedFreeResponse, RigFile, derived
 from pincette.control.planning.calibration_programs import (
-    FREE,
     full_cycles,
-    voltage_moves,
 )
 from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
@@ -20,17 +14,13 @@ from pincette.control.planning.free_response_program import (
     rehearsed_grips,
 )
 from pincette.control.planning.paths import Path
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
 from pincette.control.response.free_calibration import FreeMotion, calibrate_free_response
-from pincette.core.faults import Outcome
-from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
+from pincette.core.messages import Estimate, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
-from pincette.engine.simulated import simulated_bench
 from pincette.engine.teaching import SPEED_FACTOR, free_range_um, without_part
-from pincette.sim.bench import Bench
 from pincette_study.closed_loop import StudyError, outcome
 
-FORCE_MAX_MN = 1e3
 LINE_ERROR = 0.5
 """Share of the travel by which the first stroke of an unpoled arm may leave the line."""
 
@@ -62,33 +52,6 @@ def _unknown(rig: RigFile) -> RigFile:
     free = without_part(rig)
     update = {"hysteresis_fraction": LINE_ERROR}
     return free.model_copy(update={"model": free.model.model_copy(update=update)})
-
-
-def after_strokes(rig: RigFile) -> ComposedLoop:
-    """A rig that has gone twice over the taught range with the part away; the part is back.
-
-    Such strokes wipe out what an arm has been through before, of which the model knows nothing.
-    """
-    low_V, high_V = (end_um / rig.model.piezo_um_per_V for end_um in free_range_um(rig))
-    turns_V = (high_V, low_V, high_V, low_V, 0.0)
-    rate_V_per_s = SPEED_FACTOR * rig.grip.approach_um_per_s / rig.model.piezo_um_per_V
-    path = voltage_moves([(0.0, rate_V_per_s, 0.0), *((V, rate_V_per_s, 0.5) for V in turns_V)])
-    benches: list[Bench] = []
-
-    def set_up(told: Callable[[GroundTruth], None]) -> Bench:
-        benches.append(simulated_bench(rig, told))
-        return benches[0]
-
-    loop = ComposedLoop(rig, set_up)
-    benches[0].rig.remove_part()
-    # A model that does not know the past reads force off the first stroke: no guard may end it.
-    guards = replace(FREE, force_max_mN=FORCE_MAX_MN)
-    strokes = Segment("strokes", "voltage", path.duration_s, path=path)
-    ended = outcome(loop.play(Program((strokes,), guards, contact_stiffness_mN_per_um=1.0)))
-    if ended != Outcome.MOVED:
-        raise StudyError(f"the strokes over the taught range ended {ended!r}")
-    benches[0].rig.place_part()
-    return loop
 
 
 def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMotion:

@@ -12,6 +12,7 @@ from pincette.config import RigFile, derived
 from pincette.control.laws.definition import LawSettings
 from pincette.control.planning.contact_plan import ContactPlan
 from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
 from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette.core.messages import Applied, Estimate, GroundTruth, Message, Telemetry
@@ -80,12 +81,17 @@ def tracking_plan(
     frequency_hz: float = printed.FREQUENCY_HZ,
     x_pp_um: float = printed.X_PP_UM,
     stiffness_mN_per_um: float | None = None,
+    cycles: int | None = None,
 ) -> ContactPlan:
-    """Plan the paper's sinusoid on the contact line of the rig file's part, or on another."""
+    """Plan the paper's sinusoid on the contact line of the rig file's part, or on another.
+
+    ``cycles`` at full amplitude; None: as many as take the time of six of the paper's.
+    """
     K_e = stiffness_mN_per_um or rig.part.stiffness_mN_per_um
     force_pp_mN = K_e * x_pp_um
     part, grip = rig.part, rig.grip
-    cycles = max(CYCLES, round(CYCLES * frequency_hz / printed.FREQUENCY_HZ))
+    if cycles is None:
+        cycles = max(CYCLES, round(CYCLES * frequency_hz / printed.FREQUENCY_HZ))
     return plan_track(
         TrackRequest(
             load_s=grip.load_s,
@@ -195,19 +201,20 @@ def track_all(trials: Sequence[Trial], workers: int = 1) -> list[tuple[Record, E
     return [(record_, errors(record_)) for record_ in found]
 
 
-def track_on(loop: ComposedLoop, settings: LawSettings, plan: ContactPlan, epoch: int) -> Errors:
-    """Track on a rig as it stands, on the line identified over the load; raises StudyError."""
-    program = replace(plan.program, laws=(settings.spec(),), contact_line="identified")
-    seen = record(loop.play(program, epoch), "track")
-    path = next(segment.path for segment in program.segments if segment.path is not None)
-    period_s = loop.rig.rig.period_s
-    full = slice(round(path.full_from_s / period_s), round(path.full_to_s / period_s))
+def tracked(messages: Sequence[Message], path: Path, period_s: float, cycle: int = 0) -> Record:
+    """Take the part of a path at full amplitude out of a run, from a cycle on; raises StudyError.
+
+    The references of a sample are those of the tick before it.
+    """
+    seen = record(messages, "track")
+    begin_s = path.full_from_s + cycle * path.cycle_s
+    full = slice(round(begin_s / period_s), round(path.full_to_s / period_s))
     series = {
         each.name: getattr(seen, each.name)[full]
         for each in fields(seen)
         if each.name != "stiffness_mN_per_um"
     }
-    return errors(Record(**series, stiffness_mN_per_um=seen.stiffness_mN_per_um))
+    return Record(**series, stiffness_mN_per_um=seen.stiffness_mN_per_um)
 
 
 def _tracked(case: Case, run: Run) -> Record:

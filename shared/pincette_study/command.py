@@ -17,6 +17,8 @@ from pincette_study.study import run_study
 MOST_WORKERS = 8
 """Processes; each holds some 300 MB."""
 OUT = Path("data/paper")
+BEYOND_RIGS = 5
+"""Each takes some 40 s of a core."""
 
 
 app = group()
@@ -29,6 +31,15 @@ def paper(
     rigs: Annotated[
         int, Option("--rigs", parser=integer, metavar="N", help="drawn at random")
     ] = 20,
+    beyond_rigs: Annotated[
+        int,
+        Option(
+            "--beyond-rigs",
+            parser=integer,
+            metavar="N",
+            help="of each class of hysteresis, for what goes beyond the paper",
+        ),
+    ] = BEYOND_RIGS,
 ) -> int:
     """Run the whole study with its progress shown, and print its summary."""
     console = Console(highlight=False)
@@ -36,8 +47,9 @@ def paper(
     file = opened(path)
     if file.simulation is None:
         raise CliError(f"{path} has no [simulation]: the study runs on simulated rigs")
-    if rigs < 1:
-        raise CliError(f"--rigs {rigs}: at least 1 is wanted")
+    for option, number in (("--rigs", rigs), ("--beyond-rigs", beyond_rigs)):
+        if number < 1:
+            raise CliError(f"{option} {number}: at least 1 is wanted")
     try:
         with Progress(
             TextColumn("{task.description:<32}"),
@@ -53,7 +65,8 @@ def paper(
                 if not console.is_terminal:
                     console.print(f"{100.0 * share:3.0f} %  {what}")
 
-            summary = run_study(file, folder, show, rigs, min(MOST_WORKERS, os.cpu_count() or 1))
+            workers = min(MOST_WORKERS, os.cpu_count() or 1)
+            summary = run_study(file, folder, show, rigs, beyond_rigs, workers)
     except StudyError as error:
         raise CliError(f"the study could not be finished: {error}") from error
     _print(summary, console)

@@ -7,6 +7,7 @@ from typing import Any
 from pincette.config import RigFile, derived
 from pincette_study import (
     beyond,
+    beyond_report,
     contact,
     dynamics,
     estimation,
@@ -27,7 +28,12 @@ Progress = Callable[[str, float], None]
 
 
 def run_study(
-    base: RigFile, folder: Path, progress: Progress, rigs: int, workers: int = 1
+    base: RigFile,
+    folder: Path,
+    progress: Progress,
+    rigs: int,
+    beyond_rigs: int,
+    workers: int = 1,
 ) -> dict[str, Any]:
     """Run every experiment, write the report into a folder, and return its summary.
 
@@ -36,7 +42,9 @@ def run_study(
     base
         The demo rig; what is not in the paper comes from it.
     rigs
-        How many random rigs.
+        How many random rigs the paper's laws are tried on.
+    beyond_rigs
+        How many of each class of hysteresis what goes beyond the paper is tried on.
     workers
         Processes that play closed loops; the numbers are the same with any number of them.
     """
@@ -46,40 +54,40 @@ def run_study(
     taught = prepared.rig
     response = derived.free_response(taught.model)
     sections: list[Section] = []
-    progress("Fig. 5: swept sine", 0.03)
+    progress("Fig. 5: swept sine", 0.02)
     sections.append(dynamics.fig_5(rig))
-    progress("Figs. 6 and 7: estimator", 0.08)
+    progress("Figs. 6 and 7: estimator", 0.06)
     sources = {"the identified response": response, **estimation.other_sources(taught)}
     fig_6, free_mN = estimation.fig_6(taught, sources)
     sections += [fig_6, planned_pair.fig_7(taught, response)]
-    progress("Fig. 8: stiffness line", 0.12)
+    progress("Fig. 8: stiffness line", 0.09)
     sections.append(contact.fig_8(taught, response))
-    progress("Fig. 9 and Table I: PBSMIC", 0.14)
+    progress("Fig. 9 and Table I: PBSMIC", 0.11)
     table_1, by_K_P = table_one.table_one(taught)
     sections.append(table_1)
-    progress("Figs. 10 and 11: DSMIFC", 0.18)
+    progress("Figs. 10 and 11: DSMIFC", 0.14)
     sections.append(force_gain.force_gain(taught, workers))
-    progress("stability map", 0.26)
+    progress("stability map", 0.20)
     sections.append(dynamics.stability(taught))
-    progress("gains", 0.38)
+    progress("gains", 0.30)
     sections.append(gains.search(prepared))
-    progress("a minute of hold", 0.42)
+    progress("a minute of hold", 0.33)
     sections.append(holding.long_hold(taught))
 
     def one_more(done: int) -> None:
-        progress(f"random rigs: {done} of {rigs}", 0.46 + 0.22 * done / rigs)
+        progress(f"random rigs: {done} of {rigs}", 0.36 + 0.12 * done / rigs)
 
     one_more(0)
     trials = precision.run_trials(base, rigs, one_more, workers)
     sections.append(precision.section(base, trials))
 
     def one_beyond(done: int) -> None:
-        several = rigs * len(beyond.CLASSES)
-        progress(f"beyond the paper: {done} of {several}", 0.68 + 0.30 * done / several)
+        several = beyond_rigs * len(beyond.CLASSES)
+        progress(f"beyond the paper: {done} of {several}", 0.48 + 0.50 * done / several)
 
     one_beyond(0)
-    further = beyond.run_beyond(base, rigs, one_beyond, workers)
-    sections.append(beyond.section(further))
+    further = beyond.run_beyond(base, beyond_rigs, one_beyond, workers)
+    sections += [beyond_report.section(further), beyond_report.grip_section(further)]
     summary = {
         "table1_position_percent": {
             f"{K_P:g}": item.position_percent for K_P, item in by_K_P.items()
@@ -91,7 +99,9 @@ def run_study(
         "estimator_free_rmse_mN": free_mN[estimation.PAPER_SIGNAL],
         "estimator_free_rmse_mN_by_signal": free_mN,
         "random_rigs": rigs,
-        "beyond": beyond.summary(further),
+        "beyond_rigs": beyond_rigs,
+        "beyond": beyond_report.summary(further.tracks),
+        "grip": beyond_report.grip_summary(further.grips),
     }
     write_report(folder, [_in_short(sections, trials), *sections], summary)
     progress("done", 1.0)

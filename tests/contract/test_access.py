@@ -28,7 +28,8 @@ from pincette.bus.endpoints import (
     tool_endpoint,
 )
 from pincette.bus.protocol import BusError
-from pincette.bus.zenoh_bus import ZenohBus, open_session
+from pincette.bus.session import open_session
+from pincette.bus.zenoh_bus import ZenohBus
 from pincette.cli.safety import trip_past_supervisor
 from pincette.config import RigFile
 from pincette.core.codec import encode

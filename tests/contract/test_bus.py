@@ -12,8 +12,9 @@ from msgspec.structs import replace
 
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import BusError, LatestBus, RefusalError
+from pincette.bus.session import open_session, serve_router
 from pincette.bus.topology import SessionConfig, client_session, router_session
-from pincette.bus.zenoh_bus import ZenohBus, open_session, serve_router
+from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.codec import encode
 from pincette.core.codec.wire import ENCODING
 from pincette.core.faults import Cause

@@ -9,8 +9,8 @@ from time import monotonic, sleep
 
 import pytest
 
+from pincette.bus.session import open_session
 from pincette.bus.topology import SessionConfig, TlsIdentity, client_session, endpoint, secured
-from pincette.bus.zenoh_bus import open_session
 from pincette.core.topics import COMMAND, key
 from pincette.security.access import client_access
 from pincette.security.identity import Identity, program

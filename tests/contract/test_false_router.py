@@ -12,9 +12,10 @@ import zenoh
 
 from pincette.bus.endpoints import program_endpoint, tool_endpoint
 from pincette.bus.protocol import BusError
+from pincette.bus.session import open_session
 from pincette.bus.settings import settings
 from pincette.bus.topology import TlsIdentity, router_session, secured
-from pincette.bus.zenoh_bus import ZenohBus, open_session
+from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.faults import Cause
 from pincette.core.messages import Trip
 from pincette.core.topics import COMMAND, TRIP, key

@@ -13,7 +13,8 @@ from typing import Any, cast
 import pytest
 import zenoh
 
-from pincette.bus.zenoh_bus import ZenohBus, open_session
+from pincette.bus.session import open_session
+from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.codec import MAX_BYTES, decode, encode
 from pincette.core.codec.refusals import CodecError
 from pincette.core.codec.wire import ENCODING

@@ -10,8 +10,8 @@ import pytest
 
 from pincette.bus.handshake import diagnose_link
 from pincette.bus.protocol import BusError
+from pincette.bus.session import open_session
 from pincette.bus.topology import TlsIdentity, client_session, endpoint, router_session, secured
-from pincette.bus.zenoh_bus import open_session
 from pincette.security.establishing import establish
 from pincette.security.folder import Folder
 from pincette.security.identity import Credentials, program

@@ -11,8 +11,9 @@ import pytest
 import zenoh
 
 from pincette.bus.protocol import BusError
+from pincette.bus.session import open_session
 from pincette.bus.topology import SessionConfig
-from pincette.bus.zenoh_bus import ZenohBus, open_session
+from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.codec import encode
 from pincette.core.codec.wire import ENCODING
 from pincette.core.messages import Ack, Position, StatusRequest

@@ -44,6 +44,12 @@ def test_the_next_one_closes_the_record_of_the_job_that_was_interrupted(
     after = Office(rig, tmp_path)
     job = after.manager.job(name)
     assert (job.state, job.record_complete, job.record_detail) == ("interrupted", True, "")
+    assert job.ending is not None
+    assert job.ending.code == "supervisor_ended"
+    assert job.result is not None
+    assert job.result["outcome"] == "unfinished"
+    assert job.result["phases"][0]["phase"] == "zero"
+    assert played - 1 <= job.result["samples"] <= played + 1
     assert rig.keeper.record is None
     where = tmp_path / "jobs" / name
     assert manifest(where)["complete"] is True

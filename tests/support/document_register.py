@@ -108,6 +108,7 @@ SITTINGS: dict[str, Sitting] = {
             Told("python docs/examples/secure", "tests/system/test_security.py runs the script"),
             Typed("pincette security add"),
             Typed("pincette security show", r"anna"),
+            Typed("pincette security revoke", r"revoked: demo/estimator"),
         )
     ),
     "docs/how-to/rest-keys.md": Sitting(
@@ -116,6 +117,7 @@ SITTINGS: dict[str, Sitting] = {
             Told('Supervisor("http://gripper.lab', ANOTHER_HOST),
             Told("docker compose exec", DOCKER),
             Told("pincette audit", "tests/system/test_rest_access.py asks for it with such a key"),
+            Told("pincette audit verify", "tests/unit/supervisor/test_audit.py verifies a log"),
         )
     ),
     "docs/how-to/compose.md": Sitting(

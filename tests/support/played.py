@@ -6,8 +6,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 
+from pincette.bus.session import serve_router
 from pincette.bus.topology import client_session, router_session
-from pincette.bus.zenoh_bus import ZenohBus, serve_router
+from pincette.bus.zenoh_bus import ZenohBus
 from tests.support.rigs import free_ports
 from tests.unit.supervisor import samples
 

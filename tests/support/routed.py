@@ -5,8 +5,8 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from time import monotonic, sleep
 
+from pincette.bus.session import serve_router
 from pincette.bus.topology import SessionConfig, client_session, router_session
-from pincette.bus.zenoh_bus import serve_router
 from tests.support.rigs import free_ports
 
 WAIT_S = 5.0

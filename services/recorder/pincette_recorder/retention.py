@@ -11,8 +11,6 @@ from pincette.records import folder as files
 log = logging.getLogger(__name__)
 NEWEST = 10
 """So many are never deleted, whatever their age and size."""
-DOOMED = ".deleted-"
-"""Begin of the name that a folder has while it is being deleted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +41,13 @@ def doomed(
 
 
 def ended(records: Path) -> list[Kept]:
-    """Jobs that have ended, as a manifest shows; raises OSError."""
+    """Jobs that have ended, as a manifest shows, and are not pinned; raises OSError."""
     found: list[Kept] = []
     for manifest in records.glob(f"*/{files.MANIFEST}"):
         folder = manifest.parent
-        if folder.is_symlink() or folder.name.startswith(DOOMED):
+        if folder.is_symlink() or folder.name.startswith(files.DOOMED):
+            continue
+        if (folder / files.PINNED).exists():
             continue
         size = sum(path.stat().st_size for path in folder.iterdir() if path.is_file())
         found.append(Kept(folder.name, manifest.stat().st_mtime, size))
@@ -56,13 +56,11 @@ def ended(records: Path) -> list[Kept]:
 
 def delete(records: Path, name: str) -> None:
     """Delete a record; at once it is no longer found under its name. Raises OSError."""
-    grave = records / f"{DOOMED}{name}"
-    (records / name).rename(grave)
-    shutil.rmtree(grave)
+    files.delete(records, name)
     log.info("%s: deleted, as [recorder] of the rig file asks for", name)
 
 
 def sweep(records: Path) -> None:
     """Go on with what an earlier run began to delete; raises OSError."""
-    for grave in records.glob(f"{DOOMED}*"):
+    for grave in records.glob(f"{files.DOOMED}*"):
         shutil.rmtree(grave)

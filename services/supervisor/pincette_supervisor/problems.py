@@ -1,5 +1,6 @@
 """Errors as problem details (RFC 9457), with value, unit, limit and remedy."""
 
+import logging
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
@@ -7,6 +8,7 @@ from difflib import get_close_matches
 from functools import cache
 from http import HTTPStatus
 from typing import Any, cast
+from uuid import uuid4
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -14,11 +16,13 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from pincette.api.job_kinds import job_kinds
-from pincette.api.problems import MEDIA_TYPE, TYPE
+from pincette.api.problems import MEDIA_TYPE, TYPE, remedy_of
 from pincette.core.units import unit_of
+from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.database import StoreError
 from pincette_supervisor.planning.errors import UnsupportedError
 
+log = logging.getLogger(__name__)
 CODES = {
     404: "not-found",
     405: "method-not-allowed",
@@ -58,9 +62,18 @@ class ProblemError(Exception):
 
 def response_of(error: ProblemError) -> JSONResponse:
     """The answer to a refused request."""
-    body = {"type": TYPE + error.code, "title": error.title, "status": error.status}
+    instance = f"urn:uuid:{uuid4()}"
+    log.info("refused: %s (%s), %s", error.detail, error.code, instance)
+    body = {
+        "type": TYPE + error.code,
+        "title": error.title,
+        "status": error.status,
+        "detail": error.detail,
+        "remedy": remedy_of(error.code),
+        "instance": instance,
+    }
     return JSONResponse(
-        {**body, "detail": error.detail, **error.extensions},
+        {**body, **error.extensions},
         status_code=error.status,
         media_type=MEDIA_TYPE,
         headers=dict(error.headers or {}),
@@ -105,7 +118,7 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
     name = _named(path) or place
     unit = unit_of(name.partition("[")[0])
     value = _shown(error.get("input")) + (f" {unit}" if unit else "")
-    message = str(error["msg"])
+    wanted = refusal(error, unit)
     kind = str(error["type"])
     context = error.get("ctx", {})
     if kind in ("union_tag_invalid", "union_tag_not_found"):
@@ -123,12 +136,11 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
     elif kind in ("missing", "union_tag_not_found"):
         message = f"{name} is missing"
     elif kind == "json_invalid":
-        name, message = "body", f"not JSON: {context.get('error', message)}"
+        name, message = "body", f"not JSON: {context.get('error', '')}"
     elif kind == "value_error":
-        message = message.removeprefix("Value error, ")
+        message = wanted
     else:
-        limit = f" {unit}" if unit and kind.startswith(("greater", "less")) else ""
-        message = f"{name} = {value}: {message[:1].lower()}{message[1:]}{limit}"
+        message = f"{name} = {value}: {wanted}"
     if place == "body" and kind != "json_invalid":
         return {"pointer": "".join(f"/{part}" for part in path), "message": message}
     if place == "body":
@@ -184,9 +196,9 @@ def install_handlers(app: FastAPI) -> None:
     app.add_exception_handler(Exception, internal)
 
 
-def not_found(what: str, name: str, known: Sequence[str] = ()) -> ProblemError:
-    """404 that lists what there is."""
-    there = f"; there are {', '.join(known)}" if known else ""
+def not_found(what: str, name: str, known: Sequence[str] = (), *, why: str = "") -> ProblemError:
+    """404 that lists what there is, or says why there is nothing."""
+    there = f"; there are {', '.join(known)}" if known else f"; {why}" if why else ""
     return ProblemError(404, "not-found", "Not found", f"no {what} {name!r}{there}")
 
 

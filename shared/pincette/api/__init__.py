@@ -1,8 +1,8 @@
 """What goes over REST: requests, plans, results, problems, and the life of a job as data."""
 
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 CONFIG = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
@@ -16,3 +16,11 @@ class Model(BaseModel):
 def example(**values: Any) -> ConfigDict:
     """An example for the OpenAPI document."""
     return ConfigDict(json_schema_extra={"examples": [values]})
+
+
+def _whole(value: object) -> object:
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+Whole = Annotated[int, BeforeValidator(_whole)]
+"""An integer as JSON has them: 5.0 is 5, and 5.5 is refused."""

@@ -74,6 +74,23 @@ class AuditList(Model):
     """What ``before`` must be for the entries that follow; null where there are no more."""
 
 
+class AuditChain(Model):
+    """Whether each entry of the audit log follows from the one before it."""
+
+    model_config = example(entries=0, first=None, newest=None, link=None, broken=None, found=None)
+
+    entries: int
+    first: int | None
+    """Number of the oldest entry that is kept; null where there is none."""
+    newest: int | None
+    link: str | None
+    """Of the newest entry, a SHA-256; whoever notes it elsewhere can ask for it later."""
+    broken: int | None
+    """Number of the first entry that was changed, or before which one is missing; null: none."""
+    found: bool | None
+    """Whether the link that was asked for is one of the log's; null: none was asked for."""
+
+
 class KeyView(Model):
     """A key, without the key itself."""
 

@@ -1,8 +1,12 @@
 """What a job looks like over REST; units are in the names, unknown fields are refused."""
 
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from pincette.api import Model, example
+from pincette.api.endings import Ending
+from pincette.api.requests import Label, Labels, Notes
 from pincette.api.states import ActionType, JobState
 
 
@@ -33,6 +37,21 @@ class Action(Model):
     """When the supervisor learned that it has taken effect."""
     seq: int | None = None
     """Sample at which it took effect, once it has."""
+
+
+class JobEdit(Model):
+    """What is said of a job, also after its end; what is left out stays as it is."""
+
+    model_config = example(sample="B7", notes="bead with a chip", pinned=True)
+
+    sample: Label | None = None
+    batch: Label | None = None
+    operator: Annotated[str, Field(max_length=80)] | None = None
+    notes: Notes | None = None
+    labels: Labels | None = None
+    """In place of all that there are."""
+    pinned: bool | None = None
+    """Keep the record, whatever the rig file says of the age and the size of records."""
 
 
 class Progress(Model):
@@ -102,9 +121,15 @@ class Job(Model):
         revision=5,
         position=None,
         cause="",
+        ending=None,
         request={"kind": "grip", "autostart": True},
         values={"force_mN": 20.0, "hold_s": 4.0},
+        sample="B7",
+        batch="",
+        operator="Ada",
+        notes="",
         labels={},
+        pinned=False,
         by="cell-7",
         progress=None,
         result=None,
@@ -128,17 +153,26 @@ class Job(Model):
     """Place in the queue of a job that waits for another one: 1 is the next."""
     cause: str
     """Why a job did not succeed, in words."""
+    ending: Ending | None = None
+    """Why it has ended, as a code with numbers; null until then."""
     request: dict[str, Any]
     """As it was sent."""
     values: dict[str, Any]
     """What the job works with: the request completed by the rig file; hold_s null has no end."""
+    sample: str = ""
+    batch: str = ""
+    operator: str = ""
+    notes: str = ""
     labels: dict[str, str]
+    pinned: bool = False
+    """Whether its record stays, whatever the rig file says of the age and the size of records."""
     by: str | None = None
     """Who asked for it: the name of a key with the caller's label in brackets; without keys the
     header ``X-Operator``, or the address it came from."""
     progress: Progress | None
     result: dict[str, Any] | None
-    """Of a job that has moved: see the models of results by kind."""
+    """Of a job that has moved, by its kind; of one that was interrupted, as far as its record
+    tells: the members that every result has."""
     actions: list[Action]
     allowed_actions: list[ActionType]
     created_at: str

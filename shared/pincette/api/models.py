@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from pincette.api import Model, example
+from pincette.api import Model, Whole, example
 
 
 class ModelQuantity(Model):
@@ -107,4 +107,4 @@ class ModelAction(Model):
     model_config = example(type="use", version=1)
 
     type: Literal["use"]
-    version: int = Field(ge=0, le=9999)
+    version: Whole = Field(ge=0, le=9999)

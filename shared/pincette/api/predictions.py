@@ -1,14 +1,32 @@
 """What a dry run of a plan on the model in use predicts, and the limits that it breaks."""
 
+from typing import Literal
+
 from pincette.api import Model, example
+
+Quantity = Literal[
+    "force",
+    "position",
+    "voltage",
+    "taught_voltage",
+    "slew",
+    "rate",
+    "acceleration",
+    "speed",
+    "duration",
+    "sweep_amplitude",
+    "spectral_radius",
+]
+Side = Literal["above", "below"]
 
 
 class Violation(Model):
-    """A limit that is broken, where and when."""
+    """A limit that is broken, where and when: go by the codes and numbers, and show the message."""
 
     model_config = example(
         pointer="/force_mN",
         quantity="force",
+        side="above",
         value=55.0,
         limit=40.0,
         unit="mN",
@@ -18,7 +36,9 @@ class Violation(Model):
 
     pointer: str
     """JSON pointer into the request; empty where no member of it can be named."""
-    quantity: str
+    quantity: Quantity
+    side: Side
+    """Of the limit on which the value lies."""
     value: float
     limit: float
     unit: str

@@ -1,5 +1,6 @@
 """Problem documents as the OpenAPI document shows them."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import ConfigDict
@@ -42,6 +43,55 @@ MEANINGS = {
 }
 
 
+INSTANCE = "urn:uuid:0b5a4a2e-3f0f-4f0a-9a51-5a2f6c1f7f10"
+REMEDIES: Mapping[str, str] = {
+    "bad-json": "mend the body, and send it again",
+    "no-key": "send a key as `Authorization: Bearer KEY`; `pincette key add` makes one",
+    "scope-too-small": "use a key with the needed scope; `pincette key add --scope` makes one",
+    "foreign-page": "use the page of this supervisor, or send no Origin",
+    "not-found": "take a name from the list of what there is",
+    "method-not-allowed": "use a method that the header Allow names",
+    "body-too-slow": "send the request again, its body at once",
+    "body-too-large": "send less: a path of fewer points, shorter notes",
+    "unsupported-media-type": "send `Content-Type: application/json`",
+    "foreign-host": "use the supervisor's address, or add the name to [supervisor] names",
+    "caller-gone": "send the request again, and wait for its answer",
+    "invalid-transition": "ask for one of allowed_actions",
+    "job-active": "wait for that job, stop it, or send the request with `queue`: true",
+    "part-held": "release the part by a job `release`, or keep it by a job `hold`",
+    "queue-full": "wait until a queued job has ended, or stop one",
+    "queue-moved": "read the queue again, then say what shall become of it",
+    "estop-engaged": "see that the rig is safe, then reset it with `acknowledge`: true",
+    "rig-latched": "see that the rig is safe, then reset it with `acknowledge`: true",
+    "reset-refused": "mend what the detail names, then reset again",
+    "rig-claimed": "ask its holder, wait until the claim ends, or break it as an operator",
+    "record-kept": "wait until the job has ended; unpin it before its record is deleted",
+    "model-changed": "send the request again",
+    "trajectory-stale": "make the trajectory anew with the model in use",
+    "recipe-limit": "use a recipe that is there; none can be added",
+    "invalid-request": "mend what errors name, and send it again",
+    "limit-violation": "ask for less of what each pointer names, or for more time",
+    "calibration-unsupported": "choose another calibration, or faster instruments",
+    "impossible-model": "choose another version of the model",
+    "no-prediction": "send it with `predict=false`, or change the values",
+    "idempotency-key-reused": "use a new key for a new request",
+    "too-many-requests": "wait as long as Retry-After says",
+    "rig-not-ready": "mend what reasons name; `pincette doctor` says more",
+    "estop-unconfirmed": "run `pincette estop`, or switch the amplifier's supply off",
+    "model-not-kept": "look at the disk's room and rights, then send it again",
+    "store-failed": "look at the disk's room and rights; `pincette doctor` says more",
+    "too-many-listeners": "close another page or stream",
+    "busy": "ask again in a moment",
+    "internal-error": "look into the supervisor's log for the instance, and report it",
+}
+"""What to do about each problem, by its code."""
+
+
+def remedy_of(code: str) -> str:
+    """What to do about a problem."""
+    return REMEDIES.get(code, "see the detail")
+
+
 class Problem(Model):
     """An error (RFC 9457): what, value, unit, limit, and what to do."""
 
@@ -54,10 +104,13 @@ class Problem(Model):
                     "title": "The plan breaks a limit of the rig",
                     "status": 422,
                     "detail": "force 55.000 mN above the limit 40 mN, from 6.10 s (load)",
+                    "remedy": REMEDIES["limit-violation"],
+                    "instance": INSTANCE,
                     "violations": [
                         {
                             "pointer": "/force_mN",
                             "quantity": "force",
+                            "side": "above",
                             "value": 55.0,
                             "limit": 40.0,
                             "unit": "mN",
@@ -74,6 +127,10 @@ class Problem(Model):
     title: str
     status: int
     detail: str
+    remedy: str
+    """What to do."""
+    instance: str
+    """Names this very answer; the supervisor's log has it, too."""
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -90,6 +147,8 @@ def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
                         "title": "…",
                         "status": status,
                         "detail": "…",
+                        "remedy": remedy_of(MEANINGS[status][0]),
+                        "instance": INSTANCE,
                     },
                 }
             },

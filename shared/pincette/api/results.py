@@ -1,6 +1,6 @@
 """What comes of a job, as it is stored and sent."""
 
-from typing import Any
+from typing import Any, Literal
 
 from pincette.api import Model, example
 from pincette.api.plans import Pose
@@ -46,12 +46,89 @@ class ActionTaken(Model):
     seq: int
 
 
+CAUSES: dict[str, Any] = {
+    "total": 0.039,
+    "noise": 0.036,
+    "response": 0.004,
+    "contact_line": 0.011,
+    "lag": 0.006,
+    "limits": 0.0,
+    "largest": "noise",
+    "to_do": "the sensor's noise is the floor: a better sensor alone goes below it",
+}
+
+
+class ErrorCauses(Model):
+    """An error by its causes, each an r.m.s. in the unit of the name above.
+
+    Their squares can be added up; where two causes cancel in part the whole is less.
+    """
+
+    model_config = example(**CAUSES)
+
+    total: float
+    """Of the position as measured; of the true force as it is to be expected."""
+    noise: float
+    """What comes back in no cycle; of the force what the arm moves by it."""
+    response: float
+    """What the model of the free arm misses; of the force as the estimator states it."""
+    contact_line: float
+    """Estimate and position are off the contact line of the references."""
+    lag: float
+    """What goes with speed and acceleration of the reference."""
+    limits: float
+    """Samples at which a limit of the voltage acted, and those just after."""
+    largest: Literal["noise", "response", "contact_line", "lag", "limits"]
+    to_do: str
+    """What helps against the largest."""
+
+
+class ErrorSources(Model):
+    """Where the errors of a hold or a path come from."""
+
+    model_config = example(position_um=CAUSES, force_mN=CAUSES)
+
+    position_um: ErrorCauses
+    force_mN: ErrorCauses
+
+
+OutcomeCode = Literal[
+    "gripped",
+    "tracked",
+    "released",
+    "moved",
+    "stopped",
+    "no_contact",
+    "wrong_stiffness",
+    "lost",
+    "overforce",
+    "overtravel",
+    "contact",
+    "zero_refused",
+    "tripped",
+    "unfinished",
+]
+
+
 class JobResult(Model):
     """What every result has."""
 
-    outcome: str
-    """gripped, tracked, released, moved, stopped, no_contact, wrong_stiffness, lost, overforce,
-    overtravel, contact, zero_refused, tripped, or unfinished."""
+    model_config = example(
+        outcome="unfinished",
+        phases=[{"phase": "approach", "start_s": 0.4, "duration_s": 1.4}],
+        limits_acted=[],
+        actions=[],
+        samples=90,
+        missed_ticks=0,
+        unanswered_ticks=0,
+        dropped_messages=0,
+        touch_x_um=None,
+        touch_force_mN=None,
+    )
+
+    outcome: OutcomeCode
+    """How the program ended, by the controller; ``tripped`` by the actuator, ``unfinished`` where
+    nobody said."""
     phases: list[Phase]
     limits_acted: list[LimitActed]
     actions: list[ActionTaken]

@@ -1,8 +1,11 @@
 """Zenoh's settings for one program: explicit links, no multicast, no shared memory."""
 
+from base64 import b64encode
 from typing import Any
 
-from pincette.bus.topology import SessionConfig, TlsIdentity
+from pincette.bus.private_port import PrivatePort
+from pincette.bus.topology import PLAIN, SECURE, SessionConfig, TlsIdentity
+from pincette.bus.vouching import Vouching
 from pincette.core.codec import MAX_BYTES
 from pincette.security.access import as_settings
 
@@ -58,6 +61,21 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
             "tls": _tls(config.tls, closes_on_expiry=config.mode == "router"),
         }
         tree["access_control"] = as_settings(config.tls.access)
+    return tree
+
+
+def guarded(
+    config: SessionConfig, name: str, behind: PrivatePort, vouching: Vouching | None
+) -> dict[str, Any]:
+    """Settings of a session that listens behind a guard, and believes whom that vouches for."""
+    tree = settings(config, name)
+    protocol = PLAIN if vouching is None else SECURE
+    tree["listen"]["endpoints"] = [f"{protocol}{behind.host}:{behind.port}"]
+    if vouching is None:
+        return tree
+    tls = tree["transport"]["link"]["tls"]
+    del tls["root_ca_certificate"]
+    tls["root_ca_certificate_base64"] = b64encode(vouching.believed.encode()).decode()
     return tree
 
 

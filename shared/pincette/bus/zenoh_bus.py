@@ -1,9 +1,8 @@
-"""The bus over Zenoh; the only file that imports zenoh."""
+"""The bus over Zenoh: publishes, subscribes, asks and answers in messages."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
-import json
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -11,9 +10,8 @@ from typing import Any, TypeVar, cast
 
 import zenoh
 
-from pincette.bus.handshake import diagnose_link, is_taken
 from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
-from pincette.bus.settings import settings
+from pincette.bus.session import open_session
 from pincette.bus.topology import SessionConfig
 from pincette.core.codec import MAX_BYTES, decode, encode
 from pincette.core.codec.refusals import CodecError
@@ -35,25 +33,6 @@ REFUSED = zenoh.Encoding.TEXT_PLAIN
 """Of a refusal by a program; Zenoh's own errors have another."""
 
 
-def open_session(config: SessionConfig, name: str) -> "zenoh.Session":
-    """Join; raises BusError with what to do where that fails."""
-    zenoh.init_log_from_env_or("error")
-    try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(settings(config, name))))
-    except zenoh.ZError as error:
-        if taken := [place for place in config.listen if is_taken(place)]:
-            raise BusError(
-                f"{name}: {', '.join(taken)} is in use: another rig, or the same rig for "
-                "the second time? Stop it, or give this rig another [bus] port"
-            ) from error
-        files = config.tls.credentials if config.tls else None
-        why = [trouble for place in config.connect if (trouble := diagnose_link(place, files))]
-        raise BusError(
-            f"{name}: cannot join the bus (listen {', '.join(config.listen) or 'nowhere'}, "
-            f"connect {', '.join(config.connect) or 'nowhere'}): {'; '.join(why) or error}"
-        ) from error
-
-
 class ZenohBus:
     """One program's place on the bus of one rig."""
 
@@ -62,7 +41,8 @@ class ZenohBus:
     ) -> None:
         self._rig = rig
         self._identity = config.tls.credentials.identity.name if config.tls else ""
-        self._session = open_session(config, f"{rig}/{program}")
+        self._joined = open_session(config, f"{rig}/{program}")
+        self._session = self._joined.session
         self._reliable = reliable
         self._outlets: dict[type[Message], _Publisher] = {}
         """By what they send, since a topic takes longer to be found by."""
@@ -217,7 +197,7 @@ class ZenohBus:
 
     def close(self) -> None:
         """Leave the bus."""
-        self._session.close()
+        self._joined.close()
 
 
 class _Publisher:
@@ -256,14 +236,3 @@ def _reply(query: zenoh.Query, answer: Message | str) -> None:
             query.reply_err(answer.encode(), encoding=REFUSED)
         else:
             query.reply(query.key_expr, encode(answer), encoding=zenoh.Encoding(ENCODING))
-
-
-def serve_router(
-    config: SessionConfig, rig: str, wait: Callable[[], None], name: str = "router"
-) -> None:
-    """Route between the services of a rig and the tools around it until ``wait`` returns."""
-    session = open_session(config, f"{rig}/{name}")
-    try:
-        wait()
-    finally:
-        session.close()

@@ -1,4 +1,4 @@
-"""The supervisor of a command and the key for it; ``pincette key`` and ``audit``."""
+"""The supervisor of a command and the key for it; ``pincette key``."""
 
 import os
 import re
@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Protocol, cast
 
-from rich.markup import escape
 from typer import Argument, BadParameter, Option
 
-from pincette.api.access import KEY_NAME, MEANINGS, SCOPES, AuditEntry, KeyView, Scope
+from pincette.api.access import KEY_NAME, MEANINGS, SCOPES, KeyView, Scope
 from pincette.cli import CliError, Exit
-from pincette.cli.options import DATA, DataFolder, Limit, integer, number
+from pincette.cli.options import DATA, DataFolder, number
 from pincette.cli.terminal import Json, clock, command, emit, group, table
 from pincette.client import (
     ClientError,
@@ -249,25 +248,3 @@ def revoke(
     if not done:
         raise CliError(f"no key {name!r} is in force in {data}; there are {there}")
     form.answer({"revoked": name}, f"key {name!r} is revoked; {SOON}. In force: {there}")
-
-
-@command(app, "audit")
-def audit(
-    address: Address,
-    limit: Limit = 50,
-    before: Annotated[
-        int | None,
-        Option("--before", parser=integer, metavar="NUMBER", help="entries below this number"),
-    ] = None,
-) -> None:
-    """List entries of the audit log, the newest first."""
-    found = address.supervisor().audit(limit, before)
-    names = ("number", "time", "who", "from", "what", "answer")
-    address.answer(found, table(*names, rows=map(_audit_row, found), right=("number", "answer")))
-
-
-def _audit_row(one: AuditEntry) -> tuple[str, ...]:
-    what = " ".join([one.action.replace("/api/v1", "", 1), one.detail]).strip()
-    times = f" ({one.count} times)" if one.count > 1 else ""
-    cells = (clock(one.at), escape(one.who), one.address, escape(what + times))
-    return (str(one.number), *cells, str(one.status))

@@ -5,25 +5,22 @@ from pathlib import Path
 from typing import Annotated, Any, get_args
 
 from rich.console import Console
-from rich.markup import escape
-from typer import Argument, BadParameter, Option, Typer
+from typer import Argument, Option, Typer
 
 from pincette.api.job_kinds import JobKind, job_kinds
 from pincette.api.jobs import Job
 from pincette.api.states import ActionType
 from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
+from pincette.cli.found import ID, JobName, Labels, add_to
 from pincette.cli.options import (
-    MOMENTS,
-    Limit,
     Picture,
     given_fields,
     help_text,
-    moment,
     request_parameters,
 )
-from pincette.cli.results import outcome, show_plan, show_result
-from pincette.cli.terminal import STATE_COLOURS, clock, command, group, screen, table
+from pincette.cli.results import show_plan, show_result
+from pincette.cli.terminal import clock, command, group, patience, screen
 from pincette.cli.watch import followed
 from pincette.client import RigHandle, WaitTimeoutError
 
@@ -35,28 +32,15 @@ ACTIONS: Mapping[ActionType, str] = {
     "continue": "go on with a job that waits for you",
     "start": "begin a job that was created and is ready",
 }
+SAID = ("sample", "batch", "operator", "notes")
+"""What is said of a job beside its labels."""
 STOPPED_S = 60.0
 """How long ``stop`` waits for the rig to confirm."""
 
 
-def label(text: str) -> tuple[str, str]:
-    """A label as NAME=TEXT."""
-    name, equals, value = text.partition("=")
-    if not equals or not name:
-        raise BadParameter(f"{text!r} is no label: give NAME=TEXT, such as part=b12")
-    return name, value
-
-
-ID = "its id, or `last`"
-JobName = Annotated[str, Argument(metavar="JOB", help=ID)]
 DryRun = Annotated[bool, Option("--dry-run", help="plan and predict only")]
 NoWait = Annotated[bool, Option("--no-wait", help="print the id of the job, and do not follow it")]
 Queue = Annotated[bool, Option("--queue", help="wait for the job that has the rig")]
-Labels = Annotated[
-    list[Any] | None,
-    Option("--label", parser=label, metavar="NAME=TEXT", help="kept with the job; repeatable"),
-]
-
 app = group()
 job_app = group("job", "start a job and follow it, act on one, list them")
 plan_app = group("plan", "say what a job would do, and every limit that it would break")
@@ -85,7 +69,8 @@ def _add_start(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[s
         rig = target.rig()
         if dry_run:
             return _planned(target, rig, kind, fields)
-        job = rig.start(kind.name, **fields)
+        with patience("planning, predicting and starting"):
+            job = rig.start(kind.name, **fields)
         if not no_wait:
             return followed(job.patient(FOLLOWED_S), machine=target.json)
         target.answer(job.job, job.id)
@@ -119,7 +104,8 @@ def _add_plan(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[st
         fields, rig = {**fixed, **given_fields(given)}, target.rig()
         status = _planned(target, rig, kind, fields)
         if plot is not None:
-            written(plot, rig.plot(kind.name, **fields))
+            with patience("drawing"):
+                written(plot, rig.plot(kind.name, **fields))
             if not target.json:
                 print(f"plot: {plot}")
         return status
@@ -132,7 +118,8 @@ def _add_plan(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[st
 
 def _planned(target: Target, rig: RigHandle, kind: JobKind, fields: dict[str, Any]) -> int:
     """Show what a job would do; the exit status says whether it may."""
-    plan = rig.plan(kind.name, **fields)
+    with patience("planning and predicting"):
+        plan = rig.plan(kind.name, **fields)
     target.answer(plan, lambda: show_plan(plan, screen()))
     return Exit.DONE if plan.feasible else Exit.LIMIT
 
@@ -189,7 +176,8 @@ def stop(
         return
     job.stop()
     try:
-        job.wait(STOPPED_S)
+        with patience(f"waiting for the rig to stop job {job.id}"):
+            job.wait(STOPPED_S)
     except WaitTimeoutError as error:
         raise CliError(f"{error}; `pincette estop` stops the rig at once") from error
     text = f"job {job.id} is {job.state}"
@@ -198,62 +186,12 @@ def stop(
     target.answer(job.job, text)
 
 
-@command(job_app, "list")
-def list_jobs(
-    target: Target,
-    limit: Limit = 20,
-    state: Annotated[str | None, Option("--state", metavar="STATE", help="only jobs in it")] = None,
-    kind: Annotated[str | None, Option("--kind", metavar="KIND", help="only jobs of it")] = None,
-    label: Annotated[
-        str | None, Option("--label", metavar="NAME=TEXT", help="only jobs that carry it")
-    ] = None,
-    text: Annotated[
-        str | None,
-        Option("--text", metavar="TEXT", help="only jobs with it in id, labels, cause or sender"),
-    ] = None,
-    outcome_: Annotated[
-        str | None, Option("--outcome", metavar="OUTCOME", help="only jobs with this outcome")
-    ] = None,
-    since: Annotated[
-        str | None,
-        Option("--since", metavar="TIME", parser=moment, help=f"taken then or later: {MOMENTS}"),
-    ] = None,
-    until: Annotated[
-        str | None, Option("--until", metavar="TIME", parser=moment, help="taken before then")
-    ] = None,
-) -> None:
-    """List jobs, the newest first."""
-    filters = {
-        "rig": target.rig_name,
-        "state": state,
-        "kind": kind,
-        "label": label,
-        "text": text,
-        "outcome": outcome_,
-        "created_from": since,
-        "created_to": until,
-    }
-    wanted = {name: value for name, value in filters.items() if value is not None}
-    jobs = [handle.job for handle in target.supervisor().jobs(limit, **wanted)]
-    rig = ["rig"] if len({job.rig for job in jobs}) > 1 else []
-    labelled = ["labels"] if any(job.labels for job in jobs) else []
-    rows = table("job", *rig, "kind", "state", "outcome", "begun", *labelled, right=())
-    for job in jobs:
-        state_text = f"[{STATE_COLOURS.get(job.state, 'default')}]{job.state}[/]"
-        begun = clock(job.started_at or job.created_at)
-        cells = (job.kind, state_text, outcome(job), begun)
-        said = " ".join(f"{name}={value}" for name, value in job.labels.items())
-        labels = [escape(said)] if labelled else []
-        rows.add_row(job.id, *([job.rig] if rig else []), *cells, *labels)
-    none = "no such job" if wanted else "no job yet; `pincette job grip` starts one"
-    target.answer(jobs, rows, none)
-
-
 def show_job(job: Job, console: Console) -> None:
     """Print a job: its result, its request, its actions."""
     show_result(job, console)
-    given = [f"{name} = {value}" for name, value in job.request.items() if name != "labels"]
-    given += [f"{name}: {value}" for name, value in job.labels.items()]
+    said = {name: str(getattr(job, name)) for name in SAID} | job.labels
+    given = [f"{n} = {value}" for n, value in job.request.items() if n not in (*SAID, "labels")]
+    given += [f"{name}: {value}" for name, value in said.items() if value]
     console.print(f"\nasked for: {', '.join(given)}", markup=False)
     for action in job.actions:
         at = "" if action.seq is None else f", took effect at sample {action.seq}"
@@ -272,5 +210,6 @@ def show(target: Target, job: JobName) -> None:
 
 
 _add_kinds()
+add_to(job_app)
 for _action, _about in ACTIONS.items():
     _add_action(_action, _about)

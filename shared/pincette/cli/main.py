@@ -62,6 +62,8 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "alarms": ("safety", "list the alarms of the rigs, or acknowledge one; nothing moves"),
     "checks": ("rigs", "show every check of a rig: programs, ages, latch, disk, lease, model"),
     "queue": ("rigs", "show the jobs that wait for the one that runs; resume or clear them"),
+    "backup": ("backup", "write journal, recipes, models and keys of a data folder to one file"),
+    "restore": ("backup", "make a data folder of a backup; the folder must be empty"),
     "records": ("records", "list records of jobs, and download their files"),
     "replay": (
         "records",
@@ -81,7 +83,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "teach": ("model", "identify the free response of a rig's arm, nothing in its way"),
     "paper": (PLUGIN, "repeat the paper's experiments on a simulated rig; some minutes"),
     "key": ("access", "make, list and revoke keys of the REST interface, in a data folder"),
-    "audit": ("access", "list who did what over REST, and who was refused; needs scope admin"),
+    "audit": (
+        "audit",
+        "list or verify who did what over REST, and who was refused; scope admin",
+    ),
     "security": ("security", "certificates: who is who on the bus, and so what each may do there"),
     "bench": ("up", "measure the loop beside a bare ring, in a checkout; writes bench.json"),
     "run": ("up", "run one program of a rig in the foreground"),

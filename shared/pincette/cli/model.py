@@ -251,6 +251,10 @@ def as_toml(found: Identification) -> str:
         parts += f"fadings_per_V = {_array(model.fadings_per_V, 4)}\n"
     if model.curvature_um_per_V2 != 0.0:
         parts += f"curvature_um_per_V2 = {round(model.curvature_um_per_V2, 4)}\n"
+    if model.squares_um_per_V2:
+        parts += f"squares_um_per_V2 = {_array(model.squares_um_per_V2, 5)}\n"
+        parts += f"cubes_um_per_V3 = {_array(model.cubes_um_per_V3, 5)}\n"
+        parts += f"bent_V = {_array(model.bent_V, 4)}\n"
     return (
         "[model.free_response]           # by `pincette teach`\n"
         f"thresholds_V = {_array(model.thresholds_V, 3)}\n"

@@ -15,7 +15,17 @@ from pincette.cli.access import Target
 from pincette.cli.options import Limit, choice
 from pincette.cli.results import outcome
 from pincette.cli.rigs import timing_table
-from pincette.cli.terminal import Json, RigOption, clock, command, emit, group, screen, table
+from pincette.cli.terminal import (
+    Json,
+    RigOption,
+    clock,
+    command,
+    emit,
+    group,
+    patience,
+    screen,
+    table,
+)
 from pincette.client import JobHandle
 from pincette.config import ConfigError, RigFile, parse_rig
 from pincette.core import plugins
@@ -103,8 +113,16 @@ def csv(target: Target, name: JobName, out: Out = None) -> None:
     _download(target, target.job(name), [SAMPLES], out)
 
 
+@command(records_app, "delete")
+def delete(target: Target, name: JobName) -> None:
+    """Delete the files of a job that has ended and is not pinned; its result stays."""
+    job = target.job(name)
+    target.answer(job.delete_record(), f"job {job.id}: its record is deleted")
+
+
 def _download(target: Target, job: JobHandle, names: list[str], out: Path | None) -> None:
-    paths = [str(job.download(name, out or Path(job.id))) for name in names]
+    with patience(f"downloading {len(names)} files"):
+        paths = [str(job.download(name, out or Path(job.id))) for name in names]
     target.answer(paths, "\n".join(paths))
 
 

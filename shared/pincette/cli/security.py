@@ -19,6 +19,7 @@ from pincette.security.certificates import Facts
 from pincette.security.establishing import DAYS, due, enrol, enrol_upstream, establish
 from pincette.security.folder import SOON, Folder
 from pincette.security.identity import OPERATOR, PEOPLE, Identity, SecurityError, person, program
+from pincette.security.revocation import REVOKED
 
 IN_DATA = "pki"
 """Folder of certificates below ``--data``, for ``up --secure``."""
@@ -172,17 +173,17 @@ def renew(
 
 @command(security_app, "revoke")
 @_guarded
-def revoke(path: Place, name: Annotated[str, Argument(metavar="PERSON", help="as shown")]) -> None:
-    """Remove a person's certificate, so that the router lets it do nothing more."""
+def revoke(path: Place, name: Annotated[str, Argument(metavar="NAME", help="as shown")]) -> None:
+    """Withdraw the certificate of a person or a program; its links are ended within 2 s."""
     folder = Folder(path)
     who = folder.named(name)
-    if who.role not in PEOPLE:
-        raise SecurityError(
-            f"{who.name} is a program: as long as there is one of that name, its old key is good. "
-            "Where a program's key is lost, begin a new folder with `pincette security init`"
-        )
-    folder.remove(who)
-    _print("removed", (who,), _restarts(who))
+    rest = f"copy {path / REVOKED} to the other machines of the rig"
+    if who.role in PEOPLE:
+        folder.revoke(who)
+    else:
+        folder.replace(who, _now(), DAYS)
+        rest = f"it has another one, with which it is to be started anew; {rest}"
+    _print("revoked", (who,), rest)
 
 
 @command(security_app, "show")

@@ -20,6 +20,7 @@ from pincette.client.errors import (
     WhichRigError,
 )
 from pincette.client.job import AsyncJobHandle
+from pincette.client.live import LiveSample
 from pincette.client.rig import AsyncRigHandle
 from pincette.client.supervisor import AsyncSupervisor
 
@@ -31,6 +32,7 @@ __all__ = [
     "DamagedFileError",
     "ForeignAnswerError",
     "JobHandle",
+    "LiveSample",
     "NoAnswerError",
     "ProblemError",
     "RigHandle",

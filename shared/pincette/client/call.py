@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
+from urllib.parse import quote
 
 import httpx
 from pydantic import BaseModel, ValidationError
@@ -14,6 +15,7 @@ from pincette.client.errors import (
     NoAnswerError,
     problem_of,
 )
+from pincette.core.validation_wording import refusal
 
 BASE = "/api/v1"
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
@@ -81,7 +83,7 @@ class Call(Generic[T]):
         except (ValidationError, ValueError) as error:
             raise ForeignAnswerError(
                 f"{self.method} {response.request.url}: the answer cannot be read; what answers "
-                f"there is no supervisor, or one of another version ({_first_lines(error)})"
+                f"there is no supervisor, or one of another version ({_unreadable(error)})"
             ) from error
 
 
@@ -137,12 +139,12 @@ def identity_headers(operator: str | None, key: str | None) -> dict[str, str]:
     """Headers that name the caller; raises ValueError if a header cannot carry a value."""
     headers: dict[str, str] = {}
     if operator is not None:
-        if not _is_printable(operator, OPERATOR_MAX):
+        if not operator.isprintable() or not operator.strip() or len(operator) > OPERATOR_MAX:
             raise ValueError(
-                f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters of ASCII are "
-                "wanted"
+                f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters are wanted"
             )
-        headers["X-Operator"] = operator
+        # A header carries ASCII alone; what has a meaning there is encoded, too.
+        headers["X-Operator"] = quote(operator, safe=" ,;:!?()[]/@+*'&$=-_.~")
     if key is not None:
         if not _is_printable(key, KEY_MAX) or " " in key:
             # The message leaves the key out: it is a secret.
@@ -185,5 +187,10 @@ def content(response: httpx.Response) -> bytes:
     return response.content
 
 
-def _first_lines(error: Exception) -> str:
-    return "; ".join(str(error).splitlines()[:3])
+def _unreadable(error: ValueError) -> str:
+    """What is wrong with an answer, in words of pincette."""
+    if not isinstance(error, ValidationError):
+        return str(error).partition("\n")[0]
+    found = error.errors(include_url=False)[0]
+    place = ".".join(str(part) for part in found["loc"]) or "the answer"
+    return f"{place} {refusal(found)}"

@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncGenerator
 from pathlib import Path
+from typing import Any
 
 from pincette.api.events import Event
 from pincette.api.jobs import Artifact, ArtifactList, Job
@@ -98,6 +99,17 @@ class AsyncJobHandle:
         """Ask for an action by its name."""
         path, repeatable = f"/jobs/{self.id}/actions", action in SAFE_TO_REPEAT
         call = post(path, Job, {"type": action}, repeatable=repeatable)
+        return self._update(await self._transport.send(call))
+
+    async def describe(self, **said: Any) -> Job:
+        """Say more of it: sample, batch, operator, notes, labels, pinned; also after its end."""
+        path = f"/jobs/{self.id}"
+        call = Call("PATCH", path, model(Job), body=said, repeatable=True)
+        return self._update(await self._transport.send(call))
+
+    async def delete_record(self) -> Job:
+        """Delete the files of its record; the job and its result stay."""
+        call = Call("DELETE", f"/jobs/{self.id}/record", model(Job))
         return self._update(await self._transport.send(call))
 
     def events(self, after: int = 0) -> AsyncGenerator[Event]:

@@ -16,6 +16,7 @@ from pincette.api.rigs import Rig, Stopped
 from pincette.client.call import Call, content, get, model, post
 from pincette.client.job import AsyncJobHandle
 from pincette.client.kinds import plan_model
+from pincette.client.live import LiveSample
 from pincette.client.transport import Transport
 
 
@@ -110,6 +111,13 @@ class AsyncRigHandle:
         """Events of the rig as they come, after a number; new ones only if it is left out."""
         return events(self._transport, f"/rigs/{self.name}/events", after)
 
+    def live(self, past_s: float = 0.0) -> AsyncGenerator[LiveSample]:
+        """Samples of the rig as they come; before them those of the last ``past_s``, 60 s at most.
+
+        The supervisor sends 60 a second at most: of a faster rig every second, third … sample.
+        """
+        return self._transport.live(f"/rigs/{self.name}/live", past_s)
+
     async def estop(self) -> Stopped:
         """Stop at once: a held part is kept, a free arm ramps, the actuator latches."""
         call = post(f"/rigs/{self.name}/estop", Stopped, repeatable=True)
@@ -123,6 +131,12 @@ class AsyncRigHandle:
     async def queue(self, action: Literal["resume", "clear"]) -> Rig:
         """Resume a halted queue, or clear it."""
         call = post(f"/rigs/{self.name}/queue/actions", Rig, {"type": action})
+        return await self._transport.send(call)
+
+    async def move(self, job: str, position: int = 1) -> Rig:
+        """Give a queued job another place; 1 is the next."""
+        body = {"type": "move", "job": job, "position": position}
+        call = post(f"/rigs/{self.name}/queue/actions", Rig, body, repeatable=True)
         return await self._transport.send(call)
 
     async def timing(self) -> LoopTiming:

@@ -1,6 +1,7 @@
 """Files from a supervisor, and positions in its stream of events."""
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -59,6 +60,25 @@ class Download:
             self._part.unlink(missing_ok=True)
 
 
+def stream_details(
+    path: str, timeout_s: float, headers: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Arguments of ``httpx.Client.stream`` for server-sent events."""
+    return {
+        "method": "GET",
+        "url": path,
+        "headers": {"Accept": MEDIA_TYPE, "Cache-Control": "no-store", **(headers or {})},
+        "timeout": httpx.Timeout(timeout_s, read=SILENCE_S),
+    }
+
+
+def require_stream(response: httpx.Response) -> None:
+    """Raise ForeignAnswerError if the answer is no stream of events."""
+    found = response.headers.get("content-type", "").partition(";")[0]
+    if found != MEDIA_TYPE:
+        raise ForeignAnswerError(f"{response.request.url}: {found or 'nothing'}, no events")
+
+
 class Bookmark:
     """The number of the newest durable event that was read."""
 
@@ -67,19 +87,7 @@ class Bookmark:
 
     def details(self, timeout_s: float) -> dict[str, Any]:
         """Arguments of ``httpx.Client.stream``."""
-        headers = {
-            "Accept": MEDIA_TYPE,
-            "Cache-Control": "no-store",
-            "Last-Event-ID": str(self.number),
-        }
-        timeout = httpx.Timeout(timeout_s, read=SILENCE_S)
-        return {"method": "GET", "url": self.path, "headers": headers, "timeout": timeout}
-
-    def require_stream(self, response: httpx.Response) -> None:
-        """Raise ForeignAnswerError if the answer is no stream of events."""
-        found = response.headers.get("content-type", "").partition(";")[0]
-        if found != MEDIA_TYPE:
-            raise ForeignAnswerError(f"{response.request.url}: {found or 'nothing'}, no events")
+        return stream_details(self.path, timeout_s, {"Last-Event-ID": str(self.number)})
 
     def read(self, message: ServerSentEvent) -> Event | None:
         """Return the event; None for one that was read before, and for a keep-alive."""

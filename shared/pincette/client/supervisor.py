@@ -7,13 +7,13 @@ from typing import Any, Literal
 
 import httpx
 
-from pincette.api.access import AuditEntry, AuditList, Session
+from pincette.api.access import AuditChain, AuditEntry, AuditList, Session
 from pincette.api.calibrations import Proposal, ProposalList
 from pincette.api.events import Alarm, AlarmList, Event
 from pincette.api.jobs import Job
 from pincette.api.requests import Recipe, RecipeHistory, RecipeList
 from pincette.api.rigs import Rig, RigList, StoppedList
-from pincette.client.call import get, post
+from pincette.client.call import Call, content, get, post
 from pincette.client.errors import WhichRigError
 from pincette.client.job import AsyncJobHandle
 from pincette.client.rig import AsyncRigHandle, events, jobs
@@ -105,6 +105,13 @@ class AsyncSupervisor:
         """
         return await jobs(self.transport, limit, **filters)
 
+    async def export(self, form: Literal["csv", "parquet"] = "csv", **filters: str | int) -> bytes:
+        """Many jobs as one table, by the filters of ``jobs``."""
+        query = {"format": form, **filters}
+        return await self.transport.send(
+            Call("GET", "/jobs/export", content, query, repeatable=True)
+        )
+
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:
         """Events of every rig as they come, after a number; new ones only if it is left out."""
         return events(self.transport, "/events", after)
@@ -166,6 +173,10 @@ class AsyncSupervisor:
         """Requests that change something, the newest first; those before a number."""
         found = await self.transport.send(get("/audit", AuditList, limit=limit, before=before))
         return found.entries
+
+    async def audit_chain(self, link: str | None = None) -> AuditChain:
+        """Whether the audit log is whole, and holds a newest link that was noted before."""
+        return await self.transport.send(get("/audit/chain", AuditChain, link=link))
 
 
 def _only(rigs: Sequence[Rig]) -> str:

@@ -21,7 +21,8 @@ from pincette.client.call import (
     require_supervisor,
 )
 from pincette.client.errors import ClientError, problem_of
-from pincette.client.streaming import Bookmark, Download
+from pincette.client.live import LiveBookmark, LiveSample
+from pincette.client.streaming import Bookmark, Download, require_stream, stream_details
 
 T = TypeVar("T")
 
@@ -166,7 +167,7 @@ class Transport:
         while True:
             try:
                 async with self._stream(bookmark.details(self.timeout_s)) as response:
-                    bookmark.require_stream(response)
+                    require_stream(response)
                     attempts.succeeded()
                     async for message in self._connection.messages(response):
                         event = bookmark.read(message)
@@ -178,6 +179,23 @@ class Transport:
             if ended is not None and await ended():
                 return
             await self.sleep(FIRST_DELAY_S)
+
+    async def live(self, path: str, past_s: float) -> AsyncGenerator[LiveSample]:
+        """Samples as they come, each once, over as many connections as needed."""
+        bookmark = LiveBookmark(path, past_s)
+        attempts = self._attempts("GET", path, repeatable=True)
+        while True:
+            try:
+                async with self._stream(stream_details(path, self.timeout_s)) as response:
+                    require_stream(response)
+                    attempts.succeeded()
+                    async for message in self._connection.messages(response):
+                        for sample in bookmark.read(message.data) if message.data else ():
+                            yield sample
+            except httpx.TransportError as error:
+                await self.sleep(attempts.delay_s(error))
+            else:
+                await self.sleep(FIRST_DELAY_S)
 
     async def close(self) -> None:
         """Close every connection."""

@@ -9,6 +9,7 @@ from pydantic import Field, ValidationError, field_validator
 from pincette.config.reading import parse_rig
 from pincette.config.rig_file import RigFile
 from pincette.config.tables import ConfigError, Table
+from pincette.core.validation_wording import refusal
 
 CALIBRATED = (
     "model.natural_frequency_rad_per_s",
@@ -74,7 +75,7 @@ def parse_calibration(text: str) -> Calibration:
     try:
         return Calibration.model_validate_json(text)
     except ValidationError as error:
-        raise ConfigError(f"calibration {text[:60]!r}: {error.errors()[0]['msg']}") from error
+        raise ConfigError(f"calibration {text[:60]!r}: {refusal(error.errors()[0])}") from error
 
 
 def calibrated(rig: RigFile, calibration: Calibration) -> RigFile:

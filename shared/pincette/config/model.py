@@ -31,6 +31,12 @@ class IdentifiedFreeResponse(Table):
     """λ_i, one for each threshold; empty: no fading."""
     curvature_um_per_V2: float = 0.0
     """q, the growth of the stroke with the square of the voltage."""
+    squares_um_per_V2: tuple[float, ...] = Field(default=(), strict=False)
+    """a_i, by which the square of each play bends it; empty: nothing is bent."""
+    cubes_um_per_V3: tuple[float, ...] = Field(default=(), strict=False)
+    """b_i, by which its cube does, one for each threshold."""
+    bent_V: tuple[float, float] = Field(default=(0.0, 0.0), strict=False)
+    """Voltages between which the bends hold; beyond, they go on straight."""
     residual_um: NotNegative
     """r.m.s. residual on free motion that was not fitted; enters the force uncertainty."""
     press_gain: float = Field(default=1.0, gt=0.5, lt=2.0)
@@ -87,6 +93,9 @@ class IdentifiedFreeResponse(Table):
             creep_fractions=self.creep_fractions,
             fadings_per_V=self.fadings_per_V,
             curvature_um_per_V2=self.curvature_um_per_V2,
+            squares_um_per_V2=self.squares_um_per_V2,
+            cubes_um_per_V3=self.cubes_um_per_V3,
+            bent_V=self.bent_V,
         )
 
 

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from pincette.config.rig_file import RigFile
 from pincette.config.tables import ConfigError
+from pincette.core.validation_wording import refusal
 
 Tree = dict[str, Any]
 MOST_BYTES = 4 * 2**20
@@ -88,7 +89,7 @@ def _faults(error: ValidationError) -> str:
     faults = error.errors(include_url=False)
     lines = [
         f"  {_legible('.'.join(str(part) for part in fault['loc']))} = "
-        f"{_SHORT.repr(fault['input'])}: {_legible(fault['msg'])}"
+        f"{_SHORT.repr(fault['input'])}: {_legible(refusal(fault))}"
         for fault in faults[:MOST_FAULTS]
     ]
     more = len(faults) - len(lines)

@@ -11,7 +11,7 @@ from pincette.config import ConfigError, RigFile
 from pincette.control.planning.program import Program
 from pincette.core import plugins
 from pincette.core.messages import GroundTruth, Message, Reset
-from pincette.core.topics import LOOP, RESET, TOPICS
+from pincette.core.topics import LOOP, RESET, TOPICS, Topic
 from pincette.engine.arming import arm
 from pincette.engine.loop import Loop
 from pincette.engine.node import Node
@@ -41,14 +41,25 @@ class ComposedLoop:
             Node(plugins.load(plugins.SERVICES, name), rig, devices.get(name)) for name in LOOP
         ]
         self.bus.step_when_empty(Loop(nodes, self.bus, inline=True).step)
+        self._published: list[Message] | None = None
 
-    def play(self, program: Program, epoch: int = 1) -> list[Message]:
-        """Arm, run to the end of the program, and return every message in order."""
+    def play(self, program: Program, epoch: int = 1, calibration: str = "") -> list[Message]:
+        """Arm, run to the end of the program, and return every message in order.
+
+        ``calibration`` is the text of the values that it is armed with.
+        """
+        if self._published is None:
+            for topic in TOPICS:
+                self.bus.subscribe(topic, self._keep)
         published: list[Message] = []
-        for topic in TOPICS:
-            self.bus.subscribe(topic, lambda _topic, message: published.append(message))
+        self._published = published
         self.bus.call(RESET, Reset(acknowledge=True))
-        arm(self.bus, program, epoch=epoch, digest=self.rig.digest())
+        digest = self.rig.digest()
+        arm(self.bus, program, epoch=epoch, digest=digest, calibration=calibration)
         while self.bus.pump():
             pass
         return published
+
+    def _keep(self, _topic: Topic, message: Message) -> None:
+        if self._published is not None:
+            self._published.append(message)

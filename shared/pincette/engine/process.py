@@ -2,6 +2,7 @@
 
 import logging
 import os
+import resource
 import secrets
 import signal
 import sys
@@ -40,6 +41,10 @@ READY = "ready: "
 """How a line on standard output begins that says a program serves."""
 OF_THE_ROUTER = ("router", "upstream", "supervisor")
 """Programs that all rigs on one router share."""
+
+OTHERS = 0o027
+MOST_FILES = 4096
+"""That a program may have open; strangers hold far fewer of them."""
 
 Notes = dict[Node, BootNote]
 """Of the services for which it matters how they ended before."""
@@ -85,6 +90,8 @@ def run_program(name: str, rig_path: Path, options: Options) -> int:
     except ValueError as error:
         sys.stderr.write(f"{name}: {error}\n")
         return 2
+    _allow_files()
+    keep_from_others()
     stop = threading.Event()
     try:
         rig = read_rig(rig_path)
@@ -102,6 +109,19 @@ def run_program(name: str, rig_path: Path, options: Options) -> int:
         log.error("%s", error)
         return 2
     return 0
+
+
+def _allow_files() -> None:
+    """Let many connections be open for a moment, where the system allows more than it gives."""
+    given, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MOST_FILES if most == resource.RLIM_INFINITY else min(MOST_FILES, most)
+    if given not in (resource.RLIM_INFINITY, max(given, wanted)):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
+
+
+def keep_from_others() -> None:
+    """Let what is written from here on be closed to other accounts; a group may read it."""
+    os.umask(os.umask(OTHERS) | OTHERS)
 
 
 def _on_stop(stop: Callable[[], None], options: Options) -> None:

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Protocol
 
 from pincette.bus.endpoints import router_endpoint, upstream_endpoint
+from pincette.bus.session import serve_router
 from pincette.bus.topology import SessionConfig
-from pincette.bus.zenoh_bus import ZenohBus, serve_router
+from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.engine.realtime.os_scheduling import raise_priority
 

@@ -65,6 +65,7 @@ COLUMNS = (
     _column(Telemetry, "x_r_um", "reference position, x_r"),
     _column(Telemetry, "x_d_um", "target of the impedance, x_d"),
     _column(Telemetry, "force_r_mN", "reference force, F_r"),
+    _column(Telemetry, "correction_um", "learned correction of x_r, within x_d"),
     _column(Telemetry, "sliding_um", "sliding function, s"),
     _column(Telemetry, "band_um", "half width of the band of s"),
     _column(

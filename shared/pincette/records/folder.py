@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -18,6 +19,10 @@ BURST = "burst.parquet"
 TIMING = "timing.json"
 REQUEST, RESULT, MANIFEST = "request.json", "result.json", "manifest.json"
 REPORT = "report.html"
+PINNED = ".pinned"
+"""File that marks a record which is kept, whatever its age."""
+DOOMED = ".deleted-"
+"""Begin of the name that a folder has while it is being deleted."""
 PICTURE, PNG = ".png", "image/png"
 MEDIA_TYPES = {
     LIVE: "application/octet-stream",
@@ -78,6 +83,22 @@ def _replacing(path: Path) -> Generator[Path]:
         draft.unlink(missing_ok=True)
         raise
     draft.replace(path)
+
+
+def pin(folder: Path, *, pinned: bool) -> None:
+    """Mark a record that is not to be deleted for its age, or take the mark away."""
+    if pinned:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / PINNED).touch()
+    else:
+        (folder / PINNED).unlink(missing_ok=True)
+
+
+def delete(records: Path, name: str) -> None:
+    """Delete a record; at once it is no longer found under its name. Raises OSError."""
+    grave = records / f"{DOOMED}{name}"
+    (records / name).rename(grave)
+    shutil.rmtree(grave)
 
 
 def media_type(name: str) -> str | None:

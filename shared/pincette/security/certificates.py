@@ -42,6 +42,7 @@ class Facts:
     hosts: tuple[str, ...]
     begins: datetime
     ends: datetime
+    serial: int
 
 
 def new_authority(now: datetime, days: float) -> Pair:
@@ -101,7 +102,7 @@ def read(certificate: bytes) -> Facts:
         hosts = extension.value.get_values_for_type(x509.DNSName)
         hosts += map(str, extension.value.get_values_for_type(x509.IPAddress))
     begins, ends = found.not_valid_before_utc, found.not_valid_after_utc
-    return Facts(Identity(name, role), tuple(hosts), begins, ends)
+    return Facts(Identity(name, role), tuple(hosts), begins, ends, found.serial_number)
 
 
 def signed_by(certificate: bytes, authority: bytes) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 from pincette.security import certificates
 from pincette.security.certificates import Facts, Pair
 from pincette.security.identity import AUTHORITY, Credentials, Identity, SecurityError
+from pincette.security.revocation import note_revoked
 
 SOON = timedelta(days=30)
 """Within this before its end a certificate should be renewed."""
@@ -49,6 +50,18 @@ class Folder:
         hosts = self.facts(identity).hosts
         self._write(identity.name, self._signed(identity, hosts, now, days), again=True)
         return self.credentials(identity)
+
+    def revoke(self, identity: Identity) -> None:
+        """Withdraw a person's certificate, and take it out of the folder; raises SecurityError."""
+        note_revoked(self.path, self.facts(identity).serial, identity.name)
+        self.remove(identity)
+
+    def replace(self, identity: Identity, now: datetime, days: float) -> Credentials:
+        """Withdraw a program's certificate, and make it another one; raises SecurityError."""
+        serial = self.facts(identity).serial
+        credentials = self.renew(identity, now, days)
+        note_revoked(self.path, serial, identity.name)
+        return credentials
 
     def remove(self, identity: Identity) -> None:
         """Take a certificate, and its key where it is here, out of the folder."""

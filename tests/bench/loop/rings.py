@@ -12,8 +12,8 @@ from contextlib import ExitStack, contextmanager
 from time import sleep
 from typing import Literal
 
+from pincette.bus.session import open_session
 from pincette.bus.topology import SessionConfig, endpoint, router_session
-from pincette.bus.zenoh_bus import open_session
 from pincette.core.topics import LOOP
 from pincette.sim.wires.wire import serve
 from tests.bench.loop.contestant import Contestant

@@ -11,8 +11,8 @@ from time import monotonic, sleep
 import numpy as np
 import zenoh
 
+from pincette.bus.session import open_session
 from pincette.bus.topology import client_session
-from pincette.bus.zenoh_bus import open_session
 from pincette.core.topics import ROOT
 from pincette.latency.histogram import Distribution, first_ns
 from tests.bench.loop.machine import cpu_s, stolen_s

@@ -12,7 +12,8 @@ from pincette.cli.main import main
 from pincette.config import RigFile
 from pincette.diagnostics.certificates import certificates
 from pincette.security.folder import Folder
-from pincette.security.identity import program
+from pincette.security.identity import person, program
+from pincette.security.revocation import read_revoked
 from tests.support.certificates import NOW, folder_for
 from tests.support.command_line import parsed
 from tests.support.rigs import DEMO, demo_rig
@@ -62,9 +63,12 @@ def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_anew(
     assert "actuator" not in said("issue", folder.path, "anna", "--role", "viewer")
     assert "each actuator" in said("issue", folder.path, "otto", "--role", "operator")
     assert folder.named("otto").role == "operator"
-    assert "restart the router" in said("revoke", folder.path, "otto")
+    otto, sensor = folder.facts(person("otto", "operator")), folder.facts(program("sensor", "left"))
+    assert f"copy {folder.path}/revoked" in said("revoke", folder.path, "otto")
     assert "'otto' has no certificate" in said("revoke", folder.path, "otto", status=1)
-    assert "is a program" in said("revoke", folder.path, "left/sensor", status=1)
+    assert "started anew" in said("revoke", folder.path, "left/sensor")
+    assert folder.facts(program("sensor", "left")).serial != sensor.serial
+    assert read_revoked(folder.path) == {otto.serial, sensor.serial}
 
 
 def test_renew_takes_those_that_are_named_or_end_soon(said: Said, tmp_path: Path) -> None:

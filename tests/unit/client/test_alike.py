@@ -13,7 +13,7 @@ PAIRS = [
     (client.RigHandle, client.AsyncRigHandle),
     (client.JobHandle, client.AsyncJobHandle),
 ]
-STREAMS = {"events"}
+STREAMS = {"events", "live"}
 KNOWN_WITHOUT_ASKING = {"patient", "result"}
 
 

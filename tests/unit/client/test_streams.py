@@ -11,6 +11,7 @@ import pytest
 
 from pincette.api.events import Event
 from pincette.api.jobs import Artifact
+from pincette.api.live import LiveBatch
 from pincette.client import DamagedFileError, ForeignAnswerError, NoAnswerError, ProblemError
 
 from . import desk
@@ -80,6 +81,47 @@ def test_what_is_no_stream_is_said() -> None:
     with pytest.raises(ProblemError) as refused:
         next(job.events())
     assert refused.value.code == "too-many"
+
+
+def batch(epoch: int, *seqs: int, now_s: float = 100.0, **changes: Any) -> dict[str, Any]:
+    """A batch of samples at 20 ms, the last of which came at ``now_s``."""
+    many = len(seqs)
+    columns = ("x_um", "x_r_um", "force_mN", "force_r_mN", "voltage_V", "sliding_um")
+    values: dict[str, Any] = {name: [float(seq) for seq in seqs] for name in columns}
+    values["force_uncertainty_mN"] = [0.4] * many
+    values["at_s"] = [now_s - 0.02 * (seqs[-1] - seq) for seq in seqs] if seqs else []
+    values["t_s"] = [0.02 * seq for seq in seqs]
+    data = desk.example(
+        LiveBatch, epoch=epoch, seq=list(seqs), now_s=now_s, **{**values, **changes}
+    )
+    return {"kind": "live", "number": None, **data}
+
+
+def test_samples_come_one_by_one_and_each_once_over_a_line_that_breaks() -> None:
+    supervisor = Desk(
+        desk.stream(batch(7, 5, 6), batch(7), batch(7, 7, force_mN=[None]), broken=True),
+        httpx.ConnectError("refused"),
+        desk.stream(batch(7, 5, 6, 7, 8, now_s=101.0), batch(9, 0, 1, now_s=102.0)),
+    )
+    live = supervisor.supervisor().rig("demo").live()
+    found = [next(live) for _ in range(6)]
+    assert [(one.epoch, one.seq) for one in found] == [
+        (7, 5),
+        (7, 6),
+        (7, 7),
+        (7, 8),
+        (9, 0),
+        (9, 1),
+    ]
+    assert found[0].x_um == 5.0
+    assert (found[0].playing, found[0].phase) == (True, "hold")
+    assert found[2].force_mN is None
+
+
+@pytest.mark.parametrize(("past_s", "first"), [(0.0, 475), (5.0, 225), (60.0, 0)])
+def test_the_last_minute_comes_where_it_is_asked_for(past_s: float, first: int) -> None:
+    supervisor = Desk(desk.stream(batch(7, *range(501))))
+    assert next(supervisor.supervisor().rig("demo").live(past_s)).seq == first
 
 
 CONTENT = b"t_s,x_um\n0.0,1.0\n"

@@ -52,7 +52,7 @@ def test_text_and_digest_depend_on_the_content_alone() -> None:
     ("text", "words"),
     [
         ('{"values": {"limits.voltage_max_V": 9.0}}', "limits.voltage_max_V: no calibration"),
-        ('{"values": []}', "should be an object"),
+        ('{"values": []}', "must be an object"),
         ("{", "Invalid JSON"),
     ],
 )

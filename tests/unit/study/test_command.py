@@ -24,21 +24,23 @@ def test_a_rig_that_is_not_simulated_is_refused(tmp_path: Path) -> None:
 def test_at_least_one_random_rig_is_wanted(tmp_path: Path) -> None:
     with pytest.raises(CliError, match="--rigs 0: at least 1 is wanted"):
         paper.paper(RigOption(DEMO), tmp_path, 0)
+    with pytest.raises(CliError, match="--beyond-rigs 0: at least 1 is wanted"):
+        paper.paper(RigOption(DEMO), tmp_path, 1, 0)
 
 
 def test_progress_and_summary_are_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def study(
-        rig: RigFile, folder: Path, progress: Progress, rigs: int, workers: int
+        rig: RigFile, folder: Path, progress: Progress, rigs: int, beyond: int, workers: int
     ) -> dict[str, Any]:
-        assert (rig.rig.name, folder, rigs) == ("demo", tmp_path, 3)
+        assert (rig.rig.name, folder, rigs, beyond) == ("demo", tmp_path, 3, 2)
         assert 1 <= workers <= paper.MOST_WORKERS
         progress("stability map", 0.25)
         return {"random_rigs": rigs, "table1_force_percent": {"5": 2.8149, "2": 5.78}}
 
     monkeypatch.setattr(paper, "run_study", study)
-    assert paper.paper(RigOption(DEMO), tmp_path, 3) == 0
+    assert paper.paper(RigOption(DEMO), tmp_path, 3, 2) == 0
     said = capsys.readouterr().out
     assert "25 %  stability map" in said
     assert "random_rigs: 3" in said

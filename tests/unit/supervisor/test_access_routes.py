@@ -1,10 +1,7 @@
 """Every route says what it demands, and holds to it; what is done is kept with whose it was."""
 
 import json
-import sqlite3
-from contextlib import closing
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -15,7 +12,6 @@ from starlette.routing import BaseRoute
 from pincette.api.access import SCOPES, Scope, covers
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
-from pincette_supervisor.journal.access_rows import AuditRepository, AuditRow
 from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.dependencies import COOKIE
 from pincette_supervisor.rest.openapi import document
@@ -42,6 +38,7 @@ DEMANDS: dict[str, set[tuple[str, str]]] = {
         ("post", "/api/v1/calibrations/{calibration}/actions"),
         ("post", "/api/v1/rigs/{rig}/model/actions"),
         ("get", "/api/v1/audit"),
+        ("get", "/api/v1/audit/chain"),
     },
 }
 """What is not as its method lets one expect: reading observes, the rest operates."""
@@ -151,74 +148,6 @@ def test_the_key_is_who_asked_and_a_label_stands_beside_it(
     place = f"/api/v1/jobs/{job.json()['id']}/actions"
     acted = harness.call("POST", place, json={"type": "stop"}, headers=headers)
     assert acted.json()["actions"][-1]["by"] == "an-operate (an-admin)"
-
-
-def audit(harness: Harness, ring: ScopeKeys, **query: Any) -> list[dict[str, Any]]:
-    answer = harness.call("GET", "/api/v1/audit", headers=ring.headers("admin"), params=query)
-    assert answer.status_code == 200, answer.text
-    return answer.json()["entries"]
-
-
-def test_what_is_done_is_kept(harness: Harness, ring: ScopeKeys) -> None:
-    headers = ring.headers("operate")
-    body = {"kind": "grip", "dry_run": True}
-    harness.call("POST", "/api/v1/jobs", json=body, headers=headers)
-    made = harness.call("POST", "/api/v1/jobs", json={"kind": "grip"}, headers=headers).json()["id"]
-    harness.reach(made, "ready")
-    harness.call("POST", f"/api/v1/jobs/{made}/actions", json={"type": "stop"}, headers=headers)
-    harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
-    harness.call("GET", "/api/v1/rigs", headers=headers)
-    found = [
-        (one["who"], one["action"], one["detail"], one["status"]) for one in audit(harness, ring)
-    ]
-    assert found == [
-        ("an-observe", "POST /api/v1/estop", "", 200),
-        ("an-operate", f"POST /api/v1/jobs/{made}/actions", "stop", 202),
-        ("an-operate", "POST /api/v1/jobs", f"grip {made}", 201),
-    ]
-    first = audit(harness, ring, limit=1)
-    assert len(first) == 1
-    rest = audit(harness, ring, before=first[0]["number"])
-    assert [one["number"] for one in rest] == [2, 1]
-
-
-def test_a_stranger_who_insists_fills_no_log(harness: Harness, ring: ScopeKeys) -> None:
-    for number in range(50):
-        headers = {"X-Operator": f"an-admin {number}"}
-        harness.call("GET", f"/api/v1/jobs/{number}", headers=headers)
-    (entry,) = audit(harness, ring)
-    assert (entry["who"], entry["status"], entry["count"]) == ("127.0.0.1", 401, 50)
-
-
-def test_the_log_is_only_added_to(harness: Harness, ring: ScopeKeys, tmp_path: Path) -> None:
-    harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))
-    assert len(audit(harness, ring)) == 1
-    with closing(sqlite3.connect(tmp_path / "supervisor.sqlite")) as base:
-        for change in ("UPDATE audit SET who = 'nobody'", "DELETE FROM audit"):
-            with pytest.raises(sqlite3.IntegrityError, match="audit log"):
-                base.execute(change)
-    assert audit(harness, ring)[0]["who"] == "an-observe"
-
-
-MANY = """
-WITH RECURSIVE counted(number) AS (SELECT 1 UNION ALL SELECT number + 1 FROM counted LIMIT 200004)
-INSERT INTO audit (at, who, address, action, detail, status, count)
-SELECT '2026-03-01T12:00:00.000Z', 'ann', '127.0.0.1', 'POST /estop', '', 200, 1 FROM counted
-"""
-
-
-def test_the_oldest_of_very_many_entries_go(
-    harness: Harness, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("pincette_supervisor.journal.access_rows.AUDIT_SWEEP", 0)
-    with harness.store.writing() as base:
-        base.exec_driver_sql(MANY)
-    AuditRepository(harness.store).add(
-        [AuditRow("2026", "ann", "127.0.0.1", "POST /estop", "", 200)]
-    )
-    with harness.store.reading() as base:
-        count = base.exec_driver_sql("SELECT count(*), min(number) FROM audit").one()
-    assert tuple(count) == (200_000, 6)
 
 
 def signed_in(harness: Harness, ring: ScopeKeys, scope: Scope) -> httpx.Response:

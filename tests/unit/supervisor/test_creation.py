@@ -3,6 +3,7 @@
 import asyncio
 import json
 from typing import Any
+from urllib.parse import unquote
 
 import httpx
 import pytest
@@ -109,7 +110,7 @@ def test_a_job_is_found_by_its_outcome_and_by_labels_of_any_alphabet(harness: Ha
 
 def test_an_action_is_kept_with_who_asked_and_when_it_acted(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
-    assert harness.act(job, "stop", headers={"X-Operator": "x" * 81}).status_code == 422
+    assert harness.act(job, "stop", headers={"X-Operator": "x" * 961}).status_code == 422
     harness.act(job, "stop", headers={"X-Operator": "Ada, cell 4"})
     (action,) = harness.ended(job)["actions"]
     assert (action["by"], action["seq"]) == ("Ada, cell 4", IN_APPROACH)
@@ -134,7 +135,7 @@ def test_jobs_are_found_by_what_they_are(harness: Harness) -> None:
 
     assert found() == names
     assert found(state="stopped", kind="grip", rig="demo") == names
-    assert found(state="failed") == found(kind="track") == found(rig="other") == []
+    assert found(state="failed") == found(kind="track") == []
     assert found(label="part=bead 1") == [names[1]]
     assert found(text="BEAD 1") == [names[1]]
     assert found(text="ead") == found(text="part") == names
@@ -225,3 +226,63 @@ def test_a_caller_that_has_hung_up_begins_nothing(harness: Harness) -> None:
     (entry,) = harness.get("/audit")["entries"]
     assert entry["status"] == 408
     assert entry["detail"] == "grip: the caller hung up, nothing was begun"
+
+
+def test_a_change_is_waited_for_from_now_on_where_nothing_is_known(harness: Harness) -> None:
+    ready = harness.post("/jobs", {"kind": "grip"}).json()
+    harness.reach(ready["id"], "ready")
+    still = harness.get(f"/jobs/{ready['id']}", wait="change", timeout_s=0.3)
+    assert still["state"] == "ready"
+
+    async def poll() -> httpx.Response:
+        transport = httpx.ASGITransport(harness.app)
+        async with httpx.AsyncClient(
+            transport=transport, base_url="http://localhost/api/v1"
+        ) as client:
+            asked = client.get(f"/jobs/{ready['id']}", params={"wait": "change", "timeout_s": 20})
+            waiting = asyncio.create_task(asked)
+            await asyncio.sleep(0.2)
+            assert not waiting.done()
+            await client.post(f"/jobs/{ready['id']}/actions", json={"type": "stop"})
+            return await waiting
+
+    assert asyncio.run(poll()).json()["revision"] > still["revision"]
+
+
+@pytest.mark.parametrize("shown", ["Éva Ørsted", "李雷", "%E6%9D%8E%E9%9B%B7", "100 % sure"])
+def test_an_operator_is_named_in_any_alphabet(harness: Harness, shown: str) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    headers = {b"x-operator": shown.encode()}
+    assert harness.act(job, "stop", headers=headers).status_code == 202
+    (action,) = harness.ended(job)["actions"]
+    assert action["by"] == unquote(shown)
+
+
+def test_a_label_is_named_in_any_alphabet_and_found_by_it(harness: Harness) -> None:
+    job = str(harness.grip(labels={"Größe": "7 µm", "零件": "甲"})["id"])
+    for text in ("Größe=7 µm", "零件=甲"):
+        assert [one["id"] for one in harness.get("/jobs", label=text)["jobs"]] == [job]
+    for text in ('a"b=c', "a b=c", "none", "=c"):
+        refused = harness.call("GET", "/api/v1/jobs", params={"label": text})
+        assert refused.status_code == 422, text
+
+
+def test_jobs_of_a_rig_that_never_was_are_not_found(harness: Harness) -> None:
+    refused = harness.call("GET", "/api/v1/jobs", params={"rig": "other"})
+    assert refused.status_code == 404
+    assert "there are demo" in refused.json()["detail"]
+    assert harness.get("/jobs", rig="demo")["jobs"] == []
+
+
+def test_a_file_that_never_was_is_not_offered(harness: Harness) -> None:
+    job = harness.post("/jobs", {"kind": "grip"}).json()["id"]
+    harness.reach(job, "ready")
+    harness.acted(job, "stop")
+    harness.ended(job)
+    missing = harness.call("GET", f"/api/v1/jobs/{job}/artifacts/grip.png").json()["detail"]
+    assert missing == f"no artifact 'grip.png'; job {job} has no record"
+    made = str(harness.grip()["id"])
+    harness.ended(made)
+    missing = harness.call("GET", f"/api/v1/jobs/{made}/artifacts/burst.parquet").json()["detail"]
+    assert "samples.parquet" in missing
+    assert "burst.parquet," not in missing

@@ -76,7 +76,7 @@ def test_its_loop_is_judged_before_anything_moves(harness: Harness) -> None:
     assert plan["law"]["spectral_radius"] < plan["law"]["spectral_radius_limit"]
     fast = dry_run(harness, gains={"K_I": 1.0})
     (violation,) = fast["violations"]
-    assert violation["quantity"] == "spectral radius"
+    assert violation["quantity"] == "spectral_radius"
     assert fast["law"]["spectral_radius"] > 1.0
 
 

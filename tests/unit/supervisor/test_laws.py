@@ -188,7 +188,7 @@ def test_an_unstable_law_is_a_limit_and_nothing_moves(
     (violation,) = problem["violations"]
     law = default_settings("pbsmic", "identified").with_gains(**UNSTABLE)
     found = judged(rig_file, law)
-    assert (violation["quantity"], violation["pointer"]) == ("spectral radius", "/gains")
+    assert (violation["quantity"], violation["pointer"]) == ("spectral_radius", "/gains")
     assert violation["value"] == found.radius > violation["limit"] == found.limit_radius
     assert violation["message"] == found.reason
     assert found.reason in problem["detail"]
@@ -202,7 +202,7 @@ def test_an_unstable_law_comes_after_what_else_the_plan_breaks(harness: Harness)
     plan = dry_run(harness, force_mN=55.0, gains=UNSTABLE)
     quantities = [violation["quantity"] for violation in plan["violations"]]
     assert "force" in quantities
-    assert quantities[-1] == "spectral radius"
+    assert quantities[-1] == "spectral_radius"
 
 
 @pytest.mark.parametrize(

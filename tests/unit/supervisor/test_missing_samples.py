@@ -35,6 +35,8 @@ def test_a_phase_that_lacks_too_many_samples_ends_the_calibration(harness: Harne
     assert job["state"] == "failed"
     assert f" of the {PLANNED} samples of noise are missing already, limit 2 %" in job["cause"]
     assert int(job["cause"].split()[0]) > FEW
+    assert job["ending"]["code"] == "samples_missing"
+    assert job["ending"]["values"]["planned"] == PLANNED
     assert harness.bus.acts == ["retract"]
 
 

@@ -22,9 +22,9 @@ def refused(harness: Harness, body: dict[str, Any]) -> dict[str, Any]:
     [
         ({"force_mN": "20"}, "/force_mN", "force_mN = '20' mN"),
         ({"force_mN": True}, "/force_mN", "force_mN = True mN"),
-        ({"force_mN": -3.0}, "/force_mN", "force_mN = -3.0 mN: input should be greater than 0 mN"),
-        ({"hold_s": 1e9}, "/hold_s", "less than or equal to 3600 s"),
-        ({"seek_um_per_s": 0.0}, "/seek_um_per_s", "greater than or equal to 0.1 µm/s"),
+        ({"force_mN": -3.0}, "/force_mN", "force_mN = -3.0 mN: must be above 0 mN"),
+        ({"hold_s": 1e9}, "/hold_s", "must be 3600 s or less"),
+        ({"seek_um_per_s": 0.0}, "/seek_um_per_s", "must be 0.1 µm/s or more"),
         ({"force_N": 1.0}, "/force_N", "force_N is not a field that is known here"),
         ({"autostart": "yes"}, "/autostart", "autostart = 'yes'"),
         ({"labels": {"a": 1}}, "/labels/a", "a = 1"),
@@ -133,7 +133,7 @@ def test_a_rig_that_is_not_here_is_named_with_those_that_are(harness: Harness) -
 @pytest.mark.parametrize(
     ("wish", "pointer", "words"),
     [
-        ({"cycles": 0}, "/cycles", "cycles = 0: input should be greater than or equal to 1"),
+        ({"cycles": 0}, "/cycles", "cycles = 0: must be 1 or more"),
         ({"cycles": 2.5}, "/cycles", "cycles = 2.5"),
         ({"force_mN": 20.0}, "/force_mN", "force_mN is not a field that is known here"),
         ({"shape": "square"}, "/shape", "shape = 'square'"),

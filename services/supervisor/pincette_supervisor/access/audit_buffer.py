@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from dataclasses import replace
+from http import HTTPStatus
 
 from pincette_supervisor.access.authentication import hours_before
 from pincette_supervisor.journal.access_rows import AuditRepository, AuditRow
@@ -12,8 +13,8 @@ ROOM = 10_000
 """Entries that may wait; beyond, the oldest are dropped and counted."""
 LOST = "audit entries lost: the journal could not be written"
 REFUSED_H = 10.0 / 3600.0
-"""Equal refusals within this time become one entry, so that an insistent stranger does not push
-the entries of others out of the log."""
+"""Equal ones of somebody without a key within this time become one entry, so that an insistent
+stranger does not push the entries of others out of the log."""
 ADDRESSES, OTHERS = 100, "others"
 """Addresses that are kept apart meanwhile, and the name of the rest."""
 
@@ -23,7 +24,7 @@ class AuditBuffer:
 
     def __init__(self) -> None:
         self._waiting: deque[AuditRow] = deque()
-        self._refused: dict[tuple[str, str, int], AuditRow] = {}
+        self._refused: dict[tuple[str, str, int, str], AuditRow] = {}
         self._lost = 0
         self._memory = threading.Lock()
         """Never held while the disk is waited for."""
@@ -38,12 +39,13 @@ class AuditBuffer:
             self._waiting.append(row)
 
     def add_refused(self, row: AuditRow) -> None:
-        """Add a request refused for its sender; equal ones are counted."""
+        """Add a request of somebody without a key; equal ones are counted."""
+        done = row.action if row.status < HTTPStatus.BAD_REQUEST else ""
         with self._memory:
-            place = (row.who, row.address, row.status)
+            place = (row.who, row.address, row.status, done)
             if place not in self._refused and len(self._refused) >= ADDRESSES:
                 row = replace(row, who=OTHERS, address=OTHERS)
-                place = (OTHERS, OTHERS, row.status)
+                place = (OTHERS, OTHERS, row.status, done)
             known = self._refused.get(place)
             count = 1 if known is None else known.count + 1
             self._refused[place] = replace(known or row, count=count)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
 
+from pincette.api.checks import fault_views
+from pincette.api.endings import Ending
 from pincette.config import RigFile
 from pincette.core.faults import TRIPPED, Cause, Fault, FaultCode
 from pincette.core.messages import Applied, Command, Estimate, Message, Position, Telemetry
@@ -54,6 +56,13 @@ class TripRecord:
 def reason_of(applied: Applied) -> TripReason:
     """The reason that the actuator reports."""
     return TripReason(applied.cause, applied.faults)
+
+
+def trip_ending(trip: TripReason) -> Ending:
+    """Why a job ends whose actuator has tripped; the abort of a person is no fault."""
+    if trip.cause == Cause.ABORT:
+        return Ending(code="requested")
+    return Ending(code="tripped", trip=str(trip.cause), faults=fault_views(trip.faults))
 
 
 def silent_program(newest: Mapping[str, LastSample], period_s: float) -> str:

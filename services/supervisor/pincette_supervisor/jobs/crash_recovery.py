@@ -1,16 +1,21 @@
 """Recovery at start from an earlier supervisor's end."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
+from pincette.api.results import JobResult
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import ActionCode, Mode
 from pincette.core.messages import Action, Applied
 from pincette.core.topics import ACTION
+from pincette.records import folder, parquet
+from pincette.records.columns import Columns
 from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.job_recorder import NO_SAMPLE, finish_record
 from pincette_supervisor.jobs.lease import ended_text
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.results.documents import completeness
+from pincette_supervisor.results.result import course
 from pincette_supervisor.rigs.rig_context import RigContext
 
 ASK_S = 1.0
@@ -64,4 +69,15 @@ def _close_record(context: RigContext, row: JobRow, epoch: int) -> None:
     recorded = finish_record(context.bus, row.id, epoch, last_seq)
     if isinstance(recorded, str):  # it may still make the tables of an unfinished record
         recorded = finish_record(context.bus, row.id, epoch, last_seq)
-    context.store.change(row.id, plan={**row.plan, "record": completeness(recorded)})
+    found = _result(context.records / row.id / folder.SAMPLES, context.rig.rig.period_s)
+    values: dict[str, object] = {} if found is None else {"result": found.model_dump(mode="json")}
+    context.store.change(row.id, plan={**row.plan, "record": completeness(recorded)}, **values)
+
+
+def _result(samples: Path, period_s: float) -> JobResult | None:
+    """How far a job came, by its closed record; the kind's own figures need its plan's model."""
+    try:
+        table: Columns = parquet.opened(samples).read().to_pydict()
+    except (OSError, ValueError):  # no record, or one that a full disk has cut off
+        return None
+    return JobResult(**course(table, period_s=period_s, dropped=0))

@@ -3,9 +3,10 @@
 import asyncio
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
+from pincette.api.endings import Ending, EndingCode
 from pincette.api.jobs import Progress
 from pincette.api.requests import JobRequest
 from pincette.api.states import STATES, ActionType, Event, JobState, next_state
@@ -17,6 +18,13 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.rigs.rig_context import RigContext
 
 log = logging.getLogger(__name__)
+UNTOLD: Mapping[JobState, EndingCode] = {
+    "succeeded": "done",
+    "stopped": "requested",
+    "aborted": "requested",
+    "interrupted": "supervisor_ended",
+}
+"""Why a job has come to a state, where nothing was found that says more."""
 PLAYING = ("running", "pausing")
 """States in which the program plays."""
 
@@ -73,6 +81,8 @@ class LiveJob:
         self.renewal: Renewal | None = None
         """Renews the lease under which its program plays."""
         self.cause = ""
+        self.ending: Ending | None = None
+        """Why it ends, by what was found first; of an ended job never None."""
         self.next_request: JobRequest | None = None
         """Of the job that goes on where a stall has tripped this one."""
         self.held = False
@@ -108,20 +118,29 @@ class LiveJob:
         """Whether the state is terminal."""
         return STATES[self.state].terminal
 
-    def move(self, event: Event, cause: str = "", *, only_from: JobState | None = None) -> bool:
+    def move(
+        self,
+        event: Event,
+        cause: str = "",
+        *,
+        only_from: JobState | None = None,
+        ending: Ending | None = None,
+    ) -> bool:
         """Follow an event, if in ``only_from``; raises TransitionError where it has no place."""
         with self._lock:
             if only_from is not None and self.state != only_from:
                 return False
             state = next_state(self.state, event)
-            self.cause = self.cause or cause
+            self.cause, self.ending = self.cause or cause, self.ending or ending
             now = utc_now()
             values: dict[str, object] = {"state": state, "cause": self.cause}
             if event == "start":
                 values["started_at"] = now
-            if STATES[state].terminal:
-                values["ended_at"] = now
             body = {"state": state, "cause": self.cause}
+            if STATES[state].terminal:
+                self.ending = self.ending or Ending(code=UNTOLD.get(state, "internal"))
+                values |= {"ended_at": now, "ending": self.ending.model_dump(mode="json")}
+                body["ending"] = self.ending.code
             entered = self.moves + 1
             log.info("job %s is %s", self.id, state, extra={"job": self.id, **body})
 
@@ -173,11 +192,13 @@ class LiveJob:
         )
         self._context.bus.publish(notice)
 
-    def end(self, event: Event, cause: str = "") -> None:
+    def end(self, event: Event, cause: str = "", code: EndingCode | None = None) -> None:
         """Move to a terminal state; a stop or an abort that came first is confirmed instead."""
         with self._lock:
             if not self.terminal:
-                self.move(event if event in STATES[self.state].events else "confirm", cause)
+                ending = None if code is None else Ending(code=code)
+                known = event in STATES[self.state].events
+                self.move(event if known else "confirm", cause, ending=ending if known else None)
 
     def set_plan(self, planned: Planned) -> None:
         """Set the plan that is played."""
@@ -190,9 +211,9 @@ class LiveJob:
         self.epoch = epoch
         self.store(epoch=str(epoch))
 
-    def note_cause(self, cause: str) -> None:
+    def note_cause(self, cause: str, ending: Ending | None = None) -> None:
         """Set the cause of a failure, unless there is one."""
-        self.cause = self.cause or cause
+        self.cause, self.ending = self.cause or cause, self.ending or ending
 
     def append_cause(self, cause: str) -> None:
         """Add a cause after the job's end."""

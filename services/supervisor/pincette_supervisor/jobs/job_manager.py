@@ -9,6 +9,7 @@ from pincette.api.calibrations import Proposal
 from pincette.api.jobs import Job
 from pincette.api.models import ModelView
 from pincette.api.requests import JobRequest
+from pincette.api.rigs import QueueOrder
 from pincette.api.states import ActionType
 from pincette_supervisor.alarms.alarm_monitor import AlarmMonitor
 from pincette_supervisor.jobs import planner, refusals
@@ -18,6 +19,7 @@ from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_queue import CAPACITY, JobQueue
 from pincette_supervisor.jobs.job_view import fingerprint_of, job_view, new_row
 from pincette_supervisor.jobs.key_turns import KeyTurns
+from pincette_supervisor.jobs.queue_turns import require_resumable, startable_entry
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.journal.store import JobRow, KeyTakenError, StoreError
 from pincette_supervisor.model.model_view import use_model
@@ -38,7 +40,6 @@ class JobManager:
 
     def __init__(self, context: RigContext, play: Play = played) -> None:
         self.context = context
-        self.alarms = context.alarms
         self.calibrations = Calibrations(context.store, context.model)
         self.changes = ChangeNotifier()
         self.latch = LatchControl(context)
@@ -93,7 +94,7 @@ class JobManager:
         with self._turns.of(key):
             known = None if key is None else self.context.store.created(key)
             if known is not None:
-                return self._replayed(known.job, known.fingerprint, fingerprint), True
+                return self.job(refusals.require_same(known, fingerprint)), True
             request = planner.with_version(self.context, request)
             planned = refusals.require_feasible(self.plan(request))
             if predict and (self.active is None or request.queue):
@@ -106,13 +107,8 @@ class JobManager:
                 with self._lock:
                     name = self._accept(request, planned, key, fingerprint, by)
             except KeyTakenError as error:
-                return self._replayed(error.job, error.fingerprint, fingerprint), True
+                return self.job(refusals.require_same(error, fingerprint)), True
         return self.job(name), False
-
-    def _replayed(self, job: str, fingerprint: str, sent: str) -> Job:
-        if fingerprint != sent:
-            raise refusals.key_reused(job)
-        return self.job(job)
 
     def _accept(
         self,
@@ -188,20 +184,23 @@ class JobManager:
         """Start the next queued job if the rig is free."""
         if self._closing or self.active is not None:
             return
-        entry = self.queue.next()
+        entry = startable_entry(self.context, self.queue)
         if entry is not None:
             # Active before it leaves the queue, so that no waiting request misses it.
             self._begin(entry.row, entry.request, None)
             self.queue.take(entry)
 
-    def control_queue(self, order: Literal["resume", "clear"], by: str) -> None:
-        """Resume a halted queue, or stop all queued jobs; raises ProblemError if not ready."""
+    def control_queue(self, order: QueueOrder, by: str, move: tuple[str, int] = ("", 1)) -> None:
+        """Resume, clear or rearrange the queue; raises ProblemError if it cannot be done."""
         with self._lock:
             if order == "clear":
                 self.queue.clear()
+            elif order == "move":
+                self.queue.move(
+                    refusals.require_queued(self.queue.entry(move[0]), move[0]), move[1]
+                )
             elif len(self.queue):
-                if self.active is None:
-                    refusals.require_ready(self.context, None)
+                require_resumable(self.context, self.queue, self.active)
                 self.queue.resume()
                 self._start_next()
         self.context.events.append("queue", action=order, by=by, length=len(self.queue))
@@ -246,10 +245,8 @@ class JobManager:
 
     def is_over(self, name: str) -> bool:
         """Whether a job has ended, without reading the journal."""
-        if self.queue.entry(name) is not None:
-            return False
-        live = self._live
-        return live is None or live.id != name or live.terminal
+        live, queued = self._live, self.queue.entry(name) is not None
+        return not queued and (live is None or live.id != name or live.terminal)
 
     def changed_since(self, name: str, revision: int) -> bool:
         """Whether a job has changed since a revision, without reading the journal."""
@@ -257,14 +254,20 @@ class JobManager:
         if entry is not None:
             return entry.revision != revision
         live = self._live
-        if live is None or live.id != name or live.done.is_set():
-            return True
-        return live.revision != revision
+        same = live is not None and live.id == name and not live.done.is_set()
+        return not same or live is None or live.revision != revision
 
     def has_job(self, name: str) -> bool:
         """Whether a job is queued or was started last, without reading the journal."""
         live = self._live
         return self.queue.entry(name) is not None or (live is not None and live.id == name)
+
+    def note_revision(self, name: str, revision: int) -> None:
+        """Let those who wait for a change of a job know of one that the journal has."""
+        live = self._live if self._live is not None and self._live.id == name else None
+        for known in filter(None, (self.queue.entry(name), live)):
+            known.revision = max(known.revision, revision)
+        self.changes.notify_all()
 
     def view(self, row: JobRow) -> Job:
         """One job of this rig."""
@@ -282,11 +285,10 @@ class JobManager:
     def close(self) -> None:
         """End: a job that runs becomes ``interrupted`` and the rig is asked to stop."""
         self._closing = True
-        live, thread = self._live, self._thread
-        if live is not None and thread is not None:
-            live.interrupted = True
-            live.wake.set()
-            thread.join(JOIN_S)
+        if self._live is not None and self._thread is not None:
+            self._live.interrupted = True
+            self._live.wake.set()
+            self._thread.join(JOIN_S)
         self.latch.close()
         self.alarm_monitor.close()
 

@@ -1,12 +1,14 @@
 """Follows the samples of a job to their end, and passes its actions on to the rig."""
 
+from pincette.api.endings import Ending
 from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
-from pincette.bus.protocol import BusError, RefusalError
-from pincette.core.faults import Acted, ActionCode, Cause, Outcome
-from pincette.core.messages import Ack, Action, Applied
+from pincette.bus.protocol import BusError
+from pincette.core.faults import Acted, Cause, Outcome
+from pincette.core.messages import Action, Applied
 from pincette.core.topics import ACTION, TELEMETRY, TRIP
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms.trips import TripReason, trip_ending
 from pincette_supervisor.jobs import policies
+from pincette_supervisor.jobs.controller_actions import ControllerActions
 from pincette_supervisor.jobs.deafness import Silence
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_recorder import JobRecorder
@@ -57,11 +59,8 @@ class JobMonitor:
         """The actuator's newest sample."""
         self._over_at: float | None = None
         self._progress_sent_at = float("-inf")
-        self._asked_in = -1
-        """Count of the job's moves when the controller was last asked for something."""
-        self._effective_seq: int | None = None
-        """The seq at which the action takes effect; None where it was refused."""
-        self._trip_asked = self._pause_asked = self._trip_reported = False
+        self._actions = ControllerActions(context.bus, job, self._tracker)
+        self._trip_asked = self._trip_reported = False
 
     def follow(self) -> None:
         """Return when the arming is over by the actuator's sample, or all programs are silent."""
@@ -129,7 +128,8 @@ class JobMonitor:
             words = self._context.trip_words(tracker.trip)
             self._context.alarms.raise_trip(tracker.trip, words, job.id)
         if state in TRIPPABLE:
-            job.move("trip", self._trip_words(tracker.trip), only_from=state)
+            words, ending = self._trip_words(tracker.trip), trip_ending(tracker.trip)
+            job.move("trip", words, only_from=state, ending=ending)
 
     def _trip_words(self, trip: TripReason) -> str:
         return f"actuator tripped: {self._context.trip_words(trip)}"
@@ -137,14 +137,17 @@ class JobMonitor:
     def _lease_ended(self, seq: int) -> None:
         """Stop the job whose lease has ended at the controller."""
         context, job = self._context, self._job
-        words = ended_words(context.bus, policies.lease_s(job.request, self._rig))
+        length_s = policies.lease_s(job.request, self._rig)
+        words = ended_words(context.bus, length_s)
+        ending = Ending(code="lease_ended", values={"limit_s": length_s})
         context.alarms.raise_alarm(
             "lease", words, severity="alarm", clears="acknowledge", job=job.id
         )
         state = job.state
-        if "stop" in STATES[state].events and job.move("stop", words, only_from=state):
-            # It acts already: asked again, it would begin anew.
-            self._asked_in, self._effective_seq = job.moves, seq
+        if "stop" in STATES[state].events and job.move(
+            "stop", words, only_from=state, ending=ending
+        ):
+            self._actions.acts_since(seq)
 
     def _poll_state(self) -> bool:
         """Act on the state; true where nothing more is to be expected of the rig."""
@@ -161,66 +164,27 @@ class JobMonitor:
             return bool(silence)
         if state == "aborting":
             return self._abort(silence)
+        ending = Ending(code="silent", values={"silent_s": lasts_s})
         if self._watch.overdue():
             silence = f"{state} took too long: {tracker.lagging_program()} lags"
+            ending = Ending(code="overdue")
         if silence:
             event: Event = "overdue" if "overdue" in STATES[state].events else "trip"
-            job.move(event, silence, only_from=state)
-        elif state == "running" and self._missing.words:
-            self._given_up = job.move("stop", self._missing.words, only_from=state)
+            job.move(event, silence, only_from=state, ending=ending)
+        elif state == "running" and (lack := self._missing.lack):
+            words, ending = lack
+            self._given_up = job.move("stop", words, only_from=state, ending=ending)
         elif state == "stopping":
-            self._stop(moves)
+            if self._actions.stopped_in_hold(moves):
+                self._close("confirm", over=False)
         elif state == "pausing":
-            self._pause(moves)
+            self._actions.pause(moves)
         elif state == "resuming":
-            self._resume(moves)
+            self._actions.resume(moves)
         elif state == "paused" and not tracker.paused:
             # A guard or a release has ended the pause.
             job.move("go_on", only_from="paused")
         return False
-
-    def _ask_once(self, action: ActionCode, state: JobState, moves: int) -> bool:
-        """Ask the controller once in a state; false where it refuses or does not answer."""
-        job = self._job
-        if self._asked_in == moves:
-            return self._effective_seq is not None
-        self._asked_in, self._effective_seq = moves, None
-        try:
-            reply = self._context.bus.call(ACTION, Action(action))
-        except RefusalError:
-            return False  # the program has just ended; its last sample is on its way
-        except BusError as error:
-            job.move("overdue", str(error), only_from=state)
-            return False
-        self._effective_seq = reply.seq if isinstance(reply, Ack) else self._tracker.telemetry_seq
-        return True
-
-    def _took_effect(self) -> bool:
-        """Whether the action has taken effect by the controller's newest sample."""
-        return (
-            self._effective_seq is not None and self._tracker.telemetry_seq >= self._effective_seq
-        )
-
-    def _stop(self, moves: int) -> None:
-        """Ask the controller once; a part that a stop keeps makes the stop complete."""
-        tracker, request = self._tracker, self._job.request
-        self._ask_once(ActionCode(policies.lease_end(request)), "stopping", moves)
-        if tracker.stop_took_effect and tracker.held and policies.on_stop(request) == "hold":
-            self._close("confirm", over=False)
-
-    def _pause(self, moves: int) -> None:
-        self._pause_asked = True
-        self._ask_once(ActionCode.PAUSE, "pausing", moves)
-        if self._took_effect() and self._tracker.paused:
-            self._job.move("rest", only_from="pausing")
-
-    def _resume(self, moves: int) -> None:
-        """Go on where the pause began, or give up a pause that has not begun."""
-        taken = not self._pause_asked or self._ask_once(ActionCode.RESUME, "resuming", moves)
-        if taken and self._pause_asked and not (self._took_effect() and not self._tracker.paused):
-            return
-        self._pause_asked = False
-        self._job.move("go_on", only_from="resuming")
 
     def _abort(self, silence: str) -> bool:
         """Ask the actuator once; where it does not answer, or in time, the job has failed."""
@@ -231,12 +195,13 @@ class JobMonitor:
             try:
                 self._context.bus.call(TRIP, policies.abort_trip(job.request, job.cause[:200]), 1.0)
             except BusError as error:
-                job.note_cause(str(error))
+                job.note_cause(str(error), Ending(code="unanswered"))
                 self._close("fail")
                 return True
             return False
         if silence or self._watch.overdue():
-            job.note_cause(silence or "the actuator did not say in time that it is safe")
+            late = "the actuator did not say in time that it is safe"
+            job.note_cause(silence or late, Ending(code="silent" if silence else "overdue"))
             self._close("fail")
             return True
         return False
@@ -269,10 +234,11 @@ class JobMonitor:
                 words = self._trip_words(tracker.trip)
                 more = gone or stall_words(self._context, tracker.trip)
                 job.cause = f"{words}; {more}" if more else words
-            job.note_cause(tracker.final_words())
+                job.ending = trip_ending(tracker.trip)
+            job.note_cause(tracker.final_words(), Ending(code="bad_outcome"))
         fault = self._recorder.store(tracker, self._collection, over=over)
         if fault and event == "done":
-            job.note_cause(fault)
+            job.note_cause(fault, Ending(code="no_finding"))
             event = "fail"
         if event == "fail" and tracker.trip is not None and not gone and not self._trip_asked:
             self._prepare_resumption(tracker.trip)
@@ -296,4 +262,4 @@ class JobMonitor:
             job.note_cause(str(error))
         self._recorder.store(self._tracker, self._collection, over=True)
         if not job.terminal:
-            job.end("interrupt", "the supervisor ended")
+            job.end("interrupt", "the supervisor ended", "supervisor_ended")

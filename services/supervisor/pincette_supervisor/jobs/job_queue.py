@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 from pydantic import ValidationError
 
+from pincette.api.endings import Ending, EndingCode
 from pincette.api.requests import JobRequest
 from pincette.api.states import JobState
+from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import JobRow, Store, utc_now
 from pincette_supervisor.kinds.bodies import REQUEST
@@ -22,6 +24,8 @@ class Entry:
     row: JobRow
     request: JobRequest
     revision: int
+    place: int | None = None
+    """As the journal has it."""
 
 
 class JobQueue:
@@ -42,16 +46,24 @@ class JobQueue:
             try:
                 request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))
             except ValidationError as error:
-                cause = f"its request is not understood any more: {error.errors()[0]['msg']}"
-                self._end(row, "failed", cause)
+                cause = f"its request is not understood any more: {refusal(error.errors()[0])}"
+                self._end(row, "failed", "request_outdated", cause)
             else:
-                self._entries.append(Entry(row, request, row.revision))
+                self._entries.append(Entry(row, request, row.revision, row.place))
         self.halt(RESTARTED)
 
     def add(self, row: JobRow, request: JobRequest) -> None:
-        """Append a job."""
-        self._entries.append(Entry(row, request, row.revision))
-        self.publish()
+        """Add a job behind those of its priority, and before those with less."""
+        before = [one for one in self._entries if one.request.priority >= request.priority]
+        place = max((self._entries.index(one) + 1 for one in before), default=0)
+        self._entries.insert(place, Entry(row, request, row.revision))
+        self._moved_up()
+
+    def move(self, entry: Entry, place: int) -> None:
+        """Give a job another place, from 1, whatever its priority."""
+        self._entries.remove(entry)
+        self._entries.insert(place - 1, entry)
+        self._moved_up()
 
     def halt(self, why: str) -> None:
         """Let no job start by itself; has no effect on an empty queue."""
@@ -63,6 +75,11 @@ class JobQueue:
         """Let the next job start when the rig is free."""
         self.halted = ""
         self.publish()
+
+    @property
+    def first(self) -> Entry:
+        """The job whose turn comes next, halted or not; there is one."""
+        return self._entries[0]
 
     def next(self) -> Entry | None:
         """The next job; None if the queue is empty or halted."""
@@ -85,26 +102,29 @@ class JobQueue:
     def remove(self, entry: Entry, state: JobState) -> None:
         """Remove a job that ends as ``stopped`` or ``aborted``."""
         self._entries.remove(entry)
-        self._end(entry.row, state, "")
+        self._end(entry.row, state, "requested")
         self._moved_up()
 
     def clear(self) -> list[str]:
         """Stop all queued jobs; returns their names."""
         names = [entry.row.id for entry in self._entries]
         for entry in self._entries:
-            self._end(entry.row, "stopped", "the queue was cleared")
+            self._end(entry.row, "stopped", "queue_cleared", "the queue was cleared")
         self._entries.clear()
         self._moved_up()
         return names
 
-    def _end(self, row: JobRow, state: JobState, cause: str) -> None:
-        with self._events.transaction("state", row.id, state=state, cause=cause):
-            self._store.change(row.id, state=state, cause=cause, ended_at=utc_now())
+    def _end(self, row: JobRow, state: JobState, code: EndingCode, cause: str = "") -> None:
+        ending = Ending(code=code).model_dump(mode="json")
+        values = {"state": state, "cause": cause}
+        with self._events.transaction("state", row.id, **values, ending=code):
+            self._store.change(row.id, **values, ending=ending, ended_at=utc_now())
 
     def _moved_up(self) -> None:
-        """Raise the revision of every job whose place has changed."""
-        for entry in self._entries:
-            entry.revision = self._store.change(entry.row.id)
+        """Keep the place of every job; the revision of each whose place has changed rises."""
+        for place, entry in enumerate(self._entries, 1):
+            if entry.place != place:
+                entry.place, entry.revision = place, self._store.change(entry.row.id, place=place)
         if not self._entries:
             self.halted = ""
         self.publish()

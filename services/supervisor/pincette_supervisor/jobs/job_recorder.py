@@ -101,6 +101,8 @@ class JobRecorder:
             motion={n: planned.values[n] for n in MOTION if n in planned.values},
             values_um=learned.values_um,
             errors_um=learned.errors_um,
+            best_um=learned.best_um,
+            quiet=learned.quiet,
         )
         keep = LearnedRepository(context.store, rig.rig.name).keep
         context.write_queue.submit(partial(keep, row))

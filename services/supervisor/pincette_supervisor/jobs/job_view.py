@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pincette.api.endings import Ending
 from pincette.api.jobs import Action, Job
 from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, allowed_actions
@@ -15,6 +16,9 @@ from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.store import JobRow, utc_now
 from pincette_supervisor.planning.planned import Planned
+
+SAID = ("sample", "batch", "operator", "notes", "labels", "pinned")
+"""What a person has said of a job."""
 
 
 def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> JobRow:
@@ -29,6 +33,12 @@ def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> 
         plan={**planned.plan.model_dump(mode="json"), "values": planned.values},
         created_at=utc_now(),
         requested_by=by,
+        sample=request.sample,
+        batch=request.batch,
+        operator=request.operator,
+        notes=request.notes,
+        labels=dict(request.labels),
+        priority=request.priority,
     )
 
 
@@ -39,15 +49,23 @@ def fingerprint_of(request: JobRequest) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def _ending(row: JobRow) -> Ending | None:
+    # As JSON, in which a code may be a text.
+    return None if row.ending is None else Ending.model_validate_json(json.dumps(row.ending))
+
+
 def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: Path) -> Job:
     """One job, with its live state and its place in the queue where it has one."""
     if live is not None and live.revision > row.revision:  # not written to the journal yet
-        row = replace(row, state=live.state, cause=live.cause, revision=live.revision)
+        ended = live.ending.model_dump(mode="json") if live.terminal and live.ending else None
+        more = {"state": live.state, "cause": live.cause, "ending": ended}
+        row = replace(row, **more, revision=live.revision)
     busy = live if live is not None and not live.done.is_set() else None
     # Set after the progress that has the instruction, hence read before it.
     waiting = busy is not None and busy.waiting is not None
     values: dict[str, Any] = row.plan.get("values", {})
     record: dict[str, Any] = row.plan.get("record", {})
+    deleted = "deleted_at" in record
     actions: list[ActionType] = []
     if busy is not None or position is not None:
         held = busy is not None and busy.held
@@ -60,9 +78,10 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
         revision=row.revision,
         position=position,
         cause=row.cause,
+        ending=_ending(row),
         request=row.request,
         values=values,
-        labels=row.request.get("labels", {}),
+        **{name: getattr(row, name) for name in SAID},
         by=row.requested_by,
         progress=None if busy is None else busy.progress,
         result=row.result,
@@ -74,7 +93,7 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
         created_at=row.created_at,
         started_at=row.started_at,
         ended_at=row.ended_at,
-        record=None if row.epoch is None else str((records / row.id).absolute()),
+        record=None if row.epoch is None or deleted else str((records / row.id).absolute()),
         record_complete=record.get("complete"),
         record_detail=record.get("detail", ""),
     )

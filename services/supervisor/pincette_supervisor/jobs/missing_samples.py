@@ -7,6 +7,7 @@ end.
 from collections import Counter
 from collections.abc import Iterable
 
+from pincette.api.endings import Ending
 from pincette.core.messages import Message, Position, Telemetry
 from pincette_supervisor.calibration.samples import MOST_MISSING
 from pincette_supervisor.planning.planned import Planned
@@ -41,14 +42,16 @@ class MissingSamples:
                 self._newest = message.seq
 
     @property
-    def words(self) -> str:
-        """That a phase lacks too many, with count and limit; empty where it does not."""
+    def lack(self) -> tuple[str, Ending] | None:
+        """That a phase lacks too many, in words and as a code; None where it does not."""
         planned = self._planned[self._phase]
         count = self._newest - self._first + 1 - self._found
         if not planned or count <= MOST_MISSING * planned + LATE:
-            return ""
-        return (
+            return None
+        words = (
             f"{count} of the {planned} samples of {self._phase} are missing already, limit "
             f"{100.0 * MOST_MISSING:g} %: see to the sensor's line, and to the machine "
             "(`pincette timing`)"
         )
+        values = {"missing": count, "planned": planned, "limit": MOST_MISSING}
+        return words, Ending(code="samples_missing", values=values)

@@ -1,10 +1,13 @@
 """Why a job or an action is not taken, as problem documents."""
 
+from pincette.api.job_kinds import JobKind
 from pincette.api.states import ActionType, allowed_actions
 from pincette.bus.protocol import BusError
 from pincette.core.faults import Cause
 from pincette_supervisor.jobs.job import LiveJob
-from pincette_supervisor.journal.store import JobRow, Store
+from pincette_supervisor.jobs.job_queue import Entry
+from pincette_supervisor.journal.store import JobRow, KeyTakenError, Store
+from pincette_supervisor.journal.tables import Creation
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.problems import ProblemError, not_found
 from pincette_supervisor.rigs.part import held_words, reset_words
@@ -45,7 +48,21 @@ def require_ready(context: RigContext, planned: Planned | None) -> None:
         raise unready(reasons)
     words = held_words(context)
     if words and planned is not None and not planned.begins_held:
-        raise ProblemError(409, "part-held", "The gripper holds a part", words)
+        raise part_held(words)
+
+
+def require_startable(context: RigContext, kind: JobKind) -> None:
+    """Raise ProblemError where the rig cannot start a job of a kind, by what its programs say."""
+    context.health.refresh(force=True)
+    require_ready(context, None)
+    words = held_words(context)
+    if words and not kind.begins_held:
+        raise part_held(words)
+
+
+def part_held(words: str) -> ProblemError:
+    """409 because a part is held."""
+    return ProblemError(409, "part-held", "The gripper holds a part", words)
 
 
 def unready(reasons: list[str]) -> ProblemError:
@@ -109,6 +126,20 @@ def model_changed() -> ProblemError:
         "Another model has come into use",
         "the job was planned with the model before; send it again",
     )
+
+
+def require_queued(entry: Entry | None, name: str) -> Entry:
+    """An entry of the queue; raises ProblemError where the job does not wait."""
+    if entry is None:
+        raise not_found("queued job", name)
+    return entry
+
+
+def require_same(known: Creation | KeyTakenError, sent: str) -> str:
+    """The job that a key has created; raises ProblemError where another request comes with it."""
+    if known.fingerprint != sent:
+        raise key_reused(known.job)
+    return known.job
 
 
 def key_reused(job: str) -> ProblemError:

@@ -3,6 +3,7 @@
 import secrets
 from collections.abc import Callable
 
+from pincette.api.endings import Ending, EndingCode
 from pincette.api.requests import JobRequest
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import ActionCode
@@ -22,6 +23,13 @@ from pincette_supervisor.rigs.rig_context import RigContext
 
 KEEP_S, LOOK_S = 2.0, 0.02
 """How long a program may take to hand its part over."""
+
+
+def ending_code(error: BusError | StoreError) -> EndingCode:
+    """Why a job ends that has met an error."""
+    if isinstance(error, StoreError):
+        return "not_stored"
+    return "refused" if isinstance(error, RefusalError) else "unanswered"
 
 
 class Run:
@@ -45,11 +53,14 @@ class Run:
             if self._arm(planned, recorder):
                 with renewing(job.renewal):
                     JobMonitor(self._context, job, planned, recorder, collection).follow()
-        except (BusError, ProblemError, StoreError) as error:
-            job.end("fail", str(error))
+        except ProblemError as error:
+            job.note_cause(str(error), Ending(code="plan_refused", problem=error.code))
+            job.end("fail")
+        except (BusError, StoreError) as error:
+            job.end("fail", str(error), ending_code(error))
         finally:
             observer.stop_buffering()
-            job.end("fail", "the supervisor has a fault; its log says more")
+            job.end("fail", "the supervisor has a fault; its log says more", "internal")
 
     def _prepare(self) -> Planned | None:
         job = self._job
@@ -60,7 +71,7 @@ class Run:
         if planned is not None and job.state == "preparing":
             reasons = self._reasons(planned)
             if reasons:
-                job.end("fail", "; ".join(reasons))
+                job.end("fail", "; ".join(reasons), "not_ready")
                 return None
             self._see_deadline(planned)
         if planned is None or not job.move("prepared", only_from="preparing"):
@@ -101,7 +112,8 @@ class Run:
         spent_s = self._context.clock() - job.entered_at
         if limit_s is not None and spent_s > limit_s:
             words = f"preparing took {spent_s:.1f} s, limit {limit_s:g} s"
-            if job.move("overdue", words, only_from="preparing"):
+            spent = Ending(code="overdue", values={"spent_s": spent_s, "limit_s": limit_s})
+            if job.move("overdue", words, only_from="preparing", ending=spent):
                 job.end("fail")
 
     def _await_start(self) -> bool:
@@ -111,7 +123,7 @@ class Run:
         while job.state == "ready" and not job.interrupted:
             job.wait(0.2)
         if job.state == "ready":
-            job.end("interrupt", "the supervisor ended")
+            job.end("interrupt", "the supervisor ended", "supervisor_ended")
         return job.state == "running" or self._give_up()
 
     def _give_up(self) -> bool:
@@ -125,7 +137,7 @@ class Run:
         if row is None:
             return False
         if trouble := recorder.begin(row):
-            job.end("fail", f"recorder: {trouble}")
+            job.end("fail", f"recorder: {trouble}", "not_recorded")
             return False
         job.set_epoch(job.epoch)
         lease = lease_of(planned.model.rig, job.request, job.epoch)
@@ -142,7 +154,7 @@ class Run:
             recorder.discard(row)
             # An abort that came while the rig was being armed has latched the actuator.
             ending = isinstance(error, RefusalError) and job.state in ("stopping", "aborting")
-            job.end("confirm" if ending else "fail", str(error))
+            job.end("confirm" if ending else "fail", str(error), ending_code(error))
             return False
         if lease is not None:
             job.renewal = Renewal(context.bus, lease)

@@ -1,7 +1,9 @@
 """Keys, signed-in pages and the audit log, as the journal keeps them."""
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 
 from sqlalchemy import delete, func, select, update
 from sqlalchemy.dialects.sqlite import insert
@@ -15,6 +17,8 @@ AUDIT_KEPT = 200_000
 """Entries that are kept at least; the file refuses to lose one of them."""
 AUDIT_SWEEP = 1000
 """How far beyond it may grow before the oldest go."""
+CHAIN_ROWS = 5000
+"""Entries that are read at a time where the chain is followed."""
 SESSIONS_MAX = 200
 """Signed-in pages; the one that was seen least lately makes room for another."""
 
@@ -116,7 +120,29 @@ class AuditRow:
     status: int
     count: int = 1
     number: int | None = None
-    """Rises with every entry; None until it is kept."""
+    """Rises by one with every entry; None until it is kept."""
+    link: str = ""
+    """Of the chain: SHA-256 of the entry and of the link before it, in hex."""
+
+    def linked(self, number: int, before: str) -> "AuditRow":
+        """The same entry, in its place behind a link."""
+        row = replace(self, number=number, link="")
+        values = json.dumps([before, *asdict(row).values()], separators=(",", ":"))
+        return replace(row, link=sha256(values.encode()).hexdigest())
+
+
+@dataclass(frozen=True, slots=True)
+class AuditChain:
+    """What the chain of the audit log shows."""
+
+    entries: int
+    first: int | None
+    """Number of the oldest entry that is kept; it stands for those before it."""
+    newest: AuditRow | None
+    broken: int | None
+    """Number of the first entry that does not follow from the one before it; None: all do."""
+    found: bool
+    """Whether a link that was asked for is one of the log's."""
 
 
 class AuditRepository:
@@ -130,12 +156,36 @@ class AuditRepository:
         if not rows:
             return
         with self._store.writing() as connection:
-            connection.execute(insert(AUDIT), [columns(row, "number") for row in rows])
-            oldest, newest = connection.execute(
-                select(func.min(AUDIT.c.number), func.max(AUDIT.c.number))
-            ).one()
+            newest, link = connection.execute(
+                select(AUDIT.c.number, AUDIT.c.link).order_by(AUDIT.c.number.desc()).limit(1)
+            ).one_or_none() or (0, "")
+            for row in rows:
+                row = row.linked(newest + 1, link)
+                newest, link = newest + 1, row.link
+                connection.execute(insert(AUDIT).values(columns(row)))
+            oldest = connection.execute(select(func.min(AUDIT.c.number))).scalar_one()
             if newest - oldest >= AUDIT_KEPT + AUDIT_SWEEP:
                 connection.execute(delete(AUDIT).where(AUDIT.c.number <= newest - AUDIT_KEPT))
+
+    def chain(self, wanted: str = "") -> AuditChain:
+        """Follow the chain from its oldest entry on, and look for a link that was noted before."""
+        before: AuditRow | None = None
+        entries, first, broken, found = 0, None, None, not wanted
+        while rows := self._after(before):
+            for row in rows:
+                if before is None:
+                    first = row.number
+                elif broken is None and row != row.linked((before.number or 0) + 1, before.link):
+                    broken = row.number
+                found = found or row.link == wanted
+                before, entries = row, entries + 1
+        return AuditChain(entries, first, before, broken, found)
+
+    def _after(self, row: AuditRow | None) -> list[AuditRow]:
+        query = select(AUDIT).order_by(AUDIT.c.number).limit(CHAIN_ROWS)
+        if row is not None:
+            query = query.where(AUDIT.c.number > row.number)
+        return self._store.rows(AuditRow, query)
 
     def newest(self, limit: int, before: int | None = None) -> list[AuditRow]:
         """Entries, the newest first; those before a number, where one is named."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, or_
+from sqlalchemy import ColumnElement, Select, String, or_, type_coerce
 
 from pincette.api.states import JobState
 from pincette_supervisor.journal.database import matching
@@ -20,9 +20,13 @@ class JobFilter:
     label: tuple[str, str] | None = None
     """Name and value."""
     outcome: str | None = None
+    sample: str | None = None
+    batch: str | None = None
+    operator: str | None = None
+    pinned: bool | None = None
     text: str | None = None
-    """Part of the name, of a label, of the cause, or of who asked; small and capital letters are
-    the same where they are ASCII."""
+    """Part of the name, of what was said of it, of the cause, or of who asked; small and capital
+    letters are the same where they are ASCII."""
     created_from: str | None = None
     """Taken then or later; in UTC, as the journal keeps times."""
     created_to: str | None = None
@@ -32,13 +36,15 @@ class JobFilter:
     def applied(self, query: Select[Any]) -> Select[Any]:
         """The query of those jobs alone."""
         query = matching(query, kind=self.kind, state=self.state, rig=self.rig)
+        query = matching(query, sample=self.sample, batch=self.batch, operator=self.operator)
+        query = matching(query, pinned=self.pinned)
         return query.where(*self._conditions())
 
     def _conditions(self) -> list[ColumnElement[bool]]:
         found: list[ColumnElement[bool]] = []
         if self.label is not None:
             name, text = self.label
-            found.append(JOBS.c.request[("labels", name)].as_string() == text)
+            found.append(JOBS.c.labels[name].as_string() == text)
         if self.outcome is not None:
             found.append(JOBS.c.result["outcome"].as_string() == self.outcome)
         if self.text is not None:
@@ -53,8 +59,9 @@ class JobFilter:
 
 
 def _contains(text: str) -> ColumnElement[bool]:
-    labels = JOBS.c.request["labels"].as_string()
-    places = [JOBS.c.id, JOBS.c.cause, JOBS.c.requested_by, labels]
+    said = [JOBS.c.sample, JOBS.c.batch, JOBS.c.operator, JOBS.c.notes]
+    labels = type_coerce(JOBS.c.labels, String)
+    places = [JOBS.c.id, JOBS.c.cause, JOBS.c.requested_by, *said, labels]
     return or_(*(place.icontains(text, autoescape=True) for place in places))
 
 

@@ -13,6 +13,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
 
 from pincette.api.access import Scope
+from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.database import KEY_FILE, StoreError
 from pincette_supervisor.journal.tables import utc_now
 
@@ -61,7 +62,7 @@ class KeyFile:
         except FileNotFoundError:
             return None
         except ValidationError as error:
-            raise self._damaged(str(error.errors(include_url=False)[0]["msg"])) from error
+            raise self._damaged(refusal(error.errors(include_url=False)[0])) from error
         except (OSError, ValueError) as error:
             raise self._damaged(str(error)) from error
         return sorted(content.keys, key=lambda row: row.name)

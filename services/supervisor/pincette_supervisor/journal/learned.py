@@ -26,11 +26,13 @@ class LearnedRow:
     """What the program does: shape, frequency, heights."""
     values_um: tuple[float, ...]
     errors_um: tuple[float, ...]
+    best_um: tuple[float, ...] = ()
+    quiet: int = 0
 
     @property
     def corrections(self) -> Corrections:
         """As they travel with a program."""
-        return Corrections(self.values_um, self.errors_um)
+        return Corrections(self.values_um, self.errors_um, self.best_um, self.quiet)
 
 
 class LearnedRepository:
@@ -77,5 +79,5 @@ class LearnedRepository:
 
 
 def _tuples(row: dict[str, Any]) -> dict[str, Any]:
-    lists = ("values_um", "errors_um")
-    return {**row, **{name: tuple(row[name]) for name in lists}}
+    lists = ("values_um", "errors_um", "best_um")
+    return {**row, **{name: tuple(row.get(name, ())) for name in lists}}

@@ -6,6 +6,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Select, and_, delete, func, insert, select, update
 
+from pincette.api.endings import Ending
 from pincette.api.events import Event
 from pincette.api.states import STATES
 from pincette_supervisor.journal.database import Database, StoreError, columns, matching, rows
@@ -30,7 +31,9 @@ EVENTS_KEPT = 200_000
 """Events that are kept at least; some weeks of work."""
 EVENTS_SWEEP = 500
 """After how many events the oldest go; at most twice as many at once."""
-CHANGING = ("state", "cause", "plan", "result", "started_at", "ended_at", "epoch")
+CHANGING = ("state", "cause", "ending", "plan", "result", "started_at", "ended_at", "epoch")
+EDITABLE = ("sample", "batch", "operator", "notes", "labels", "pinned", "priority", "place")
+"""What a person may say of a job, and where it waits."""
 
 
 class KeyTakenError(Exception):
@@ -48,11 +51,18 @@ class Store(Database):
         """Mark jobs that an earlier supervisor left unfinished, not queued; returns their names."""
         kept = ["queued", *(name for name, state in STATES.items() if state.terminal)]
         left = select(JOBS.c.id, JOBS.c.rig).where(JOBS.c.state.not_in(kept))
+        ended = Ending(code="supervisor_ended")
         body = {"state": "interrupted", "cause": INTERRUPTED, "event": "interrupt"}
+        body["ending"] = ended.code
+        values_interrupted = {
+            "state": "interrupted",
+            "cause": INTERRUPTED,
+            "ending": ended.model_dump(mode="json"),
+        }
         with self.writing() as connection:
             found = connection.execute(left.order_by(JOBS.c.number)).all()
             for name, rig in found:
-                values = {"state": "interrupted", "cause": INTERRUPTED, "ended_at": at}
+                values = {**values_interrupted, "ended_at": at}
                 _revise(connection, name, values)
                 _add_event(connection, at, rig, name, "state", body)
         return [name for name, _ in found]
@@ -76,8 +86,8 @@ class Store(Database):
             return _creation(connection, key)
 
     def change(self, name: str, **values: object) -> int:
-        """Change some of ``CHANGING``; returns the revision; raises LookupError without the job."""
-        odd = values.keys() - set(CHANGING)
+        """Change some of its columns; returns the revision; raises LookupError without the job."""
+        odd = values.keys() - {*CHANGING, *EDITABLE}
         if odd:
             raise ValueError(f"a job's {', '.join(sorted(odd))} cannot be changed")
         with self.writing() as connection:
@@ -115,7 +125,9 @@ class Store(Database):
         """Jobs of a rig that wait for their turn, the next first."""
         waits = and_(JOBS.c.state == "queued", JOBS.c.rig == rig)
         with self.reading() as connection:
-            return _select(connection, select(JOBS).where(waits).order_by(JOBS.c.number))
+            return _select(
+                connection, select(JOBS).where(waits).order_by(JOBS.c.place, JOBS.c.number)
+            )
 
     def counted(self) -> dict[tuple[str, str, str], int]:
         """How many jobs there are, by rig, kind and state; none where there is none."""

@@ -1,11 +1,12 @@
 """The journal's tables, which ``migrations`` creates, and the rows that are read from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import (
     JSON,
+    Boolean,
     Column,
     ForeignKey,
     Index,
@@ -30,6 +31,7 @@ JOBS = Table(
     Column("rig", String, nullable=False, index=True),
     Column("state", String, nullable=False, index=True),
     Column("cause", String, nullable=False),
+    Column("ending", JSON(none_as_null=True)),
     Column("request", JSON, nullable=False),
     Column("plan", JSON, nullable=False),
     Column("result", JSON(none_as_null=True)),
@@ -39,8 +41,13 @@ JOBS = Table(
     Column("started_at", String),
     Column("ended_at", String),
     Column("requested_by", String),
+    *(Column(name, String, nullable=False) for name in ("sample", "batch", "operator", "notes")),
+    Column("labels", JSON, nullable=False),
+    Column("pinned", Boolean, nullable=False),
+    Column("priority", Integer, nullable=False),
+    Column("place", Integer),
 )
-"""``number`` rises with every job and is its place in the queue; ``revision`` with every change."""
+"""``number`` rises with every job, ``revision`` with every change; ``place`` is in the queue."""
 
 ACTIONS = Table(
     "actions",
@@ -138,6 +145,7 @@ AUDIT = Table(
     Column("detail", String, nullable=False),
     Column("status", Integer, nullable=False),
     Column("count", Integer, nullable=False),
+    Column("link", String, nullable=False),
     sqlite_autoincrement=True,
 )
 """What was asked for and by whom; triggers of the file refuse to change a row, or to lose one."""
@@ -187,18 +195,30 @@ class JobRow:
     plan: dict[str, Any]
     created_at: str
     cause: str = ""
+    ending: dict[str, Any] | None = None
+    """Why it has ended, as ``api.endings.Ending``."""
     result: dict[str, Any] | None = None
     started_at: str | None = None
     ended_at: str | None = None
     actions: tuple[ActionRow, ...] = ()
     number: int = 0
-    """Rises with every job, and is its place in the queue; 0 until it is kept."""
+    """Rises with every job; 0 until it is kept."""
     revision: int = 0
     """Rises with every change of the job and of its actions."""
     epoch: int | None = None
     """Of its arming, once there is one."""
     requested_by: str | None = None
     """Who asked for it; None of a job that was taken before that was kept."""
+    sample: str = ""
+    batch: str = ""
+    operator: str = ""
+    notes: str = ""
+    labels: dict[str, str] = field(default_factory=dict[str, str])
+    pinned: bool = False
+    priority: int = 0
+    """Of queued jobs those with more come first."""
+    place: int | None = None
+    """In the queue, from 1; None where it does not wait."""
 
 
 @dataclass(frozen=True, slots=True)

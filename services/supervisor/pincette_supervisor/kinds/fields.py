@@ -23,6 +23,42 @@ POLICIES = (
         advanced=True,
     ),
 )
+ERROR_SOURCES = tuple(
+    figure
+    for member, quantity, unit in (
+        ("position_um", "position", "µm"),
+        ("force_mN", "force", "mN"),
+    )
+    for figure in (
+        number(
+            f"error_sources.{member}.total",
+            f"{quantity} error, by its causes",
+            unit,
+            digits=3,
+            optional=True,
+        ),
+        *(
+            number(
+                f"error_sources.{member}.{cause}",
+                f"{quantity} error by {words}",
+                unit,
+                digits=3,
+                optional=True,
+            )
+            for cause, words in (
+                ("noise", "noise"),
+                ("response", "the free response"),
+                ("contact_line", "the contact line"),
+                ("lag", "lag"),
+                ("limits", "limits"),
+            )
+        ),
+        ResultField(
+            name=f"error_sources.{member}.to_do", label=f"what helps the {quantity}", optional=True
+        ),
+    )
+)
+"""Where the errors of a hold or a path come from."""
 LAW = (
     FieldSpec(name="load_s", label="Load over", advanced=True),
     FieldSpec(name="approach_um_per_s", label="Approach at", advanced=True),

@@ -134,6 +134,10 @@ def _counts(exported: Sequence[JobManager]) -> Iterator[Metric]:
         families.MISSED,
         [((rig, service), n) for rig, counters in of for service, n in counters.missed().items()],
     )
+    yield _metric(
+        families.GONE,
+        [((rig, service), n) for rig, counters in of for service, n in counters.gone().items()],
+    )
     yield _metric(families.UNANSWERED, [((rig,), counters.unanswered) for rig, counters in of])
     yield _metric(families.DEGRADED, [((rig,), counters.degraded) for rig, counters in of])
     dropped: list[tuple[tuple[str, ...], int]] = []

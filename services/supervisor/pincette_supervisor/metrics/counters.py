@@ -77,6 +77,7 @@ class RigCounters:
             (service, quantity): MonotonicHistogram() for service in LOOP for quantity in QUANTITIES
         }
         self._refused = {service: MonotonicCounter() for service in OBSERVED}
+        self._gone: Counter[str] = Counter()
         self.lost = MonotonicCounter()
         """Messages missing from records."""
 
@@ -149,6 +150,16 @@ class RigCounters:
                 self._refused[status.service].update(status.refused, status.instance)
             if status.service == "recorder":
                 self.lost.update(status.missed, status.instance)
+
+    def note_gone(self, service: str) -> None:
+        """Take that a program is no longer seen on the bus."""
+        with self._lock:
+            self._gone[service] += 1
+
+    def gone(self) -> dict[str, int]:
+        """How often each program was no longer seen on the bus."""
+        with self._lock:
+            return {service: self._gone[service] for service in OBSERVED}
 
     def trips(self) -> dict[Cause, int]:
         """Trips of the actuator, by cause."""

@@ -100,6 +100,13 @@ DROPPED = Family(
     "them; `refused`: messages and commands that the program refused; `record`: messages that "
     "the records lack",
 )
+GONE = Family(
+    "pincette_programs_gone_total",
+    "counter",
+    ("rig", "service"),
+    "times that a program was no longer seen on the bus: it ended, or a link on the way did; each "
+    "program logs its own links",
+)
 PEAK = Family(
     "pincette_force_peak_newtons",
     "gauge",

@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pincette.config import Calibration, ConfigError
+from pincette.core.validation_wording import refusal
 
 FROZEN = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -59,7 +60,7 @@ class StoredModel(BaseModel):
         try:
             return Calibration(values=self.values, sources=self.sources)
         except ValidationError as error:
-            raise ConfigError(error.errors()[0]["msg"]) from error
+            raise ConfigError(refusal(error.errors()[0])) from error
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, values_of
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.model.upkeep import overdue
-from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.problems import ProblemError, not_found
 
 
 def model_view(model: RigModel) -> ModelView:
@@ -66,6 +66,9 @@ def _version(model: RigModel, number: int) -> ModelVersion:
 
 def use_model(model: RigModel, version: int) -> ModelView:
     """Go over to a version; raises ProblemError where it cannot be used."""
+    there = model.files.numbers()
+    if version and version not in there:
+        raise not_found("version of the model", str(version), [str(one) for one in (0, *there)])
     try:
         model.use(version)
     except ConfigError as error:

@@ -13,6 +13,7 @@ from pincette.config import RigFile
 from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.steady import steady_error_ranges
 from pincette.control.planning.contact_plan import ContactPlan
+from pincette.control.planning.contact_plan import Violation as Broken
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.laws import choose_law
 from pincette_supervisor.planning.planned import Planned, decimated
@@ -40,6 +41,11 @@ def part_values(rig: RigFile) -> dict[str, Any]:
     }
 
 
+def violation_view(found: Broken) -> Violation:
+    """A broken limit as REST has it."""
+    return Violation.model_validate({**asdict(found), "side": found.side})
+
+
 def contact_job(
     request: ContactJobRequest,
     model: ModelInUse,
@@ -50,7 +56,7 @@ def contact_job(
     """Add the law to a plan; one whose loop is not stable enough is one more violation."""
     rig = model.rig
     law = choose_law(request, rig)
-    violations = [Violation(**asdict(violation)) for violation in made.violations]
+    violations = [violation_view(found) for found in made.violations]
     if not law.assessment.stable:
         violations.append(law.violation())
     plan = Plan(

@@ -3,7 +3,8 @@
 from dataclasses import replace
 from typing import NamedTuple
 
-from pincette.api.plans import GainsFrom, Law, Violation
+from pincette.api.plans import GainsFrom, Law
+from pincette.api.predictions import Quantity, Violation
 from pincette.api.requests import ContactJobRequest, Gains
 from pincette.config import ConfigError, RigFile
 from pincette.config.gains import judged, tuned
@@ -12,7 +13,7 @@ from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.assessment import Assessment
 from pincette_supervisor.planning.errors import FaultyRequestError
 
-SPECTRAL_RADIUS = "spectral radius"
+SPECTRAL_RADIUS: Quantity = "spectral_radius"
 """Quantity of the violation that a loop which is not stable enough makes."""
 
 
@@ -41,6 +42,7 @@ class ChosenLaw(NamedTuple):
         return Violation(
             pointer="/gains",
             quantity=SPECTRAL_RADIUS,
+            side="above",
             value=judged.radius,
             limit=judged.limit_radius,
             unit="",

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-from pincette.api.predictions import Margin, Peaks, Violation
+from pincette.api.predictions import Margin, Peaks, Quantity, Side, Violation
 from pincette.config import RigFile
 from pincette_supervisor.planning.rig_emulator import Samples
 
@@ -14,7 +14,7 @@ ROUNDING = 1e-9
 class Limit(NamedTuple):
     """A limit of a quantity, and the values that it holds for."""
 
-    quantity: str
+    quantity: Quantity
     unit: str
     limit: float
     side: float
@@ -129,12 +129,13 @@ def _broken(
         held = worst.setdefault(phase, index)
         if limit.side * (value - limit.values[held]) > 0.0:
             worst[phase] = index
-    side = "above" if limit.side > 0.0 else "below"
+    side: Side = "above" if limit.side > 0.0 else "below"
     for phase, first in begun.items():
         value, at_s = limit.values[worst[phase]], samples.t_s[first]
         yield Violation(
             pointer=pointer(limit.quantity, phase),
             quantity=limit.quantity,
+            side=side,
             value=value,
             limit=limit.limit,
             unit=limit.unit,

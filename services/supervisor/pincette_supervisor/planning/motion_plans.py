@@ -8,14 +8,13 @@ from msgspec.structs import replace
 
 from pincette.api.plans import MotionPlan as PlanView
 from pincette.api.plans import Pose
-from pincette.api.predictions import Violation
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile, derived
 from pincette.control.planning.contact_plan import MotionPlan, PlannedRig
 from pincette.control.planning.motion_plan import Stand
 from pincette.control.planning.profiles import minimum_duration
 from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.contact_plans import planned_phase
+from pincette_supervisor.planning.contact_plans import planned_phase, violation_view
 from pincette_supervisor.planning.laws import rig_law
 from pincette_supervisor.planning.planned import Planned, decimated
 from pincette_supervisor.planning.present import Present
@@ -46,7 +45,7 @@ def motion_job(
     rig = model.rig
     law = rig_law(rig)
     leads = any(not segment.open_loop for segment in made.program.segments)
-    violations = [Violation(**asdict(violation)) for violation in made.violations]
+    violations = [violation_view(found) for found in made.violations]
     if leads and not law.assessment.stable:
         violations.append(law.violation())
     plan = PlanView(

@@ -10,6 +10,7 @@ from pincette.api.job_kinds import JobKind, RecipeRules, job_kinds
 from pincette.api.requests import JobRequest, PartExpectation
 from pincette.config import Calibration, calibrated
 from pincette.config.laws import installed_laws
+from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.recipes import RecipeRow
 from pincette_supervisor.kinds.functions import kind_of
 from pincette_supervisor.model.model_in_use import ModelInUse
@@ -118,7 +119,7 @@ def completed(request: JobRequest, lookup: Lookup) -> JobRequest:
         )
     except ValidationError as error:
         raise FaultyRequestError(
-            "/recipe", f"recipe {recipe.reference}: {error.errors()[0]['msg']}"
+            "/recipe", f"recipe {recipe.reference}: {refusal(error.errors()[0])}"
         ) from error
 
 

@@ -15,6 +15,7 @@ from pincette_supervisor.rest import (
     routes_calibrations,
     routes_catalog,
     routes_events,
+    routes_job_list,
     routes_jobs,
     routes_learning,
     routes_page,
@@ -31,6 +32,7 @@ from pincette_supervisor.rigs.rigs import Rigs
 BASE = "/api/v1"
 VERSIONED = (
     routes_rigs,
+    routes_job_list,
     routes_jobs,
     routes_artifacts,
     routes_catalog,

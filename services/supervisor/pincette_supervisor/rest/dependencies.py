@@ -6,7 +6,9 @@ All are coroutines, so that an emergency stop waits for no thread of the pool.
 import asyncio
 import re
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from typing import Annotated, Any
+from urllib.parse import unquote
 
 from fastapi import Depends, Header, Request, Security
 from fastapi.security import (
@@ -32,8 +34,9 @@ CALLER, NOTE = "pincette.caller", "pincette.note"
 """Keys of an ASGI scope: the caller, and what the audit log is told of the request."""
 DISCONNECT_S = 10.0
 """For how long the event loop may take to say whether a caller has hung up."""
-OPERATOR_LENGTH, KEY_LENGTH = 80, 255
+OPERATOR_LENGTH, KEY_LENGTH = 960, 255
 PRINTABLE = r"^[ -~]+$"
+NOT_BLANK = r"[^\s]"
 BEARER = HTTPBearer(
     scheme_name="key",
     auto_error=False,
@@ -63,10 +66,18 @@ def caller_of(scope: AsgiScope, authenticator: Authenticator) -> Caller:
     return known
 
 
+def decoded(header: str) -> str:
+    """A name of any alphabet from a header: UTF-8 as it is, or percent-encoded as in a URL."""
+    with suppress(UnicodeError):
+        header = header.encode("latin-1").decode()
+    with suppress(UnicodeError):
+        header = unquote(header, errors="strict")
+    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in header)
+
+
 def label_of(scope: AsgiScope) -> str:
-    """The legible part of ``X-Operator``; empty if there is none."""
-    label = Headers(scope=scope).get("x-operator", "")[:OPERATOR_LENGTH]
-    return label if label.isprintable() and label.strip() else ""
+    """What ``X-Operator`` names; empty if there is none."""
+    return decoded(Headers(scope=scope).get("x-operator", "")[:OPERATOR_LENGTH]).strip()
 
 
 async def _access(request: Request) -> Access:
@@ -136,14 +147,15 @@ async def _operator(
         str | None,
         Header(
             description="who asks, kept with the action; where there are keys, a label beside the "
-            "name of the key",
+            "name of the key; of any alphabet, in UTF-8 or percent-encoded",
             min_length=1,
             max_length=OPERATOR_LENGTH,
-            pattern=PRINTABLE,
+            pattern=NOT_BLANK,
         ),
     ] = None,
 ) -> str:
-    return caller.signed(x_operator or "")
+    label = decoded(x_operator or "")
+    return caller.signed(label)
 
 
 Sender = Annotated[str, Depends(_sender)]

@@ -121,7 +121,8 @@ class AuditLog:
             detail=f"{note} {created}".strip()[:LENGTH],
             status=status,
         )
-        if status in REFUSED:
+        # Who shows no key, where keys are wanted, may still stop the rig.
+        if status in REFUSED or (self._authenticator.keys_wanted and caller.name is None):
             self._buffer.add_refused(row)
         else:
             self._buffer.add(row)

@@ -5,6 +5,7 @@ from typing import Any
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.problems import Problem, responses
+from pincette.api.results import JobResult
 
 SCHEMAS = "#/components/schemas/"
 NAMES = {
@@ -26,15 +27,20 @@ ESTOP = "/estop"
 def complete(document: dict[str, Any]) -> None:
     """Add models and answers that no route names, and remove FastAPI's own error model."""
     schemas = document["components"]["schemas"]
-    # Results are part of a job, whose schema does not say of which kind.
-    results = dict.fromkeys(kind.result for kind in job_kinds().values())
+    # A job holds the result of any kind, and kinds are registered by plug-ins.
+    results = dict.fromkeys([*(kind.result for kind in job_kinds().values()), JobResult])
     for model in (Problem, *results):
         tree = model.model_json_schema(ref_template=SCHEMAS + "{model}")
         schemas.update(tree.pop("$defs", {}))
         schemas[model.__name__] = tree
+    told = schemas["Job"]["properties"]
+    named = [{"$ref": SCHEMAS + model.__name__} for model in results]
+    told["result"] = {"title": "Result", "anyOf": [*named, {"type": "null"}]}
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
     for operation in _operations(document):
+        for parameter in operation.get("parameters", ()):
+            parameter["schema"] = _sent(parameter["schema"])
         if _is_own_error_model(operation["responses"].get("422", {})):
             del operation["responses"]["422"]
         for content in operation.get("requestBody", {}).get("content", {}).values():
@@ -43,6 +49,14 @@ def complete(document: dict[str, Any]) -> None:
             )
             _name_inner_unions(content["schema"], schemas)
     _add_shared_responses(document)
+
+
+def _sent(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a parameter without null, which no query and no header can carry."""
+    kinds = [kind for kind in schema.get("anyOf", ()) if kind != {"type": "null"}]
+    if len(kinds) != 1:
+        return schema
+    return {name: value for name, value in schema.items() if name != "anyOf"} | kinds[0]
 
 
 def _placed(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from pincette.api.access import AuditEntry, AuditList, Session
+from pincette.api.access import AuditChain, AuditEntry, AuditList, Session
 from pincette.api.problems import responses
 from pincette_supervisor.access.authentication import Caller, new_cookie, require_scope
 from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
@@ -86,6 +86,28 @@ def audit(
         for row in rows[:limit]
     ]
     return AuditList(entries=entries, next=entries[-1].number if len(rows) > limit else None)
+
+
+@router.get("/audit/chain", dependencies=[ADMIN], responses=responses(422))
+def audit_chain(
+    access: AccessState,
+    store: Journal,
+    link: Annotated[
+        str | None, Query(pattern="^[0-9a-f]{64}$", description="a newest link noted before")
+    ] = None,
+) -> AuditChain:
+    """Whether each entry of the audit log follows from the one before it."""
+    repository = AuditRepository(store)
+    access.audit_buffer.flush(repository, everything=True)
+    chain = repository.chain(link or "")
+    return AuditChain(
+        entries=chain.entries,
+        first=chain.first,
+        newest=None if chain.newest is None else chain.newest.number,
+        link=None if chain.newest is None else chain.newest.link,
+        broken=chain.broken,
+        found=None if link is None else chain.found,
+    )
 
 
 def _view(caller: Caller, *, keys: bool) -> Session:

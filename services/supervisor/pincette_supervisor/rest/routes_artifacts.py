@@ -3,7 +3,6 @@
 from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse, StreamingResponse
 
-from pincette.api.job_kinds import job_kinds
 from pincette.api.jobs import Artifact, ArtifactList
 from pincette.api.problems import responses
 from pincette.records import csv_export, folder
@@ -42,6 +41,9 @@ def artifact(job: str, name: str, rigs: AllRigs) -> Response:
         return StreamingResponse(rows, media_type=csv_export.MEDIA_TYPE, headers=attached)
     media_type = folder.media_type(name)
     if media_type is None or not path.is_file():
-        plot = job_kinds()[known.kind].plot
-        raise problems.not_found("artifact", name, [*folder.MEDIA_TYPES, plot, CSV])
+        there = [entry["name"] for entry in folder.artifacts(path.parent)]
+        if not there:
+            raise problems.not_found("artifact", name, why=f"job {known.id} has no record")
+        more = [CSV] if samples.is_file() else []
+        raise problems.not_found("artifact", name, [*there, *more])
     return FileResponse(path, media_type=media_type, filename=name)

@@ -18,7 +18,8 @@ from pincette_supervisor.rest.dependencies import (
     Note,
     Operator,
 )
-from pincette_supervisor.rest.routes_jobs import CREATED, NAME_LENGTH, Predict
+from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
+from pincette_supervisor.rest.routes_jobs import CREATED, Predict
 from pincette_supervisor.rest.routes_jobs import create as create_job
 from pincette_supervisor.rest.strict_route import StrictRoute
 

@@ -4,22 +4,17 @@ Plain functions run in a pool of threads, so that neither the store nor a slow p
 holds up the event loop.
 """
 
-from datetime import datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
 from fastapi.concurrency import run_in_threadpool
-from pydantic import AwareDatetime
 
-from pincette.api.jobs import ActionRequest, Job, JobList
+from pincette.api.jobs import ActionRequest, Job
 from pincette.api.plans import JobPlan
 from pincette.api.problems import responses
 from pincette.api.requests import JobRequest
-from pincette.api.states import JobState
 from pincette_supervisor.jobs.job_manager import JobManager
-from pincette_supervisor.journal.job_filter import JobFilter
-from pincette_supervisor.journal.tables import utc_text
-from pincette_supervisor.kinds.bodies import AnyPlan, Body, KindName
+from pincette_supervisor.kinds.bodies import AnyPlan, Body
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     OBSERVE,
@@ -38,7 +33,6 @@ from pincette_supervisor.rest.strict_route import StrictRoute
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 REPLAYED = "Idempotency-Replayed"
-NAME_LENGTH = 100
 Predict = Annotated[
     bool,
     Query(
@@ -93,37 +87,6 @@ def take(
     return job
 
 
-def _label(text: str | None) -> tuple[str, str] | None:
-    if text is None:
-        return None
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise ProblemError(
-            422,
-            "invalid-request",
-            "The request cannot be used",
-            f"label = {text!r} has no value: write name=value",
-            errors=[{"parameter": "label", "message": f"label = {text!r}: write name=value"}],
-        )
-    return name, value
-
-
-def _utc(name: str, time: datetime | None) -> str | None:
-    if time is None:
-        return None
-    try:
-        return utc_text(time)
-    except OverflowError as error:  # within hours of the first or the last year
-        message = f"{name} = {time}: beyond the years 1 to 9999 in UTC"
-        raise ProblemError(
-            422,
-            "invalid-request",
-            "The request cannot be used",
-            message,
-            errors=[{"parameter": name, "message": message}],
-        ) from error
-
-
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 
@@ -163,49 +126,6 @@ def create(
     )
 
 
-@router.get("", responses=responses(404, 422), dependencies=[OBSERVE])
-def jobs(
-    rigs: AllRigs,
-    limit: Annotated[int, Query(ge=1, le=500)] = 50,
-    kind: KindName | None = None,
-    state: JobState | None = None,
-    rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
-    label: Annotated[str | None, Query(description="name=value", max_length=300)] = None,
-    outcome: Annotated[
-        str | None, Query(description="of the result, such as gripped", max_length=NAME_LENGTH)
-    ] = None,
-    text: Annotated[
-        str | None,
-        Query(
-            description="part of the id, of a label, of the cause, or of who asked",
-            min_length=1,
-            max_length=NAME_LENGTH,
-        ),
-    ] = None,
-    created_from: Annotated[
-        AwareDatetime | None, Query(description="taken then or later, with a time zone")
-    ] = None,
-    created_to: Annotated[AwareDatetime | None, Query(description="taken before then")] = None,
-    before: Annotated[
-        str | None, Query(description="those taken before this job", max_length=NAME_LENGTH)
-    ] = None,
-) -> JobList:
-    """Jobs, the newest first; those alone that are as named."""
-    wanted = JobFilter(
-        kind=kind,
-        state=state,
-        rig=rig,
-        label=_label(label),
-        outcome=outcome,
-        text=text,
-        created_from=_utc("created_from", created_from),
-        created_to=_utc("created_to", created_to),
-    )
-    found = rigs.jobs(limit + 1, wanted, before)
-    more = len(found) > limit
-    return JobList(jobs=found[:limit], next=found[limit - 1].id if more else None)
-
-
 @router.get(
     "/{job}",
     response_model=Job,
@@ -236,14 +156,16 @@ async def job_state(
     """One job.
 
     With ``wait`` the answer comes when it has ended (``terminal``), or when it is not as it
-    was at the revision of ``since`` or of ``If-None-Match`` (``change``), or in time as it is
-    then. Progress alone is no change.
+    was at the revision of ``since`` or of ``If-None-Match``, or without both as it is now
+    (``change``), or in time as it is then. Progress alone is no change.
     """
     known = matched_revision(job, if_none_match) if since is None else since
     manager = rigs.with_live_job(job)
     if wait == "terminal":
         await manager.changes.wait(lambda: manager.is_over(job), timeout_s)
-    elif wait == "change" and known is not None:
+    elif wait == "change":
+        if known is None:
+            known = (await run_in_threadpool(rigs.job, job)).revision
         await manager.changes.wait(lambda: manager.changed_since(job, known), timeout_s)
     found = await run_in_threadpool(rigs.job, job)
     tag = etag(found.id, found.revision)

@@ -26,18 +26,23 @@ class Connection(H11Protocol):
     """
 
     _head: asyncio.TimerHandle | None = None
-    idle_since_s = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as in uvicorn
         """Take a connection, at the cost of another one where there are too many."""
         super().connection_made(transport)
-        self.idle_since_s = self.loop.time()
         self._await_head()
-        if len(self.connections) > MOST:
-            others = cast("set[object]", self.connections)
-            idle = [one for one in others if isinstance(one, Connection) and one.idle]
-            if idle:
-                min(idle, key=lambda one: one.idle_since_s).transport.abort()
+        quiet = self._quiet
+        quiet[self] = None
+        # What was ended a moment ago is one of the connections until the loop comes to it.
+        if len(self.connections) > MOST and quiet:
+            oldest = next(iter(quiet))
+            del quiet[oldest]
+            oldest.transport.abort()
+
+    @property
+    def _quiet(self) -> "dict[Connection, None]":
+        """Those of this server over which nothing is asked, the longest so first."""
+        return vars(self.server_state).setdefault("quiet", {})
 
     @property
     def idle(self) -> bool:
@@ -51,15 +56,17 @@ class Connection(H11Protocol):
         if self.idle:
             self._await_head()
         else:
+            self._quiet.pop(self, None)
             self._cancel()
 
     def on_response_complete(self) -> None:
         """Wait for the next request."""
-        self.idle_since_s = self.loop.time()
+        self._quiet[self] = None
         super().on_response_complete()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget it."""
+        self._quiet.pop(self, None)
         self._cancel()
         super().connection_lost(exc)
 

@@ -16,7 +16,7 @@ from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.functions import Evaluation, Run, functions_of
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.results.documents import NOT_RECORDED, write_documents
+from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
 
 
 def archivist() -> ThreadPoolExecutor:
@@ -80,7 +80,8 @@ def picture(run: Run, evaluation: Evaluation, name: str) -> bytes:
 def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
     """Whose a record is, and with which rig file and model it was made."""
     model = planned.model
-    return {
+    return said_of(job) | {
+        "requested_by": job.requested_by or "",
         "job": job.id,
         "rig": model.rig.rig.name,
         "rig_file_digest": model.rig_file_digest,

@@ -1,5 +1,6 @@
 """What the supervisor adds to a record: picture, request, result, report, and last the manifest."""
 
+import json
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -13,6 +14,9 @@ from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.results.report import report
 
+SAID = ("sample", "batch", "operator", "notes")
+LABEL = "label "
+"""Begin of the names of labels in a manifest, and in the metadata of files of samples."""
 NOT_RECORDED = "no recorder has said what it has"
 
 
@@ -50,6 +54,48 @@ def write_documents(
         timing=_timing(folder),
     )
     files.write_bytes(folder / files.REPORT, page.encode())
+    files.write_manifest(folder, {**whose, **state})
+    files.pin(folder, pinned=job.pinned)
+
+
+def said_of(job: JobRow) -> dict[str, str]:
+    """What was said of a job, as its files state it; what is empty is left out."""
+    texts = {
+        **{name: str(getattr(job, name)) for name in SAID},
+        **{f"{LABEL}{name}": text for name, text in job.labels.items()},
+    }
+    return {name: text for name, text in texts.items() if text}
+
+
+def restate(folder: Path, job: JobRow) -> None:
+    """State in report and manifest what is said of a job by now; raises OSError.
+
+    Files of samples are never written again: they say what was said when they were made.
+    """
+    kind = job_kinds().get(job.kind)
+    try:
+        manifest: dict[str, Any] = json.loads((folder / files.MANIFEST).read_bytes())
+    except (FileNotFoundError, ValueError):
+        return
+    state = {name: manifest.pop(name) for name in ("complete", "detail") if name in manifest}
+    manifest.pop("files", None)
+    whose: dict[str, str] = said_of(job) | {
+        name: value
+        for name, value in manifest.items()
+        if name not in SAID and not name.startswith(LABEL)
+    }
+    picture = folder / (kind.plot if kind else "")
+    if kind is not None and job.result is not None and picture.is_file():
+        page = report(
+            kind=kind,
+            values=job.plan.get("values", {}),
+            result=job.result,
+            picture=picture.read_bytes(),
+            whose=whose,
+            state=state,
+            timing=_timing(folder),
+        )
+        files.write_bytes(folder / files.REPORT, page.encode())
     files.write_manifest(folder, {**whose, **state})
 
 

@@ -39,6 +39,8 @@ class Row:
     """Place among all rows since the start."""
     whole: bool = False
     """Whether it has the controller's telemetry; without, phase and playing stay as before."""
+    estimated: bool = False
+    """Whether it has the estimator's word, be it a force or none."""
     armed: bool = True
     """Whether the actuator follows commands, as far as known."""
     playing: bool = False
@@ -83,7 +85,7 @@ class LiveSamples:
             if row is None or row.epoch != message.epoch:
                 return
             _fill(row, message)
-            if row.whole and row.voltage_V is not None:
+            if row.whole and row.estimated and row.voltage_V is not None:
                 self._close(message.seq)
 
     def _begin(self, position: Position) -> None:
@@ -137,6 +139,7 @@ class LiveSamples:
 
 def _fill(row: Row, message: Estimate | Telemetry | Applied) -> None:
     if isinstance(message, Estimate):
+        row.estimated = True
         if message.valid and message.zero_age_s is not None:
             row.force_mN = message.force_mN
             row.force_uncertainty_mN = message.force_uncertainty_mN

@@ -126,6 +126,8 @@ class Observer:
             sink(topic, message)
 
     def _set_alive(self, program: str, alive: bool) -> None:
+        if self._alive.get(program) and not alive:
+            self.counters.note_gone(program)
         self._alive[program] = alive
 
     def newest(self, kind: type[M]) -> M | None:

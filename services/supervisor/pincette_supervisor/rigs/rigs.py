@@ -123,6 +123,10 @@ class Rigs:
         """Jobs of all rigs, newest first, taken before one that is named; raises ProblemError."""
         if before is not None:
             found = replace(found, before_number=require_job(self.store, before).number)
+        if found.rig is not None and found.rig not in {**self._managers, **self._unusable}:
+            counted = {rig for rig, _, _ in self.store.counted()}
+            if found.rig not in counted:
+                raise problems.not_found("rig", found.rig, sorted({*self._managers, *counted}))
         return [self._view(row) for row in self.store.newest(limit, found)]
 
     def _view(self, row: JobRow) -> Job:

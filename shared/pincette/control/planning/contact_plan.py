@@ -59,11 +59,17 @@ class Violation:
     pointer: str
     """JSON pointer into the request; "" where the cause lies outside it."""
     quantity: str
+    """One of ``api.predictions.Quantity``."""
     value: float
     limit: float
     unit: str
     at_s: float
     message: str
+
+    @property
+    def side(self) -> str:
+        """Of the limit on which the value lies: above or below."""
+        return "above" if self.value > self.limit else "below"
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,7 +257,7 @@ def _untaught(
         violation = _violation(found, pointers)
         yield replace(
             violation,
-            quantity="taught voltage",
+            quantity="taught_voltage",
             message=f"voltage {found.value:.3f} V, from {found.at_s:.2f} s ({found.phase}): the "
             f"free response was taught from {least_V:.3f} to {largest_V:.3f} V and is not known "
             "beyond; take less force, or calibrate free_response over a wider range",

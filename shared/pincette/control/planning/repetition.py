@@ -5,6 +5,14 @@
 with ē_i = x - x_r at tick i of the last whole cycle of N ticks, cyclic in i: iterative learning
 control of P-type with a zero-phase filter (D. Bristow, M. Tharayil and A. Alleyne, IEEE Control
 Systems Magazine 26(3), 2006). It learns what repeats, whatever its cause: hysteresis, lag, creep.
+
+It ends by itself. What repeats comes back in the next cycle 1 - L times as large; noise does not
+come back, but what was learned of it does, with the other sign. So with the errors e of cycle j,
+
+    c_j = Σ_i e_{i,j}·e_{i,j-1} / Σ_i e²_{i,j-1}
+
+is near 1 - L while there is something to learn, and not above 0 where there is not. After the end
+those corrections hold that led the cycle of the lowest error.
 """
 
 from math import sqrt
@@ -20,8 +28,8 @@ MOST_UM = 1.0
 """Bound of |l|: beyond it something else is wrong than what repeats."""
 MOST_CYCLES = 12
 """After which the sensor's noise adds more than is left to learn."""
-PATIENCE = 5
-"""Cycles in a row without a lower error that end the learning."""
+PATIENCE = 2
+"""Cycles in a row in which nothing came back that end the learning."""
 MOST_TICKS = 2000
 """Of a cycle: what travels with a program."""
 
@@ -33,22 +41,27 @@ class Corrections(FrozenRecord, frozen=True):
     """l_i, one for each tick of the cycle."""
     errors_um: Items[Micrometre] = ()
     """R.m.s. of x - x_r of each cycle that was learned from, in order."""
+    best_um: Items[Micrometre] = ()
+    """The corrections that led the cycle of the lowest error; none before the first."""
+    quiet: Whole = 0
+    """Cycles in a row, the newest among them, in which nothing of the one before came back."""
 
     @property
     def over(self) -> bool:
-        """Whether there is nothing more to learn: after ``MOST_CYCLES``, or no error falls."""
-        if len(self.errors_um) >= MOST_CYCLES:
-            return True
-        if len(self.errors_um) <= PATIENCE:
-            return False
-        return min(self.errors_um[-PATIENCE:]) >= min(self.errors_um[:-PATIENCE])
+        """Whether there is nothing more to learn: after ``MOST_CYCLES``, or nothing comes back."""
+        return len(self.errors_um) >= MOST_CYCLES or self.quiet >= PATIENCE
 
     def at(self, tick: int) -> float:
         """Return l at a tick since the begin of a cycle."""
         return self.values_um[tick % len(self.values_um)]
 
-    def improved(self, errors_um: tuple[float, ...]) -> "Corrections":
-        """Learn from the errors x - x_r of one whole cycle; without effect once it is over."""
+    def improved(
+        self, errors_um: tuple[float, ...], before_um: tuple[float, ...] = ()
+    ) -> "Corrections":
+        """Learn from the errors x - x_r of one whole cycle; without effect once it is over.
+
+        ``before_um``: those of the cycle just before; none where it was not whole.
+        """
         if self.over:
             return self
         count = len(self.values_um)
@@ -60,7 +73,17 @@ class Corrections(FrozenRecord, frozen=True):
         squares = 0.0
         for error in errors_um:
             squares += error * error
-        return Corrections(tuple(values), (*self.errors_um, sqrt(squares / count)))
+        rms_um = sqrt(squares / count)
+        lowest = not self.errors_um or rms_um < min(self.errors_um)
+        best_um = self.values_um if lowest else self.best_um
+        quiet = self.quiet
+        if before_um:
+            came_back = 0.0
+            for error, before in zip(errors_um, before_um, strict=True):
+                came_back += error * before
+            quiet = 0 if came_back > 0.0 else quiet + 1
+        learned = Corrections(tuple(values), (*self.errors_um, rms_um), best_um, quiet)
+        return replace(learned, values_um=best_um) if learned.over else learned
 
 
 class CycleLearner(FrozenRecord, frozen=True):
@@ -69,6 +92,8 @@ class CycleLearner(FrozenRecord, frozen=True):
     corrections: Corrections
     errors_um: tuple[float, ...] = ()
     """Of the cycle so far, from its tick 0 on."""
+    before_um: tuple[float, ...] = ()
+    """Of the cycle before, where it was whole."""
 
     def follow(self, tick: int, error_um: float, *, limited: bool) -> "CycleLearner":
         """Take in x - x_r at a tick since the begin of a cycle.
@@ -80,11 +105,11 @@ class CycleLearner(FrozenRecord, frozen=True):
         if limited or place != len(self.errors_um):
             # The next cycle begins at tick 0; this one never becomes whole.
             known = (error_um,) if place == 0 and not limited else ()
-            return replace(self, errors_um=known)
+            return replace(self, errors_um=known, before_um=())
         errors = (*self.errors_um, error_um)
         if len(errors) < count:
             return replace(self, errors_um=errors)
-        return CycleLearner(self.corrections.improved(errors))
+        return CycleLearner(self.corrections.improved(errors, self.before_um), (), errors)
 
 
 def no_corrections(ticks: Whole) -> Corrections:

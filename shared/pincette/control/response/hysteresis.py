@@ -4,7 +4,8 @@ With u in V, the displacement in µm, and thresholds r_i, over a piece of voltag
 falls throughout by |Δu|:
 
     play           z_i = u - y_i;   dz_i/du = 1 - λ_i·z_i·sign(du)  within  |z_i| ≤ r_i
-    static         y = q·u² + Σ w_i·y_i,  r_0 = 0 being the linear part
+    static         y = q·u² + Σ [w_i·y_i + g_i(y_i)],  r_0 = 0 being the linear part
+    bend           g_i(y) = a_i·y² + b_i·y³ between two voltages, going on straight beyond them
     creep          τ_j·ċ_j = y - c_j
     displacement   y + Σ κ_j·c_j
 
@@ -13,12 +14,15 @@ y_i ← max(u - r_i, min(u + r_i, y_i)), which return from a small loop to where
 play that does not yield forgets as the voltage travels, by e^(-λ_i·|Δu|), so that small loops wear
 off what large ones left, and each starts in a slope of its own (accommodation). Every play has to
 yield, r_i·λ_i < 1: without yielding it would be another operator, that of Dahl. The curvature q
-bends rising and falling branches alike.
+bends rising and falling branches alike. Loops of plays without bends are as wide at every voltage;
+with them they are not: a Preisach operator of any density is a sum of functions g_i of plays.
 
 The plays depend on the path of the voltage alone, not on its speed; the creep states are linear.
 Sources: M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, chapter 2;
 K. Kuhnen, European Journal of Control 9(4), 2003, for the operator with creep in an actuator;
-E. Della Torre, IEEE Transactions on Magnetics 30(5), 1994, for accommodation.
+E. Della Torre, IEEE Transactions on Magnetics 30(5), 1994, for accommodation;
+P. Krejčí, Hysteresis, Convexity and Dissipation in Hyperbolic Equations, Gakkōtosho 1996, section
+II.3, for the Preisach operator by plays.
 """
 
 from collections.abc import Sequence
@@ -64,6 +68,12 @@ class HysteresisModel:
     """λ_i; none where nothing fades. The linear part's is 0: it remembers nothing."""
     curvature_um_per_V2: float = 0.0
     """q."""
+    squares_um_per_V2: tuple[float, ...] = ()
+    """a_i; none where nothing is bent."""
+    cubes_um_per_V3: tuple[float, ...] = ()
+    """b_i, likewise."""
+    bent_V: tuple[float, float] = (0.0, 0.0)
+    """Lowest and highest play between which the bends hold."""
 
     def __post_init__(self) -> None:
         _require_same("weights_um_per_V", self.weights_um_per_V, "thresholds_V", self.thresholds_V)
@@ -77,6 +87,8 @@ class HysteresisModel:
         _require_possible(plays)
         if not isfinite(self.curvature_um_per_V2):
             raise ValueError(f"curvature {self.curvature_um_per_V2} µm/V², must be finite")
+        if self.squares_um_per_V2 or self.cubes_um_per_V3:
+            _require_bends(self)
         for time_s in self.creep_times_s:
             require_positive("creep time", time_s, "s")
         for fraction in self.creep_fractions:
@@ -143,7 +155,30 @@ def _yielded(
         play = play if play > low_V else low_V
         moved.append(play)
         static_um += w * play
+    if model.squares_um_per_V2:
+        static_um += _bends_um(model, moved)
     return tuple(moved), static_um
+
+
+def _bends_um(model: HysteresisModel, plays_V: Sequence[float]) -> float:
+    """Σ g_i(y_i)."""
+    low_V, high_V = model.bent_V
+    total = 0.0
+    for y, square, cube in zip(
+        plays_V, model.squares_um_per_V2, model.cubes_um_per_V3, strict=True
+    ):
+        total += bend_um(square, cube, low_V, high_V, y)
+    return total
+
+
+def bend_um(square: float, cube: float, low_V: float, high_V: float, y: float) -> float:
+    """g(y) = a·y² + b·y³ in µm between two voltages, and straight on beyond them."""
+    within = y if y < high_V else high_V
+    within = within if within > low_V else low_V
+    bent = (square + cube * within) * within * within
+    if within != y:
+        bent += (2.0 * square + 3.0 * cube * within) * within * (y - within)
+    return bent
 
 
 def displacement_after(
@@ -244,6 +279,17 @@ def _require_possible(plays: list[tuple[float, float, float]]) -> None:
     for threshold, fading, weight in plays:
         slope -= weight * fading * threshold
     require_positive("slope after a turn", slope, "µm/V")
+
+
+def _require_bends(model: HysteresisModel) -> None:
+    for name in ("squares_um_per_V2", "cubes_um_per_V3"):
+        values: tuple[float, ...] = getattr(model, name)
+        _require_same(name, values, "thresholds_V", model.thresholds_V)
+        if not all(isfinite(value) for value in values):
+            raise ValueError(f"{name} = {values}, all must be finite")
+    low_V, high_V = model.bent_V
+    if not low_V < high_V:
+        raise ValueError(f"bent_V = ({low_V}, {high_V}) V, must be ascending")
 
 
 def _require_same(

@@ -25,6 +25,10 @@ def moved_um(
     """Free displacement in µm out of the states that ``play_columns`` gives."""
     weights = np.asarray(model.weights_um_per_V)
     static = plays_V @ weights + model.curvature_um_per_V2 * voltage_V**2
+    if model.squares_um_per_V2:
+        squares, cubes = bend_columns(plays_V, model.bent_V)
+        static = static + squares @ np.asarray(model.squares_um_per_V2)
+        static = static + cubes @ np.asarray(model.cubes_um_per_V3)
     creep = creep_columns(model.creep_times_s, static, period_s)
     return static + creep @ np.asarray(model.creep_fractions)
 
@@ -55,21 +59,35 @@ def play_columns(
     return rows
 
 
+def bend_columns(
+    plays_V: NDArray[np.float64], bent_V: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """y² and y³ of plays y between two voltages, going on straight beyond them."""
+    within = np.clip(plays_V, *bent_V)
+    beyond = plays_V - within
+    return within * (within + 2.0 * beyond), within**2 * (within + 3.0 * beyond)
+
+
 def slopes_um_per_V(
     model: HysteresisModel, plays_V: NDArray[np.float64], voltage_V: Column
 ) -> NDArray[np.float64]:
     """Slopes of the static displacement in µm/V, N × 2: going on up, and going on down.
 
-    Of the states that ``play_columns`` gives, by dy/du = 2q·u + Σ w_i·(1 - dz_i/du), where a play
-    that yields adds its whole weight.
+    Of the states that ``play_columns`` gives, by dy/du = 2q·u + Σ (w_i + g_i')·(1 - dz_i/du), where
+    a play that yields adds its whole weight.
     """
+    weights = np.asarray(model.weights_um_per_V)
+    if model.squares_um_per_V2:
+        within = np.clip(plays_V, *model.bent_V)
+        squares, cubes = np.asarray(model.squares_um_per_V2), np.asarray(model.cubes_um_per_V3)
+        weights = weights + (2.0 * squares + 3.0 * cubes * within) * within
     r = np.asarray(model.thresholds_V)
     fading = np.asarray(model.fadings_per_V or np.zeros(len(r)))
     z = voltage_V[:, np.newaxis] - plays_V
     both: list[Column] = []
     for ahead in (z, -z):
         moved = np.where(ahead >= r * (1.0 - YIELDS_WITHIN), 1.0, fading * ahead)
-        both.append(moved @ np.asarray(model.weights_um_per_V))
+        both.append(np.sum(moved * weights, axis=1))
     return np.stack(both, axis=1) + 2.0 * model.curvature_um_per_V2 * voltage_V[:, np.newaxis]
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.control.response.hysteresis import HysteresisModel, creep_factors
+from pincette.control.response.hysteresis import HysteresisModel, bend_um, creep_factors
 from pincette.control.response.inverse import begin_search, go_on
 
 Floats = NDArray[np.float64]
@@ -25,30 +25,50 @@ class Plays(NamedTuple):
     creep_factors: Floats
     creep_fractions: Floats
     curvature_um_per_V2: float
+    bent: bool
+    """Whether the plays are bent; where they are not, the next two are zeros."""
+    squares_um_per_V2: Floats
+    cubes_um_per_V3: Floats
+    low_V: float
+    high_V: float
 
 
 def plays_of(model: HysteresisModel, dt_s: float) -> Plays:
     """The model's coefficients as arrays."""
+    nothing = (0.0,) * len(model.thresholds_V)
     return Plays(
         thresholds_V=np.array(model.thresholds_V),
         weights_um_per_V=np.array(model.weights_um_per_V),
-        fadings_per_V=np.array(model.fadings_per_V or (0.0,) * len(model.thresholds_V)),
+        fadings_per_V=np.array(model.fadings_per_V or nothing),
         creep_factors=np.array(creep_factors(model.creep_times_s, dt_s)),
         creep_fractions=np.array(model.creep_fractions),
         curvature_um_per_V2=model.curvature_um_per_V2,
+        bent=bool(model.squares_um_per_V2),
+        squares_um_per_V2=np.array(model.squares_um_per_V2 or nothing),
+        cubes_um_per_V3=np.array(model.cubes_um_per_V3 or nothing),
+        low_V=model.bent_V[0],
+        high_V=model.bent_V[1],
     )
 
 
 def yielded(k: Plays, plays_V: Floats, before_V: float, voltage_V: float) -> float:
     """Move the plays by a voltage that goes straight to another one; returns the static part, µm.
 
-    y = q·u² + Σ w_i·y_i
+    y = q·u² + Σ [w_i·y_i + g_i(y_i)]
     """
-    static_um = k.curvature_um_per_V2 * voltage_V * voltage_V
+    static_um, bends_um = k.curvature_um_per_V2 * voltage_V * voltage_V, 0.0
     for index in range(len(plays_V)):
         plays_V[index] = moved_V(k, index, plays_V[index], before_V, voltage_V)
         static_um += k.weights_um_per_V[index] * plays_V[index]
-    return static_um
+        if k.bent:
+            bends_um += bend_of(k, index, plays_V[index])
+    return static_um + bends_um if k.bent else static_um
+
+
+def bend_of(k: Plays, index: int, play_V: float) -> float:
+    """g_i(y_i) in µm."""
+    square, cube = k.squares_um_per_V2[index], k.cubes_um_per_V3[index]
+    return bend_um(square, cube, k.low_V, k.high_V, play_V)
 
 
 def moved_V(k: Plays, index: int, within_V: float, before_V: float, voltage_V: float) -> float:
@@ -78,10 +98,14 @@ def displacement_after(
     ``static_um`` is the static part at ``before_V``.
     """
     if voltage_V != before_V:
-        static_um = k.curvature_um_per_V2 * voltage_V * voltage_V
+        static_um, bends_um = k.curvature_um_per_V2 * voltage_V * voltage_V, 0.0
         for index in range(len(plays_V)):
             play_V = moved_V(k, index, plays_V[index], before_V, voltage_V)
             static_um += k.weights_um_per_V[index] * play_V
+            if k.bent:
+                bends_um += bend_of(k, index, play_V)
+        if k.bent:
+            static_um += bends_um
     total_um = static_um
     for index in range(len(creep_um)):
         crept_um = static_um + (creep_um[index] - static_um) * k.creep_factors[index]

@@ -181,7 +181,7 @@ def test_impossible_requests_are_refused() -> None:
 
 def test_a_plan_beyond_the_taught_voltages_is_refused_with_their_range() -> None:
     (violation,) = planned(taught_V=(-0.1, 2.5)).violations
-    assert (violation.quantity, violation.limit, violation.unit) == ("taught voltage", 2.5, "V")
+    assert (violation.quantity, violation.limit, violation.unit) == ("taught_voltage", 2.5, "V")
     assert violation.value == pytest.approx((40.0 + 0.46 * 20.0) / 19.0, abs=0.01)
     assert violation.pointer == "/force_mN"
     assert "the free response was taught from -0.100 to 2.500 V" in violation.message

@@ -1,6 +1,8 @@
 """Learning across cycles: its equation, its bound, and its end."""
 
+from collections.abc import Callable
 from math import cos, pi, sin
+from random import Random
 
 import pytest
 
@@ -46,11 +48,58 @@ def test_a_correction_has_a_bound() -> None:
     assert known.values_um == (-MOST_UM,) * 4
 
 
-def test_it_ends_where_no_error_falls_any_more() -> None:
-    errors = (0.3, 0.1, *(0.12,) * PATIENCE)
-    assert not Corrections((0.0,), errors[:-1]).over
-    assert Corrections((0.0,), errors).over
-    assert not Corrections((0.0,), (*errors[:-1], 0.09)).over
+def followed(learner: CycleLearner, cycles: int, noise: Callable[[], float]) -> CycleLearner:
+    """Cycles whose error is what was not learned of ``DISTURBED``, and noise."""
+    for tick in range(cycles * N):
+        error_um = DISTURBED[tick % N] + learner.corrections.at(tick) + noise()
+        learner = learner.follow(tick, error_um, limited=False)
+    return learner
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_it_ends_where_nothing_comes_back_and_keeps_the_best(seed: int) -> None:
+    chance = Random(seed)
+    found = followed(CycleLearner(no_corrections(N)), 20, lambda: chance.gauss(0.0, 0.05))
+    known = found.corrections
+    print(f"seed {seed}: {[f'{error:.3f}' for error in known.errors_um]} µm")
+    assert known.over
+    assert 4 <= len(known.errors_um) <= MOST_CYCLES
+    # What led the best cycle holds on, and leaves little of what repeats beside the noise.
+    assert known.values_um == known.best_um
+    left = [a + b for a, b in zip(DISTURBED, known.values_um, strict=True)]
+    assert sum(value * value for value in left) / N < 0.05**2
+    assert min(known.errors_um) < 0.4 * known.errors_um[0]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_of_noise_alone_next_to_nothing_is_learned(seed: int) -> None:
+    chance, learner = Random(seed), CycleLearner(no_corrections(100))
+    for tick in range(MOST_CYCLES * 100):
+        error_um = learner.corrections.at(tick) + chance.gauss(0.0, 0.04)
+        learner = learner.follow(tick, error_um, limited=False)
+    known = learner.corrections
+    assert known.over
+    assert len(known.errors_um) <= 6
+    mean_square = sum(value * value for value in known.values_um) / 100
+    # Less than a tenth more of the error than without.
+    assert mean_square < 0.2 * 0.04**2
+
+
+def test_corrections_that_are_over_stay_as_they_are() -> None:
+    best = Corrections((0.2,), (0.3, 0.1, 0.12, 0.13), (0.2,), PATIENCE)
+    assert best.over
+    assert best.improved((0.5,), (0.5,)) is best
+
+
+def test_a_gap_between_cycles_is_no_sign_of_an_end() -> None:
+    learner = CycleLearner(no_corrections(4))
+    for tick in range(4):
+        learner = learner.follow(tick, 0.5, limited=False)
+    learner = learner.follow(4, 0.5, limited=True)
+    for tick in range(8, 12):
+        learner = learner.follow(tick, -0.5, limited=False)
+    assert learner.corrections.quiet == 0
+    assert len(learner.corrections.errors_um) == 2
 
 
 @pytest.mark.parametrize("fault", ["limited", "missing", "repeated"])

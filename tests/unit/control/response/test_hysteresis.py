@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from pincette.control.response.hysteresis import (
     HysteresisModel,
     HysteresisState,
+    bend_um,
     displacement_um,
     start,
     step,
@@ -113,9 +114,23 @@ def test_what_does_not_fade_is_the_plain_play_to_the_bit(voltages: list[float]) 
     assert follow(FADING, *voltages).plays_V[-1] == play[-1]
 
 
+def bent_plays(model: HysteresisModel) -> HysteresisModel:
+    """Bends by which every play is another function of itself, within and beyond their range."""
+    count = len(model.thresholds_V)
+    return replace(
+        model,
+        squares_um_per_V2=tuple(0.2 - 0.1 * place for place in range(count)),
+        cubes_um_per_V3=tuple(0.03 * place - 0.02 for place in range(count)),
+        bent_V=(-0.7, 0.9),
+    )
+
+
+@pytest.mark.parametrize("bends", [False, True])
 @BOTH
-def test_slopes_are_those_of_small_steps(model: HysteresisModel) -> None:
+def test_slopes_are_those_of_small_steps(model: HysteresisModel, bends: bool) -> None:
     bent = replace(model, curvature_um_per_V2=0.4)
+    if bends:
+        bent = bent_plays(bent)
     random = np.random.default_rng(3)
     voltage_V = np.cumsum(random.normal(0.0, 0.4, 60))
     plays_V = play_columns(bent.thresholds_V, bent.fadings_per_V, voltage_V)
@@ -136,8 +151,59 @@ def test_curvature_adds_to_the_static_displacement() -> None:
     )
 
 
+def test_a_bend_is_a_cubic_between_two_voltages_and_straight_beyond() -> None:
+    def g(y: float) -> float:
+        return bend_um(0.3, -0.1, -1.0, 2.0, y)
+
+    for y in (-1.0, -0.4, 0.0, 1.7, 2.0):
+        assert g(y) == pytest.approx(0.3 * y**2 - 0.1 * y**3)
+    for end, way in ((2.0, 1.0), (-1.0, -1.0)):
+        slope = 0.6 * end - 0.3 * end**2
+        assert g(end + 3.0 * way) == pytest.approx(g(end) + 3.0 * way * slope)
+
+
+def test_bent_plays_have_wider_loops_at_one_voltage_than_at_another() -> None:
+    def width_um(model: HysteresisModel, low_V: float, high_V: float) -> float:
+        middle_V = 0.5 * (low_V + high_V)
+        settled = (low_V, high_V, low_V, high_V)
+        falling = displacement_um(model, follow(model, *settled, middle_V))
+        rising = displacement_um(model, follow(model, *settled, low_V, middle_V))
+        return falling - rising
+
+    assert width_um(PLAYS, 0.0, 2.0) == pytest.approx(width_um(PLAYS, 2.0, 4.0))
+    squares = (0.0, *(0.4 for _ in PLAYS.thresholds_V[1:]))
+    bent = replace(
+        PLAYS,
+        squares_um_per_V2=squares,
+        cubes_um_per_V3=(0.0,) * len(squares),
+        bent_V=(-5.0, 5.0),
+    )
+    assert width_um(bent, 2.0, 4.0) > 1.2 * width_um(bent, 0.0, 2.0) > 0.0
+
+
+def test_impossible_bends_are_refused() -> None:
+    count = len(PLAYS.thresholds_V)
+    some = (0.1,) * count
+    with pytest.raises(ValueError, match="1 squares_um_per_V2, must be"):
+        replace(PLAYS, squares_um_per_V2=(0.1,), cubes_um_per_V3=some, bent_V=(0.0, 1.0))
+    with pytest.raises(ValueError, match="0 squares_um_per_V2, must be"):
+        replace(PLAYS, cubes_um_per_V3=some, bent_V=(0.0, 1.0))
+    with pytest.raises(ValueError, match="all must be finite"):
+        replace(
+            PLAYS,
+            squares_um_per_V2=some,
+            cubes_um_per_V3=(*some[1:], float("nan")),
+            bent_V=(0.0, 1.0),
+        )
+    with pytest.raises(ValueError, match="must be ascending"):
+        replace(PLAYS, squares_um_per_V2=some, cubes_um_per_V3=some)
+
+
+@pytest.mark.parametrize("bends", [False, True])
 @BOTH
-def test_a_motion_at_once_is_the_motion_step_by_step(model: HysteresisModel) -> None:
+def test_a_motion_at_once_is_the_motion_step_by_step(model: HysteresisModel, bends: bool) -> None:
+    if bends:
+        model = bent_plays(model)
     bent = replace(
         model, creep_times_s=(0.1, 10.0), creep_fractions=(0.05, 0.02), curvature_um_per_V2=0.4
     )

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import sin
+from math import sin, sqrt
 
 import numpy as np
 import pytest
 
+from pincette.control.planning.calibration_programs import voltage_moves
+from pincette.control.planning.teaching import COURSE
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import (
     Column,
@@ -15,16 +17,16 @@ from pincette.control.response.hysteresis_motion import (
     simulate,
 )
 from pincette.control.response.identification import (
-    REACH,
+    ALL,
     Candidates,
     identify_free_response,
-    spread_creep_times,
-    spread_thresholds,
 )
+from pincette.control.response.play_fit import REACH, spread_creep_times, spread_thresholds
+from pincette.sim.plant.relays import follow_relays, loop_of_relays
 
-PERIOD_S = 0.02
+PERIOD_S, NOISE_UM = 0.02, 0.03
 MODEL = HysteresisModel((0.0, 0.4, 0.8), (12.0, 4.0, 2.0), (0.5, 5.0), (0.03, 0.05))
-PLAIN = Candidates(families=((0.0,),), curved=(False,), ridges=(1e-6,))
+PLAIN = Candidates(families=((0.0,),), curved=(False,), bent=(False,), ridges=(1e-6,))
 
 
 def drive(count: int) -> list[float]:
@@ -33,7 +35,7 @@ def drive(count: int) -> list[float]:
 
 
 def noise(count: int, seed: int = 1) -> Column:
-    return np.random.default_rng(seed).normal(0.0, 0.03, count)
+    return np.random.default_rng(seed).normal(0.0, NOISE_UM, count)
 
 
 def test_the_model_that_made_the_motion_is_found() -> None:
@@ -132,6 +134,44 @@ def test_an_actuator_of_another_class_that_does_not_fade_is_given_no_fading(
     print(f"residual {found.residual_um:.4f} µm of {straight_um:.4f} µm, {found.model}")
     assert found.model.fadings_per_V == ()
     assert found.residual_um < 0.2 * straight_um
+
+
+def teaching(laps: int) -> Column:
+    """The course of the calibration ``free_response``, in volts at its rate."""
+    legs = [(-0.3 + leg.to * 3.2, leg.pace * 3.0, leg.rest_s) for leg in COURSE] * laps
+    path = voltage_moves([(0.0, 3.0, 0.0), *legs])
+    count = int(path.duration_s / PERIOD_S)
+    return np.array([path.at(k * PERIOD_S) for k in range(count)])
+
+
+@pytest.mark.parametrize(("coercive_V", "spread_V", "centre_V"), [(2.0, 4.0, 1.4), (3.0, 4.5, 0.5)])
+def test_bends_are_found_where_loops_differ_with_the_voltage(
+    coercive_V: float, spread_V: float, centre_V: float
+) -> None:
+    """Relays after Preisach, as the simulated rig has them: three quarters of the error go."""
+    relays = loop_of_relays(19.0, 0.2, 2.5, coercive_V, spread_V, centre_V)
+    voltage_V = teaching(1)
+    behind_um = [0.0] * len(voltage_V)
+    follow_relays(relays, 0.0, (), voltage_V.tolist(), behind_um)
+    x_um = 19.0 * voltage_V - np.array(behind_um)
+    arguments = (voltage_V.tolist(), (x_um + noise(len(x_um))).tolist(), PERIOD_S)
+    found = identify_free_response(*arguments, unpoled=False)
+    unbent = ALL._replace(bent=(False,))
+    plain = identify_free_response(*arguments, candidates=unbent, unpoled=False)
+    missed_um, before_um = (
+        sqrt(max(0.0, one.residual_um**2 - NOISE_UM**2)) for one in (found, plain)
+    )
+    print(f"besides noise {missed_um:.3f} µm, without bends {before_um:.3f} µm")
+    assert found.model.squares_um_per_V2
+    assert missed_um < 0.5 * before_um
+
+
+def test_plays_that_need_no_bends_get_none() -> None:
+    voltage_V = teaching(1)
+    x_um = simulate(MODEL, voltage_V, PERIOD_S) + noise(len(voltage_V))
+    found = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S)
+    assert found.model.squares_um_per_V2 == ()
+    assert found.residual_um < 2.0 * NOISE_UM
 
 
 def test_collinear_plays_stay_bounded() -> None:

@@ -29,9 +29,11 @@ SOME = settings(deadline=None, max_examples=150, derandomize=True)
 
 @st.composite
 def models(draw: st.DrawFn) -> HysteresisModel:
-    """Plays with and without fading, with creep, and a little curvature."""
+    """Plays with and without fading, with creep, a little curvature, and bends or none."""
     plays = draw(st.integers(0, 5))
     fadings = [draw(st.floats(0.0, 0.9)) / (0.2 * (place + 1)) for place in range(plays)]
+    bent = draw(st.booleans())
+    bends = st.lists(st.floats(-0.02, 0.02), min_size=plays + 1, max_size=plays + 1)
     return HysteresisModel(
         thresholds_V=(0.0, *(0.2 * (place + 1) for place in range(plays))),
         weights_um_per_V=(
@@ -42,6 +44,9 @@ def models(draw: st.DrawFn) -> HysteresisModel:
         creep_fractions=(draw(st.floats(0.0, 0.05)), draw(st.floats(0.0, 0.05))),
         fadings_per_V=(0.0, *fadings),
         curvature_um_per_V2=draw(st.floats(-0.3, 0.3)),
+        squares_um_per_V2=tuple(draw(bends)) if bent else (),
+        cubes_um_per_V3=tuple(draw(bends)) if bent else (),
+        bent_V=(-0.5, 2.5) if bent else (0.0, 0.0),
     )
 
 

@@ -115,7 +115,8 @@ def _violations(program: Program, sweep_limit_V: float) -> list[Violation]:
     return [
         Violation(
             pointer="/amplitude_V",
-            quantity="amplitude of the sweep",
+            quantity="sweep_amplitude",
+            side="above",
             value=widest_V,
             limit=sweep_limit_V,
             unit="V",

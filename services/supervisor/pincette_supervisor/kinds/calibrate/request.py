@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from pincette.api import Whole
 from pincette.api.requests import JobRequest
 
 TRIES = 3
@@ -14,5 +15,5 @@ class CalibrationRequest(JobRequest, frozen=True):
 
     kind: Literal["calibrate"] = "calibrate"
     calibration: str
-    tries: Annotated[int, Field(ge=1, le=10)] = TRIES
+    tries: Annotated[Whole, Field(ge=1, le=10)] = TRIES
     """How often it begins in all where a stall trips it; that trip is acknowledged beforehand."""

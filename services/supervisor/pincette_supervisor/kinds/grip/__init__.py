@@ -8,7 +8,7 @@ from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, choices, number
 from pincette.api.plans import Plan
 from pincette.api.requests import ContactJobRequest, Duration, Positive, Speed
-from pincette.api.results import COMMON, ClosedLoopResult
+from pincette.api.results import COMMON, ClosedLoopResult, ErrorSources
 from pincette_supervisor.kinds import fields
 
 
@@ -74,6 +74,8 @@ class GripResult(ClosedLoopResult):
     """Over the hold."""
     true_force_held_mN: float | None
     """Known to a simulated rig alone; null on a real one."""
+    error_sources: ErrorSources | None = None
+    """Where the errors over the same time come from; null where nothing was held."""
 
 
 FIGURES: tuple[ResultField, ...] = (
@@ -91,6 +93,7 @@ FIGURES: tuple[ResultField, ...] = (
     number("rmse_position_um", "RMSE of the position, over the hold", digits=3),
     number("rmse_force_mN", "RMSE of the force, over the hold", digits=3),
     number("true_force_held_mN", "true force held, by the simulation", optional=True),
+    *fields.ERROR_SOURCES,
 )
 KIND = JobKind(
     name="grip",

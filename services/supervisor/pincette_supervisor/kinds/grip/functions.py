@@ -22,8 +22,9 @@ from pincette_supervisor.planning.contact_plans import (
 )
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing, figures
+from pincette_supervisor.results import drawing, error_sources, figures
 from pincette_supervisor.results.drawing import FAINT, MEASURED, Sheet
+from pincette_supervisor.results.error_sources import sources_of
 from pincette_supervisor.results.figures import Mask, series
 from pincette_supervisor.results.result import common, force_error, position_error
 
@@ -65,7 +66,9 @@ def evaluate(run: Run) -> Evaluation:
         dropped=run.dropped,
         force_assumed=run.force_assumed,
     )
-    return Evaluation(result)
+    hold = _settled_hold(run.table["phase"], run.period_s)
+    found = sources_of(run.table, hold, run.planned.armed.rig)
+    return Evaluation(result.model_copy(update={"error_sources": found}))
 
 
 def grip_result(
@@ -117,6 +120,11 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
     t_s = series(table, "t_s")
     drawing.line(axes[3], t_s, series(table, "sliding_um"), MEASURED, "s", width=0.9)
     axes[3].axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
+    if result.error_sources is not None:
+        # Below the axis of time, which is moved up for it.
+        sheet.figure.subplots_adjust(bottom=0.18)
+        causes = sheet.figure.add_axes((0.085, 0.025, 0.9, 0.075))
+        error_sources.draw(causes, result.error_sources)
     sheet.head(0.085, _title(result), _subtitle(result), name)
     return sheet.png()
 

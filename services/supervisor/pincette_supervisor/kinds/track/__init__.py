@@ -4,11 +4,11 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from pincette.api import Model, example
+from pincette.api import Model, Whole, example
 from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, choices, number
 from pincette.api.plans import Plan
 from pincette.api.requests import ContactJobRequest, Duration, NotNegative, Positive, Speed
-from pincette.api.results import COMMON, ClosedLoopResult
+from pincette.api.results import COMMON, ClosedLoopResult, ErrorSources
 from pincette.control.planning.paths import Shape
 from pincette_supervisor.kinds import fields
 
@@ -55,7 +55,7 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     """Instead of ``force_pp_mN``, which is then K_e of the rig file's part times it."""
     frequency_hz: Positive | None = None
     """Its frequency."""
-    cycles: int | None = Field(default=None, ge=1, le=1000)
+    cycles: Whole | None = Field(default=None, ge=1, le=1000)
     """At full amplitude; one more before and one after blend in and out."""
     levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
     """Forces of a step path."""
@@ -119,7 +119,7 @@ class Learned(Model):
     largest_um: float
     """Largest correction of x_r."""
     over: bool
-    """Whether no more is learned: after twelve cycles, or since no error falls any more."""
+    """Whether no more is learned: after twelve cycles, or since nothing of an error comes back."""
     errors_um: list[float]
     """R.m.s. of x less x_r of each cycle that was learned from."""
 
@@ -157,6 +157,8 @@ class TrackResult(ClosedLoopResult):
     """Errors over the cycles at full amplitude, in order; none between knots."""
     learned: Learned | None = None
     """Null where nothing was to be learned."""
+    error_sources: ErrorSources | None = None
+    """Where the errors at full amplitude come from; null where the path was not tracked."""
 
 
 SWINGS = {"shape": ("sinusoid", "triangle")}
@@ -195,6 +197,7 @@ FIGURES: tuple[ResultField, ...] = (
     ),
     number("learned.cycles", "cycles learned from", "", digits=0, optional=True),
     number("learned.largest_um", "largest correction", "µm", digits=3, optional=True),
+    *fields.ERROR_SOURCES,
 )
 KIND = JobKind(
     name="track",

@@ -36,6 +36,16 @@ def learning(planned: Planned, path: Path, period_s: float) -> Planned:
     return replace(planned, program=program)
 
 
+def whole_cycle(path: Path, period_s: float) -> int:
+    """Ticks of a cycle; 0 where nothing swings, or not in whole ticks."""
+    if path.knots:
+        return 0
+    try:
+        return cycle_ticks(path.cycle_s, period_s)
+    except ValueError:
+        return 0
+
+
 def learned_of(run: Run, path: Path) -> Corrections | None:
     """What the program has learned, by the samples as the controller met them."""
     begun = run.planned.program.corrections

@@ -12,7 +12,13 @@ from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
 from pincette_supervisor.kinds.track import Tracking, TrackJobRequest, TrackResult
-from pincette_supervisor.kinds.track.cycles import cycle_errors, learned_of, learning, told_of
+from pincette_supervisor.kinds.track.cycles import (
+    cycle_errors,
+    learned_of,
+    learning,
+    told_of,
+    whole_cycle,
+)
 from pincette_supervisor.kinds.track.path import path_values, requested_path
 from pincette_supervisor.kinds.track.plot import plot
 from pincette_supervisor.model.model_in_use import ModelInUse
@@ -27,6 +33,7 @@ from pincette_supervisor.planning.contact_plans import (
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results import figures
+from pincette_supervisor.results.error_sources import sources_of
 from pincette_supervisor.results.figures import Mask, Series, series, within
 from pincette_supervisor.results.result import common, force_error, position_error
 
@@ -66,6 +73,13 @@ def evaluate(run: Run) -> Evaluation:
         dropped=run.dropped,
         force_assumed=run.force_assumed,
     )
+    found = sources_of(
+        run.table,
+        full_amplitude(run.table, path, run.period_s),
+        run.planned.armed.rig,
+        cycle_ticks=whole_cycle(path, run.period_s),
+    )
+    result = result.model_copy(update={"error_sources": found})
     learned = learned_of(run, path)
     if learned is not None:
         told = told_of(learned, learning_digest(run.planned.program, run.planned.armed.rig))

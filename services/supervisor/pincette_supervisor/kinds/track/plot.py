@@ -7,7 +7,7 @@ import numpy as np
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds.functions import Evaluation, Run
 from pincette_supervisor.kinds.track import Tracking, TrackResult
-from pincette_supervisor.results import drawing
+from pincette_supervisor.results import drawing, error_sources
 from pincette_supervisor.results.drawing import FAINT, INK, MEASURED, REFERENCE, TRUE, Axis, Sheet
 from pincette_supervisor.results.figures import Mask, Series, series, within
 from pincette_supervisor.results.result import PRESSED
@@ -37,9 +37,14 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
     axes += [figure.add_subplot(left[row], sharex=axes[0]) for row in range(1, 5)]
     cycles = [one.position_um for one in result.cycles]
     rows = 2 if len(cycles) < 2 else 3
+    # A track's causes stand below the right column.
+    low = BOTTOM if result.error_sources is None else BOTTOM + 0.13
     right = figure.add_gridspec(
-        rows, 1, left=MIDDLE + 0.055, right=RIGHT, top=TOP, bottom=BOTTOM, hspace=0.25
+        rows, 1, left=MIDDLE + 0.055, right=RIGHT, top=TOP, bottom=low, hspace=0.25
     )
+    if result.error_sources is not None:
+        causes = figure.add_axes((MIDDLE + 0.055, 0.025, RIGHT - MIDDLE - 0.055, 0.08))
+        error_sources.draw(causes, result.error_sources, columns=3)
     _over_time(axes, table, result, run.period_s)
     tracked = within(table, ["track"])
     _loops(figure.add_subplot(right[0]), figure.add_subplot(right[1]), table, tracked)

@@ -46,6 +46,7 @@ def _jobs() -> None:
         sa.Column("rig", sa.String, nullable=False, index=True),
         sa.Column("state", sa.String, nullable=False, index=True),
         _text("cause"),
+        sa.Column("ending", sa.JSON(none_as_null=True)),
         sa.Column("request", sa.JSON, nullable=False),
         sa.Column("plan", sa.JSON, nullable=False),
         sa.Column("result", sa.JSON(none_as_null=True)),
@@ -55,6 +56,11 @@ def _jobs() -> None:
         _text("started_at", null=True),
         _text("ended_at", null=True),
         _text("requested_by", null=True),
+        *(_text(name) for name in ("sample", "batch", "operator", "notes")),
+        sa.Column("labels", sa.JSON, nullable=False),
+        sa.Column("pinned", sa.Boolean, nullable=False),
+        sa.Column("priority", sa.Integer, nullable=False),
+        sa.Column("place", sa.Integer),
     )
     op.create_table(
         "actions",
@@ -119,6 +125,7 @@ def _access() -> None:
         *(_text(name) for name in ("at", "who", "address", "action", "detail")),
         sa.Column("status", sa.Integer, nullable=False),
         sa.Column("count", sa.Integer, nullable=False),
+        _text("link"),
         sqlite_autoincrement=True,
     )
 

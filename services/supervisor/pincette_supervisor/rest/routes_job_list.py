@@ -1,0 +1,175 @@
+"""Jobs found again over REST: listed, exported as one table, described, their records deleted."""
+
+from datetime import datetime
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Query, Response
+from fastapi.responses import StreamingResponse
+from pydantic import AwareDatetime
+
+from pincette.api.jobs import Job, JobEdit, JobList
+from pincette.api.problems import responses
+from pincette.api.requests import LABEL_NAME
+from pincette.api.states import JobState
+from pincette_supervisor.jobs import keeping
+from pincette_supervisor.journal.job_filter import JobFilter
+from pincette_supervisor.journal.tables import utc_text
+from pincette_supervisor.kinds.bodies import KindName
+from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.dependencies import (
+    ADMIN,
+    OBSERVE,
+    OPERATE,
+    AllRigs,
+    Note,
+    Operator,
+    etag,
+)
+from pincette_supervisor.rest.strict_route import StrictRoute
+from pincette_supervisor.results import job_table
+
+NAME_LENGTH = 200
+EXPORTED = 10_000
+"""Jobs of one table at most."""
+
+
+def _label(text: str | None) -> tuple[str, str] | None:
+    if text is None:
+        return None
+    name, _, value = text.partition("=")
+    return name, value
+
+
+def _utc(name: str, time: datetime | None) -> str | None:
+    if time is None:
+        return None
+    try:
+        return utc_text(time)
+    except OverflowError as error:  # within hours of the first or the last year
+        message = f"{name} = {time}: beyond the years 1 to 9999 in UTC"
+        raise ProblemError(
+            422,
+            "invalid-request",
+            "The request cannot be used",
+            message,
+            errors=[{"parameter": name, "message": message}],
+        ) from error
+
+
+async def _filter(
+    kind: KindName | None = None,
+    state: JobState | None = None,
+    rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    label: Annotated[
+        str | None,
+        Query(description="name=value", pattern=LABEL_NAME.replace("$", "="), max_length=300),
+    ] = None,
+    outcome: Annotated[
+        str | None, Query(description="of the result, such as gripped", max_length=NAME_LENGTH)
+    ] = None,
+    sample: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    batch: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    operator: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    pinned: bool | None = None,
+    text: Annotated[
+        str | None,
+        Query(
+            description="part of the id, of sample, batch, operator, notes or a label, of the "
+            "cause, or of who asked",
+            min_length=1,
+            max_length=NAME_LENGTH,
+        ),
+    ] = None,
+    created_from: Annotated[
+        AwareDatetime | None, Query(description="taken then or later, with a time zone")
+    ] = None,
+    created_to: Annotated[AwareDatetime | None, Query(description="taken before then")] = None,
+) -> JobFilter:
+    return JobFilter(
+        kind=kind,
+        state=state,
+        rig=rig,
+        label=_label(label),
+        outcome=outcome,
+        sample=sample,
+        batch=batch,
+        operator=operator,
+        pinned=pinned,
+        text=text,
+        created_from=_utc("created_from", created_from),
+        created_to=_utc("created_to", created_to),
+    )
+
+
+Wanted = Annotated[JobFilter, Depends(_filter)]
+"""Which jobs are asked for."""
+
+router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
+
+
+@router.get("", responses=responses(404, 422), dependencies=[OBSERVE])
+def jobs(
+    rigs: AllRigs,
+    wanted: Wanted,
+    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    before: Annotated[
+        str | None, Query(description="those taken before this job", max_length=NAME_LENGTH)
+    ] = None,
+) -> JobList:
+    """Jobs, the newest first; those alone that are as named."""
+    found = rigs.jobs(limit + 1, wanted, before)
+    more = len(found) > limit
+    return JobList(jobs=found[:limit], next=found[limit - 1].id if more else None)
+
+
+@router.get(
+    "/export",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "a row for each job: what was said and asked, and every figure; units "
+            "are in the names",
+            "content": {
+                kind: {"schema": {"type": "string"}} for kind in job_table.MEDIA_TYPES.values()
+            },
+        },
+        **responses(404, 422),
+    },
+    dependencies=[OBSERVE],
+)
+def export(
+    rigs: AllRigs,
+    wanted: Wanted,
+    format: Annotated[  # noqa: A002 - the name of the query over REST
+        Literal["csv", "parquet"], Query(description="of the table")
+    ] = "csv",
+    limit: Annotated[int, Query(ge=1, le=EXPORTED)] = EXPORTED,
+) -> Response:
+    """Many jobs as one table, the newest first; those alone that are as named."""
+    table = job_table.table_of(rigs.jobs(limit, wanted))
+    media_type = job_table.MEDIA_TYPES[format]
+    headers = {"Content-Disposition": f'attachment; filename="jobs.{format}"'}
+    if format == "parquet":
+        return Response(job_table.parquet_of(table), media_type=media_type, headers=headers)
+    return StreamingResponse(job_table.csv_of(table), media_type=media_type, headers=headers)
+
+
+@router.patch("/{job}", responses=responses(404, 422, 503), dependencies=[OPERATE])
+def edit(
+    job: str, body: JobEdit, rigs: AllRigs, response: Response, by: Operator, note: Note
+) -> Job:
+    """Say more of a job, at any time: sample, batch, operator, notes, labels, pinned.
+
+    Report and manifest of its record say the same from then on; files of samples stay as they are.
+    """
+    note(", ".join(sorted(body.model_fields_set)))
+    edited = keeping.edit(rigs.of_job(job), job, body, by)
+    response.headers["ETag"] = etag(edited.id, edited.revision)
+    return edited
+
+
+@router.delete("/{job}/record", responses=responses(404, 409, 422, 503), dependencies=[ADMIN])
+def delete_record(job: str, rigs: AllRigs, by: Operator, note: Note) -> Job:
+    """Delete the files of a job that has ended and is not pinned; its result stays."""
+    note(f"record of {job}")
+    return keeping.delete_record(rigs.of_job(job), job, by)

@@ -1,0 +1,80 @@
+"""Why a job has ended, as a code with its numbers; the words beside it are for people."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import Field
+
+from pincette.api import Model, example
+from pincette.api.checks import FaultView
+
+EndingCode = Literal[
+    "done",
+    "requested",
+    "bad_outcome",
+    "no_finding",
+    "samples_missing",
+    "tripped",
+    "silent",
+    "overdue",
+    "lease_ended",
+    "unanswered",
+    "refused",
+    "not_ready",
+    "plan_refused",
+    "not_recorded",
+    "not_stored",
+    "queue_cleared",
+    "request_outdated",
+    "supervisor_ended",
+    "internal",
+]
+ENDINGS: Mapping[EndingCode, str] = {
+    "done": "the program was played to its end, with a good outcome",
+    "requested": "a person has stopped or aborted it",
+    "bad_outcome": "the program has ended otherwise than planned; the result has the outcome",
+    "no_finding": "it was played to its end, but the samples do not give what it was for",
+    "samples_missing": "a phase lacks more samples than it may; it was not played to its end",
+    "tripped": "the actuator has tripped; trip and faults say why",
+    "silent": "a program of the loop has gone silent",
+    "overdue": "a state took longer than its deadline",
+    "lease_ended": "the controller heard nothing of the supervisor for longer than the lease",
+    "unanswered": "a program of the rig did not answer",
+    "refused": "a program of the rig has refused",
+    "not_ready": "the rig was not ready when its turn came",
+    "plan_refused": "planned anew when its turn came, it was refused; problem says why",
+    "not_recorded": "no record could be begun",
+    "not_stored": "the journal could not be used",
+    "queue_cleared": "the queue was cleared",
+    "request_outdated": "this version does not understand its request any more",
+    "supervisor_ended": "the supervisor ended while it ran",
+    "internal": "the supervisor has a fault, of which its log says more",
+}
+
+
+class Ending(Model):
+    """Why a job has ended: go by the codes and numbers; ``cause`` of the job has the words."""
+
+    model_config = example(
+        code="tripped",
+        trip="command_age",
+        faults=[
+            {
+                "code": "no_command",
+                "values": {"silent_s": 0.062, "limit_s": 0.05},
+                "text": "no command for 62 ms, limit 50 ms",
+            }
+        ],
+        values={},
+        problem="",
+    )
+
+    code: EndingCode
+    trip: str = ""
+    """Code of the actuator's cause, where it has tripped."""
+    faults: list[FaultView] = Field(default_factory=list["FaultView"])
+    """What the actuator has found."""
+    values: dict[str, float] = Field(default_factory=dict[str, float])
+    """Numbers by name, which ends in the unit, such as ``spent_s`` and ``limit_s``."""
+    problem: str = ""
+    """Code of the problem that a request of this kind would be refused with."""

@@ -1,0 +1,205 @@
+"""The way of one connection through a guard: step by step, without waiting in any of them."""
+
+import os
+import selectors
+import socket
+import ssl
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, auto
+from time import monotonic
+
+from pincette.bus.private_port import PrivatePort
+from pincette.bus.protocol import BusError
+from pincette.bus.relay import READ, WRITE, Stream
+from pincette.bus.vouching import Vouching
+
+HELLO_S, PROOF_S = 1.0, 3.0
+"""Limits of the wait for the first bytes, and for all that follows."""
+TLS_HANDSHAKE = b"\x16\x03"
+"""How TLS begins: a record of that type, of version 3."""
+ZENOH_INIT, ZENOH_KIND = 0x01, 0x1F
+"""How a Zenoh session begins: two bytes of length, then this kind in these bits."""
+MOST_HELLO = 512
+"""Bytes of a first message; Zenoh's has fewer than 100."""
+
+
+class Stage(Enum):
+    """What is waited for."""
+
+    HELLO = auto()
+    """The first bytes."""
+    PROOF = auto()
+    """The end of the handshake with who connects."""
+    CONNECT = auto()
+    """The connection with Zenoh."""
+    VOUCH = auto()
+    """The end of the handshake with Zenoh."""
+    ADMITTED = auto()
+
+
+@dataclass(slots=True, eq=False)
+class Pending:
+    """A connection on its way in; ``inner`` is the one to Zenoh that belongs to it."""
+
+    address: str
+    port: int
+    outer: Stream
+    until_s: float
+    inner: Stream | None = None
+    stage: Stage = Stage.HELLO
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing has come of it."""
+        return self.stage is Stage.HELLO
+
+
+class Admission:
+    """Leads connections in; each has to prove itself where ``vouching`` is given."""
+
+    def __init__(
+        self,
+        selector: selectors.BaseSelector,
+        behind: PrivatePort,
+        vouching: Vouching | None,
+        advance: Callable[[Pending], None],
+    ) -> None:
+        self._selector, self._behind, self._vouching = selector, behind, vouching
+        self._advance = advance
+        """Called where a connection may have come further."""
+        self._steps: dict[Stage, Callable[[Pending], Stage]] = {
+            Stage.HELLO: self._hello,
+            Stage.PROOF: self._proof,
+            Stage.CONNECT: self._connect,
+            Stage.VOUCH: self._vouch,
+        }
+
+    def begin(self, line: socket.socket, address: str, port: int) -> Pending:
+        """Take a connection."""
+        line.setblocking(False)
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        one = Pending(address, port, line, monotonic() + HELLO_S)
+        self._await(one, line, READ)
+        return one
+
+    def lead(self, one: Pending) -> bool:
+        """Go as far as can be gone; true where it is admitted. Raises OSError, BusError or
+        ValueError where it is not one that may come in."""
+        while one.stage is not Stage.ADMITTED:
+            before, one.stage = one.stage, self._steps[one.stage](one)
+            if one.stage is before:
+                return False
+        for line in (one.outer, one.inner):
+            self._forget(line)
+        return True
+
+    def end(self, one: Pending, close: Callable[[Stream], None]) -> None:
+        """Close what has been opened."""
+        for line in (one.outer, one.inner):
+            self._forget(line)
+            if line is not None:
+                close(line)
+
+    def _await(self, one: Pending, line: Stream, events: int) -> None:
+        def go_on(_line: Stream, _events: int) -> None:
+            self._advance(one)
+
+        self._selector.register(line, events, go_on)
+
+    def _forget(self, line: Stream | None) -> None:
+        if line is not None and line in self._selector.get_map():
+            self._selector.unregister(line)
+
+    def _hello(self, one: Pending) -> Stage:
+        try:
+            first = one.outer.recv(MOST_HELLO, socket.MSG_PEEK)
+        except BlockingIOError:
+            return Stage.HELLO
+        if not first:
+            raise ConnectionError("ended")
+        if not (_tls_begins(first) if self._vouching else _zenoh_begins(first)):
+            # The selector would tell of these bytes again and again: the guard looks now and then.
+            self._forget(one.outer)
+            return Stage.HELLO
+        one.until_s = monotonic() + PROOF_S
+        self._forget(one.outer)
+        if self._vouching is None:
+            return self._connecting(one)
+        one.outer = self._vouching.outer.wrap_socket(
+            one.outer, server_side=True, do_handshake_on_connect=False
+        )
+        self._await(one, one.outer, READ)
+        return Stage.PROOF
+
+    def _proof(self, one: Pending) -> Stage:
+        if not self._shaken(one.outer):
+            return Stage.PROOF
+        self._selector.unregister(one.outer)
+        return self._connecting(one)
+
+    def _connecting(self, one: Pending) -> Stage:
+        one.inner = self._behind.connecting()
+        self._await(one, one.inner, WRITE)
+        return Stage.CONNECT
+
+    def _connect(self, one: Pending) -> Stage:
+        inner = one.inner
+        if inner is None:
+            raise BusError("no connection with Zenoh")
+        if trouble := inner.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            raise ConnectionError(os.strerror(trouble))
+        try:
+            inner.getpeername()
+        except OSError:  # still on its way
+            return Stage.CONNECT
+        if self._vouching is None:
+            return Stage.ADMITTED
+        if not isinstance(one.outer, ssl.SSLSocket):
+            raise BusError("no handshake")
+        self._selector.unregister(inner)
+        context = self._vouching.inner(one.outer.getpeercert())
+        one.inner = context.wrap_socket(inner, do_handshake_on_connect=False)
+        self._await(one, one.inner, WRITE)
+        return Stage.VOUCH
+
+    def _vouch(self, one: Pending) -> Stage:
+        if one.inner is None or not self._shaken(one.inner):
+            return Stage.VOUCH
+        return Stage.ADMITTED
+
+    def _shaken(self, line: Stream) -> bool:
+        """Whether a handshake is done; else the selector is told what it waits for."""
+        if not isinstance(line, ssl.SSLSocket):
+            raise BusError("no handshake")
+        try:
+            line.do_handshake()
+        except (ssl.SSLWantReadError, ssl.SSLWantWriteError) as error:
+            events = READ if isinstance(error, ssl.SSLWantReadError) else WRITE
+            self._selector.modify(line, events, self._selector.get_key(line).data)
+            return False
+        return True
+
+
+def _tls_begins(first: bytes) -> bool:
+    """Whether a handshake has begun; ConnectionError where it is none."""
+    if not TLS_HANDSHAKE.startswith(first[:2]):
+        raise ConnectionError("no handshake")
+    return len(first) >= len(TLS_HANDSHAKE)
+
+
+def _zenoh_begins(first: bytes) -> bool:
+    """Whether the first message of a session is there; ConnectionError where it is none."""
+    size = 2 + int.from_bytes(first[:2], "little")
+    if len(first) > 1 and not 2 < size <= MOST_HELLO:
+        raise ConnectionError("no Zenoh session")
+    if len(first) > 2 and first[2] & ZENOH_KIND != ZENOH_INIT:
+        raise ConnectionError("no Zenoh session")
+    return len(first) >= max(size, 3)
+
+
+def reset(line: Stream) -> None:
+    """End a connection without a trace in the kernel."""
+    line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    line.close()

@@ -1,0 +1,224 @@
+"""Stands at a program's ports, so that no stranger keeps others from the Zenoh behind it.
+
+Zenoh takes failed connections one after another, at about 0.1 s each with TLS. The guard has many
+of them at once, each with its time limit, and drops the oldest of whoever has the most. Only who
+has proved itself is led on to Zenoh.
+"""
+
+import errno
+import logging
+import selectors
+import socket
+import ssl
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain
+from time import monotonic, sleep
+
+from pincette.bus.admission import Admission, Pending, reset
+from pincette.bus.private_port import PrivatePort
+from pincette.bus.protocol import BusError
+from pincette.bus.relay import CHUNK, READ, Relay, Stream
+from pincette.bus.vouching import Vouching, serial_of
+
+log = logging.getLogger("pincette")
+MOST_PENDING = 128
+"""Connections that have not yet proved who they are."""
+MOST_LINKS = 512
+BATCH = 64
+"""Connections that are taken before the links have their turn again."""
+BACKLOG = 4096
+LOOK_S = 0.1
+"""How often overdue connections are looked for."""
+REVOKED_S = 1.0
+"""The same where there are none, for the list of revoked certificates."""
+PAUSE_S = 0.01
+"""Where no file can be opened any more."""
+
+
+@dataclass(slots=True)
+class Count:
+    """What a guard has seen."""
+
+    admitted: int = 0
+    refused: int = 0
+    """That failed, or came to no end in time."""
+    dropped: int = 0
+    """Ended to make room for others."""
+
+
+class Guard:
+    """One thread that takes connections at some ports, and leads them on to one behind them."""
+
+    def __init__(
+        self, places: Sequence[tuple[str, int]], behind: PrivatePort, vouching: Vouching | None
+    ) -> None:
+        """Listen; raises OSError where a place is taken."""
+        self.count = Count()
+        self._vouching = vouching
+        self._selector = selectors.DefaultSelector()
+        self._admission = Admission(self._selector, behind, vouching, self._advance)
+        self._pending: dict[str, dict[Pending, None]] = {}
+        """By address, and in the order in which they came."""
+        self._many = 0
+        self._relays: set[Relay] = set()
+        self._links: dict[str, Relay] = {}
+        """The newest links, also those that are over, by Zenoh's name of their other end."""
+        self._wake, self._woken = socket.socketpair()
+        self._selector.register(self._woken, READ)
+        self._listeners = list[socket.socket]()
+        try:
+            for place in places:
+                self._listeners.append(_listening(place))
+        except OSError:
+            self._release()
+            raise
+        for listener in self._listeners:
+            self._selector.register(listener, READ, self._accept)
+        self._thread = threading.Thread(target=self._run, name="guard", daemon=True)
+
+    def start(self) -> None:
+        """Let connections in, once Zenoh listens behind."""
+        self._thread.start()
+
+    def link_of(self, end: str) -> Relay | None:
+        """The link that Zenoh sees as one with ``end``, over or not; None where it is none."""
+        return self._links.get(end)
+
+    def close(self) -> None:
+        """End every connection."""
+        self._wake.send(b".")
+        if self._thread.is_alive():
+            self._thread.join()
+        self._release()
+
+    def _release(self) -> None:
+        for relay in list(self._relays):
+            relay.close()
+        for one in self._all():
+            self._end(one, reset)
+        for line in (*self._listeners, self._wake, self._woken):
+            line.close()
+        self._selector.close()
+
+    def _run(self) -> None:
+        look_s = monotonic()
+        while True:
+            for key, events in self._selector.select(LOOK_S if self._many else REVOKED_S):
+                if key.fileobj is self._woken:
+                    return
+                # What an earlier event of the same round has ended is no longer watched.
+                if self._selector.get_map().get(key.fd) is key:
+                    key.data(key.fileobj, events)
+            if monotonic() > look_s:
+                look_s = monotonic() + LOOK_S
+                self._look()
+                self._end_revoked()
+
+    def _accept(self, listener: socket.socket, _events: int) -> None:
+        for _ in range(BATCH):
+            try:
+                line, address = listener.accept()
+            except OSError as error:
+                if error.errno in (errno.EMFILE, errno.ENFILE):
+                    self._make_room()
+                    sleep(PAUSE_S)
+                return
+            if len(self._relays) >= MOST_LINKS:
+                self.count.dropped += 1
+                reset(line)
+                continue
+            if self._many >= MOST_PENDING:
+                self._make_room()
+            one = self._admission.begin(line, *address[:2])
+            self._pending.setdefault(one.address, {})[one] = None
+            self._many += 1
+            self._advance(one)
+
+    def _advance(self, one: Pending) -> None:
+        try:
+            admitted = self._admission.lead(one)
+        except (OSError, BusError, ValueError) as error:
+            log.debug("guard: %s: %s", one.address, error)
+            self.count.refused += 1
+            self._end(one, _close)
+            return
+        if admitted and one.inner is not None:
+            self._forget(one)
+            self.count.admitted += 1
+            ends = one.outer, one.inner
+            whence = f"{one.address}:{one.port}"
+            relay = Relay(self._selector, *ends, self._relays.discard, whence)
+            self._relays.add(relay)
+            host, port = one.inner.getsockname()
+            self._links[f"{host}:{port}"] = relay
+            if len(self._links) > 2 * MOST_LINKS:
+                del self._links[next(iter(self._links))]
+            relay.begin()
+
+    def _all(self) -> list[Pending]:
+        return list(chain.from_iterable(self._pending.values()))
+
+    def _make_room(self) -> None:
+        """End the oldest of the address that has most; one that has said nothing goes first."""
+        if not self._many:
+            return
+        crowd = max(self._pending.values(), key=len)
+        victim = next((one for one in crowd if one.silent), None) or next(iter(crowd))
+        self.count.dropped += 1
+        self._end(victim, reset)
+
+    def _look(self) -> None:
+        """End what is overdue, and see whether more has come of what had begun."""
+        now_s = monotonic()
+        for one in self._all():
+            if now_s > one.until_s:
+                self.count.refused += 1
+                self._end(one, reset)
+            elif one.silent:
+                self._advance(one)
+
+    def _end_revoked(self) -> None:
+        if self._vouching is None or not self._vouching.revoked.changed():
+            return
+        for relay in list(self._relays):
+            outer = relay.sides[0]
+            if isinstance(outer, ssl.SSLSocket):
+                shown = outer.getpeercert()
+                if self._vouching.revoked.holds(serial_of(shown)):
+                    relay.close("its certificate was revoked")
+
+    def _end(self, one: Pending, close: Callable[[Stream], None]) -> None:
+        self._forget(one)
+        self._admission.end(one, close)
+
+    def _forget(self, one: Pending) -> None:
+        crowd = self._pending[one.address]
+        del crowd[one]
+        if not crowd:
+            del self._pending[one.address]
+        self._many -= 1
+
+
+def _close(line: Stream) -> None:
+    """End a connection in order; with bytes left unread it would look like a fault of the line."""
+    with suppress(OSError):
+        line.recv(CHUNK)
+    line.close()
+
+
+def _listening(place: tuple[str, int]) -> socket.socket:
+    host, port = place
+    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(BACKLOG)
+        listener.setblocking(False)
+    except OSError:
+        listener.close()
+        raise
+    return listener

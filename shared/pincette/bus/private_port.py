@@ -1,0 +1,92 @@
+"""The port at which Zenoh itself listens behind a guard: nobody else on the machine may open it."""
+
+import os
+import secrets
+import socket
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic, sleep
+
+from pincette.bus.protocol import BusError
+
+TCP_MD5SIG_EXT, PREFIX, ADDRESS_BYTES, KEY_BYTES = 32, 1, 128, 80
+"""Of RFC 2385 in Linux: see ``struct tcp_md5sig`` of ``linux/tcp.h``."""
+
+LISTENS_S, LOOK_S = 2.0, 0.01
+"""In which Zenoh listens, once its session is open."""
+
+
+@dataclass(frozen=True, slots=True)
+class PrivatePort:
+    """A port on loopback, and the key that the kernel wants of every segment to it (RFC 2385)."""
+
+    host: str
+    port: int
+    key: bytes
+
+    @classmethod
+    def chosen(cls) -> "PrivatePort":
+        """One at random; whether it is taken is found where Zenoh listens at it."""
+        a, b, c = (secrets.randbelow(254) + 1 for _ in range(3))
+        return cls(f"127.{a}.{b}.{c}", 20_000 + secrets.randbelow(12_000), secrets.token_bytes(32))
+
+    def close_to_others(self) -> bool:
+        """Want the key of whoever connects to this process's listener; false where it cannot be.
+
+        Then the kernel has no such option, and any account of this machine can open the port.
+        """
+        until_s = monotonic() + LISTENS_S
+        while (found := self._listener()) is None:
+            if monotonic() > until_s:
+                raise BusError(f"no listener of this program at {self.host}:{self.port}")
+            sleep(LOOK_S)
+        with found:
+            return self._sign(found)
+
+    def _listener(self) -> socket.socket | None:
+        for number in Path("/proc/self/fd").iterdir():
+            try:
+                copy = os.dup(int(number.name))
+            except OSError:
+                continue
+            try:
+                found = socket.socket(fileno=copy)
+            except OSError:
+                os.close(copy)
+                continue
+            if _listens(found) == (self.host, self.port):
+                return found
+            found.close()
+        return None
+
+    def connecting(self) -> socket.socket:
+        """A socket on its way to the port, without waiting for it."""
+        line = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        line.setblocking(False)
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._sign(line)
+        line.connect_ex((self.host, self.port))
+        return line
+
+    def _sign(self, line: socket.socket) -> bool:
+        address = struct.pack("=H", socket.AF_INET).ljust(ADDRESS_BYTES, b"\0")
+        option = struct.pack("=BBHi", PREFIX, 0, len(self.key), 0)
+        try:
+            line.setsockopt(
+                socket.IPPROTO_TCP,
+                TCP_MD5SIG_EXT,
+                address + option + self.key.ljust(KEY_BYTES, b"\0"),
+            )
+        except OSError:
+            return False
+        return True
+
+
+def _listens(line: socket.socket) -> tuple[str, int] | None:
+    if line.family != socket.AF_INET or line.type != socket.SOCK_STREAM:
+        return None
+    if not line.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+        return None
+    host, port = line.getsockname()
+    return host, port

@@ -1,0 +1,114 @@
+"""Opens a program's Zenoh session behind its guard, logs its links, and serves as a router."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+import json
+import logging
+from collections.abc import Callable, Mapping
+from time import monotonic
+from typing import Any
+
+import zenoh
+
+from pincette.bus.guard import Guard
+from pincette.bus.handshake import diagnose_link, is_taken
+from pincette.bus.private_port import PrivatePort
+from pincette.bus.protocol import BusError
+from pincette.bus.settings import guarded, settings
+from pincette.bus.topology import SessionConfig, address_of
+from pincette.bus.vouching import Vouching
+
+log = logging.getLogger("pincette")
+UNSIGNED = (
+    "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this machine can "
+    "keep others from this program's door"
+)
+
+
+class Joined:
+    """A session, and the guard at its ports where it has any."""
+
+    def __init__(self, session: "zenoh.Session", guard: Guard | None) -> None:
+        self.session, self.guard = session, guard
+        self._up: dict[str, tuple[float, str]] = {}
+        """When each link came up, and with whom, by Zenoh's name of its other end."""
+        self._listener = session.info.declare_link_events_listener(self._note, history=True)
+
+    def _note(self, event: "zenoh.LinkEvent") -> None:
+        """Log that a link has come or gone."""
+        link, now_s = event.link, monotonic()
+        end = str(link.dst).partition("/")[2]
+        led_in = self.guard and self.guard.link_of(end)
+        peer = f"{link.auth_identifier or 'a program'} at {led_in.whence if led_in else link.dst}"
+        if event.kind == zenoh.SampleKind.PUT:
+            self._up[end] = now_s, peer
+            log.info("link up: %s", peer)
+            return
+        since_s, peer = self._up.pop(end, (now_s, peer))
+        why = (led_in.why if led_in else "") or "its lease is over, or it was ended"
+        log.info("link down after %.1f s: %s: %s", now_s - since_s, peer, why)
+
+    def __enter__(self) -> "zenoh.Session":
+        return self.session
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._listener.undeclare()
+        if self.guard is not None:
+            self.guard.close()
+        self.session.close()
+
+
+def open_session(config: SessionConfig, name: str) -> Joined:
+    """Join; raises BusError with what to do where that fails."""
+    zenoh.init_log_from_env_or("error")
+    if not config.listen:
+        return Joined(_opened(config, settings(config, name), name), None)
+    behind = PrivatePort.chosen()
+    vouching = None if config.tls is None else Vouching(config.tls.credentials)
+    try:
+        guard = Guard([address_of(place) for place in config.listen], behind, vouching)
+    except OSError as error:
+        raise _not_joined(config, name, error) from error
+    try:
+        session = _opened(config, guarded(config, name, behind, vouching), name)
+        if not behind.close_to_others():
+            log.warning(UNSIGNED, name)
+    except BusError:
+        guard.close()
+        raise
+    guard.start()
+    return Joined(session, guard)
+
+
+def _opened(config: SessionConfig, tree: Mapping[str, Any], name: str) -> "zenoh.Session":
+    try:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(tree)))
+    except zenoh.ZError as error:
+        raise _not_joined(config, name, error) from error
+
+
+def _not_joined(config: SessionConfig, name: str, error: Exception) -> BusError:
+    if taken := [place for place in config.listen if is_taken(place)]:
+        return BusError(
+            f"{name}: {', '.join(taken)} is in use: another rig, or the same rig for "
+            "the second time? Stop it, or give this rig another [bus] port"
+        )
+    files = config.tls.credentials if config.tls else None
+    why = [trouble for place in config.connect if (trouble := diagnose_link(place, files))]
+    return BusError(
+        f"{name}: cannot join the bus (listen {', '.join(config.listen) or 'nowhere'}, "
+        f"connect {', '.join(config.connect) or 'nowhere'}): {'; '.join(why) or error}"
+    )
+
+
+def serve_router(
+    config: SessionConfig, rig: str, wait: Callable[[], None], name: str = "router"
+) -> None:
+    """Route between the services of a rig and the tools around it until ``wait`` returns."""
+    with open_session(config, f"{rig}/{name}"):
+        wait()

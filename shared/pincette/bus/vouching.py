@@ -1,0 +1,88 @@
+"""Both TLS sessions of a guard: with who connects, and in its name with the Zenoh behind it."""
+
+# Zenoh's access lists go by the common name of a certificate. So the guard, which has seen the
+# real one, shows Zenoh another of the same name, signed by an authority of this process alone.
+
+import ssl
+import tempfile
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, cast
+
+from pincette.bus.protocol import BusError
+from pincette.security.certificates import Pair, issue, new_authority
+from pincette.security.identity import VIEWER, Credentials, Identity
+from pincette.security.revocation import RevocationList
+
+DAYS = 36500.0
+MOST_KEPT = 256
+"""Names with their ends of which the certificate is kept for the next connection."""
+
+
+class Vouching:
+    """TLS contexts of one guard; the authority's key is never written to a file."""
+
+    def __init__(self, credentials: Credentials) -> None:
+        self._authority = new_authority(datetime.now(UTC), DAYS)
+        self._credentials = credentials
+        self._contexts: dict[tuple[str, float], ssl.SSLContext] = {}
+        self.revoked = RevocationList(credentials.authority.parent)
+        self.outer = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        self.outer.minimum_version = ssl.TLSVersion.TLSv1_3
+        self.outer.verify_mode = ssl.CERT_REQUIRED
+        self.outer.num_tickets = 0
+        self.outer.load_verify_locations(credentials.authority)
+        self.outer.load_cert_chain(credentials.certificate, credentials.private_key)
+
+    @property
+    def believed(self) -> str:
+        """Certificates of the authorities that Zenoh believes, as PEM."""
+        return self._credentials.authority.read_text() + self._authority.certificate.decode()
+
+    def inner(self, shown: Any) -> ssl.SSLContext:
+        """A client's context with a certificate of the same name and end as the one shown.
+
+        That is as ``getpeercert`` gives it; raises BusError where it was revoked.
+        """
+        if self.revoked.holds(serial_of(shown)):
+            raise BusError(f"the certificate of {_name(shown)} was revoked")
+        name, ends_s = _name(shown), float(ssl.cert_time_to_seconds(shown["notAfter"]))
+        found = self._contexts.get((name, ends_s))
+        if found is None:
+            if len(self._contexts) >= MOST_KEPT:
+                self._contexts.clear()
+            found = self._contexts[name, ends_s] = self._made(name, ends_s)
+        return found
+
+    def _made(self, name: str, ends_s: float) -> ssl.SSLContext:
+        now = datetime.now(UTC)
+        left = datetime.fromtimestamp(ends_s, UTC) - now
+        pair = issue(self._authority, Identity(name, VIEWER), (), now, left / timedelta(days=1))
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.check_hostname = False
+        context.load_verify_locations(self._credentials.authority)
+        _load(context, pair)
+        return context
+
+
+def serial_of(shown: Any) -> int:
+    """Serial number of a certificate, as ``getpeercert`` gives it."""
+    return int(shown["serialNumber"], 16)
+
+
+def _load(context: ssl.SSLContext, pair: Pair) -> None:
+    # OpenSSL's loader takes files only; the folder is the owner's alone and gone at once.
+    with tempfile.TemporaryDirectory() as folder:
+        certificate, private_key = Path(folder, "crt"), Path(folder, "key")
+        certificate.write_bytes(pair.certificate)
+        private_key.write_bytes(pair.private_key)
+        context.load_cert_chain(certificate, private_key)
+
+
+def _name(shown: Any) -> str:
+    subject = cast("tuple[tuple[tuple[str, str], ...], ...]", shown["subject"])
+    for part in subject:
+        for field, value in part:
+            if field == "commonName":
+                return value
+    raise BusError("a certificate without a common name")

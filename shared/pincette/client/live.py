@@ -1,0 +1,74 @@
+"""Samples of a rig one by one, each once, out of the batches in which they come."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from pydantic import ValidationError
+
+from pincette.api.live import LiveBatch
+from pincette.client.errors import ForeignAnswerError
+
+ON_THE_WAY_S = 0.5
+"""Age of samples that the first batch may bring as the newest: it waits for its messages."""
+
+
+class LiveSample(NamedTuple):
+    """One sample of a rig; a value is None where nothing is known of it."""
+
+    epoch: int
+    """Of the arming; a random number that says only which samples belong together."""
+    seq: int
+    t_s: float
+    """Since the arming."""
+    playing: bool
+    """Whether a program plays; else only position and voltage are known."""
+    phase: str
+    """Empty while no program plays."""
+    x_um: float | None
+    x_r_um: float | None
+    force_mN: float | None
+    force_r_mN: float | None
+    force_uncertainty_mN: float | None
+    voltage_V: float | None
+    sliding_um: float | None
+
+
+class LiveBookmark:
+    """How far a listener has come, over connections that break: each brings the last minute."""
+
+    def __init__(self, path: str, past_s: float) -> None:
+        self.path = path
+        self._past_s = past_s
+        self._epoch, self._seq = 0, -1
+        self._from_s: float | None = None
+
+    def read(self, data: str) -> Iterator[LiveSample]:
+        """Samples of an event that have not come before; raises ForeignAnswerError."""
+        try:
+            batch = LiveBatch.model_validate_json(data, extra="ignore")
+        except ValidationError as error:
+            raise ForeignAnswerError(f"{self.path}: {data[:200]!r} is no batch") from error
+        if self._from_s is None:
+            self._from_s = batch.now_s - self._past_s - ON_THE_WAY_S
+        for place, (seq, at_s) in enumerate(zip(batch.seq, batch.at_s, strict=True)):
+            seen = batch.epoch == self._epoch and seq <= self._seq
+            if at_s >= self._from_s and not seen:
+                self._epoch, self._seq, self._from_s = batch.epoch, seq, at_s
+                yield _sample(batch, place)
+
+
+def _sample(batch: LiveBatch, place: int) -> LiveSample:
+    return LiveSample(
+        epoch=batch.epoch,
+        seq=batch.seq[place],
+        t_s=batch.t_s[place],
+        playing=batch.playing,
+        phase=batch.phase,
+        x_um=batch.x_um[place],
+        x_r_um=batch.x_r_um[place],
+        force_mN=batch.force_mN[place],
+        force_r_mN=batch.force_r_mN[place],
+        force_uncertainty_mN=batch.force_uncertainty_mN[place],
+        voltage_V=batch.voltage_V[place],
+        sliding_um=batch.sliding_um[place],
+    )

@@ -1,0 +1,186 @@
+"""Where the error of a path or of a hold comes from: five causes, each an r.m.s.
+
+With the measured position x, the references x_r and F_r, the target x_d of the impedance (10), what
+learning adds to the reference l, and the estimate F̂ of every sample,
+
+    x - x_r = d + g,    g = x_d - x_r - l,    d = x - x_d + l
+
+g is what the impedance gives way because F̂ and x do not lie on the contact line of the references;
+d is what the law itself misses. d falls apart further:
+
+    d = τ·ẋ_r + c·ẍ_r + r + n
+
+The first two, by least squares, go with the speed of the reference: lag. Of the rest, what comes
+back in each cycle (or, where nothing swings, what is slow) is the response r that the model of the
+free arm misses; the remainder is noise n. Samples at which a limit acted, and those just after,
+count for the limits alone.
+
+Of the true force, which no instrument shows, the causes are
+
+    noise         K_e·√(n² - σ²): what the arm moves; the sensor's own noise σ moves nothing
+    response      u: by how much F̂ may be off, as the estimator states it
+    contact line  F̂ - F_r - K_e·d, its repeating part
+    lag           K_e times that of the position
+
+The causes of a mean square N⁻¹·Σ(·)² count over all N samples, so that their squares can be added
+up; where two of them cancel in part the error is less than that sum.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.checks import require_not_negative, require_positive
+
+Series = NDArray[np.float64]
+Cause = Literal["noise", "response", "contact_line", "lag", "limits"]
+CAUSES: tuple[Cause, ...] = ("noise", "response", "contact_line", "lag", "limits")
+AFTER_LIMIT = 10
+"""Samples after a limit acted that it still shows in."""
+SLOW_TICKS = 25
+"""Over which what is slow is averaged, where nothing swings."""
+LEAST = 10
+"""Samples that tell anything."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """N samples of a path at full amplitude or of a hold; every column N long, without gaps.
+
+    Raises
+    ------
+    ValueError
+        Where columns differ in length, samples are fewer than ``LEAST``, cycles are not whole, or a
+        constant is impossible.
+    """
+
+    x_um: Series
+    x_r_um: Series
+    x_d_um: Series
+    learned_um: Series
+    """l; zeros where nothing is learned."""
+    force_mN: Series
+    """F̂."""
+    force_r_mN: Series
+    standard_uncertainty_mN: Series
+    """u: that of F̂ without the sensor's noise."""
+    limited: NDArray[np.bool_]
+    """Whether a limit acted."""
+    cycle_ticks: int
+    """Samples of a cycle; 0: nothing swings."""
+    stiffness_mN_per_um: float
+    """K_e of the references' contact line."""
+    noise_um: float
+    """σ, r.m.s. of the sensor."""
+
+    def __post_init__(self) -> None:
+        count = len(self.x_um)
+        columns = (
+            self.x_r_um,
+            self.x_d_um,
+            self.learned_um,
+            self.force_mN,
+            self.force_r_mN,
+            self.standard_uncertainty_mN,
+            self.limited,
+        )
+        if count < LEAST or any(len(one) != count for one in columns):
+            raise ValueError(f"{count} samples, at least {LEAST} and as many of each are wanted")
+        if self.cycle_ticks and count % self.cycle_ticks:
+            raise ValueError(f"{count} samples are no whole number of {self.cycle_ticks}")
+        require_positive("contact stiffness K_e", self.stiffness_mN_per_um, "mN/µm")
+        require_not_negative("sensor noise", self.noise_um, "µm")
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """R.m.s. of an error by its causes, in µm or mN."""
+
+    total: float
+    """Of the position as measured; of the force the root of the sum of the squares."""
+    by_cause: Mapping[Cause, float]
+
+    @property
+    def largest(self) -> Cause:
+        """The cause that is worth looking at first."""
+        return max(CAUSES, key=lambda cause: self.by_cause[cause])
+
+
+def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
+    """Break the errors of position, in µm, and of the true force, in mN, into their causes."""
+    K_e, limited = seen.stiffness_mN_per_um, _spread(seen.limited)
+    error_um = seen.x_um - seen.x_r_um
+    gives_um = seen.x_d_um - seen.x_r_um - seen.learned_um
+    own_um = error_um - gives_um
+    free = ~limited
+    lag_um = _with_speed(own_um, seen.x_r_um, free)
+    rest_um = own_um - lag_um
+    repeats_um, scatter = _repeating(rest_um, free, seen.cycle_ticks)
+    noise_um = scatter * _rms(rest_um - repeats_um, free)
+    # A mean over few cycles still has its share of the noise.
+    response_um = sqrt(max(0.0, _rms(repeats_um, free) ** 2 - noise_um**2 * (1.0 - scatter**-2.0)))
+    position: dict[Cause, float] = {
+        "noise": noise_um,
+        "response": response_um,
+        "contact_line": _rms(gives_um, free),
+        "lag": _rms(lag_um, free),
+        "limits": _rms(error_um, limited),
+    }
+    force_error_mN = seen.force_mN - seen.force_r_mN
+    off_line_mN, _ = _repeating(force_error_mN - K_e * own_um, free, seen.cycle_ticks)
+    moved_um = sqrt(max(0.0, noise_um**2 - seen.noise_um**2))
+    force: dict[Cause, float] = {
+        "noise": K_e * moved_um,
+        "response": _rms(seen.standard_uncertainty_mN, free),
+        "contact_line": _rms(off_line_mN, free),
+        "lag": K_e * position["lag"],
+        "limits": _rms(force_error_mN, limited),
+    }
+    every = np.ones(len(error_um), dtype=np.bool_)
+    total_mN = sqrt(sum(value * value for value in force.values()))
+    return Sources(_rms(error_um, every), position), Sources(total_mN, force)
+
+
+def _rms(values: Series, there: NDArray[np.bool_]) -> float:
+    """Root of the sum of squares where it counts, over the number of all samples."""
+    return sqrt(float(np.sum(values[there] ** 2)) / len(values))
+
+
+def _spread(limited: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    found = limited.copy()
+    for place in np.flatnonzero(limited):
+        found[place : place + AFTER_LIMIT + 1] = True
+    return found
+
+
+def _with_speed(error_um: Series, x_r_um: Series, there: NDArray[np.bool_]) -> Series:
+    """The part of an error that goes with speed and acceleration of the reference."""
+    speed = np.gradient(x_r_um)
+    moving = np.column_stack((speed, np.gradient(speed)))
+    # Of a reference that rests, or has no second derivative to speak of, nothing can be told.
+    moving = moving[:, np.ptp(moving, axis=0) > 1e-6]
+    if not moving.shape[1] or there.sum() <= moving.shape[1]:
+        return np.zeros_like(error_um)
+    factors, *_ = np.linalg.lstsq(moving[there], error_um[there], rcond=None)
+    along: Series = moving @ factors
+    return along
+
+
+def _repeating(error: Series, there: NDArray[np.bool_], cycle_ticks: int) -> tuple[Series, float]:
+    """What comes back in each cycle, or is slow; and √(n/(n - 1)) of the n that it is a mean of."""
+    masked = np.where(there, error, np.nan)
+    cycles = len(error) // cycle_ticks if cycle_ticks else 0
+    if cycles > 1:
+        table = masked.reshape(cycles, cycle_ticks)
+        known = np.isfinite(table)
+        means = np.nansum(table, axis=0) / np.maximum(1, known.sum(axis=0))
+        return np.tile(means, cycles), sqrt(cycles / (cycles - 1))
+    width = min(SLOW_TICKS, len(error))
+    window = np.ones(width)
+    count = np.convolve(there.astype(np.float64), window, "same")
+    sums = np.convolve(np.where(there, error, 0.0), window, "same")
+    return sums / np.maximum(1.0, count), sqrt(width / (width - 1))

@@ -1,0 +1,75 @@
+"""What is wrong with a value that a model refuses, in words of pincette.
+
+The code and the numbers of an error are stable; the text that pydantic has for it is for
+programmers, and changes with its versions.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+KNOWN: Mapping[str, str] = {
+    "missing": "is missing: state it",
+    "extra_forbidden": "is not known here: leave it out",
+    "greater_than": "must be above {gt:g}{unit}",
+    "greater_than_equal": "must be {ge:g}{unit} or more",
+    "less_than": "must be below {lt:g}{unit}",
+    "less_than_equal": "must be {le:g}{unit} or less",
+    "multiple_of": "must be a multiple of {multiple_of:g}{unit}",
+    "finite_number": "must be a finite number",
+    "int_from_float": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "int_parsing_size": "must be a whole number of fewer digits",
+    "string_too_short": "must have {min_length} or more characters",
+    "string_too_long": "must have {max_length} characters at most",
+    "string_pattern_mismatch": "must have the form {pattern}",
+    "string_unicode": "must be valid Unicode",
+    "too_short": "must have {min_length} or more entries, has {actual_length}",
+    "too_long": "must have {max_length} entries at most, has {actual_length}",
+    "literal_error": "must be {expected}",
+    "enum": "must be {expected}",
+    "none_required": "must be null",
+    "union_tag_invalid": "must be one of {expected_tags}",
+    "timezone_aware": "must state its time zone, as 2026-03-01T12:00:00Z",
+    "json_invalid": "is not JSON: {error}",
+}
+"""By the code of an error; its numbers are put in."""
+KINDS: Mapping[str, str] = {
+    "float": "a number",
+    "int": "a whole number",
+    "decimal": "a number",
+    "bool": "true or false",
+    "string": "a text",
+    "bytes": "bytes",
+    "list": "a list",
+    "tuple": "a list",
+    "set": "a list",
+    "frozen_set": "a list",
+    "dict": "an object",
+    "mapping": "an object",
+    "model": "an object",
+    "dataclass": "an object",
+    "datetime": "a time, as 2026-03-01T12:00:00Z",
+    "date": "a date, as 2026-03-01",
+    "time": "a time of day",
+    "path": "a path",
+    "url": "an address, as https://example.org/path",
+}
+"""What is wanted where a value is of another kind; by the first word of the code."""
+
+
+def refusal(error: Mapping[str, Any], unit: str = "") -> str:
+    """What is wanted of a value, as ``must be above 0 mN``, by an entry of pydantic's ``errors``.
+
+    A text of pincette's own, which a validator has raised, is returned as it is.
+    """
+    code, context = str(error["type"]), dict(error.get("ctx") or {})
+    if code in ("value_error", "assertion_error"):
+        return str(error["msg"]).partition(", ")[2] or str(error["msg"])
+    known = KNOWN.get(code)
+    if known is not None:
+        try:
+            return known.format(**context, unit=f" {unit}" if unit else "")
+        except (KeyError, ValueError):  # without the numbers, or with such as are no numbers
+            pass
+    kind = next((name for name in KINDS if code.startswith(f"{name}_")), "")
+    return f"must be {KINDS[kind]}" if kind else "cannot be used here"

@@ -1,0 +1,261 @@
+"""Medians, worst cases and pictures of what goes beyond the paper."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from statistics import median
+from typing import Any
+
+from pincette.plotting import BLUE, GREEN, ORANGE, RED, Axis, label, legend, picture
+from pincette_study import printed
+from pincette_study.beyond import (
+    CLASSES,
+    LEARNED_CYCLES,
+    PROFILES,
+    BeyondTrial,
+    BeyondTrials,
+    GripTrial,
+)
+from pincette_study.closed_loop import Errors
+from pincette_study.precision import FREQUENCIES_HZ
+from pincette_study.report import Comparison, Picture, Section
+from pincette_study.rigs import Draw
+
+TITLES = {"bouc_wen": "Bouc-Wen", "relays": "relays"}
+PREPARED = {"": "", "dry_run": ", after a residual run", "learned": ", after ten learned cycles"}
+QUANTITIES = ("position", "force")
+FIGURES = {
+    "seconds_without_hold": ("time without the hold", "s"),
+    "peak_over_planned": ("largest true force over the planned one", ""),
+    "hold_error_percent": ("true force over the hold, r.m.s. error", "%"),
+}
+COLORS = dict(zip(FREQUENCIES_HZ, (BLUE, GREEN, ORANGE), strict=True))
+
+
+def summary(trials: Sequence[BeyondTrial]) -> dict[str, Any]:
+    """Medians over the rigs, by class, scheme and frequency.
+
+    Each is a number under its name, and the worst one stands beside it under ``…_worst``.
+    """
+    tree: dict[str, Any] = {}
+    for trial in trials:
+        by_scheme = tree.setdefault(trial.hysteresis, {}).setdefault(trial.scheme, {})
+        values = by_scheme.setdefault(_key(trial.frequency_hz), {})
+        for quantity in QUANTITIES:
+            error = getattr(trial.errors, f"{quantity}_percent")
+            values.setdefault(_name(trial.prepared, quantity), []).append(error)
+    for by_scheme in tree.values():
+        for by_frequency in by_scheme.values():
+            for key, values in by_frequency.items():
+                by_frequency[key] = _medians(values)
+    return tree
+
+
+def grip_summary(trials: Sequence[GripTrial]) -> dict[str, Any]:
+    """Medians over the rigs of all classes by profile, the worst beside."""
+    return {
+        profile: _medians(
+            {
+                name: [getattr(one, name) for one in trials if one.profile == profile]
+                for name in FIGURES
+            }
+        )
+        for profile in PROFILES
+    }
+
+
+def _medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for name, some in values.items():
+        found |= {name: median(some), f"{name}_worst": max(some)}
+    return found
+
+
+def _name(prepared: str, quantity: str) -> str:
+    return f"{prepared}_{quantity}_percent" if prepared else f"{quantity}_percent"
+
+
+def _key(frequency_hz: float) -> str:
+    return f"hz_{frequency_hz:g}".replace(".", "_")
+
+
+def section(found: BeyondTrials) -> Section:
+    """The report's part on tracking."""
+    trials = found.tracks
+    rigs = len({trial.draw.seed for trial in trials})
+    return Section(
+        key="beyond",
+        title="Beyond the paper: the identified free response in the law",
+        text=(
+            f"{rigs} rigs of each class of hysteresis, drawn at random by seeds that no gain was "
+            "found on, calibrated as the product does it and pressed once. In (17) k·H(u) stands "
+            "in the place of d·u, H being the identified hysteresis and creep; gains are the "
+            "defaults, the same on every rig. "
+            f"{printed.X_PP_UM} µm peak to peak. Position as measured, force as it truly was.",
+            "H is made of plays, which are kin to the Bouc-Wen hysteresis of one class of rigs; "
+            "the relays of the other class are not, and are the fairer test.",
+            "Then the motion is played twice without the part, and what the model misses of it is "
+            "kept: this mends the force. At last the law learns from cycle to cycle: this mends "
+            f"the position. Stated is the error of the cycles after {LEARNED_CYCLES}. "
+            f"{_without_a_run(trials)}",
+        ),
+        pictures=(
+            Picture("beyond", "errors of each rig, PBSMIC", _scatter(trials)),
+            Picture("dry_run", "force before and after a residual run, PBSMIC", _pairs(trials)),
+            Picture("learning", "learning: error of the position over cycles", _cycles(trials)),
+        ),
+        comparisons=tuple(_rows(trials)),
+        data={"trials": [_plain(trial) for trial in trials]},
+    )
+
+
+def _without_a_run(trials: Sequence[BeyondTrial]) -> str:
+    """How often the part was believed to be there though it was away."""
+    counts = [sum(t.prepared == word for t in trials) for word in ("", "dry_run")]
+    return (
+        f"Residual runs stand behind {counts[1]} of {counts[0]} tracks; a guard ended the others."
+    )
+
+
+def grip_section(found: BeyondTrials) -> Section:
+    """The report's part on grips."""
+    trials, rows = found.grips, list[Comparison]()
+    for profile, values in grip_summary(trials).items():
+        rows += [
+            Comparison(
+                f"{profile} grip: {words}",
+                unit,
+                None,
+                values[name],
+                f"worst {values[f'{name}_worst']:.3g} {unit}".rstrip(),
+            )
+            for name, (words, unit) in FIGURES.items()
+        ]
+    return Section(
+        key="grip",
+        title="Grips, timed",
+        text=(
+            "A quick grip loads at the touch without a stop, and follows the contact line as it "
+            "is identified; a gentle one stops there. The same rigs, both classes together.",
+        ),
+        pictures=(Picture("grips", "largest and held force of each grip", _grips(trials)),),
+        comparisons=tuple(rows),
+        data={"trials": [_plain(trial) for trial in trials]},
+    )
+
+
+def _rows(trials: Sequence[BeyondTrial]) -> list[Comparison]:
+    rows: list[Comparison] = []
+    for name, by_scheme in summary(trials).items():
+        for scheme, by_frequency in by_scheme.items():
+            for frequency_hz in FREQUENCIES_HZ:
+                values = by_frequency[_key(frequency_hz)]
+                for prepared, words in PREPARED.items():
+                    for quantity in QUANTITIES:
+                        key = _name(prepared, quantity)
+                        if key not in values:
+                            continue
+                        text = f"{TITLES[name]}, {scheme.upper()} {quantity}, {frequency_hz:g} Hz"
+                        worst = f"worst {values[f'{key}_worst']:.2f} %"
+                        text = f"{text}{words}, median"
+                        rows.append(Comparison(text, "%", None, values[key], worst))
+    return rows
+
+
+def _plain(trial: BeyondTrial | GripTrial) -> dict[str, Any]:
+    tree: dict[str, Any] = {}
+    for each in fields(trial):
+        value = getattr(trial, each.name)
+        if isinstance(value, Draw | Errors):
+            tree |= {one.name: getattr(value, one.name) for one in fields(value)}
+        else:
+            tree[each.name] = value
+    return tree
+
+
+def _of(
+    trials: Sequence[BeyondTrial], name: str, frequency_hz: float, prepared: str
+) -> list[BeyondTrial]:
+    wanted = (name, "pbsmic", frequency_hz, prepared)
+    return [t for t in trials if (t.hysteresis, t.scheme, t.frequency_hz, t.prepared) == wanted]
+
+
+def _scatter(trials: Sequence[BeyondTrial]) -> bytes:
+    def draw(axes: list[Axis]) -> None:
+        for axis, name in zip(axes, CLASSES, strict=True):
+            for frequency_hz, color in COLORS.items():
+                some = [trial.errors for trial in _of(trials, name, frequency_hz, "")]
+                axis.plot(
+                    [found.position_percent for found in some],
+                    [found.force_percent for found in some],
+                    "o",
+                    color=color,
+                    markersize=4,
+                    label=f"{frequency_hz:g} Hz",
+                )
+            axis.set_xlim(left=0.0)
+            axis.set_ylim(bottom=0.0)
+            label(axis, "position RMSE / %", "force RMSE / %", TITLES[name])
+            legend(axis)
+
+    return picture(1, 2, 4.2, draw)
+
+
+def _pairs(trials: Sequence[BeyondTrial]) -> bytes:
+    """Force error after a residual run over that before, below the line where it helped."""
+
+    def draw(axes: list[Axis]) -> None:
+        for axis, name in zip(axes, CLASSES, strict=True):
+            most = 0.0
+            for frequency_hz, color in COLORS.items():
+                plain, made = (
+                    {
+                        t.draw.seed: t.errors.force_percent
+                        for t in _of(trials, name, frequency_hz, w)
+                    }
+                    for w in ("", "dry_run")
+                )
+                before, after = [plain[seed] for seed in made], list(made.values())
+                most = max((most, *before, *after))
+                words = f"{frequency_hz:g} Hz"
+                axis.plot(before, after, "o", color=color, markersize=4, label=words)
+            axis.plot([0.0, most], [0.0, most], color=RED, linewidth=0.8, linestyle=":")
+            axis.set_xlim(left=0.0)
+            axis.set_ylim(bottom=0.0)
+            label(axis, "force RMSE before / %", "after / %", TITLES[name])
+            legend(axis)
+
+    return picture(1, 2, 4.2, draw)
+
+
+def _cycles(trials: Sequence[BeyondTrial]) -> bytes:
+    """Median over the rigs of the position's error of each cycle."""
+
+    def draw(axes: list[Axis]) -> None:
+        for axis, name in zip(axes, CLASSES, strict=True):
+            for frequency_hz, color in COLORS.items():
+                some = [t.cycles_percent for t in _of(trials, name, frequency_hz, "learned")]
+                medians = [median(errors) for errors in zip(*some, strict=True)]
+                cycles = range(1, len(medians) + 1)
+                words = f"{frequency_hz:g} Hz"
+                axis.plot(cycles, medians, "o-", color=color, markersize=3, label=words)
+            axis.axvline(LEARNED_CYCLES + 0.5, color=RED, linewidth=0.8, linestyle=":")
+            axis.set_ylim(bottom=0.0)
+            label(axis, "cycle at full amplitude", "position RMSE, median / %", TITLES[name])
+            legend(axis)
+
+    return picture(1, 2, 4.2, draw)
+
+
+def _grips(trials: Sequence[GripTrial]) -> bytes:
+    def draw(axes: list[Axis]) -> None:
+        for axis, name in zip(axes, CLASSES, strict=True):
+            for profile, color in zip(PROFILES, (ORANGE, BLUE), strict=True):
+                some = [t for t in trials if (t.hysteresis, t.profile) == (name, profile)]
+                peaks = [one.peak_over_planned for one in some]
+                held = [one.hold_error_percent for one in some]
+                axis.plot(peaks, held, "o", color=color, markersize=4, label=profile)
+            axis.set_ylim(bottom=0.0)
+            label(axis, "peak over planned", "error over the hold / %", TITLES[name])
+            legend(axis)
+
+    return picture(1, 2, 4.2, draw)

@@ -1,0 +1,280 @@
+"""The guard at a program's ports: strangers keep nobody out, and what passes it passes whole."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+import re
+import secrets
+import socket
+import threading
+from collections.abc import Callable, Generator
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any, cast
+
+import pytest
+
+from pincette.bus import private_port
+from pincette.bus.admission import HELLO_S
+from pincette.bus.guard import MOST_PENDING, Guard
+from pincette.bus.private_port import PrivatePort
+from pincette.bus.protocol import BusError
+from pincette.bus.relay import MOST_WAITING
+from pincette.bus.session import Joined, open_session
+from pincette.bus.topology import (
+    SessionConfig,
+    TlsIdentity,
+    client_session,
+    router_session,
+    secured,
+)
+from pincette.security.access import client_access, router_access
+from pincette.security.folder import Folder
+from pincette.security.identity import Credentials, program
+from tests.support.bare_connects import (
+    TLS_HELLO_BEGUN,
+    ZENOH_INIT_BEGUN,
+    descriptors,
+    strangers,
+)
+from tests.support.certificates import folder_for
+from tests.support.rigs import free_ports
+
+pytestmark = pytest.mark.usefixtures("stalls")
+
+ROUTER, TOOL = program("router", ""), program("supervisor", "")
+MANY = 400
+KEY = "pincette/v1/demo/job"
+OPENS_S = 1.0
+"""In which a link is made while strangers come; without the guard it took 40 s."""
+BACK_S = 30.0
+REVOKED_WITHIN_S = 2.0
+MEGABYTES = 4
+
+
+class Door:
+    """A router behind its guard, and how a client joins it."""
+
+    def __init__(self, folder: Folder | None) -> None:
+        self.port = free_ports(1)
+        listens, joins = (
+            router_session("127.0.0.1", self.port),
+            client_session("127.0.0.1", self.port),
+        )
+        if folder is not None:
+            known = router_access([ROUTER, TOOL])
+            listens = secured(listens, TlsIdentity(folder.credentials(ROUTER), known))
+            joins = secured(joins, TlsIdentity(folder.credentials(TOOL), client_access(ROUTER)))
+        self.client: SessionConfig = joins
+        self.router: Joined = open_session(listens, "router")
+        assert self.router.guard is not None
+        self.guard: Guard = self.router.guard
+
+    def opened_s(self) -> float:
+        """How long it takes to join."""
+        begun_s = monotonic()
+        with open_session(self.client, "tool"):
+            return monotonic() - begun_s
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
+
+
+@pytest.fixture(params=["plain", "secure"])
+def door(request: pytest.FixtureRequest, folder: Folder) -> Generator[Door]:
+    made = Door(folder if request.param == "secure" else None)
+    yield made
+    made.router.close()
+
+
+@pytest.mark.parametrize("stay", [True, False])
+@pytest.mark.parametrize(
+    "words", [b"", b"G", b"GET / HTTP/1.1\r\n", TLS_HELLO_BEGUN, ZENOH_INIT_BEGUN]
+)
+def test_strangers_keep_nobody_out(
+    door: Door, words: bytes, stay: bool, record_property: Callable[[str, object], None]
+) -> None:
+    door.opened_s()  # what Zenoh opens with its first link stays open
+    before = descriptors()
+    with strangers([door.port], MANY, words=words, stay=stay):
+        took_s = door.opened_s()
+        assert descriptors() < before + (MANY if stay else 0) + 2 * MOST_PENDING + 50
+    record_property("link_ms", round(1e3 * took_s))
+    assert took_s < OPENS_S
+    deadline = monotonic() + BACK_S
+    while descriptors() > before:
+        assert monotonic() < deadline
+        sleep(0.05)
+
+
+def test_links_that_are_up_go_on_and_are_ended_with_their_own_end(door: Door) -> None:
+    heard: list[bytes] = []
+    with open_session(door.client, "tool") as tool:
+        tool.declare_subscriber(
+            "pincette/v1/demo/job", lambda one: heard.append(one.payload.to_bytes())
+        )
+        publisher = door.router.session.declare_publisher("pincette/v1/demo/job")
+        deadline = monotonic() + 5.0
+        while not cast("Any", publisher.matching_status).matching:
+            assert monotonic() < deadline
+            sleep(0.01)
+        with strangers([door.port], MANY):
+            for number in range(100):
+                publisher.put(str(number).encode())
+            while len(heard) < 100:
+                assert monotonic() < deadline
+                sleep(0.01)
+        assert heard == [str(number).encode() for number in range(100)]
+        assert len(door.router.session.info.links()) == 1
+    while door.router.session.info.links():
+        assert monotonic() < deadline
+        sleep(0.01)
+
+
+def test_the_name_in_the_certificate_reaches_the_access_list(folder: Folder) -> None:
+    door = Door(folder)
+    try:
+        with open_session(door.client, "tool"):
+            assert [one.auth_identifier for one in door.router.session.info.links()] == [
+                "supervisor"
+            ]
+    finally:
+        door.router.close()
+
+
+def test_each_link_is_told_with_its_peer_and_why_it_went(
+    door: Door, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "pincette")
+    deadline = monotonic() + 5.0
+    with open_session(door.client, "tool"):
+        while len(caplog.messages) < 2:  # of both sides
+            assert monotonic() < deadline
+            sleep(0.01)
+        (mine,) = [one for one in caplog.messages if f":{door.port}" in one]
+        assert mine.startswith("link up: ")
+    while not any(one.startswith("link down") for one in caplog.messages):
+        assert monotonic() < deadline
+        sleep(0.01)
+    told = [one for one in caplog.messages if f":{door.port}" not in one]
+    name = "supervisor" if door.client.tls else "a program"
+    assert re.fullmatch(rf"link up: {name} at 127\.0\.0\.1:\d+", told[0])
+    down = rf"link down after \d+\.\d s: {name} at 127\.0\.0\.1:\d+: (it hung up|its lease.*)"
+    assert re.fullmatch(down, told[1])
+    assert len(told) == 2
+
+
+def test_whose_certificate_is_revoked_is_out_and_stays_out(tmp_path: Path) -> None:
+    folder = folder_for(tmp_path / "pki", "demo")
+    door = Door(folder)
+    viewer = folder.named("viewer")
+    own = secured(
+        client_session("127.0.0.1", door.port),
+        TlsIdentity(folder.credentials(TOOL), client_access(ROUTER)),
+    )
+    copies = [tmp_path / name for name in ("crt", "key")]
+    theirs = folder.credentials(viewer)
+    for copy, place in zip(copies, (theirs.certificate, theirs.private_key), strict=True):
+        copy.write_bytes(place.read_bytes())
+    kept = Credentials(viewer, theirs.authority, *copies)
+    joins = secured(
+        client_session("127.0.0.1", door.port), TlsIdentity(kept, client_access(ROUTER))
+    )
+    try:
+        with open_session(own, "tool"), open_session(joins, "viewer"):
+            assert len(door.router.session.info.links()) == 2
+            (tmp_path / "pki" / "revoked").write_text("no number\n")
+            sleep(1.2)
+            assert len(door.router.session.info.links()) == 2, "nothing follows from a bad list"
+            (tmp_path / "pki" / "revoked").unlink()
+            folder.revoke(viewer)
+            deadline = monotonic() + REVOKED_WITHIN_S
+            while len(door.router.session.info.links()) > 1:
+                assert monotonic() < deadline
+                sleep(0.02)
+        with pytest.raises(BusError, match="viewer"):
+            open_session(joins, "viewer")
+        assert door.opened_s() < OPENS_S
+    finally:
+        door.router.close()
+
+
+def test_who_says_nothing_is_ended_in_time(door: Door) -> None:
+    with socket.create_connection(("127.0.0.1", door.port)) as stranger:
+        stranger.settimeout(HELLO_S + 2.0)
+        begun_s = monotonic()
+        with pytest.raises(ConnectionResetError):
+            stranger.recv(1)
+        assert monotonic() - begun_s > HELLO_S - 0.1
+    assert door.guard.count.refused >= 1
+
+
+def test_the_port_behind_opens_to_the_guard_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    behind = PrivatePort.chosen()
+    with socket.socket() as listener:
+        listener.bind((behind.host, behind.port))
+        listener.listen()
+        assert behind.close_to_others(), "this kernel signs no TCP segments"
+        for source in ("127.0.0.1", "127.5.5.5", behind.host):
+            with socket.socket() as stranger:
+                stranger.settimeout(0.2)
+                stranger.bind((source, 0))
+                with pytest.raises(TimeoutError):
+                    stranger.connect((behind.host, behind.port))
+        line = behind.connecting()
+        listener.settimeout(1.0)
+        accepted, _ = listener.accept()
+        for one in (line, accepted):
+            one.close()
+        monkeypatch.setattr(private_port, "TCP_MD5SIG_EXT", 0x7FFF)
+        assert not behind.close_to_others()
+
+
+@pytest.fixture
+def echo() -> Generator[PrivatePort]:
+    """A private port behind which everything is said again."""
+    behind = PrivatePort.chosen()
+    with socket.create_server((behind.host, behind.port)) as listener:
+        assert behind.close_to_others()
+
+        def answer() -> None:
+            line, _ = listener.accept()
+            with line:
+                while found := line.recv(65536):
+                    line.sendall(found)
+
+        thread = threading.Thread(target=answer, daemon=True)
+        thread.start()
+        yield behind
+        thread.join(5.0)
+        assert not thread.is_alive()
+
+
+def test_a_slow_reader_is_waited_for_and_nothing_is_lost(echo: PrivatePort) -> None:
+    port = free_ports(1)
+    guard = Guard([("127.0.0.1", port)], echo, None)
+    guard.start()
+    sent = b"\x01\x00\x01" + secrets.token_bytes(MEGABYTES * 1_000_000)
+    assert len(sent) > 8 * MOST_WAITING
+    got = bytearray()
+    with socket.create_connection(("127.0.0.1", port)) as line:
+        line.settimeout(20.0)
+
+        def send() -> None:
+            line.sendall(sent)
+
+        sender = threading.Thread(target=send)
+        sender.start()
+        sleep(0.3)  # everything on the way is full
+        while len(got) < len(sent):
+            got += line.recv(20_000)
+        sender.join()
+    assert bytes(got) == sent
+    guard.close()
+
+
+def test_a_place_that_is_taken_is_told(door: Door) -> None:
+    with pytest.raises(OSError, match="in use"):
+        Guard([("127.0.0.1", door.port)], PrivatePort.chosen(), None)

@@ -1,0 +1,45 @@
+"""Strangers who connect and say nothing, or too little; all end with the block."""
+
+import os
+import socket
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
+
+TLS_HELLO_BEGUN = bytes.fromhex("160301020001")
+"""The first bytes of a handshake that never comes to its end."""
+ZENOH_INIT_BEGUN = b"\x20\x00\x01"
+"""The first bytes of a session that is never opened."""
+
+
+@contextmanager
+def strangers(
+    ports: Sequence[int], count: int, *, words: bytes = b"", stay: bool = True
+) -> Generator[None]:
+    """``count`` connections to each port, as fast as they can be made."""
+    held: list[socket.socket] = []
+    try:
+        for _ in range(count):
+            for port in ports:
+                line = socket.socket()
+                line.setblocking(False)
+                line.connect_ex(("127.0.0.1", port))
+                if words:
+                    _say(line, words)
+                if stay:
+                    held.append(line)
+                else:
+                    line.close()
+        yield
+    finally:
+        for line in held:
+            line.close()
+
+
+def _say(line: socket.socket, words: bytes) -> None:
+    with suppress(OSError):  # ended already, or not yet there
+        line.send(words)
+
+
+def descriptors(process: int | None = None) -> int:
+    """Open files of a process; of this one if none is given."""
+    return len(os.listdir(f"/proc/{process or 'self'}/fd"))  # noqa: PTH208  a count

@@ -1,0 +1,137 @@
+"""Strangers hold connections at every port of a rig, plain and secure: a stop comes through.
+
+Real processes, real time. Each round connects to each port as fast as can be, and stays; the next
+one takes its place. Meanwhile the rig is stopped on each way, and a router comes back.
+"""
+
+import resource
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic, sleep
+
+import httpx
+import pytest
+
+from pincette.bus.endpoints import direct_endpoint, tool_endpoint
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.cli.safety import trip_past_supervisor
+from pincette.core.faults import Cause
+from pincette.core.messages import Trip
+from pincette.core.topics import LOOP, TRIP
+from tests.support.bare_connects import descriptors, strangers
+from tests.support.certificates import folder_for
+from tests.support.grips import SHORT, kill, make_ready, restart
+from tests.support.rigs import demo_rig
+from tests.support.running import RunningRig, running_rig
+
+pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.full]
+
+ROUND = 1000
+"""Connections to each port in one round."""
+STOP_S, RECONNECT_S, BACK_S = 1.0, 5.0, 30.0
+"""What is promised; see the fault table."""
+MOST_FILES = 2600
+"""Of a program that is held by strangers: the HTTP server takes 2048 at once, and ends most."""
+
+
+@pytest.fixture(params=["plain", "secure"])
+def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Generator[RunningRig]:
+    own = demo_rig(SHORT)
+    if request.param == "secure":
+        own = own.secured(folder_for(tmp_path / "pki", own.rig.name).path)
+    with running_rig(own, tmp_path) as running:
+        make_ready(running, 30.0)
+        yield running
+
+
+@contextmanager
+def held(rig: RunningRig, rounds: int) -> Generator[threading.Event]:
+    """Hold every port for so many rounds, and then with the last one; set once the first stands."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    ports = [rig.rig.bus.port + offset for offset in range(1 + len(LOOP))]
+    standing, end = threading.Event(), threading.Event()
+
+    def play() -> None:
+        for number in range(rounds):
+            with strangers([*ports, rig.rig.supervisor.port], ROUND):
+                standing.set()
+                end.wait(0.0 if number < rounds - 1 else None)
+
+    thread = threading.Thread(target=play)
+    thread.start()
+    try:
+        assert standing.wait(30.0)
+        yield standing
+    finally:
+        end.set()
+        thread.join()
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def took_s(what: Callable[[], object]) -> float:
+    """How long something takes."""
+    begun_s = monotonic()
+    what()
+    return monotonic() - begun_s
+
+
+def over_rest(rig: RunningRig) -> None:
+    """Stop as one who comes now; a connection that was idle has made room for strangers."""
+    answer = httpx.post(f"{rig.client.base_url}rigs/{rig.rig.rig.name}/estop", trust_env=False)
+    assert answer.status_code == 200
+
+
+def past_supervisor(rig: RunningRig) -> None:
+    """Stop as ``pincette estop`` does where no supervisor answers."""
+    assert trip_past_supervisor(rig.rig, rig.rig.rig.name).missing == []
+
+
+def over_bus(rig: RunningRig) -> None:
+    """Stop by the actuator's own key, on a session of its own."""
+    bus = ZenohBus(direct_endpoint(rig.rig, "actuator"), rig.rig.rig.name, "stop")
+    bus.call(TRIP, Trip(Cause.ESTOP), STOP_S)
+    bus.close()
+
+
+def seen_again(rig: RunningRig) -> None:
+    """Wait until a tool sees every program of the loop at the router."""
+    deadline = monotonic() + 2.0 * RECONNECT_S
+    bus = ZenohBus(tool_endpoint(rig.rig), rig.rig.rig.name, "tool")
+    while not set(LOOP) <= bus.alive():
+        assert monotonic() < deadline, f"not seen: {set(LOOP) - bus.alive()}"
+        sleep(0.02)
+    bus.close()
+
+
+@pytest.mark.parametrize("rounds", [1, pytest.param(10, marks=pytest.mark.slow)])
+def test_a_stop_comes_through_and_partners_come_back(
+    rig: RunningRig, rounds: int, figures: list[str]
+) -> None:
+    processes = [member.process.pid for member in rig.fleet.members.values()]
+    before = {pid: descriptors(pid) for pid in processes}
+    with held(rig, rounds):
+        stops = {one.__name__: took_s(lambda one=one: one(rig)) for one in WAYS}
+        most = max(map(descriptors, processes))
+        kill(rig, "router")
+        restart(rig, "router")
+        again_s = took_s(lambda: seen_again(rig))
+    figures += [
+        f"{rounds} x {ROUND} strangers at each port: stopped in "
+        f"{', '.join(f'{1e3 * each_s:.0f} ms {name}' for name, each_s in stops.items())}; router "
+        f"back in {again_s:.2f} s; at most {most} files"
+    ]
+    assert max(stops.values()) < STOP_S
+    assert again_s < RECONNECT_S
+    assert most < MOST_FILES
+    deadline = monotonic() + BACK_S
+    for pid in before.keys() & {member.process.pid for member in rig.fleet.members.values()}:
+        # A supervisor opens what it writes; strangers hold none of that.
+        while descriptors(pid) > before[pid] + 5:
+            assert monotonic() < deadline, f"{descriptors(pid)} files, {before[pid]} before"
+            sleep(0.2)
+
+
+WAYS = (over_rest, past_supervisor, over_bus)

@@ -1,0 +1,176 @@
+"""What repeats, with real processes: learning over cycles, and a motion played without its part."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any, cast
+
+import pyarrow.parquet as parquet
+import pytest
+
+from pincette.core.messages import Applied, Estimate, Position
+from pincette.engine.composed import ComposedLoop
+from pincette_supervisor.kinds.track import TrackJobRequest
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.support.rigs import demo_rig
+from tests.support.running import Json, RunningRig, running_rig
+
+pytestmark = pytest.mark.full
+
+LEARNING = TrackJobRequest(
+    kind="track",
+    autostart=True,
+    shape="sinusoid",
+    force_mean_mN=12.0,
+    force_pp_mN=10.0,
+    frequency_hz=2.0,
+    cycles=10,
+    load_s=1.0,
+    learn=True,
+    set="consistent",
+)
+"""By a law that leaves something to learn."""
+TRACK: Json = {
+    "kind": "track",
+    "autostart": True,
+    "shape": "sinusoid",
+    "force_mean_mN": 12.0,
+    "force_pp_mN": 16.0,
+    "frequency_hz": 0.5,
+    "cycles": 2,
+    "load_s": 1.0,
+}
+SKEWED: Json = {
+    "limits": {"slew_V_per_s": 40.0},
+    "simulation": {"hysteresis": {"asymmetry": 0.1}, "scripts": True},
+}
+"""An arm whose hysteresis is not the one that its model was taught on."""
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Generator[RunningRig]:
+    with running_rig(demo_rig(SKEWED, time="lockstep"), tmp_path) as running:
+        yield running
+
+
+def done(rig: RunningRig, body: Json) -> Json:
+    job = rig.ended(rig.post("/jobs", body).raise_for_status().json()["id"], timeout_s=120.0)
+    assert job["state"] == "succeeded", job["cause"]
+    return job
+
+
+def recorded(rig: RunningRig, job: str) -> dict[str, list[Any]]:
+    names = ["x_um", "force_mN", "voltage_V"]
+    table = cast(Any, parquet).read_table(
+        rig.data / "jobs" / job / "samples.parquet", columns=names
+    )
+    return cast("dict[str, list[Any]]", table.to_pydict())
+
+
+def typed(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pincette", *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+
+
+def replayed(rig: RunningRig, *jobs: str) -> None:
+    """Every service repeats the records, one after another, to the last bit."""
+    folders = [str(rig.data / "jobs" / job) for job in jobs]
+    told = typed("replay", "--json", *folders)
+    assert told.returncode == 0, told.stdout + told.stderr
+    for found in json.loads(told.stdout):
+        for one in found["services"]:
+            assert (one["first"], one["stopped"]) == (None, ""), one
+
+
+def force_error_mN(job: Json) -> float:
+    return cast(float, job["result"]["true_force_mN"]["rmse"])
+
+
+def test_ten_cycles_are_learned_kept_gone_on_from_and_erased(rig: RunningRig) -> None:
+    body = LEARNING.model_dump(mode="json", exclude_unset=True)
+    first = done(rig, body)
+    learned = first["result"]["learned"]
+    errors = [one["position_um"] for one in first["result"]["cycles"]]
+    print("first job:", [f"{error:.3f}" for error in errors], learned)
+    assert len(errors) == 10
+    assert learned["errors_um"] == pytest.approx(errors[: learned["cycles"]])
+    assert min(errors) < 0.4 * errors[0]
+
+    published = ComposedLoop(rig.rig).play(plan_job(LEARNING, rig.rig).program)
+    assert recorded(rig, first["id"]) == {
+        "x_um": [m.x_um for m in published if isinstance(m, Position)],
+        "force_mN": [m.force_mN for m in published if isinstance(m, Estimate)],
+        "voltage_V": [m.voltage_V for m in published if isinstance(m, Applied) and m.seq >= 0],
+    }
+
+    (kept,) = rig.get("/rigs/demo/learning")["programs"]
+    assert (kept["program"], kept["cycles"]) == (learned["program"], learned["cycles"])
+    second = done(rig, body)
+    again = [one["position_um"] for one in second["result"]["cycles"]]
+    print("second job:", [f"{error:.3f}" for error in again])
+    assert again[0] < 0.5 * errors[0]
+    replayed(rig, first["id"], second["id"])
+
+    url = f"http://{rig.rig.supervisor.host}:{rig.rig.supervisor.port}"
+    shown = typed("learning", "show", "--url", url)
+    assert learned["program"] in shown.stdout
+    assert typed("learning", "erase", learned["program"], "--url", url).returncode == 0
+    assert rig.get("/rigs/demo/learning")["programs"] == []
+
+
+def test_a_recipe_that_repeats_learns_on(rig: RunningRig) -> None:
+    """A recipe names a program like a request does: its jobs go on from one another."""
+    values = LEARNING.model_dump(mode="json", exclude_unset=True)
+    for name in ("kind", "autostart"):
+        values.pop(name)
+    stored = rig.post("/recipes", {"name": "ripple", "values": values})
+    assert stored.is_success, stored.text
+    body: Json = {"kind": "track", "recipe": "ripple", "autostart": True}
+    errors = [done(rig, body)["result"]["cycles"][0]["position_um"] for _ in range(2)]
+    print([f"{error:.3f}" for error in errors])
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_a_motion_is_played_without_its_part_over_rest(rig: RunningRig) -> None:
+    done(rig, TRACK)
+    before = done(rig, TRACK)
+    asked = {"kind": "calibrate", "calibration": "residual", "autostart": True}
+    job = rig.post("/jobs", asked).raise_for_status().json()["id"]
+    rig.until_phase(job, "part away")
+    assert typed("rig", "part", "remove", "--rig", str(rig.path)).returncode == 0
+    rig.post(f"/jobs/{job}/actions", {"type": "continue"}).raise_for_status()
+    rig.until_phase(job, "part back")
+    assert typed("rig", "part", "place", "--rig", str(rig.path)).returncode == 0
+    rig.post(f"/jobs/{job}/actions", {"type": "continue"}).raise_for_status()
+    found = rig.ended(job)
+    assert found["state"] == "succeeded", found["cause"]
+    print(found["result"]["statement"])
+    rig.post(f"/calibrations/{job}/actions", {"type": "accept"}).raise_for_status()
+    after = done(rig, TRACK)
+    assert after["values"]["residual"]["job"] == before["id"]
+    print(f"{force_error_mN(before):.3f} mN, with the residual {force_error_mN(after):.3f} mN")
+    assert force_error_mN(after) < 0.7 * force_error_mN(before)
+    stated = [one["result"]["force_uncertainty_mN"] for one in (before, after)]
+    assert stated[1] < stated[0]
+    sources = after["result"]["error_sources"]["force_mN"]
+    assert sources["response"] < before["result"]["error_sources"]["force_mN"]["response"]
+    replayed(rig, before["id"], job, after["id"])
+
+
+def test_the_same_by_the_command_line(rig: RunningRig) -> None:
+    url = ["--url", f"http://{rig.rig.supervisor.host}:{rig.rig.supervisor.port}"]
+    track = ["job", "track", "--shape", "sinusoid", "--force-mean-mN", "12", "--force-pp-mN"]
+    track += ["16", "--frequency-hz", "0.5", "--cycles", "2", "--load-s", "1", *url]
+    told = typed(*track)
+    assert told.returncode == 0, told.stderr
+    assert "force error by the free response" in told.stdout
+    assert typed("rig", "part", "remove", "--rig", str(rig.path)).returncode == 0
+    told = typed("calibrate", "residual", "--no-confirm", *url)
+    assert told.returncode == 0, told.stdout + told.stderr
+    assert typed("rig", "part", "place", "--rig", str(rig.path)).returncode == 0
+    assert typed("model", "accept", "last", *url).returncode == 0
+    assert typed(*track).returncode == 0
+    newest = rig.get("/jobs", kind="track")["jobs"][0]
+    assert rig.job(newest["id"])["values"]["residual"]["error_um"] > 0.0
