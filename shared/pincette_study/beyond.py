@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from pincette.config import Calibration, RigFile
+from pincette.config import RigFile
 from pincette.config.laws import law_definition
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
@@ -166,17 +166,16 @@ def _tracks(desk: Desk, name: str, draw: Draw, frequency_hz: float) -> Iterator[
         seen = tracked(played, path, period_s, LEARNED_CYCLES if learns else 0)
         return BeyondTrial(name, draw, scheme, frequency_hz, errors(seen), prepared, of_cycles)
 
-    known: Calibration | None = None
-    for prepared in ("", "dry_run"):
-        record: tuple[Program, list[Message]] | None = None
-        for scheme in SCHEMES:
-            made, path = program(scheme, CYCLES[frequency_hz])
-            played = desk.play(made, known)
-            yield trial(scheme, played, path, prepared)
-            record = record or (made, played)
-        if known is None and record is not None:
-            # One table serves both schemes, which play the same motion.
-            known = desk.residual(*record)
+    record: list[tuple[Program, list[Message]]] = []
+    for scheme in SCHEMES:
+        made, path = program(scheme, CYCLES[frequency_hz])
+        record.append((made, desk.play(made)))
+        yield trial(scheme, record[-1][1], path, "")
+    # One table serves both schemes, which play the same motion.
+    known = desk.residual(*record[0])
+    for scheme in SCHEMES if known is not None else ():
+        made, path = program(scheme, CYCLES[frequency_hz])
+        yield trial(scheme, desk.play(made, known), path, "dry_run")
     for scheme in SCHEMES:
         made, path = program(scheme, LEARNED_CYCLES + AFTER_CYCLES[frequency_hz])
         nothing = no_corrections(cycle_ticks(path.cycle_s, period_s))

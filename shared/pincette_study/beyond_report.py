@@ -95,7 +95,8 @@ def section(found: BeyondTrials) -> Section:
             "the relays of the other class are not, and are the fairer test.",
             "Then the motion is played twice without the part, and what the model misses of it is "
             "kept: this mends the force. At last the law learns from cycle to cycle: this mends "
-            f"the position. Stated is the error of the cycles after {LEARNED_CYCLES}.",
+            f"the position. Stated is the error of the cycles after {LEARNED_CYCLES}. "
+            f"{_without_a_run(trials)}",
         ),
         pictures=(
             Picture("beyond", "errors of each rig, PBSMIC", _scatter(trials)),
@@ -104,6 +105,14 @@ def section(found: BeyondTrials) -> Section:
         ),
         comparisons=tuple(_rows(trials)),
         data={"trials": [_plain(trial) for trial in trials]},
+    )
+
+
+def _without_a_run(trials: Sequence[BeyondTrial]) -> str:
+    """How often the part was believed to be there though it was away."""
+    counts = [sum(t.prepared == word for t in trials) for word in ("", "dry_run")]
+    return (
+        f"Residual runs stand behind {counts[1]} of {counts[0]} tracks; a guard ended the others."
     )
 
 
@@ -143,6 +152,8 @@ def _rows(trials: Sequence[BeyondTrial]) -> list[Comparison]:
                 for prepared, words in PREPARED.items():
                     for quantity in QUANTITIES:
                         key = _name(prepared, quantity)
+                        if key not in values:
+                            continue
                         text = f"{TITLES[name]}, {scheme.upper()} {quantity}, {frequency_hz:g} Hz"
                         worst = f"worst {values[f'{key}_worst']:.2f} %"
                         text = f"{text}{words}, median"
@@ -196,11 +207,15 @@ def _pairs(trials: Sequence[BeyondTrial]) -> bytes:
         for axis, name in zip(axes, CLASSES, strict=True):
             most = 0.0
             for frequency_hz, color in COLORS.items():
-                before, after = (
-                    [trial.errors.force_percent for trial in _of(trials, name, frequency_hz, word)]
-                    for word in ("", "dry_run")
+                plain, made = (
+                    {
+                        t.draw.seed: t.errors.force_percent
+                        for t in _of(trials, name, frequency_hz, w)
+                    }
+                    for w in ("", "dry_run")
                 )
-                most = max(most, *before, *after)
+                before, after = [plain[seed] for seed in made], list(made.values())
+                most = max((most, *before, *after))
                 words = f"{frequency_hz:g} Hz"
                 axis.plot(before, after, "o", color=color, markersize=4, label=words)
             axis.plot([0.0, most], [0.0, most], color=RED, linewidth=0.8, linestyle=":")

@@ -83,6 +83,20 @@ def test_one_bad_rig_shows_in_the_worst_alone() -> None:
     assert (values["position_percent"], values["position_percent_worst"]) == (0.9, 7.0)
 
 
+def test_a_rig_without_a_residual_run_is_left_out_of_its_medians_and_told() -> None:
+    found = trials()
+    missing = [
+        trial
+        for trial in found.tracks
+        if trial.prepared != "dry_run" or (trial.draw.seed, trial.frequency_hz) == (101, 0.5)
+    ]
+    values = summary(missing)["relays"]["dsmifc"]
+    assert values["hz_0_5"]["dry_run_force_percent"] == pytest.approx(0.4)
+    assert "dry_run_force_percent" not in values["hz_2"]
+    told = section(BeyondTrials(missing, found.grips))
+    assert any("behind 4 of 36 tracks" in text for text in told.text)
+
+
 def test_grips_are_of_all_classes_by_profile() -> None:
     found = grip_summary(trials().grips)
     assert list(found) == list(PROFILES)

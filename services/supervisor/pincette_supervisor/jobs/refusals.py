@@ -5,7 +5,9 @@ from pincette.api.states import ActionType, allowed_actions
 from pincette.bus.protocol import BusError
 from pincette.core.faults import Cause
 from pincette_supervisor.jobs.job import LiveJob
-from pincette_supervisor.journal.store import JobRow, Store
+from pincette_supervisor.jobs.job_queue import Entry
+from pincette_supervisor.journal.store import JobRow, KeyTakenError, Store
+from pincette_supervisor.journal.tables import Creation
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.problems import ProblemError, not_found
 from pincette_supervisor.rigs.part import held_words, reset_words
@@ -126,10 +128,18 @@ def model_changed() -> ProblemError:
     )
 
 
-def require_same(job: str, fingerprint: str, sent: str) -> None:
-    """Raise ProblemError where a key comes with another request than the one it has created."""
-    if fingerprint != sent:
-        raise key_reused(job)
+def require_queued(entry: Entry | None, name: str) -> Entry:
+    """An entry of the queue; raises ProblemError where the job does not wait."""
+    if entry is None:
+        raise not_found("queued job", name)
+    return entry
+
+
+def require_same(known: Creation | KeyTakenError, sent: str) -> str:
+    """The job that a key has created; raises ProblemError where another request comes with it."""
+    if known.fingerprint != sent:
+        raise key_reused(known.job)
+    return known.job
 
 
 def key_reused(job: str) -> ProblemError:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.control.response.hysteresis_motion import Column, low_passed, play_columns
-from pincette.control.response.identification import (
+from pincette.control.response.play_fit import (
     PLAYS_PER_FAMILY,
     YIELDING,
     first_known,

@@ -18,12 +18,10 @@ from pincette.control.response.hysteresis_motion import (
 )
 from pincette.control.response.identification import (
     ALL,
-    REACH,
     Candidates,
     identify_free_response,
-    spread_creep_times,
-    spread_thresholds,
 )
+from pincette.control.response.play_fit import REACH, spread_creep_times, spread_thresholds
 from pincette.sim.plant.relays import follow_relays, loop_of_relays
 
 PERIOD_S, NOISE_UM = 0.02, 0.03
