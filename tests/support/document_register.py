@@ -83,6 +83,16 @@ SITTINGS: dict[str, Sitting] = {
             Told("API=http", "README.md's blocks fetch the same; it needs a job that has ended"),
             Told("import pyarrow", "tests/system/test_readme.py reads the same file"),
             Told("from mcap.reader", "tests/contract/test_record_in_other_tools.py reads it so"),
+            Told(
+                "pincette job describe last --pin yes",
+                "it needs a job that has ended: test_jobs_found_again.py pins one",
+            ),
+            Told(
+                "pincette job grip --sample B7",
+                "it needs a rig: test_jobs_found_again.py says the same over REST",
+            ),
+            Told("pincette job list --batch", "test_jobs_found_again.py exports the same"),
+            Told("pincette backup", "tests/unit/cli/test_backup.py does it"),
         )
     ),
     "docs/how-to/alarms.md": Sitting(

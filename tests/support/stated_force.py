@@ -15,10 +15,9 @@ from pincette.api.calibrations import CalibrationResult
 from pincette.config import Calibration, RigFile
 from pincette.config import calibrated as laid
 from pincette.core.messages import Estimate, GroundTruth, Telemetry
-from pincette_study.calibrated_free import after_strokes
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
-from tests.support.calibrating import calibrated, opened_benches
+from tests.support.calibrating import after_strokes, calibrated, opened_benches
 from tests.support.twenty_rigs import unknown_rig
 
 FORCES_MN, HOLDS_S = (5.0, 20.0), (4.0, 60.0)

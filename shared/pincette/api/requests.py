@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from pincette.api import CONFIG, Model, Whole, example
+from pincette.api import CONFIG, WHOLE, Model, example
 from pincette.control.laws.parameters import ForceAge, ParameterSet
 from pincette.control.quantities import LARGEST
 
@@ -49,7 +49,7 @@ class JobRequest(BaseModel, frozen=True):
     labels: Labels = Field(default_factory=dict)
     queue: bool = False
     """Wait for the rig while another job has it, instead of being refused."""
-    priority: Annotated[Whole, Field(ge=0, le=9)] = 0
+    priority: Annotated[int, Field(ge=0, le=9), WHOLE] = 0
     """Of jobs that wait in the queue those with more come first."""
     recipe: RecipeName | None = None
     """Name of a recipe, or name@version, which completes what the request leaves out."""

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pincette.api import Model, Whole, example
+from pincette.api import WHOLE, Model, example
 from pincette.api.checks import Check, FaultView
 from pincette.api.rig_states import RigState
 
@@ -178,7 +178,7 @@ class QueueRequest(Model):
     """Go on with the next job, stop all that wait, or move one of them."""
     job: str | None = Field(default=None, max_length=100)
     """With ``move``: the job that waits."""
-    position: Annotated[Whole, Field(ge=1, le=100)] = 1
+    position: Annotated[int, Field(ge=1, le=100), WHOLE] = 1
     """With ``move``: its place then, 1 is the next; beyond the end it is the last."""
 
 

@@ -19,7 +19,6 @@ from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_queue import CAPACITY, JobQueue
 from pincette_supervisor.jobs.job_view import fingerprint_of, job_view, new_row
 from pincette_supervisor.jobs.key_turns import KeyTurns
-from pincette_supervisor.jobs.queue_turns import require_resumable, startable_entry
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.journal.store import JobRow, KeyTakenError, StoreError
 from pincette_supervisor.model.model_view import use_model
@@ -184,7 +183,7 @@ class JobManager:
         """Start the next queued job if the rig is free."""
         if self._closing or self.active is not None:
             return
-        entry = startable_entry(self.context, self.queue)
+        entry = refusals.startable_entry(self.context, self.queue)
         if entry is not None:
             # Active before it leaves the queue, so that no waiting request misses it.
             self._begin(entry.row, entry.request, None)
@@ -200,7 +199,7 @@ class JobManager:
                     refusals.require_queued(self.queue.entry(move[0]), move[0]), move[1]
                 )
             elif len(self.queue):
-                require_resumable(self.context, self.queue, self.active)
+                refusals.require_resumable(self.context, self.queue, self.active)
                 self.queue.resume()
                 self._start_next()
         self.context.events.append("queue", action=order, by=by, length=len(self.queue))
