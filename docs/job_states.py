@@ -72,7 +72,12 @@ RULES = """\
 - With `"queue": true` a job waits while another has the rig. The next one is planned again with
   the model in use when its turn comes. A job that ends otherwise than `succeeded`, and a
   restart of the supervisor, halt the queue until a person resumes it: `POST
-  /api/v1/rigs/{rig}/queue/actions` with `{"type": "resume"}` or `{"type": "clear"}`.
+  /api/v1/rigs/{rig}/queue/actions` with `{"type": "resume"}` or `{"type": "clear"}`. A held
+  part, or an emergency stop between two jobs, halts it as well, and uses up no job.
+- Jobs with more `priority` wait further ahead. `{"type": "move", "job": …, "position": 1}` gives
+  one that waits another place; its action `stop` takes it out.
+- An ended job says why, in `ending`: a code, with the numbers of what was found. `cause` has the
+  same in words. An interrupted job has the result that its record gives.
 - A calibration with the arm free that a stall of the machine has tripped is `failed`, and begins
   again as a new job that its `cause` names, as often as its `tries` say.
 - A supervisor that is killed leaves its job `interrupted` and the program playing, in real time

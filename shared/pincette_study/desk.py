@@ -47,13 +47,13 @@ class Desk:
             benches.append(simulated_bench(rig, told))
             return benches[0]
 
-        self._loop = ComposedLoop(rig, set_up)
+        self.loop = ComposedLoop(rig, set_up)
         self._bench = benches[0]
 
     def play(self, program: Program, known: Calibration | None = None) -> list[Message]:
         """Play a program to its end; ``known``: what is laid over the rig file's model."""
         self._epoch += 1
-        return self._loop.play(program, self._epoch, "" if known is None else known.text())
+        return self.loop.play(program, self._epoch, "" if known is None else known.text())
 
     def stroke(self) -> None:
         """Go twice over the taught range with the part away.

@@ -11,6 +11,7 @@ decodes what it takes and encodes what it sends.
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
+import json
 import os
 import signal
 import sys
@@ -20,7 +21,7 @@ from queue import SimpleQueue
 
 import zenoh
 
-from pincette.bus.session import open_session
+from pincette.bus.settings import settings
 from pincette.core.codec import decode, encode
 from pincette.core.topics import LOOP
 from pincette.instruments.link import open_link
@@ -44,8 +45,8 @@ def main(role: str, url: str, port: int, kind: str = "") -> None:
     coded = kind == "coded"
     whole = coded or kind == "whole"
     place = routed_ends(port) if kind == "routed" else ends(port, role, whole=whole)
-    joined = open_session(place, role)
-    session = joined.session
+    # As the programs', but with no guard at its port.
+    session = zenoh.open(zenoh.Config.from_json5(json.dumps(settings(place, role))))
     link = open_link(url, baud=115200, timeout_s=5.0) if role in REQUESTS else None
     queue: SimpleQueue[int] = SimpleQueue()
     payload = bytes(SIZES[role])
@@ -87,7 +88,7 @@ def main(role: str, url: str, port: int, kind: str = "") -> None:
         if link is not None:
             link.exchange(REQUESTS[role])
         publisher.put(encode(said) if coded else payload)
-    joined.close()
+    session.close()
 
 
 def _leash(queue: "SimpleQueue[int]") -> None:

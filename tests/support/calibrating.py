@@ -15,6 +15,7 @@ from pincette.core.topics import ACTION, TELEMETRY, Topic
 from pincette.engine import simulated
 from pincette.engine.composed import ComposedLoop
 from pincette.sim.bench import Bench
+from pincette_study.desk import Desk
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
@@ -70,22 +71,35 @@ def opened_benches() -> Generator[list[Bench]]:
         simulated.open_bench = opening
 
 
+def after_strokes(rig: RigFile) -> ComposedLoop:
+    """A rig whose arm has gone twice over the taught range, in the epoch 1; its part is back."""
+    desk = Desk(rig)
+    desk.stroke()
+    return desk.loop
+
+
 def calibrated(
-    rig: RigFile, bench: list[Bench], calibration: str, fault: str = "", **wishes: Any
+    rig: RigFile,
+    bench: list[Bench],
+    calibration: str,
+    fault: str = "",
+    *,
+    moved_before: bool = False,
+    **wishes: Any,
 ) -> tuple[Record, Bystander]:
-    """A calibration played to its end, as it would be kept."""
+    """A calibration played to its end, as it would be kept; by a new arm, or one that has moved."""
     body = {"kind": "calibrate", "calibration": calibration, **wishes}
     planned = plan_job(REQUEST.validate_python(body), rig)
     assert planned.plan.violations == []
-    loop = ComposedLoop(rig)
+    loop, epoch = (after_strokes(rig), 2) if moved_before else (ComposedLoop(rig), 1)
     person = Bystander(loop, bench[-1], planned)
     messages: list[Message] = [
         message
-        for message in loop.play(planned.program)
+        for message in loop.play(planned.program, epoch)
         if not isinstance(message, Sample) or message.seq >= 0
     ]
     row = JobRow("job", "calibrate", rig.rig.name, "running", body, {}, "")
-    record = gather(rig, row, planned, Take(1, messages))
+    record = gather(rig, row, planned, Take(epoch, messages))
     assert fault in record.fault
     assert bool(fault) == bool(record.fault)
     assert record.result.outcome == "moved"

@@ -83,6 +83,16 @@ SITTINGS: dict[str, Sitting] = {
             Told("API=http", "README.md's blocks fetch the same; it needs a job that has ended"),
             Told("import pyarrow", "tests/system/test_readme.py reads the same file"),
             Told("from mcap.reader", "tests/contract/test_record_in_other_tools.py reads it so"),
+            Told(
+                "pincette job describe last --pin yes",
+                "it needs a job that has ended: test_jobs_found_again.py pins one",
+            ),
+            Told(
+                "pincette job grip --sample B7",
+                "it needs a rig: test_jobs_found_again.py says the same over REST",
+            ),
+            Told("pincette job list --batch", "test_jobs_found_again.py exports the same"),
+            Told("pincette backup", "tests/unit/cli/test_backup.py does it"),
         )
     ),
     "docs/how-to/alarms.md": Sitting(
@@ -108,6 +118,7 @@ SITTINGS: dict[str, Sitting] = {
             Told("python docs/examples/secure", "tests/system/test_security.py runs the script"),
             Typed("pincette security add"),
             Typed("pincette security show", r"anna"),
+            Typed("pincette security revoke", r"revoked: demo/estimator"),
         )
     ),
     "docs/how-to/rest-keys.md": Sitting(
@@ -116,6 +127,7 @@ SITTINGS: dict[str, Sitting] = {
             Told('Supervisor("http://gripper.lab', ANOTHER_HOST),
             Told("docker compose exec", DOCKER),
             Told("pincette audit", "tests/system/test_rest_access.py asks for it with such a key"),
+            Told("pincette audit verify", "tests/unit/supervisor/test_audit.py verifies a log"),
         )
     ),
     "docs/how-to/compose.md": Sitting(

@@ -5,7 +5,6 @@
 
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import product
 from statistics import median
@@ -16,13 +15,15 @@ from pincette.api.calibrations import CalibrationResult
 from pincette.config import Calibration, RigFile
 from pincette.config import calibrated as laid
 from pincette.core.messages import Estimate, GroundTruth, Telemetry
-from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
-from tests.support.calibrating import calibrated, opened_benches
-from tests.support.twenty_rigs import PAIRS, unknown_rig
+from tests.support.calibrating import after_strokes, calibrated, opened_benches
+from tests.support.twenty_rigs import unknown_rig
 
-FORCES_MN, HOLDS_S, RIGS = (5.0, 10.0, 20.0), (4.0, 60.0), range(1, 9)
+FORCES_MN, HOLDS_S = (5.0, 20.0), (4.0, 60.0)
+RIGS = 20
+"""Of each class of hysteresis, by the first seeds."""
+FORCES_SEED = 77
 PHASES = ("contact", "load", "hold", "unload")
 
 
@@ -38,11 +39,13 @@ class Stated:
     uncertainty_mN: float
     error_mN: float
     """R.m.s."""
+    mean_mN: float
+    """Mean error."""
 
 
-def known_rig(pair: str, seed: int) -> RigFile:
+def known_rig(pair: str, seed: int, *, relays: bool = False) -> RigFile:
     """A rig drawn at random with what its own calibrations have found, in one process."""
-    rig, found = unknown_rig(pair, seed), Calibration()
+    rig, found = unknown_rig(pair, seed, relays=relays), Calibration()
     assert rig.simulation is not None
     fast = ("frequency_response",) if pair == "fast" else ()
     with opened_benches() as benches:
@@ -50,7 +53,7 @@ def known_rig(pair: str, seed: int) -> RigFile:
             there = kind == "contact_stiffness"
             simulated = rig.simulation.model_copy(update={"bead": there})
             bare = rig.model_copy(update={"simulation": simulated})
-            record, _ = calibrated(laid(bare, found), benches, kind)
+            record, _ = calibrated(laid(bare, found), benches, kind, moved_before=there)
             assert isinstance(record.result, CalibrationResult)
             values = {item.quantity: item.value for item in record.result.values}
             found = Calibration(values={**found.values, **values})
@@ -58,10 +61,11 @@ def known_rig(pair: str, seed: int) -> RigFile:
 
 
 def gripped(rig: RigFile, force_mN: float, hold_s: float) -> list[Stated]:
-    """Grip, and compare sample by sample."""
+    """Grip with an arm that has been moved before, as after its calibrations; by samples."""
     request = GripJobRequest(kind="grip", force_mN=force_mN, hold_s=hold_s)
-    published = ComposedLoop(rig).play(plan_job(request, rig).program)
-    true_mN = {m.seq: m.force_mN for m in published if isinstance(m, GroundTruth)}
+    published = after_strokes(rig).play(plan_job(request, rig).program, epoch=2)
+    truths = [m for m in published if isinstance(m, GroundTruth)]
+    true_mN = {m.seq - truths[0].seq: m.force_mN for m in truths}
     phase_of = {m.seq: m.phase for m in published if isinstance(m, Telemetry)}
     told = [m for m in published if isinstance(m, Estimate) and m.valid and m.seq in true_mN]
     found: list[Stated] = []
@@ -76,34 +80,51 @@ def gripped(rig: RigFile, force_mN: float, hold_s: float) -> list[Stated]:
                 width=float(np.mean(u_mN) / abs(np.mean(error_mN))),
                 uncertainty_mN=float(np.mean(u_mN)),
                 error_mN=float(np.sqrt(np.mean(error_mN**2))),
+                mean_mN=float(np.mean(error_mN)),
             )
         )
     return found
 
 
-def of_rig(named: tuple[str, int]) -> list[tuple[float, list[Stated]]]:
-    """Every grip of one rig, by how long it held."""
-    rig = known_rig(*named)
-    return [(hold_s, gripped(rig, F_mN, hold_s)) for F_mN, hold_s in product(FORCES_MN, HOLDS_S)]
+@dataclass(frozen=True)
+class Held:
+    """The held force of one rig, against the truth."""
+
+    pair: str
+    seed: int
+    relays: bool
+    force_mN: float
+    error_mN: float
+    """Of the mean over the hold."""
+    uncertainty_mN: float
+    """Mean U over the hold."""
 
 
-def table(grips: Sequence[tuple[float, Sequence[Stated]]]) -> str:
-    """Medians over rigs and forces, by length of the hold and phase."""
-    lines = ["| hold / s | phase | coverage | width | U / mN | error / mN |", "|---:" * 6 + "|"]
-    for hold_s, phase in product(sorted({hold_s for hold_s, _ in grips}), PHASES):
-        rows = [s for held, stated in grips if held == hold_s for s in stated if s.phase == phase]
-        share = sum(row.coverage for row in rows) / len(rows)
-        wide = median(row.width for row in rows)
-        u_mN, error_mN = (
-            median(getattr(r, n) for r in rows) for n in ("uncertainty_mN", "error_mN")
-        )
-        lines.append(
-            f"| {hold_s:g} | {phase} | {share:.2f} | {wide:.1f} | {u_mN:.2f} | {error_mN:.2f} |"
-        )
-    return "\n".join(lines)
+def held(pair: str, seed: int, *, relays: bool, hold_s: float) -> Held:
+    """Teach one rig, grip once with a force drawn by the seed, and compare the held force."""
+    rig = known_rig(pair, seed, relays=relays)
+    force_mN = float(np.random.default_rng((FORCES_SEED, seed, relays)).uniform(*FORCES_MN))
+    (stated,) = [one for one in gripped(rig, force_mN, hold_s) if one.phase == "hold"]
+    return Held(pair, seed, relays, force_mN, stated.mean_mN, stated.uncertainty_mN)
+
+
+def judged(rows: Sequence[Held]) -> tuple[float, float]:
+    """Share of rigs whose truth lies within F ± U, and median U over median magnitude of error."""
+    within = [abs(row.error_mN) <= row.uncertainty_mN for row in rows]
+    wide = median(row.uncertainty_mN for row in rows)
+    return sum(within) / len(rows), wide / median(abs(row.error_mN) for row in rows)
+
+
+def main() -> None:
+    """Hold with rigs of both classes, a line for each."""
+    for hold_s in HOLDS_S:
+        rows: list[Held] = []
+        for seed, relays in product(range(RIGS), (False, True)):
+            rows.append(held("slow", seed, relays=relays, hold_s=hold_s))
+            sys.stdout.write(f"{rows[-1]}\n")
+            sys.stdout.flush()
+        sys.stdout.write(f"{hold_s:g} s: coverage %.3f, width %.2f\n" % judged(rows))
 
 
 if __name__ == "__main__":
-    with ProcessPoolExecutor() as pool:
-        rigs = pool.map(of_rig, product(PAIRS, RIGS))
-        sys.stdout.write(table([grip for grips in rigs for grip in grips]) + "\n")
+    main()

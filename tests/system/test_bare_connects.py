@@ -26,12 +26,14 @@ from tests.support.grips import SHORT, kill, make_ready, restart
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 
-pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.full]
+pytestmark = pytest.mark.usefixtures("stalls")
 
 ROUND = 1000
 """Connections to each port in one round."""
 STOP_S, RECONNECT_S, BACK_S = 1.0, 5.0, 30.0
 """What is promised; see the fault table."""
+TIMES = 5
+"""That each way is taken; the longest counts."""
 MOST_FILES = 2600
 """Of a program that is held by strangers: the HTTP server takes 2048 at once, and ends most."""
 
@@ -113,8 +115,10 @@ def test_a_stop_comes_through_and_partners_come_back(
     processes = [member.process.pid for member in rig.fleet.members.values()]
     before = {pid: descriptors(pid) for pid in processes}
     with held(rig, rounds):
-        stops = {one.__name__: took_s(lambda one=one: one(rig)) for one in WAYS}
-        most = max(map(descriptors, processes))
+        stops, most = dict.fromkeys((one.__name__ for one in WAYS), 0.0), 0
+        for one in WAYS * TIMES:
+            most = max(most, *map(descriptors, processes))
+            stops[one.__name__] = max(stops[one.__name__], took_s(lambda one=one: one(rig)))
         kill(rig, "router")
         restart(rig, "router")
         again_s = took_s(lambda: seen_again(rig))

@@ -25,7 +25,7 @@ def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
 def gripped(address: str, sample: str) -> str:
     """A grip that has ended; over the network, since the browser has this thread's event loop."""
     with Supervisor(address) as supervisor:
-        job = supervisor.rig("demo").start("grip", labels={"sample": sample}, queue=True)
+        job = supervisor.rig("demo").start("grip", sample=sample, queue=True)
         job.wait(60.0)
         return job.id
 
@@ -77,5 +77,31 @@ def test_a_sample_is_given_where_a_job_is_started(browser: Browser, desk: Harnes
         seen.page.click("#start")
         seen.until_true(lambda: bool(desk.store.newest(1)), "no job was started")
     (job,) = desk.store.newest(2)
-    assert job.request["labels"] == {"sample": "B9"}
+    assert job.request["sample"] == "B9"
+    context.close()
+
+
+def test_a_job_is_described_after_its_end(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context()
+    with served(desk.app) as address:
+        job = gripped(address, "B10")
+        seen = visit(context, address)
+        seen.page.click("#tab-jobs")
+        seen.page.click(f"#open-{job}")
+        seen.page.click("#job-said summary")
+        assert seen.page.input_value("#said-sample") == "B10"
+        seen.page.fill("#said-sample", "B11")
+        seen.page.fill("#said-notes", "chip <b>at the rim</b>")
+        seen.page.fill("#said-labels", "glue")
+        seen.page.click("#said-form button[type=submit]")
+        seen.until("#said-fault", "is no label")
+        seen.page.fill("#said-labels", "glue=none")
+        seen.page.check("#said-pinned")
+        seen.page.click("#said-form button[type=submit]")
+        seen.until("#job-detail dl", "chip <b>at the rim</b>")
+        seen.until("#job-list", "B11 · none")
+        row = desk.store.get(job)
+        assert row is not None
+        assert (row.sample, row.labels, row.pinned) == ("B11", {"glue": "none"}, True)
+        assert seen.errors == []
     context.close()

@@ -6,6 +6,8 @@ which the references are at rest: in a rest, between two segments that end at re
 point of a path. There the law goes on regulating, and the guards go on watching.
 """
 
+from math import inf
+
 from msgspec.structs import replace
 
 from pincette.control.planning.program import Program
@@ -100,7 +102,7 @@ def _next(program: Program, player: Player, estimate: Estimate) -> Player:
         player = replace(player, outcome=Outcome.NO_CONTACT)
         return jump(program, player, Phase.RETREAT, estimate.x_um)
     if segment.phase == Phase.LOAD and program.contact_line == "identified":
-        player = _settle_contact(program, player)
+        player = _settle_contact(program, player, estimate)
         if player.outcome:
             return jump(program, player, Phase.UNLOAD, estimate.x_um)
     if not player.outcome:
@@ -122,14 +124,21 @@ def _outcome(program: Program, player: Player) -> Outcome:
     return Outcome.MOVED if moves else Outcome.NONE
 
 
-def _settle_contact(program: Program, player: Player) -> Player:
-    """Take the contact line as fitted over the load, so that x_r and F_r agree from here on."""
+def _settle_contact(program: Program, player: Player, estimate: Estimate) -> Player:
+    """Take the contact line as fitted over the load, so that x_r and F_r agree from here on.
+
+    K_e is wrong where it is so for every force within F ± U: K_e errs by the same share.
+    """
     fit = player.line.fit()
     guards = program.guards
     if fit is None:
         return replace(player, outcome=Outcome.WRONG_STIFFNESS)
     K_e = fit.K_e_mN_per_um
     player = replace(player, contact_x_um=fit.x_e_um, K_e_mN_per_um=K_e)
-    if not guards.stiffness_min_mN_per_um <= K_e <= guards.stiffness_max_mN_per_um:
+    F, U = abs(estimate.force_mN), estimate.force_uncertainty_mN
+    share = U / F if F > U else 1.0
+    softest = guards.stiffness_min_mN_per_um / (1.0 + share)
+    hardest = guards.stiffness_max_mN_per_um / (1.0 - share) if share < 1.0 else inf
+    if not softest <= K_e <= hardest:
         return replace(player, outcome=Outcome.WRONG_STIFFNESS)
     return player

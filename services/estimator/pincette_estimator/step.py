@@ -1,24 +1,20 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
-from math import hypot
-
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.arm.plant import perturbation
 from pincette.control.force.contact_detector import ContactDetector
-from pincette.control.force.estimation import COVERAGE
 from pincette.control.force.zeroing import zero_refusal
-from pincette.control.response.free_response import FreeSample, rest_mean
+from pincette.control.response.free_response import FreeSample
 from pincette.control.response.reversal_memory import ReversalMemory
-from pincette.control.response.unknown_past import UnknownPast
 from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
 from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.state import Inputs, State, touched
-from pincette_estimator.uncertainty import creep_um, uncertainty_mN
+from pincette_estimator.uncertainty import creep_um, narrowed_past, uncertainty_mN
 
 FREE_SAMPLES = 128
 """Samples of free motion kept, enough for the branch that leads to a rest."""
@@ -150,24 +146,12 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
     return replace(
         state,
         response=response.rezero(state.samples, config.zero_limits.rest_samples),
-        unknown=_compared(config, state, t_s).rezero(response),
+        unknown=narrowed_past(config, state, t_s).rezero(response),
         contact_detector=state.contact_detector.restarted(position.x_um, nominal_um),
         reversal_memory=ReversalMemory(applied.voltage_V),
         zero_s=t_s,
         zero_refusal=None,
     )
-
-
-def _compared(config: EstimatorConfig, state: State, t_s: float) -> UnknownPast:
-    """What a free arm has told of its past since the last zero; nothing before the first."""
-    if state.zero_s is None:
-        return state.unknown
-    response, count = state.response, config.zero_limits.rest_samples
-    standard_um = hypot(
-        response.error_um(), creep_um(config, t_s - state.zero_s) / COVERAGE, config.noise_um
-    )
-    residual_um = response.residual_um(rest_mean(state.samples, count))
-    return state.unknown.compared(response, residual_um, standard_um)
 
 
 def _estimate(

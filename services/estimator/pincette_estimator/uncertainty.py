@@ -3,8 +3,9 @@
 from math import hypot, log10
 
 from pincette.control.force.estimation import COVERAGE, uncertainty
+from pincette.control.response.free_response import rest_mean
 from pincette.control.response.reversal_memory import forgotten_share
-from pincette.control.response.unknown_past import standard_uncertainty_um
+from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um
 from pincette_estimator.config import EstimatorConfig
 from pincette_estimator.state import State
 
@@ -36,3 +37,15 @@ def creep_um(config: EstimatorConfig, age_s: float) -> float:
     """How far creep may have moved the arm since a zero of this age, at two standard errors."""
     creep_mN = config.creep_mN_per_decade * log10(1.0 + max(0.0, age_s))
     return COVERAGE * creep_mN * config.compliance_um_per_mN
+
+
+def narrowed_past(config: EstimatorConfig, state: State, t_s: float) -> UnknownPast:
+    """What a free arm has told of its past since the last zero; nothing before the first."""
+    if state.zero_s is None:
+        return state.unknown
+    response, count = state.response, config.zero_limits.rest_samples
+    standard_um = hypot(
+        response.error_um(), creep_um(config, t_s - state.zero_s) / COVERAGE, config.noise_um
+    )
+    residual_um = response.residual_um(rest_mean(state.samples, count))
+    return state.unknown.compared(response, residual_um, standard_um)

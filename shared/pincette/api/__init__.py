@@ -1,6 +1,6 @@
 """What goes over REST: requests, plans, results, problems, and the life of a job as data."""
 
-from typing import Annotated, Any
+from typing import Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
@@ -22,5 +22,5 @@ def _whole(value: object) -> object:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-Whole = Annotated[int, BeforeValidator(_whole)]
-"""An integer as JSON has them: 5.0 is 5, and 5.5 is refused."""
+WHOLE = BeforeValidator(_whole)
+"""Of an integer as JSON has them: 5.0 is 5, and 5.5 is refused; stands after its limits."""

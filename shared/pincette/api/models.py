@@ -1,10 +1,10 @@
 """The model in use over REST, its versions, and why one is not used."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pincette.api import Model, Whole, example
+from pincette.api import WHOLE, Model, example
 
 
 class ModelQuantity(Model):
@@ -107,4 +107,4 @@ class ModelAction(Model):
     model_config = example(type="use", version=1)
 
     type: Literal["use"]
-    version: Whole = Field(ge=0, le=9999)
+    version: Annotated[int, Field(ge=0, le=9999), WHOLE]

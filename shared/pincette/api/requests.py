@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from pincette.api import CONFIG, Model, example
+from pincette.api import CONFIG, WHOLE, Model, example
 from pincette.control.laws.parameters import ForceAge, ParameterSet
 from pincette.control.quantities import LARGEST
 
@@ -13,11 +13,14 @@ NotNegative = Annotated[float, Field(ge=0, le=LARGEST[""])]
 Duration = Annotated[float, Field(gt=0, le=3600)]
 Speed = Annotated[float, Field(ge=0.1, le=1000)]
 Label = Annotated[str, Field(max_length=200)]
-LABEL_NAME = r"""^[^\s="'\\\x00-\x1f\x7f]{1,40}$"""
+LABEL_NAME = r"""^[^\x00-\x20\x7f-\xa0="'\\]{1,40}$"""
 Notes = Annotated[str, Field(max_length=4000)]
 LabelName = Annotated[str, Field(pattern=LABEL_NAME)]
 RecipeName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}(@[1-9][0-9]{0,5})?$")]
-Labels = Annotated[dict[LabelName, Label], Field(max_length=16)]
+Labels = Annotated[
+    dict[LabelName, Label],
+    Field(max_length=16, json_schema_extra={"additionalProperties": False}),
+]
 OnStop = Literal["hold", "release", "retract"]
 OnAbort = Literal["freeze", "ramp"]
 
@@ -46,6 +49,8 @@ class JobRequest(BaseModel, frozen=True):
     labels: Labels = Field(default_factory=dict)
     queue: bool = False
     """Wait for the rig while another job has it, instead of being refused."""
+    priority: Annotated[int, Field(ge=0, le=9), WHOLE] = 0
+    """Of jobs that wait in the queue those with more come first."""
     recipe: RecipeName | None = None
     """Name of a recipe, or name@version, which completes what the request leaves out."""
 

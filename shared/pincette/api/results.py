@@ -113,6 +113,19 @@ OutcomeCode = Literal[
 class JobResult(Model):
     """What every result has."""
 
+    model_config = example(
+        outcome="unfinished",
+        phases=[{"phase": "approach", "start_s": 0.4, "duration_s": 1.4}],
+        limits_acted=[],
+        actions=[],
+        samples=90,
+        missed_ticks=0,
+        unanswered_ticks=0,
+        dropped_messages=0,
+        touch_x_um=None,
+        touch_force_mN=None,
+    )
+
     outcome: OutcomeCode
     """How the program ended, by the controller; ``tripped`` by the actuator, ``unfinished`` where
     nobody said."""

@@ -1,10 +1,10 @@
 """A rig over REST: its programs, its checks, its limits, its latch."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pincette.api import Model, example
+from pincette.api import WHOLE, Model, example
 from pincette.api.checks import Check, FaultView
 from pincette.api.rig_states import RigState
 
@@ -166,13 +166,20 @@ class Queue(Model):
     capacity: int
 
 
+QueueOrder = Literal["resume", "clear", "move"]
+
+
 class QueueRequest(Model):
     """What shall become of the queue."""
 
-    model_config = example(type="resume")
+    model_config = example(type="move", job="20260301-120000-1f0c", position=1)
 
-    type: Literal["resume", "clear"]
-    """Go on with the next job, or stop all that wait."""
+    type: QueueOrder
+    """Go on with the next job, stop all that wait, or move one of them."""
+    job: str | None = Field(default=None, max_length=100)
+    """With ``move``: the job that waits."""
+    position: Annotated[int, Field(ge=1, le=100), WHOLE] = 1
+    """With ``move``: its place then, 1 is the next; beyond the end it is the last."""
 
 
 class SafeToMove(Model):

@@ -18,7 +18,7 @@ from typer import Argument, Option
 from pincette import __version__
 from pincette.cli import CliError
 from pincette.cli.options import DATA, DataFolder
-from pincette.cli.terminal import Json, command, group
+from pincette.cli.terminal import Json, command, group, patience
 
 JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
     "supervisor.sqlite",
@@ -51,7 +51,8 @@ def backup(
         raise CliError(f"{journal} is not there: name the folder with --data")
     draft = file.with_name(file.name + ".part")
     try:
-        with tempfile.TemporaryDirectory(dir=file.absolute().parent) as work:
+        parent = file.absolute().parent
+        with tempfile.TemporaryDirectory(dir=parent) as work, patience("copying"):
             copy = Path(work) / JOURNAL
             _copied(journal, copy)
             names = _written(draft, copy, data, records=records)

@@ -1,20 +1,22 @@
 """``pincette job list``, ``export``, ``describe``: jobs found again, and what is said of them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from rich.markup import escape
 from typer import Argument, BadParameter, Option, Typer
 
 from pincette.api.jobs import Job
+from pincette.api.states import STATES
 from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
 from pincette.cli.options import MOMENTS, Limit, choice, moment
 from pincette.cli.results import outcome
-from pincette.cli.terminal import STATE_COLOURS, clock, command, table
+from pincette.cli.terminal import STATE_COLOURS, clock, command, patience, table
 
-FORMATS = {".csv": "csv", ".parquet": "parquet"}
+FORMATS: Mapping[str, Literal["csv", "parquet"]] = {".csv": "csv", ".parquet": "parquet"}
 
 
 def label(text: str) -> tuple[str, str]:
@@ -37,7 +39,10 @@ Labels = Annotated[
 class Wanted(Target):
     """For a command about the jobs that are as named."""
 
-    state: Annotated[str | None, Option("--state", metavar="STATE", help="only jobs in it")] = None
+    state: Annotated[
+        str | None,
+        Option("--state", parser=choice([*STATES]), metavar="STATE", help="only jobs in it"),
+    ] = None
     kind: Annotated[str | None, Option("--kind", metavar="KIND", help="only jobs of it")] = None
     sample: Annotated[
         str | None, Option("--sample", metavar="NAME", help="only jobs of this sample")
@@ -83,6 +88,7 @@ def list_jobs(wanted: Wanted, limit: Limit = 20) -> None:
     rig = ["rig"] if len({job.rig for job in jobs}) > 1 else []
     said = ["said"] if any(map(_said, jobs)) else []
     rows = table("job", *rig, "kind", "state", "outcome", "begun", *said, right=())
+    rows.columns[0].no_wrap = True
     for job in jobs:
         state_text = f"[{STATE_COLOURS.get(job.state, 'default')}]{job.state}[/]"
         begun = clock(job.started_at or job.created_at)
@@ -108,7 +114,8 @@ def export(
     form = FORMATS.get(out.suffix)
     if form is None:
         raise CliError(f"{out}: give a name that ends in {' or '.join(FORMATS)}", Exit.USAGE)
-    content = wanted.supervisor().export(form, **wanted.filters)
+    with patience("exporting"):
+        content = wanted.supervisor().export(form, **wanted.filters)
     try:
         out.write_bytes(content)
     except OSError as error:

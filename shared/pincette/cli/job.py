@@ -20,7 +20,7 @@ from pincette.cli.options import (
     request_parameters,
 )
 from pincette.cli.results import show_plan, show_result
-from pincette.cli.terminal import clock, command, group, screen
+from pincette.cli.terminal import clock, command, group, patience, screen
 from pincette.cli.watch import followed
 from pincette.client import RigHandle, WaitTimeoutError
 
@@ -69,7 +69,8 @@ def _add_start(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[s
         rig = target.rig()
         if dry_run:
             return _planned(target, rig, kind, fields)
-        job = rig.start(kind.name, **fields)
+        with patience("planning, predicting and starting"):
+            job = rig.start(kind.name, **fields)
         if not no_wait:
             return followed(job.patient(FOLLOWED_S), machine=target.json)
         target.answer(job.job, job.id)
@@ -103,7 +104,8 @@ def _add_plan(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[st
         fields, rig = {**fixed, **given_fields(given)}, target.rig()
         status = _planned(target, rig, kind, fields)
         if plot is not None:
-            written(plot, rig.plot(kind.name, **fields))
+            with patience("drawing"):
+                written(plot, rig.plot(kind.name, **fields))
             if not target.json:
                 print(f"plot: {plot}")
         return status
@@ -116,7 +118,8 @@ def _add_plan(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[st
 
 def _planned(target: Target, rig: RigHandle, kind: JobKind, fields: dict[str, Any]) -> int:
     """Show what a job would do; the exit status says whether it may."""
-    plan = rig.plan(kind.name, **fields)
+    with patience("planning and predicting"):
+        plan = rig.plan(kind.name, **fields)
     target.answer(plan, lambda: show_plan(plan, screen()))
     return Exit.DONE if plan.feasible else Exit.LIMIT
 
@@ -173,7 +176,8 @@ def stop(
         return
     job.stop()
     try:
-        job.wait(STOPPED_S)
+        with patience(f"waiting for the rig to stop job {job.id}"):
+            job.wait(STOPPED_S)
     except WaitTimeoutError as error:
         raise CliError(f"{error}; `pincette estop` stops the rig at once") from error
     text = f"job {job.id} is {job.state}"

@@ -84,7 +84,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "paper": (PLUGIN, "repeat the paper's experiments on a simulated rig; some minutes"),
     "key": ("access", "make, list and revoke keys of the REST interface, in a data folder"),
     "audit": (
-        "access",
+        "audit",
         "list or verify who did what over REST, and who was refused; scope admin",
     ),
     "security": ("security", "certificates: who is who on the bus, and so what each may do there"),

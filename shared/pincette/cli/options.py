@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime, time, timedelta
+from difflib import get_close_matches
 from inspect import Parameter
 from pathlib import Path
 from types import NoneType, UnionType
@@ -26,7 +27,7 @@ UNITS = {
 }
 PREFIX = "request_"
 """Before the name of a field where it stands beside the other parameters of a command."""
-NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue", "priority")
+NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue")
 Reader = Callable[[str], Any]
 
 
@@ -63,7 +64,9 @@ def choice(values: Sequence[str]) -> Callable[[str], str]:
 
     def read(text: str) -> str:
         if text not in values:
-            raise BadParameter(f"{text!r} is no choice: give one of {', '.join(values)}")
+            near = get_close_matches(text, values, n=1)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise BadParameter(f"{text!r} is no choice: {hint}give one of {', '.join(values)}")
         return text
 
     return read

@@ -15,7 +15,17 @@ from pincette.cli.access import Target
 from pincette.cli.options import Limit, choice
 from pincette.cli.results import outcome
 from pincette.cli.rigs import timing_table
-from pincette.cli.terminal import Json, RigOption, clock, command, emit, group, screen, table
+from pincette.cli.terminal import (
+    Json,
+    RigOption,
+    clock,
+    command,
+    emit,
+    group,
+    patience,
+    screen,
+    table,
+)
 from pincette.client import JobHandle
 from pincette.config import ConfigError, RigFile, parse_rig
 from pincette.core import plugins
@@ -111,7 +121,8 @@ def delete(target: Target, name: JobName) -> None:
 
 
 def _download(target: Target, job: JobHandle, names: list[str], out: Path | None) -> None:
-    paths = [str(job.download(name, out or Path(job.id))) for name in names]
+    with patience(f"downloading {len(names)} files"):
+        paths = [str(job.download(name, out or Path(job.id))) for name in names]
     target.answer(paths, "\n".join(paths))
 
 

@@ -1,7 +1,7 @@
 """The state of rigs: `rigs`, `timing`, `checks`, `queue`; and events at a simulated one: `rig`."""
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 from msgspec.structs import asdict
 from rich.console import Console
@@ -17,7 +17,7 @@ from pincette.bus.protocol import BusError
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.cli import CliError, Exit, opened
 from pincette.cli.access import Address, Target
-from pincette.cli.options import number
+from pincette.cli.options import integer, number
 from pincette.cli.terminal import Json, RigOption, clock, command, group, screen, table
 from pincette.client import RigHandle
 from pincette.config import RigFile
@@ -31,7 +31,9 @@ NO_DECIMALS_FROM = 1000.0
 QUANTILES = ("p50_s", "p99_s", "p999_s", "max_s")
 
 app = group()
-queue_app = group("queue", "show the jobs that wait for the one that runs; resume or clear them")
+queue_app = group(
+    "queue", "show the jobs that wait for the one that runs; resume, move or clear them"
+)
 app.add_typer(queue_app)
 
 
@@ -129,6 +131,19 @@ def resume_queue(target: Target) -> None:
     """Let a halted queue go on with its next job."""
     handle = target.rig()
     _queue(target, handle, handle.queue("resume"))
+
+
+@command(queue_app, "move")
+def move_queued(
+    target: Target,
+    job: Annotated[str, Argument(metavar="JOB", help="the id of a job that waits")],
+    place: Annotated[
+        Any, Argument(metavar="PLACE", parser=integer, help="its place then; 1 is the next")
+    ],
+) -> None:
+    """Give a job that waits another place in the queue."""
+    handle = target.rig()
+    _queue(target, handle, handle.move(job, place))
 
 
 @command(queue_app, "clear")

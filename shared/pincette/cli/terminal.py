@@ -3,23 +3,28 @@
 import inspect
 import json
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, fields
 from datetime import datetime
 from functools import wraps
 from pathlib import Path
+from threading import Event, Thread
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from pincette.cli import Exit, chosen
+from pincette.core.units import unit_of
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+PATIENCE_S = 1.0
+"""After so long a command says what it waits for."""
 LABEL_WIDTH = 19
 """Least width of the names of figures."""
 STATE_COLOURS: Mapping[str, str] = {
@@ -39,6 +44,33 @@ def screen(*, machine: bool = False) -> "Console":
     from rich.console import Console
 
     return Console(highlight=False, stderr=machine)
+
+
+@contextmanager
+def patience(what: str) -> Generator[None]:
+    """Say on standard error what is waited for, from the second second on.
+
+    On a terminal the line counts the seconds and goes away; elsewhere it comes once.
+    """
+    done, begun_s, lively = Event(), monotonic(), sys.stderr.isatty()
+
+    def tell() -> None:
+        wait_s = PATIENCE_S
+        while not done.wait(wait_s):
+            spent = f"{what}, {monotonic() - begun_s:.0f} s"
+            sys.stderr.write(f"\r{spent} " if lively else f"{spent}\n")
+            sys.stderr.flush()
+            wait_s = PATIENCE_S if lively else None
+        if lively and monotonic() - begun_s > PATIENCE_S:
+            sys.stderr.write("\r\x1b[K")
+
+    teller = Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        done.set()
+        teller.join()
 
 
 def emit(value: Any) -> None:
@@ -155,7 +187,7 @@ class _WithWholeHelp:
 
 
 class Command(_WithWholeHelp, TyperCommand):
-    """A command that takes the unambiguous start of an option for the option."""
+    """A command that takes the unambiguous start of an option without a unit for the option."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """Complete shortened options before Typer reads them."""
@@ -182,6 +214,8 @@ def _completed(arguments: Sequence[str], known: Sequence[str]) -> list[str]:
         name, equals, value = argument.partition("=")
         longer = [one for one in known if one.startswith(name)]
         is_start = name[:2] == "--" and len(name) > 2 and name not in known and len(longer) == 1
+        # A start leaves the end out, and with it the unit, which nobody may guess.
+        is_start = is_start and not unit_of(longer[0].replace("-", "_"))
         found.append(f"{longer[0]}{equals}{value}" if is_start else argument)
     return found
 

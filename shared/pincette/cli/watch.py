@@ -59,7 +59,9 @@ def watch(
     if name:
         events = target.job(name).patient(FOLLOWED_S).events(after or 0)
     else:
-        events = _of_rigs(target, after)
+        doing, events = _of_rigs(target, after)
+        if not target.json:
+            sys.stderr.write(f"{doing}; events come as they happen, Ctrl-C ends\n")
     console = screen()
     for event in events:
         if target.json:
@@ -70,15 +72,20 @@ def watch(
     return None
 
 
-def _of_rigs(target: Target, after: int | None) -> Iterator[Event]:
-    """Events of the rig that is named, or of all; a supervisor must answer first."""
+def _of_rigs(target: Target, after: int | None) -> tuple[str, Iterator[Event]]:
+    """What the rigs do just now, since an idle one says nothing, and events as they come.
+
+    They are those of the rig that is named, or of all; a supervisor must answer first.
+    """
     supervisor = target.supervisor()
     if target.rig_name is None:
-        supervisor.rigs()
-        return supervisor.patient(inf).events(after)
-    rig = supervisor.rig(target.rig_name)
-    rig.state()
-    return rig.patient(inf).events(after)
+        rigs, events = supervisor.rigs(), supervisor.patient(inf).events(after)
+    else:
+        rig = supervisor.rig(target.rig_name)
+        rigs, events = [rig.state()], rig.patient(inf).events(after)
+    doing = [f"job {rig.active_job}" if rig.active_job else rig.standing.state for rig in rigs]
+    words = [f"{rig.name}: {does}" for rig, does in zip(rigs, doing, strict=True)]
+    return ", ".join(words), events
 
 
 def line(event: Event) -> Text:

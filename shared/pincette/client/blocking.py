@@ -170,6 +170,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
     estop = blocking(AsyncRigHandle.estop)
     reset = blocking(AsyncRigHandle.reset)
     queue = blocking(AsyncRigHandle.queue)
+    move = blocking(AsyncRigHandle.move)
     timing = blocking(AsyncRigHandle.timing)
     model = blocking(AsyncRigHandle.model)
     checklist = blocking(AsyncRigHandle.checklist)

@@ -15,6 +15,7 @@ from pincette.client.errors import (
     NoAnswerError,
     problem_of,
 )
+from pincette.core.validation_wording import refusal
 
 BASE = "/api/v1"
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
@@ -82,7 +83,7 @@ class Call(Generic[T]):
         except (ValidationError, ValueError) as error:
             raise ForeignAnswerError(
                 f"{self.method} {response.request.url}: the answer cannot be read; what answers "
-                f"there is no supervisor, or one of another version ({_first_lines(error)})"
+                f"there is no supervisor, or one of another version ({_unreadable(error)})"
             ) from error
 
 
@@ -186,5 +187,10 @@ def content(response: httpx.Response) -> bytes:
     return response.content
 
 
-def _first_lines(error: Exception) -> str:
-    return "; ".join(str(error).splitlines()[:3])
+def _unreadable(error: ValueError) -> str:
+    """What is wrong with an answer, in words of pincette."""
+    if not isinstance(error, ValidationError):
+        return str(error).partition("\n")[0]
+    found = error.errors(include_url=False)[0]
+    place = ".".join(str(part) for part in found["loc"]) or "the answer"
+    return f"{place} {refusal(found)}"

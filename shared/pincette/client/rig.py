@@ -133,6 +133,12 @@ class AsyncRigHandle:
         call = post(f"/rigs/{self.name}/queue/actions", Rig, {"type": action})
         return await self._transport.send(call)
 
+    async def move(self, job: str, position: int = 1) -> Rig:
+        """Give a queued job another place; 1 is the next."""
+        body = {"type": "move", "job": job, "position": position}
+        call = post(f"/rigs/{self.name}/queue/actions", Rig, body, repeatable=True)
+        return await self._transport.send(call)
+
     async def timing(self) -> LoopTiming:
         """Lateness and execution time of each program since it was armed."""
         return await self._transport.send(get(f"/rigs/{self.name}/timing", LoopTiming))

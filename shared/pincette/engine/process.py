@@ -42,6 +42,7 @@ READY = "ready: "
 OF_THE_ROUTER = ("router", "upstream", "supervisor")
 """Programs that all rigs on one router share."""
 
+OTHERS = 0o027
 MOST_FILES = 4096
 """That a program may have open; strangers hold far fewer of them."""
 
@@ -90,6 +91,7 @@ def run_program(name: str, rig_path: Path, options: Options) -> int:
         sys.stderr.write(f"{name}: {error}\n")
         return 2
     _allow_files()
+    keep_from_others()
     stop = threading.Event()
     try:
         rig = read_rig(rig_path)
@@ -115,6 +117,11 @@ def _allow_files() -> None:
     wanted = MOST_FILES if most == resource.RLIM_INFINITY else min(MOST_FILES, most)
     if given not in (resource.RLIM_INFINITY, max(given, wanted)):
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
+
+
+def keep_from_others() -> None:
+    """Let what is written from here on be closed to other accounts; a group may read it."""
+    os.umask(os.umask(OTHERS) | OTHERS)
 
 
 def _on_stop(stop: Callable[[], None], options: Options) -> None:

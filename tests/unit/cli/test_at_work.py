@@ -264,7 +264,10 @@ def test_watching_a_rig_is_a_line_an_event(at: At, capsys: pytest.CaptureFixture
 
     at(desk.rig(), desk.stream(*events), over)
     assert main(["watch", "--after", "0", *AT]) == Exit.INTERRUPTED
-    lines = capsys.readouterr().out.splitlines()
+    shown = capsys.readouterr()
+    assert shown.err.startswith("demo: idle; ")
+    assert "events come as they happen" in shown.err
+    lines = shown.out.splitlines()
     assert [line.split("  ", 1)[1] for line in lines] == [
         f"{NAME}  state    running",
         f"{NAME}  alarm    estop, value_mN 1.5",

@@ -51,6 +51,7 @@ class Arm:
         self.stiffness = stiffness
         self.refusal: Fault | None = None
         self.lost = False
+        self.uncertainty_mN = BLANK.force_uncertainty_mN
         self.zeroed: float | None = None
         self.player: Player = begin(program, 0.0)
         self.phases: list[str] = []
@@ -65,6 +66,7 @@ class Arm:
             seq=self.seq,
             x_um=x,
             force_mN=force,
+            force_uncertainty_mN=self.uncertainty_mN,
             zero_age_s=age,
             zero_refusal=self.refusal,
             touch_x_um=x if force > BLANK.force_uncertainty_mN else None,

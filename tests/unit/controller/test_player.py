@@ -67,6 +67,14 @@ def test_without_a_part_the_outcome_is_no_contact() -> None:
 
 
 @pytest.mark.parametrize("stiffness", [1.2, 3.0])
+def test_a_stiffness_that_may_be_right_within_the_uncertainty_is_held(stiffness: float) -> None:
+    arm = Arm(stiffness=stiffness)
+    arm.uncertainty_mN = 8.0
+    arm.until()
+    assert arm.player.outcome == "gripped"
+
+
+@pytest.mark.parametrize("stiffness", [1.2, 3.0])
 def test_a_part_of_another_stiffness_is_let_go(stiffness: float) -> None:
     arm = Arm(stiffness=stiffness)
     arm.until()

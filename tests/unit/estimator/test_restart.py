@@ -113,9 +113,9 @@ def test_without_a_restart_the_same_stroke_errs_by_less(free: PlantParameters) -
 
 
 def test_the_approach_of_a_new_arm_tells_that_it_is_new(free: PlantParameters) -> None:
-    held = {from_zero: FreeArm(free).stroke(1, from_zero=from_zero)[-1] for from_zero in (0, 1)}
-    assert held[0].force_uncertainty_mN > 3.0
-    assert abs(held[1].force_mN) < held[1].force_uncertainty_mN < 1.0
+    held = {known: FreeArm(free).stroke(1, from_zero=known)[-1] for known in (False, True)}
+    assert held[False].force_uncertainty_mN > 3.0
+    assert abs(held[True].force_mN) < held[True].force_uncertainty_mN < 1.0
 
 
 def test_a_stroke_makes_less_of_what_is_unknown(free: PlantParameters) -> None:

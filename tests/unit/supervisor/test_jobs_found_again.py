@@ -6,10 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet
 import pytest
 
-from pincette.records import folder
+from pincette.records import folder, parquet
 from pincette_recorder import retention
 
 from .canned import IN_APPROACH, IN_HOLD
@@ -46,15 +45,17 @@ def manifest(harness: Harness, job: str) -> dict[str, Any]:
 
 def test_what_was_said_is_in_job_manifest_report_and_samples(harness: Harness) -> None:
     job = gripped(harness, **SAID)
-    told = harness.get(f"/jobs/{job}")
-    assert {name: told[name] for name in SAID} == SAID
+    view = harness.get(f"/jobs/{job}")
+    assert {name: view[name] for name in SAID} == SAID
     stated = manifest(harness, job)
     texts = {name: text for name, text in SAID.items() if name != "labels"}
     assert stated.items() >= {**texts, "label glue": "none"}.items()
     page = (record(harness, job) / folder.REPORT).read_text(encoding="utf-8")
     assert all(text in page for text in texts.values())
-    schema = pyarrow.parquet.read_schema(record(harness, job) / folder.SAMPLES)
-    metadata = {key.decode(): text.decode() for key, text in schema.metadata.items()}
+    schema = parquet.opened(record(harness, job) / folder.SAMPLES).schema_arrow
+    metadata: dict[str, str] = {
+        key.decode(): text.decode() for key, text in schema.metadata.items()
+    }
     assert metadata.items() >= {**texts, "label glue": "none"}.items()
 
 
@@ -121,7 +122,7 @@ def test_jobs_are_found_by_what_was_said_of_them(harness: Harness) -> None:
     assert {one["id"] for one in harness.get("/jobs", text="B7")["jobs"]} == {other, job}
 
 
-def test_many_jobs_are_one_table(harness: Harness) -> None:
+def test_many_jobs_are_one_table(harness: Harness, tmp_path: Path) -> None:
     first = gripped(harness, **{**SAID, "notes": "=1+1"})
     second = gripped(harness, force_mN=12.5)
     text = harness.call("GET", "/api/v1/jobs/export").text
@@ -133,7 +134,8 @@ def test_many_jobs_are_one_table(harness: Harness) -> None:
     assert rows[1]["notes"] == "'=1+1"
     assert float(rows[0]["value.force_mN"]) == 12.5
     answer = harness.call("GET", "/api/v1/jobs/export?format=parquet&sample=B7")
-    table = pyarrow.parquet.read_table(io.BytesIO(answer.content))
+    (tmp_path / "jobs.parquet").write_bytes(answer.content)
+    table = parquet.opened(tmp_path / "jobs.parquet").read()
     assert table["id"].to_pylist() == [first]
     assert table.schema.field("result.peak_force_mN").metadata[b"unit"] == b"mN"
     empty = harness.call("GET", "/api/v1/jobs/export?sample=none")

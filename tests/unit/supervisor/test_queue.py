@@ -173,3 +173,35 @@ def test_an_emergency_stop_between_two_jobs_uses_up_none(
     assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
     assert order(harness, "resume").status_code == 200
     assert harness.ended(second)["state"] == "succeeded"
+
+
+def waiting(harness: Harness) -> list[str]:
+    """Names of the jobs that wait, the next first."""
+    found = [job for job in harness.get("/jobs", state="queued")["jobs"] if job["position"]]
+    return [job["id"] for job in sorted(found, key=lambda job: job["position"])]
+
+
+def moved(harness: Harness, job: str, position: int) -> Any:
+    body = {"type": "move", "job": job, "position": position}
+    return harness.post("/rigs/demo/queue/actions", body)
+
+
+def test_the_order_of_the_queue_is_by_priority_and_can_be_changed(
+    harness: Harness, rig_file: RigFile, open_harness: Callable[..., Harness]
+) -> None:
+    harness.playing_to(IN_HOLD)
+    second, third = queued(harness)["id"], queued(harness)["id"]
+    urgent = queued(harness, priority=5)
+    assert urgent["position"] == 1
+    assert waiting(harness) == [urgent["id"], second, third]
+    before = harness.get(f"/jobs/{third}")["revision"]
+    assert moved(harness, third, 1).status_code == 200
+    assert waiting(harness) == [third, urgent["id"], second]
+    assert harness.get(f"/jobs/{third}")["revision"] > before
+    assert moved(harness, third, 99).status_code == 200
+    assert waiting(harness) == [urgent["id"], second, third]
+    assert moved(harness, "none", 1).status_code == 404
+    assert harness.told("queue")[-1].body["by"]
+    after = open_harness(rig_file)
+    after.manager.recover([])
+    assert waiting(after) == [urgent["id"], second, third]

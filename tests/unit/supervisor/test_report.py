@@ -8,9 +8,10 @@ import pytest
 from pincette.api.job_kinds import job_kinds
 from pincette.api.live import LoopTiming
 from pincette.api.results import MotionResult
+from pincette.api.states import OUTCOMES
 from pincette_supervisor.kinds.grip import GripResult
 from pincette_supervisor.kinds.track import TrackResult
-from pincette_supervisor.results.report import report
+from pincette_supervisor.results.report import report, verdict
 
 WHOSE = {"job": "20260301-1", "rig": "demo", "model_version": "3", "created_at": "2026-03-01"}
 COMPLETE: dict[str, bool | str] = {"complete": True, "detail": ""}
@@ -63,6 +64,15 @@ def test_the_page_needs_nothing_else(model: type[GripResult]) -> None:
     links = [value for _, name, value in page.attributes if name in ("src", "href")]
     assert len(links) == 1
     assert links[0].startswith("data:image/png;base64,")
+
+
+def test_it_begins_with_a_verdict_in_one_line() -> None:
+    kind = job_kinds()["grip"]
+    told = verdict(kind, {"outcome": "gripped", "force_held_mN": 20.0123})
+    assert told == f"{OUTCOMES['gripped']}; force held 20.01 mN"
+    spread = {"outcome": "lost", "force_held_mN": 20.0, "force_uncertainty_mN": 0.4123}
+    assert verdict(kind, spread) == f"{OUTCOMES['lost']}; force held 20.00 ± 0.41 mN"
+    assert verdict(kind, {"outcome": "no_contact", "force_held_mN": None}) == OUTCOMES["no_contact"]
 
 
 def test_figures_come_with_their_units() -> None:

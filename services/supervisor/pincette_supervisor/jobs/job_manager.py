@@ -9,6 +9,7 @@ from pincette.api.calibrations import Proposal
 from pincette.api.jobs import Job
 from pincette.api.models import ModelView
 from pincette.api.requests import JobRequest
+from pincette.api.rigs import QueueOrder
 from pincette.api.states import ActionType
 from pincette_supervisor.alarms.alarm_monitor import AlarmMonitor
 from pincette_supervisor.jobs import planner, refusals
@@ -18,7 +19,6 @@ from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_queue import CAPACITY, JobQueue
 from pincette_supervisor.jobs.job_view import fingerprint_of, job_view, new_row
 from pincette_supervisor.jobs.key_turns import KeyTurns
-from pincette_supervisor.jobs.queue_turns import require_resumable, startable_entry
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.journal.store import JobRow, KeyTakenError, StoreError
 from pincette_supervisor.model.model_view import use_model
@@ -39,7 +39,6 @@ class JobManager:
 
     def __init__(self, context: RigContext, play: Play = played) -> None:
         self.context = context
-        self.alarms = context.alarms
         self.calibrations = Calibrations(context.store, context.model)
         self.changes = ChangeNotifier()
         self.latch = LatchControl(context)
@@ -94,8 +93,7 @@ class JobManager:
         with self._turns.of(key):
             known = None if key is None else self.context.store.created(key)
             if known is not None:
-                refusals.require_same(known.job, known.fingerprint, fingerprint)
-                return self.job(known.job), True
+                return self.job(refusals.require_same(known, fingerprint)), True
             request = planner.with_version(self.context, request)
             planned = refusals.require_feasible(self.plan(request))
             if predict and (self.active is None or request.queue):
@@ -108,8 +106,7 @@ class JobManager:
                 with self._lock:
                     name = self._accept(request, planned, key, fingerprint, by)
             except KeyTakenError as error:
-                refusals.require_same(error.job, error.fingerprint, fingerprint)
-                return self.job(error.job), True
+                return self.job(refusals.require_same(error, fingerprint)), True
         return self.job(name), False
 
     def _accept(
@@ -186,19 +183,23 @@ class JobManager:
         """Start the next queued job if the rig is free."""
         if self._closing or self.active is not None:
             return
-        entry = startable_entry(self.context, self.queue)
+        entry = refusals.startable_entry(self.context, self.queue)
         if entry is not None:
             # Active before it leaves the queue, so that no waiting request misses it.
             self._begin(entry.row, entry.request, None)
             self.queue.take(entry)
 
-    def control_queue(self, order: Literal["resume", "clear"], by: str) -> None:
-        """Resume a halted queue, or stop all queued jobs; raises ProblemError if not ready."""
+    def control_queue(self, order: QueueOrder, by: str, move: tuple[str, int] = ("", 1)) -> None:
+        """Resume, clear or rearrange the queue; raises ProblemError if it cannot be done."""
         with self._lock:
             if order == "clear":
                 self.queue.clear()
+            elif order == "move":
+                self.queue.move(
+                    refusals.require_queued(self.queue.entry(move[0]), move[0]), move[1]
+                )
             elif len(self.queue):
-                require_resumable(self.context, self.queue, self.active)
+                refusals.require_resumable(self.context, self.queue, self.active)
                 self.queue.resume()
                 self._start_next()
         self.context.events.append("queue", action=order, by=by, length=len(self.queue))
@@ -252,8 +253,8 @@ class JobManager:
         if entry is not None:
             return entry.revision != revision
         live = self._live
-        gone = live is None or live.id != name or live.done.is_set()
-        return gone or live.revision != revision
+        same = live is not None and live.id == name and not live.done.is_set()
+        return not same or live is None or live.revision != revision
 
     def has_job(self, name: str) -> bool:
         """Whether a job is queued or was started last, without reading the journal."""
@@ -262,11 +263,9 @@ class JobManager:
 
     def note_revision(self, name: str, revision: int) -> None:
         """Let those who wait for a change of a job know of one that the journal has."""
-        entry, live = self.queue.entry(name), self._live
-        if entry is not None:
-            entry.revision = revision
-        if live is not None and live.id == name:
-            live.revision = max(live.revision, revision)
+        live = self._live if self._live is not None and self._live.id == name else None
+        for known in filter(None, (self.queue.entry(name), live)):
+            known.revision = max(known.revision, revision)
         self.changes.notify_all()
 
     def view(self, row: JobRow) -> Job:

@@ -24,6 +24,8 @@ class Entry:
     row: JobRow
     request: JobRequest
     revision: int
+    place: int | None = None
+    """As the journal has it."""
 
 
 class JobQueue:
@@ -47,13 +49,21 @@ class JobQueue:
                 cause = f"its request is not understood any more: {refusal(error.errors()[0])}"
                 self._end(row, "failed", "request_outdated", cause)
             else:
-                self._entries.append(Entry(row, request, row.revision))
+                self._entries.append(Entry(row, request, row.revision, row.place))
         self.halt(RESTARTED)
 
     def add(self, row: JobRow, request: JobRequest) -> None:
-        """Append a job."""
-        self._entries.append(Entry(row, request, row.revision))
-        self.publish()
+        """Add a job behind those of its priority, and before those with less."""
+        before = [one for one in self._entries if one.request.priority >= request.priority]
+        place = max((self._entries.index(one) + 1 for one in before), default=0)
+        self._entries.insert(place, Entry(row, request, row.revision))
+        self._moved_up()
+
+    def move(self, entry: Entry, place: int) -> None:
+        """Give a job another place, from 1, whatever its priority."""
+        self._entries.remove(entry)
+        self._entries.insert(place - 1, entry)
+        self._moved_up()
 
     def halt(self, why: str) -> None:
         """Let no job start by itself; has no effect on an empty queue."""
@@ -111,9 +121,10 @@ class JobQueue:
             self._store.change(row.id, **values, ending=ending, ended_at=utc_now())
 
     def _moved_up(self) -> None:
-        """Raise the revision of every job whose place has changed."""
-        for entry in self._entries:
-            entry.revision = self._store.change(entry.row.id)
+        """Keep the place of every job; the revision of each whose place has changed rises."""
+        for place, entry in enumerate(self._entries, 1):
+            if entry.place != place:
+                entry.place, entry.revision = place, self._store.change(entry.row.id, place=place)
         if not self._entries:
             self.halted = ""
         self.publish()

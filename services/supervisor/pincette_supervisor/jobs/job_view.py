@@ -38,6 +38,7 @@ def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> 
         operator=request.operator,
         notes=request.notes,
         labels=dict(request.labels),
+        priority=request.priority,
     )
 
 

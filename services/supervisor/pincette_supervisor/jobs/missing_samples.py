@@ -27,9 +27,9 @@ class MissingSamples:
             for phase in planned.plan.phases:
                 if phase.duration_s is not None:
                     self._planned[phase.phase] += round(phase.duration_s / period_s)
-        self._phase, self._first, self._newest = "", 0, -1
-        self._found = 0
-        """Valid positions since the phase began."""
+        self._phase: str = ""
+        self._first, self._newest, self._found = 0, -1, 0
+        """``_found``: valid positions since the phase began."""
 
     def follow(self, messages: Iterable[Message]) -> None:
         """Take new messages."""

@@ -5,7 +5,10 @@ from pincette.api.states import ActionType, allowed_actions
 from pincette.bus.protocol import BusError
 from pincette.core.faults import Cause
 from pincette_supervisor.jobs.job import LiveJob
-from pincette_supervisor.journal.store import JobRow, Store
+from pincette_supervisor.jobs.job_queue import Entry, JobQueue
+from pincette_supervisor.journal.store import JobRow, KeyTakenError, Store
+from pincette_supervisor.journal.tables import Creation
+from pincette_supervisor.kinds.functions import kind_of
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.problems import ProblemError, not_found
 from pincette_supervisor.rigs.part import held_words, reset_words
@@ -56,6 +59,34 @@ def require_startable(context: RigContext, kind: JobKind) -> None:
     words = held_words(context)
     if words and not kind.begins_held:
         raise part_held(words)
+
+
+def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:
+    """The next job; None of an empty or halted queue, and of one that is halted now.
+
+    An emergency stop between two jobs, a part that is held, or a program that is gone uses up no
+    job: it waits until a person has seen to it and resumes the queue.
+    """
+    entry = queue.next()
+    if entry is None:
+        return None
+    try:
+        require_startable(context, kind_of(entry.request))
+    except ProblemError as error:
+        queue.halt(str(error))
+        return None
+    return entry
+
+
+def require_resumable(context: RigContext, queue: JobQueue, active: LiveJob | None) -> None:
+    """Raise ProblemError where the next of a queue that is not empty could not begin."""
+    if active is None:
+        require_startable(context, kind_of(queue.first.request))
+    elif active.terminal and active.held:
+        # Whoever waited for this job's end would wait for a person to let the part go.
+        raise part_held(
+            f"job {active.id} is {active.state} and holds a part: release it, then resume the queue"
+        )
 
 
 def part_held(words: str) -> ProblemError:
@@ -126,10 +157,18 @@ def model_changed() -> ProblemError:
     )
 
 
-def require_same(job: str, fingerprint: str, sent: str) -> None:
-    """Raise ProblemError where a key comes with another request than the one it has created."""
-    if fingerprint != sent:
-        raise key_reused(job)
+def require_queued(entry: Entry | None, name: str) -> Entry:
+    """An entry of the queue; raises ProblemError where the job does not wait."""
+    if entry is None:
+        raise not_found("queued job", name)
+    return entry
+
+
+def require_same(known: Creation | KeyTakenError, sent: str) -> str:
+    """The job that a key has created; raises ProblemError where another request comes with it."""
+    if known.fingerprint != sent:
+        raise key_reused(known.job)
+    return known.job
 
 
 def key_reused(job: str) -> ProblemError:

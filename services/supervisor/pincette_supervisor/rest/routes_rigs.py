@@ -90,9 +90,9 @@ def reset(manager: Manager, _body: ResetRequest, by: Operator) -> Stopped:
     dependencies=[OPERATE],
 )
 def order_queue(manager: Manager, body: QueueRequest, by: Operator, note: Note) -> Rig:
-    """Let a halted queue go on, or stop all jobs that wait."""
-    note(body.type)
-    manager.control_queue(body.type, by)
+    """Let a halted queue go on, stop all jobs that wait, or move one of them."""
+    note(body.type if body.job is None else f"{body.type} {body.job} to {body.position}")
+    manager.control_queue(body.type, by, (body.job or "", body.position))
     return rig_view(manager)
 
 

@@ -11,6 +11,7 @@ from typing import Any, cast
 
 from pincette.api.job_kinds import JobKind
 from pincette.api.live import LoopTiming
+from pincette.api.states import OUTCOMES
 from pincette.core.units import bare, unit_of
 from pincette.records.timings import rows
 
@@ -20,11 +21,14 @@ TITLES = {
     "assumptions": "Assumptions",
 }
 """Of parts whose name says too little."""
+WORDS = {"sliding_in_band": "share of samples with s in its band"}
+"""Of figures whose name says too little."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #22282f; background: #fff;
        max-width: 64rem; margin: 2rem auto; padding: 0 1.5rem; }
 h1 { font-size: 1.5rem; margin: 0; } h2 { font-size: 1.05rem; margin: 2rem 0 .5rem; }
 p.whose { color: #5a646e; margin: .2rem 0 1.2rem; } img { width: 100%; height: auto; }
+p.verdict { font-size: 1.1rem; margin: .6rem 0 .2rem; }
 p.missing { border-left: 4px solid #b3261e; background: #fbeceb; padding: .6rem .9rem; }
 table { border-collapse: collapse; width: 100%; }
 th, td { text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid #e3e7eb;
@@ -70,12 +74,13 @@ def report(
     job, rig = whose.get("job", ""), whose.get("rig", "")
     parts = [
         f"<h1>{escape(title)}</h1>",
-        f'<p class="whose">job {escape(job)} on rig {escape(rig)}, '
-        f"{escape(whose.get('created_at', ''))}</p>",
+        f'<p class="verdict">{escape(verdict(kind, result))}</p>',
+        f'<p class="whose">{escape(_whose(whose, job, rig))}</p>',
         _missing(state),
         _statement(result),
         f'<img alt="{escape(title)}, over time" src="data:image/png;base64,'
         f'{base64.b64encode(picture).decode()}">',
+        _section("Asked for", _pairs(_scalars(values))),
         _section("Figures", _pairs(_figures(kind, result))),
     ]
     for name, value in result.items():
@@ -84,7 +89,6 @@ def report(
             parts.append(_section(heading, _list(cast("Sequence[Any]", value))))
     if timing is not None:
         parts.append(_section("Timing", _list([*rows(timing)])))
-    parts.append(_section("Asked for", _pairs(_scalars(values))))
     parts.append(_section("Made with", _pairs(whose.items())))
     body = "\n".join(part for part in parts if part)
     return (
@@ -92,6 +96,33 @@ def report(
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)} · {escape(job)}</title>\n<style>{STYLE}</style>\n</head>\n"
         f"<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
+    """How a job ended, and the figures that say most, in one line."""
+    outcome = str(result.get("outcome", ""))
+    told = [OUTCOMES.get(outcome, outcome.replace("_", " "))]
+    for figure in kind.figures:
+        value, spread = result.get(figure.name), result.get(figure.uncertainty)
+        if figure.main and isinstance(value, int | float) and not isinstance(value, bool):
+            digits = figure.digits
+            more = f" ± {spread:.{digits}f}" if isinstance(spread, float) else ""
+            told.append(f"{figure.label} {value:.{digits}f}{more} {figure.unit}".rstrip())
+    return "; ".join(told)
+
+
+def _whose(whose: Mapping[str, str], job: str, rig: str) -> str:
+    """On what, by whom, and where it was done."""
+    parts = [f"{name} {whose[name]}" for name in ("sample", "batch", "operator") if whose.get(name)]
+    by = whose.get("requested_by", "")
+    return ", ".join(
+        [
+            *parts,
+            f"job {job} on rig {rig}",
+            *([f"asked for by {by}"] if by else []),
+            whose.get("created_at", ""),
+        ]
     )
 
 
@@ -165,7 +196,7 @@ def _list(items: Sequence[Any]) -> str:
 
 
 def _words(name: str) -> str:
-    return bare(name).replace("_", " ")
+    return WORDS.get(name, bare(name).replace("_", " "))
 
 
 def _headed(name: str) -> str:

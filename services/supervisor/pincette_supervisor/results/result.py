@@ -1,7 +1,7 @@
 """What a job came to, from its columns; pure."""
 
 from collections.abc import Sequence
-from math import hypot, sqrt
+from math import fsum, hypot, sqrt
 from typing import Any, cast, get_args
 
 import numpy as np
@@ -98,13 +98,18 @@ def contact_fit(table: Columns) -> ContactFit | None:
 
     Those are of as many independent samples as the residuals show: an error of x_1 is shared by
     neighbouring ones. One that all of them share is an error of the force at the begin of the
-    load, which moves x_e by that over K_e and leaves no residual.
+    load, which moves x_e by that over K_e and leaves no residual; one that grows with the load, as
+    the stated uncertainty does, is an error of K_e by the same share of the force. So is what the
+    force at rest in the hold differs by from the line: the line was drawn in motion.
     """
     line = ContactLine()
     names = ("x_um", "force_mN", "force_r_mN", "force_uncertainty_mN")
     rows = zip(table["phase"], *(table[name] for name in names), strict=True)
     loaded: list[list[float]] = []
+    held: list[list[float]] = []
     for phase, *row in rows:
+        if phase == "hold" and None not in row:
+            held.append(cast("list[float]", row))
         if phase == "load" and None not in row:
             loaded.append(cast("list[float]", row))
             line = line.add(*loaded[-1][:3])
@@ -113,10 +118,13 @@ def contact_fit(table: Columns) -> ContactFit | None:
         return None
     K_e, x_e_um = fit.K_e_mN_per_um, fit.x_e_um
     more = sqrt(correlated_samples([F - K_e * (x - x_e_um) for x, F, *_ in loaded]))
-    common_um = loaded[0][-1] / COVERAGE / abs(K_e)
+    (_, F_0, _, U_0), (_, F_1, _, U_1) = loaded[0], loaded[-1]
+    grown_mN = sqrt(max(0.0, U_1 * U_1 - U_0 * U_0)) / COVERAGE
+    off_mN = fsum(F - K_e * (x - x_e_um) for x, F, *_ in held) / len(held) if held else 0.0
+    share = hypot(grown_mN, off_mN) / abs(F_1 - F_0) if F_1 != F_0 else 0.0
     return fit._replace(
-        x_e_error_um=hypot(more * fit.x_e_error_um, common_um),
-        K_e_error_mN_per_um=more * fit.K_e_error_mN_per_um,
+        x_e_error_um=hypot(more * fit.x_e_error_um, U_0 / COVERAGE / abs(K_e)),
+        K_e_error_mN_per_um=hypot(more * fit.K_e_error_mN_per_um, share * K_e),
     )
 
 

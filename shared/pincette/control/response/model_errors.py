@@ -190,15 +190,14 @@ def rehearsed_errors(
     )
     require_positive("way of a rehearsed press", way_V, "V")
     creep_um = sqrt(max(0.0, late - early) / (late_decades - early_decades))
-    # That of a root mean square of so many draws.
-    share = 1.0 / sqrt(2.0 * len(rows))
-    least_um = sqrt(late / late_decades)
+    # The standard error of a root mean square of so many draws; less cannot be told from nothing.
+    least_um = sqrt(late / late_decades / (2.0 * len(rows)))
     points = [(0.25 * way_V, 0.5 * sqrt(early)), (way_V, sqrt(early))]
     if further_V > way_V:
         points.append((further_V, sqrt(max(early, further))))
     return Rehearsed(
         ErrorGrowth(tuple(way for way, _ in points), tuple(um for _, um in points)),
-        Value(creep_um, share * max(creep_um, least_um)),
+        Value(max(creep_um, least_um), least_um),
     )
 
 

@@ -30,6 +30,7 @@ def small_swings(full_um: float, scale_V: float, seed: int) -> tuple[Column, Col
     voltage_V = np.concatenate([np.zeros(50), 0.01 * (np.arange(200) % 2)])
     way_V = np.concatenate([np.zeros(50), 0.005 * np.arange(200)])
     noise_um = np.random.default_rng(seed).normal(0.0, 0.01, 250)
+    voltage_V = voltage_V.astype(np.float64)
     return voltage_V, full_um * -np.expm1(-way_V / scale_V) + noise_um
 
 

@@ -106,9 +106,8 @@ def test_an_arm_that_moved_as_the_model_says_has_hardly_another_past() -> None:
 
 def test_an_arm_from_an_outermost_past_keeps_it() -> None:
     response, past = rose(0.8)
-    parted_um = (
-        past.highest.sample(0.0).displacement_um - response.displacement_um() - past.at_zero_um[1]
-    )
+    at_um = past.highest.sample(0.0).displacement_um - response.displacement_um()
+    parted_um = at_um - past.at_zero_um[1]
     assert parted_um < -1.0
     told = past.compared(response, parted_um, standard_um=0.1)
     assert told.shares[1] == 1.0

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pincette.api import Whole
+from pincette.api import WHOLE
 from pincette.api.requests import JobRequest
 
 TRIES = 3
@@ -15,5 +15,5 @@ class CalibrationRequest(JobRequest, frozen=True):
 
     kind: Literal["calibrate"] = "calibrate"
     calibration: str
-    tries: Annotated[Whole, Field(ge=1, le=10)] = TRIES
+    tries: Annotated[int, Field(ge=1, le=10), WHOLE] = TRIES
     """How often it begins in all where a stall trips it; that trip is acknowledged beforehand."""

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pincette.api import Whole, example
+from pincette.api import WHOLE, example
 from pincette.api.job_kinds import FieldSpec, JobKind, choices
 from pincette.api.plans import MotionPlan
 from pincette.api.requests import JobRequest, Positive, Speed
@@ -36,7 +36,7 @@ class MoveJobRequest(JobRequest, frozen=True):
     """From the voltage that is applied."""
     speed_um_per_s: Speed | None = None
     """Peak speed; left out, that of the rig file's approach. Of a voltage, by the nominal gain."""
-    conditioning_cycles: Whole = Field(default=0, ge=0, le=CYCLES_MAX)
+    conditioning_cycles: Annotated[int, Field(ge=0, le=CYCLES_MAX), WHOLE] = 0
     """Full cycles of voltage before the move, each from ``low_V`` to ``high_V`` and back."""
     warm_up_s: Annotated[float, Field(ge=0, le=3600)] = 0.0
     """How long the arm is cycled before that."""

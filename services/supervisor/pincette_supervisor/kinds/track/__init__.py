@@ -1,10 +1,10 @@
 """``track``: grip the part and let position and force follow a path."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pincette.api import Model, Whole, example
+from pincette.api import WHOLE, Model, example
 from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, choices, number
 from pincette.api.plans import Plan
 from pincette.api.requests import ContactJobRequest, Duration, NotNegative, Positive, Speed
@@ -55,7 +55,7 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     """Instead of ``force_pp_mN``, which is then K_e of the rig file's part times it."""
     frequency_hz: Positive | None = None
     """Its frequency."""
-    cycles: Whole | None = Field(default=None, ge=1, le=1000)
+    cycles: Annotated[int, Field(ge=1, le=1000), WHOLE] | None = None
     """At full amplitude; one more before and one after blend in and out."""
     levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
     """Forces of a step path."""

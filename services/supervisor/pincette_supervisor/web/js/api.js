@@ -89,6 +89,9 @@ export const get = (path) => send(reading, path, {});
 /** Order something; it waits for no answer that is merely read. */
 export const post = (path, body, headers) => send(ordering, path, written(body, headers));
 
+/** Change something in part. */
+export const patch = (path, body) => send(ordering, path, { ...written(body), method: "PATCH" });
+
 /** Jobs of this rig, as `query` narrows them down; and what its calibrations propose. */
 export const jobsOfRig = (query) => get(`/jobs?${OF_RIG}&${query}`);
 export const checklistOfRig = () => get(`${RIG_PATH}/checklist`);

@@ -2,6 +2,7 @@
 
 import { BASE, get, jobsOfRig } from "./api.js";
 import { outcomeOf } from "./current.js";
+import { describe, factsOf, saidOf } from "./description.js";
 import { byId, chip, h, show } from "./dom.js";
 import { figuresOf, kindOf, kinds, mainFigure } from "./kinds.js";
 import { clock, number, plain, toneOfState } from "./words.js";
@@ -36,9 +37,9 @@ export class Jobs {
       event.preventDefault();
       find();
     } },
-    h("label", { class: "unseen", for: "job-text" }, "Find jobs by sample, label, id, cause or sender"),
+    h("label", { class: "unseen", for: "job-text" }, "Find jobs by sample, batch, label, notes, id, cause or sender"),
     h("input", { id: "job-text", type: "search", maxlength: "100", oninput: find, autocomplete: "off",
-      placeholder: "Sample, label, id, cause, sender" }),
+      placeholder: "Sample, batch, label, notes, id, cause, sender" }),
     select("job-when", "Taken", PERIODS.map(([value, label]) => [value, label]), find),
     select("job-kind", "Kind", [["", "every kind"]], find));
   }
@@ -90,9 +91,17 @@ export class Jobs {
     this.render();
   }
 
+  /** A job as it is after somebody has described it. */
+  take(changed) {
+    this.jobs = this.jobs.map((job) => (job.id === changed.id ? changed : job));
+    this.shown = changed;
+    this.artifacts = null;
+    this.refreshChosen().catch(() => {});
+  }
+
   render() {
     const rows = this.jobs.map((job) => [job.id, job.kind, job.state, outcomeOf(job), mainFigure(job)[1],
-      clock(job.created_at), job.position ?? null, labelsOf(job)]);
+      clock(job.created_at), job.position ?? null, saidOf(job)]);
     show(byId("job-list"), [rows, this.chosen, this.more, this.narrowed], () => this.table());
     const job = this.jobs.find((each) => each.id === this.chosen)
       ?? (this.shown?.id === this.chosen ? this.shown : null);
@@ -125,7 +134,7 @@ export class Jobs {
         "aria-pressed": String(job.id === this.chosen),
         onclick: () => this.choose(job.id) }, clock(job.created_at))),
       h("td", {}, plain(job.values?.[kindOf(job.kind).variant_field] ?? job.kind),
-        labelsOf(job) ? h("span", { class: "muted block" }, labelsOf(job)) : null),
+        saidOf(job) ? h("span", { class: "muted block" }, saidOf(job)) : null),
       h("td", {}, chip(plain(job.state) + place, toneOfState(job.state)),
         outcome ? h("span", { class: "muted block" }, outcome) : null),
       h("td", { class: "figures" }, mainFigure(job)[1]));
@@ -135,7 +144,7 @@ export class Jobs {
     const files = this.artifacts?.job === job.id ? this.artifacts.list : [];
     const pictures = files.filter((file) => file.media_type === "image/png");
     const place = (file) => `${BASE}/jobs/${job.id}/artifacts/${encodeURIComponent(file.name)}`;
-    const facts = [...Object.entries(job.labels), ...figuresOf(job), ...losses(job)].map(([label, text]) => h("div", {},
+    const facts = [...factsOf(job), ...figuresOf(job), ...losses(job)].map(([label, text]) => h("div", {},
       h("dt", {}, label), h("dd", {}, text)));
     return h("article", { class: "detail", "aria-labelledby": "job-title" },
       h("h3", { id: "job-title", tabindex: "-1" }, `${plain(job.kind)} ${job.id}`),
@@ -148,6 +157,7 @@ export class Jobs {
         h("img", { src: place(file), class: "picture", loading: "lazy",
           alt: `${plain(job.kind)}: position, force and voltage over time` }))),
       this.actions(job),
+      describe(job, (changed) => this.take(changed)),
       files.length ? h("ul", { class: "files", "aria-label": "Files of the record" },
         ...files.map((file) => h("li", {}, h("a", { href: place(file), target: "_blank",
           rel: "noopener" }, file.name), h("span", { class: "muted" }, size(file.bytes))))) : null);
@@ -161,8 +171,6 @@ export class Jobs {
         + (each.seq === null ? "" : `, acted at sample ${each.seq}`)))));
   }
 }
-
-const labelsOf = (job) => Object.values(job.labels).join(" · ");
 
 /** The midnight of this place some days ago, in UTC. */
 function midnight(days) {

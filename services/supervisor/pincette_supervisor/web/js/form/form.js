@@ -2,6 +2,7 @@
 
 import { may } from "../access.js";
 import { faultsOf, freshKey, get, planOf, startJob, told } from "../api.js";
+import { field, SAID } from "../description.js";
 import { byId, h, setText } from "../dom.js";
 import { Fields } from "./fields.js";
 import { Jog } from "./jog.js";
@@ -30,21 +31,22 @@ export class StartForm {
     this.kind = h("select", { id: "kind", name: "kind", "aria-describedby": "kind-hint",
       onchange: () => this.choose(this.kind.value) });
     this.hint = h("p", { class: "hint", id: "kind-hint" });
-    this.said = h("p", { class: "fault", id: "start-said", role: "alert" });
+    this.fault = h("p", { class: "fault", id: "start-said", role: "alert" });
     this.queue = h("input", { type: "checkbox", id: "field-queue", onchange: () => this.forget() });
-    this.sample = h("input", { type: "text", id: "field-sample", maxlength: "200", autocomplete: "off",
-      placeholder: "kept with the job as its label sample", oninput: () => this.forget() });
+    this.said = SAID.map(([name, label, limit]) => [name,
+      ...field(`field-${name}`, label, limit, "", { oninput: () => this.forget() })]);
+    const [sample, ...others] = this.said.map(([, row]) => row);
     this.button = h("button", { type: "submit", class: "main", id: "start",
       "data-needs": "operate" }, "Start");
     this.form = h("form", { id: "start-form", novalidate: true },
       h("div", { class: "field" }, h("label", { for: "kind" }, "Job"), this.kind, this.hint),
       this.fields.element, this.fields.more,
-      h("div", { class: "field" }, h("label", { for: "field-sample" }, "Sample"), this.sample),
+      sample, h("details", { id: "say-more" }, h("summary", {}, "Batch, operator, notes"), ...others),
       h("label", { class: "check", id: "queue-line", hidden: true }, this.queue,
         h("span", {}, "Wait in the queue until the rig is free")),
       h("div", { class: "buttons" }, this.button,
         h("button", { type: "button", id: "dry-run", "data-needs": "operate", onclick: () => this.dryRun() }, "Dry run")),
-      this.said, this.plan.element);
+      this.fault, this.plan.element);
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.start();
@@ -73,7 +75,7 @@ export class StartForm {
   /** What was said about a request holds no longer once the request is another. */
   forget() {
     this.key = freshKey();
-    this.said.textContent = "";
+    this.fault.textContent = "";
     this.plan.clear();
     this.fields.forgive();
     this.fields.settle();
@@ -90,7 +92,7 @@ export class StartForm {
       }
       if (!this.form.contains(document.activeElement)) this.choose(this.kind.value);
     } catch (problem) {
-      setText(this.said, told(problem));
+      setText(this.fault, told(problem));
     }
   }
 
@@ -117,15 +119,15 @@ export class StartForm {
   }
 
   request() {
-    const sample = this.sample.value.trim();
-    return { kind: this.kind.value, ...this.fields.read(), ...(sample ? { labels: { sample } } : {}) };
+    const said = this.said.map(([name, , input]) => [name, input.value.trim()]).filter(([, text]) => text);
+    return { kind: this.kind.value, ...this.fields.read(), ...Object.fromEntries(said) };
   }
 
   /** Tell a problem at the fields that it is about, the rest of it below the buttons. */
   tell(problem) {
     const placed = this.fields.tell(problem.faults);
     const rest = placed === 0 || problem.faults.size > placed;
-    this.said.textContent = rest ? told(problem) : problem.title;
+    this.fault.textContent = rest ? told(problem) : problem.title;
   }
 
   async dryRun() {
@@ -151,7 +153,7 @@ export class StartForm {
   async start() {
     const { key } = this;
     this.fields.forgive();
-    this.said.textContent = "";
+    this.fault.textContent = "";
     const body = this.waits ? { ...this.request(), queue: true } : this.request();
     try {
       const job = await startJob(body, key);

@@ -1,0 +1,58 @@
+// What is said of a job: shown with it, and edited at any time.
+
+import { patch, told } from "./api.js";
+import { byId, h } from "./dom.js";
+
+export const SAID = [["sample", "Sample", 200], ["batch", "Batch", 200], ["operator", "Operator", 80],
+  ["notes", "Notes", 4000]];
+
+/** Sample and batch, then labels, in one line. */
+export const saidOf = (job) => [job.sample, job.batch, ...Object.values(job.labels)].filter(Boolean).join(" · ");
+
+/** Label and text of everything that was said. */
+export const factsOf = (job) => [...SAID.map(([name, label]) => [label, job[name]]),
+  ...Object.entries(job.labels)].filter(([, text]) => text);
+
+/** A row for a text of a job; notes have room for lines. */
+export function field(id, label, limit, value = "", more = {}) {
+  const input = label === "Notes" ? h("textarea", { id, rows: "3", maxlength: String(limit), ...more })
+    : h("input", { type: "text", id, maxlength: String(limit), autocomplete: "off", ...more });
+  input.value = value;
+  return [h("div", { class: "field" }, h("label", { for: id }, label), input), input];
+}
+
+/** A form that says more of a job; `changed` gets the job as it is then. */
+export function describe(job, changed) {
+  const rows = SAID.map(([name, label, limit]) => [name, ...field(`said-${name}`, label, limit, job[name])]);
+  const labels = Object.entries(job.labels).map(([name, text]) => `${name}=${text}`).join("\n");
+  const list = h("textarea", { id: "said-labels", rows: "2", placeholder: "name=text, one a line" });
+  list.value = labels;
+  const pin = h("input", { type: "checkbox", id: "said-pinned" });
+  pin.checked = job.pinned;
+  const fault = h("p", { class: "fault", id: "said-fault", role: "alert" });
+  const save = async (event) => {
+    event.preventDefault();
+    fault.textContent = "";
+    try {
+      const body = Object.fromEntries(rows.map(([name, , input]) => [name, input.value.trim()]));
+      changed(await patch(`/jobs/${job.id}`, { ...body, labels: labelsIn(list.value), pinned: pin.checked }));
+      byId("job-title")?.focus();
+    } catch (problem) {
+      fault.textContent = told(problem);
+    }
+  };
+  return h("details", { id: "job-said" }, h("summary", {}, "Describe"),
+    h("form", { id: "said-form", onsubmit: save }, ...rows.map(([, row]) => row),
+      h("div", { class: "field" }, h("label", { for: "said-labels" }, "Labels"), list),
+      h("label", { class: "check" }, pin, h("span", {}, "Keep the record, whatever its age")),
+      h("div", { class: "buttons" }, h("button", { type: "submit", "data-needs": "operate" }, "Save")), fault));
+}
+
+function labelsIn(text) {
+  const pairs = text.split("\n").map((line) => line.trim()).filter(Boolean).map((line) => {
+    const place = line.indexOf("=");
+    if (place < 1) throw new Error(`${line} is no label: write name=text`);
+    return [line.slice(0, place), line.slice(place + 1)];
+  });
+  return Object.fromEntries(pairs);
+}

@@ -1,0 +1,56 @@
+"""Options are written out with their unit, words are corrected, and who waits is told."""
+
+from time import sleep
+
+import pytest
+
+from pincette.cli import terminal
+from pincette.cli.main import main
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [("--force", "--force-mN"), ("--hold", "--hold-s"), ("--load=2", "--load-s")],
+)
+def test_an_option_without_its_unit_is_refused(
+    given: str, meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["job", "grip", given, "15", "--dry-run"]) == 2
+    told = capsys.readouterr().err
+    assert "No such option" in told
+    assert meant in told
+
+
+def test_the_start_of_an_option_without_a_unit_is_enough(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["job", "grip", "--dry-r", "--url", "http://127.0.0.1:9"]) == 3
+    assert "no supervisor answers" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["jbo"], "Did you mean 'job'?"),
+        (["job", "lst"], "Did you mean 'list'?"),
+        (["job", "list", "--state", "faild"], "did you mean failed?"),
+        (["job", "grip", "--on-stop", "hodl"], "did you mean hold?"),
+    ],
+)
+def test_a_mistyped_word_is_corrected(
+    words: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    assert meant in capsys.readouterr().err
+
+
+def test_what_takes_longer_than_a_moment_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(terminal, "PATIENCE_S", 0.05)
+    with terminal.patience("planning"):
+        pass
+    assert capsys.readouterr().err == ""
+    with terminal.patience("planning"):
+        sleep(0.3)
+    assert capsys.readouterr().err == "planning, 0 s\n"
