@@ -84,9 +84,8 @@ def known(desk: Harness) -> Known:
 
 def excluded(method: str, path: str, *, keys: bool) -> list[Any]:
     """Checks that cannot hold: every other one of the library must."""
-    without: list[Any] = (
-        [] if keys else [ignored_auth]
-    )  # without keys whatever is shown opens everything
+    # Without keys whatever is shown opens everything.
+    without: list[Any] = [] if keys else [ignored_auth]
     if method == "post" and path.rpartition("/")[2] in JUDGED:
         without.append(positive_data_acceptance)
     return without

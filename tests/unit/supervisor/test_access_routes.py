@@ -37,6 +37,7 @@ DEMANDS: dict[str, set[tuple[str, str]]] = {
     "admin": {
         ("post", "/api/v1/calibrations/{calibration}/actions"),
         ("post", "/api/v1/rigs/{rig}/model/actions"),
+        ("delete", "/api/v1/jobs/{job}/record"),
         ("get", "/api/v1/audit"),
         ("get", "/api/v1/audit/chain"),
     },

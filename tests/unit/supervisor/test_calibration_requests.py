@@ -17,11 +17,11 @@ def body(calibration: str, **wishes: Any) -> dict[str, Any]:
         ({"kind": "calibrate"}, "/calibration", "calibration is missing"),
         (body("colour"), "/calibration", "calibration = 'colour'"),
         (body("noise", weights_mN=[0.0]), "/weights_mN", "weights_mN is not a field that is known"),
-        (body("noise", duration_s=0.1), "/duration_s", "greater than or equal to 2 s"),
+        (body("noise", duration_s=0.1), "/duration_s", "must be 2 s or more"),
         (body("compliance", weights_mN=[0.0, -5.0]), "/weights_mN/1", "weights_mN[1] = -5.0 mN: "),
         (body("free_response", low_V=1.0, high_V=0.5), "", "low_V = 1.0 V is not below high_V"),
         (body("frequency_response", from_hz=900.0), "", "from_hz = 900.0 Hz is not below to_hz"),
-        (body("contact_stiffness", levels_V=[0.3, 1.0]), "/levels_V", "at least 3"),
+        (body("contact_stiffness", levels_V=[0.3, 1.0]), "/levels_V", "3 or more"),
     ],
 )
 def test_a_fault_is_named_with_its_place(

@@ -116,8 +116,8 @@ def test_a_rig_goes_back_to_a_version_and_to_its_file_alone(harness: Harness) ->
         values.append(in_use(harness, "sensor.noise_um")["value"])
     assert values == pytest.approx([0.04, 0.02, 0.03], rel=0.15)
     unknown = harness.post("/rigs/demo/model/actions", {"type": "use", "version": 7})
-    assert unknown.status_code == 422
-    assert "no model 7; there are [1, 2]" in unknown.json()["detail"]
+    assert unknown.status_code == 404
+    assert "no version of the model '7'; there are 0, 1, 2" in unknown.json()["detail"]
 
 
 def test_nothing_changes_while_a_job_has_the_rig(harness: Harness) -> None:
