@@ -53,7 +53,7 @@ def test_text_and_digest_depend_on_the_content_alone() -> None:
     [
         ('{"values": {"limits.voltage_max_V": 9.0}}', "limits.voltage_max_V: no calibration"),
         ('{"values": []}', "must be an object"),
-        ("{", "Invalid JSON"),
+        ("{", "is not JSON"),
     ],
 )
 def test_what_is_no_calibration_is_refused(text: str, words: str) -> None:
