@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from pincette.config.rig_file import RigFile
 from pincette.config.tables import ConfigError
-from pincette.core.validation_wording import refusal
+from pincette.core.validation_wording import place, refusal
 
 Tree = dict[str, Any]
 MOST_BYTES = 4 * 2**20
@@ -86,13 +86,15 @@ def parse_rig_json(text: str) -> RigFile:
 
 
 def _faults(error: ValidationError) -> str:
-    faults = error.errors(include_url=False)
+    wanted: dict[tuple[str, str], list[str]] = {}
+    for fault in error.errors(include_url=False):
+        at = place(fault["loc"]), _SHORT.repr(fault["input"])
+        wanted.setdefault(at, []).append(refusal(fault))
     lines = [
-        f"  {_legible('.'.join(str(part) for part in fault['loc']))} = "
-        f"{_SHORT.repr(fault['input'])}: {_legible(refusal(fault))}"
-        for fault in faults[:MOST_FAULTS]
+        f"  {_legible(where)} = {value}: {_legible(', or '.join(texts))}"
+        for (where, value), texts in list(wanted.items())[:MOST_FAULTS]
     ]
-    more = len(faults) - len(lines)
+    more = len(wanted) - len(lines)
     return "\n".join([*lines, f"  and {more} more"] if more else lines)
 
 

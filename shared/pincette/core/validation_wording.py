@@ -4,7 +4,7 @@ The code and the numbers of an error are stable; the text that pydantic has for 
 programmers, and changes with its versions.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 KNOWN: Mapping[str, str] = {
@@ -31,6 +31,7 @@ KNOWN: Mapping[str, str] = {
     "union_tag_invalid": "must be one of {expected_tags}",
     "timezone_aware": "must state its time zone, as 2026-03-01T12:00:00Z",
     "json_invalid": "is not JSON: {error}",
+    "law": "{text}",
 }
 """By the code of an error; its numbers are put in."""
 KINDS: Mapping[str, str] = {
@@ -55,6 +56,22 @@ KINDS: Mapping[str, str] = {
     "url": "an address, as https://example.org/path",
 }
 """What is wanted where a value is of another kind; by the first word of the code."""
+
+
+BRANCHES = ("float", "int", "str", "bool")
+
+
+def place(loc: Sequence[str | int]) -> str:
+    """The fields that lead to a value, as ``realtime.cores.0``, by ``loc`` of an entry.
+
+    Where a value may be of several types, pydantic also names the type that it was tried as.
+    """
+    return ".".join(
+        str(part)
+        for part in loc
+        if isinstance(part, int)
+        or not ("[" in part or part.startswith("constrained-") or part in BRANCHES)
+    )
 
 
 def refusal(error: Mapping[str, Any], unit: str = "") -> str:

@@ -65,7 +65,7 @@ def test_the_shortest_period_is_said(machine: Machine, capsys: pytest.CaptureFix
 def test_a_period_that_is_asked_for_is_the_only_one(
     machine: Machine, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["latency", "--period", "0.002", "--load"]) == Exit.FAILED
+    assert main(["latency", "--period-s", "0.002", "--load"]) == Exit.FAILED
     assert "supported: none of these periods" in capsys.readouterr().out
     assert machine.asked[0][0] == (0.002,)
     assert machine.asked[0][3] is True

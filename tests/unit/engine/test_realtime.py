@@ -165,10 +165,10 @@ def test_a_rig_file_gives_each_program_its_own() -> None:
 @pytest.mark.parametrize(
     ("wish", "why"),
     [
-        ({"priority": 100}, "less than or equal to 99"),
+        ({"priority": 100}, "must be 99 or less"),
         ({"priority": {"supervisor": 10}}, "supervisor"),
-        ({"cores": [-1]}, "greater than or equal to 0"),
-        ({"timer_slack_s": -1.0}, "greater than or equal to 0"),
+        ({"cores": [-1]}, "must be 0 or more"),
+        ({"timer_slack_s": -1.0}, "must be 0 or more"),
         ({"required": ["speed"]}, "speed"),
         ({"nice": 3}, "nice"),
     ],

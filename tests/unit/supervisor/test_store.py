@@ -87,8 +87,7 @@ def test_the_newest_come_first(store: Store) -> None:
 
 def test_the_list_is_narrowed(store: Store) -> None:
     store.add(row("a"))
-    labelled = {"kind": "grip", "labels": {"cell.line-1": "left", "lot": "7"}}
-    store.add(replace(row("b"), request=labelled))
+    store.add(replace(row("b"), labels={"cell.line-1": "left", "lot": "7"}))
     store.add(replace(row("c"), kind="track", rig="other"))
     store.change("a", state="failed")
 
