@@ -12,9 +12,6 @@ from pincette.core.messages import Message, Position, Telemetry
 from pincette_supervisor.calibration.samples import MOST_MISSING
 from pincette_supervisor.planning.planned import Planned
 
-LATE = 10
-"""Samples that may be on their way: the topics of a tick come on links of their own."""
-
 
 class MissingSamples:
     """Of one epoch, phase by phase; a job other than a calibration may lack what it will."""
@@ -28,25 +25,36 @@ class MissingSamples:
                 if phase.duration_s is not None:
                     self._planned[phase.phase] += round(phase.duration_s / period_s)
         self._phase: str = ""
-        self._first, self._newest, self._found = 0, -1, 0
-        """``_found``: valid positions since the phase began."""
+        self._first, self._newest = 0, -1
+        self._valid: set[int] = set()
+        """Numbers of the valid positions since the phase began."""
 
     def follow(self, messages: Iterable[Message]) -> None:
-        """Take new messages."""
+        """Take new messages; those of each topic come in order."""
+        if not self._planned:
+            return
         for message in messages:
-            if isinstance(message, Position):
-                self._found += message.epoch == self._epoch and message.valid
-            elif isinstance(message, Telemetry) and message.epoch == self._epoch:
-                if message.phase != self._phase:
-                    self._phase, self._first, self._found = message.phase, message.seq, 0
-                self._newest = message.seq
+            if not isinstance(message, Position | Telemetry) or message.epoch != self._epoch:
+                continue
+            if isinstance(message, Telemetry):
+                self._begin(message.phase, message.seq)
+                continue
+            self._newest = message.seq
+            if message.valid:
+                self._valid.add(message.seq)
+
+    def _begin(self, phase: str, seq: int) -> None:
+        """Count anew, unless it is the same phase."""
+        if phase != self._phase:
+            self._phase, self._first = phase, seq
+            self._valid = {one for one in self._valid if one >= seq}
 
     @property
     def lack(self) -> tuple[str, Ending] | None:
         """That a phase lacks too many, in words and as a code; None where it does not."""
         planned = self._planned[self._phase]
-        count = self._newest - self._first + 1 - self._found
-        if not planned or count <= MOST_MISSING * planned + LATE:
+        count = self._newest - self._first + 1 - len(self._valid)
+        if not planned or count <= MOST_MISSING * planned:
             return None
         words = (
             f"{count} of the {planned} samples of {self._phase} are missing already, limit "

@@ -21,6 +21,8 @@ MAX_FIELDS = 64
 """Of a map, known or not."""
 SHOWN = 40
 """Characters of a value that a refusal repeats."""
+MOST_CHOICES = 12
+"""That a refusal lists."""
 NAMED = 5
 """Fields that a refusal names."""
 FEW = 16
@@ -202,7 +204,9 @@ def _choice(place: str, choices: Iterable[Any], value: Any) -> Any:
     known = [str(choice) for choice in choices]
     if type(value) is str and value in known:
         return value
-    raise CodecError(f"{place} = {_shown(value)}: not one of {', '.join(known)}")
+    more = len(known) - MOST_CHOICES
+    listed = [*known[:MOST_CHOICES], f"{more} more"] if more > 0 else known
+    raise CodecError(f"{place} = {_shown(value)}: not one of {', '.join(listed)}")
 
 
 def _shown(value: Any) -> str:
