@@ -15,6 +15,8 @@ from tests.unit.supervisor import samples
 RIG = "played"
 TICK_S = 0.005
 UP_S = 5.0
+KNOWN_TICKS = 10
+"""After which a router knows every topic."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Played:
 def played_rig() -> Generator[Played]:
     """A router, and a grip behind it that begins anew, in an epoch of its own, when it ends."""
     port = free_ports(1)
-    end, up = threading.Event(), threading.Event()
+    end, up, told = threading.Event(), threading.Event(), threading.Event()
 
     def route() -> None:
         up.set()
@@ -44,11 +46,14 @@ def played_rig() -> Generator[Played]:
         bus = ZenohBus(client_session("127.0.0.1", port), RIG, "played")
         try:
             for epoch in count(1):
-                for tick in samples.grip(epoch):
+                for number, tick in enumerate(samples.grip(epoch)):
                     if end.wait(TICK_S):
                         return
                     for message in tick.messages():
                         bus.publish(message)
+                    # With the first message of a topic the router is told that there is one.
+                    if number == KNOWN_TICKS:
+                        told.set()
         finally:
             bus.close()
 
@@ -58,6 +63,7 @@ def played_rig() -> Generator[Played]:
     assert up.wait(UP_S)
     threads.append(threading.Thread(target=play))
     threads[1].start()
+    assert told.wait(UP_S)
     try:
         yield Played(port, samples.grip())
     finally:
