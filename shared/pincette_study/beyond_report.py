@@ -1,6 +1,6 @@
 """Medians, worst cases and pictures of what goes beyond the paper."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from statistics import median
 from typing import Any
@@ -179,83 +179,73 @@ def _of(
     return [t for t in trials if (t.hysteresis, t.scheme, t.frequency_hz, t.prepared) == wanted]
 
 
-def _scatter(trials: Sequence[BeyondTrial]) -> bytes:
-    def draw(axes: list[Axis]) -> None:
+def _by_class(draw: Callable[[Axis, str], None], x: str, y: str) -> bytes:
+    """One axis for each class of hysteresis, from 0 upwards; x and y are their labels."""
+
+    def draw_all(axes: list[Axis]) -> None:
         for axis, name in zip(axes, CLASSES, strict=True):
-            for frequency_hz, color in COLORS.items():
-                some = [trial.errors for trial in _of(trials, name, frequency_hz, "")]
-                axis.plot(
-                    [found.position_percent for found in some],
-                    [found.force_percent for found in some],
-                    "o",
-                    color=color,
-                    markersize=4,
-                    label=f"{frequency_hz:g} Hz",
-                )
-            axis.set_xlim(left=0.0)
+            draw(axis, name)
             axis.set_ylim(bottom=0.0)
-            label(axis, "position RMSE / %", "force RMSE / %", TITLES[name])
+            label(axis, x, y, TITLES[name])
             legend(axis)
 
-    return picture(1, 2, 4.2, draw)
+    return picture(1, 2, 4.2, draw_all)
+
+
+def _scatter(trials: Sequence[BeyondTrial]) -> bytes:
+    def draw(axis: Axis, name: str) -> None:
+        for frequency_hz, color in COLORS.items():
+            some = [trial.errors for trial in _of(trials, name, frequency_hz, "")]
+            positions = [found.position_percent for found in some]
+            forces = [found.force_percent for found in some]
+            words = f"{frequency_hz:g} Hz"
+            axis.plot(positions, forces, "o", color=color, markersize=4, label=words)
+        axis.set_xlim(left=0.0)
+
+    return _by_class(draw, "position RMSE / %", "force RMSE / %")
 
 
 def _pairs(trials: Sequence[BeyondTrial]) -> bytes:
     """Force error after a residual run over that before, below the line where it helped."""
 
-    def draw(axes: list[Axis]) -> None:
-        for axis, name in zip(axes, CLASSES, strict=True):
-            most = 0.0
-            for frequency_hz, color in COLORS.items():
-                plain, made = (
-                    {
-                        t.draw.seed: t.errors.force_percent
-                        for t in _of(trials, name, frequency_hz, w)
-                    }
-                    for w in ("", "dry_run")
-                )
-                before, after = [plain[seed] for seed in made], list(made.values())
-                most = max((most, *before, *after))
-                words = f"{frequency_hz:g} Hz"
-                axis.plot(before, after, "o", color=color, markersize=4, label=words)
-            axis.plot([0.0, most], [0.0, most], color=RED, linewidth=0.8, linestyle=":")
-            axis.set_xlim(left=0.0)
-            axis.set_ylim(bottom=0.0)
-            label(axis, "force RMSE before / %", "after / %", TITLES[name])
-            legend(axis)
+    def draw(axis: Axis, name: str) -> None:
+        most = 0.0
+        for frequency_hz, color in COLORS.items():
+            plain, made = (
+                {t.draw.seed: t.errors.force_percent for t in _of(trials, name, frequency_hz, w)}
+                for w in ("", "dry_run")
+            )
+            before, after = [plain[seed] for seed in made], list(made.values())
+            most = max((most, *before, *after))
+            words = f"{frequency_hz:g} Hz"
+            axis.plot(before, after, "o", color=color, markersize=4, label=words)
+        axis.plot([0.0, most], [0.0, most], color=RED, linewidth=0.8, linestyle=":")
+        axis.set_xlim(left=0.0)
 
-    return picture(1, 2, 4.2, draw)
+    return _by_class(draw, "force RMSE before / %", "after / %")
 
 
 def _cycles(trials: Sequence[BeyondTrial]) -> bytes:
     """Median over the rigs of the position's error of each cycle."""
 
-    def draw(axes: list[Axis]) -> None:
-        for axis, name in zip(axes, CLASSES, strict=True):
-            for frequency_hz, color in COLORS.items():
-                some = [t.cycles_percent for t in _of(trials, name, frequency_hz, "learned")]
-                medians = [median(errors) for errors in zip(*some, strict=True)]
-                cycles = range(1, len(medians) + 1)
-                words = f"{frequency_hz:g} Hz"
-                axis.plot(cycles, medians, "o-", color=color, markersize=3, label=words)
-            axis.axvline(LEARNED_CYCLES + 0.5, color=RED, linewidth=0.8, linestyle=":")
-            axis.set_ylim(bottom=0.0)
-            label(axis, "cycle at full amplitude", "position RMSE, median / %", TITLES[name])
-            legend(axis)
+    def draw(axis: Axis, name: str) -> None:
+        for frequency_hz, color in COLORS.items():
+            some = [t.cycles_percent for t in _of(trials, name, frequency_hz, "learned")]
+            medians = [median(errors) for errors in zip(*some, strict=True)]
+            cycles = range(1, len(medians) + 1)
+            words = f"{frequency_hz:g} Hz"
+            axis.plot(cycles, medians, "o-", color=color, markersize=3, label=words)
+        axis.axvline(LEARNED_CYCLES + 0.5, color=RED, linewidth=0.8, linestyle=":")
 
-    return picture(1, 2, 4.2, draw)
+    return _by_class(draw, "cycle at full amplitude", "position RMSE, median / %")
 
 
 def _grips(trials: Sequence[GripTrial]) -> bytes:
-    def draw(axes: list[Axis]) -> None:
-        for axis, name in zip(axes, CLASSES, strict=True):
-            for profile, color in zip(PROFILES, (ORANGE, BLUE), strict=True):
-                some = [t for t in trials if (t.hysteresis, t.profile) == (name, profile)]
-                peaks = [one.peak_over_planned for one in some]
-                held = [one.hold_error_percent for one in some]
-                axis.plot(peaks, held, "o", color=color, markersize=4, label=profile)
-            axis.set_ylim(bottom=0.0)
-            label(axis, "peak over planned", "error over the hold / %", TITLES[name])
-            legend(axis)
+    def draw(axis: Axis, name: str) -> None:
+        for profile, color in zip(PROFILES, (ORANGE, BLUE), strict=True):
+            some = [t for t in trials if (t.hysteresis, t.profile) == (name, profile)]
+            peaks = [one.peak_over_planned for one in some]
+            held = [one.hold_error_percent for one in some]
+            axis.plot(peaks, held, "o", color=color, markersize=4, label=profile)
 
-    return picture(1, 2, 4.2, draw)
+    return _by_class(draw, "peak over planned", "error over the hold / %")

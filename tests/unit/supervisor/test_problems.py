@@ -15,6 +15,8 @@ from pincette_supervisor.problems import CODES
 from .harness import Harness
 
 SOURCES = sorted(Path(pincette_supervisor.__file__).parent.rglob("*.py"))
+OWN_TEXT = {"value_error", "assertion_error"}
+"""Codes of errors whose text a validator of pincette has written."""
 PYDANTIC = ("Input should", "Value error", "Field required", "Extra inputs", "pydantic")
 
 
@@ -66,10 +68,8 @@ def test_an_instance_is_found_in_the_log(
     assert problem["instance"] in caplog.text
 
 
-@pytest.mark.parametrize("code", get_args(ErrorType))
+@pytest.mark.parametrize("code", sorted({*get_args(ErrorType)} - OWN_TEXT))
 def test_no_error_is_told_in_pydantics_words(code: str) -> None:
-    if code in ("value_error", "assertion_error"):
-        pytest.skip("a text of pincette's own")
     text = refusal({"type": code, "msg": "Input should be valid", "ctx": {}}, "mN")
     assert text.startswith(("must ", "is ", "cannot "))
     assert not any(word in text for word in PYDANTIC)
