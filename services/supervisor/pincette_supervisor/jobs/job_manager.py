@@ -195,9 +195,8 @@ class JobManager:
             if order == "clear":
                 self.queue.clear()
             elif order == "move":
-                self.queue.move(
-                    refusals.require_queued(self.queue.entry(move[0]), move[0]), move[1]
-                )
+                name, place = move
+                self.queue.move(refusals.require_queued(self.queue.entry(name), name), place)
             elif len(self.queue):
                 refusals.require_resumable(self.context, self.queue, self.active)
                 self.queue.resume()
@@ -224,54 +223,54 @@ class JobManager:
         """Accept or discard the proposal of a calibration; raises ProblemError."""
         await_end(self.active)
         with self._lock:
-            self._require_free()
+            refusals.require_free(self.active)
             return self.calibrations.act(name, action)
 
     def use_model(self, version: int) -> ModelView:
         """Use a version of the model; raises ProblemError."""
         await_end(self.active)
         with self._lock:
-            self._require_free()
+            refusals.require_free(self.active)
             return use_model(self.context.model, version)
-
-    def _require_free(self) -> None:
-        if self.active is not None:
-            raise refusals.job_active(self.active)
 
     def job(self, name: str) -> Job:
         """One job; raises ProblemError if there is none of this name."""
         return self.view(refusals.require_job(self.context.store, name))
 
+    def _started(self, name: str) -> LiveJob | None:
+        """The job that was started last, if it has this name; look into the queue first."""
+        live = self._live
+        return live if live is not None and live.id == name else None
+
     def is_over(self, name: str) -> bool:
         """Whether a job has ended, without reading the journal."""
-        live, queued = self._live, self.queue.entry(name) is not None
-        return not queued and (live is None or live.id != name or live.terminal)
+        if self.queue.entry(name) is not None:
+            return False
+        live = self._started(name)
+        return live is None or live.terminal
 
     def changed_since(self, name: str, revision: int) -> bool:
         """Whether a job has changed since a revision, without reading the journal."""
         entry = self.queue.entry(name)
         if entry is not None:
             return entry.revision != revision
-        live = self._live
-        same = live is not None and live.id == name and not live.done.is_set()
-        return not same or live is None or live.revision != revision
+        live = self._started(name)
+        return live is None or live.done.is_set() or live.revision != revision
 
     def has_job(self, name: str) -> bool:
         """Whether a job is queued or was started last, without reading the journal."""
-        live = self._live
-        return self.queue.entry(name) is not None or (live is not None and live.id == name)
+        return self.queue.entry(name) is not None or self._started(name) is not None
 
     def note_revision(self, name: str, revision: int) -> None:
         """Let those who wait for a change of a job know of one that the journal has."""
-        live = self._live if self._live is not None and self._live.id == name else None
-        for known in filter(None, (self.queue.entry(name), live)):
+        for known in filter(None, (self.queue.entry(name), self._started(name))):
             known.revision = max(known.revision, revision)
         self.changes.notify_all()
 
     def view(self, row: JobRow) -> Job:
         """One job of this rig."""
-        live = self._live if self._live is not None and self._live.id == row.id else None
-        return job_view(row, live, self.queue.position(row.id), self.context.records)
+        place = self.queue.position(row.id)
+        return job_view(row, self._started(row.id), place, self.context.records)
 
     def retire(self) -> bool:
         """Accept no more jobs; returns False, without effect, if one is active or queued."""
@@ -284,10 +283,11 @@ class JobManager:
     def close(self) -> None:
         """End: a job that runs becomes ``interrupted`` and the rig is asked to stop."""
         self._closing = True
-        if self._live is not None and self._thread is not None:
-            self._live.interrupted = True
-            self._live.wake.set()
-            self._thread.join(JOIN_S)
+        live, thread = self._live, self._thread
+        if live is not None and thread is not None:
+            live.interrupted = True
+            live.wake.set()
+            thread.join(JOIN_S)
         self.latch.close()
         self.alarm_monitor.close()
 

@@ -157,6 +157,12 @@ def model_changed() -> ProblemError:
     )
 
 
+def require_free(active: LiveJob | None) -> None:
+    """Raise ProblemError where a job has the rig."""
+    if active is not None:
+        raise job_active(active)
+
+
 def require_queued(entry: Entry | None, name: str) -> Entry:
     """An entry of the queue; raises ProblemError where the job does not wait."""
     if entry is None:
