@@ -56,16 +56,12 @@ KINDS: Mapping[str, str] = {
     "url": "an address, as https://example.org/path",
 }
 """What is wanted where a value is of another kind; by the first word of the code."""
-
-
 BRANCHES = ("float", "int", "str", "bool")
+"""Types that pydantic names among the fields, where a value may be one of several."""
 
 
 def place(loc: Sequence[str | int]) -> str:
-    """The fields that lead to a value, as ``realtime.cores.0``, by ``loc`` of an entry.
-
-    Where a value may be of several types, pydantic also names the type that it was tried as.
-    """
+    """The fields that lead to a value, as ``realtime.cores.0``, by ``loc`` of an entry."""
     return ".".join(
         str(part)
         for part in loc
