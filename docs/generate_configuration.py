@@ -12,7 +12,7 @@ from typing import Any, cast, get_args
 from pydantic import TypeAdapter
 
 from pincette.asyncapi.schemas import notes
-from pincette.cli.drivers import TABLES
+from pincette.cli.doctor import TABLES
 from pincette.config import RigFile, Table
 from pincette.config.calibration import CALIBRATED, EXPECTED
 from pincette.config.laws import Law, law_definition

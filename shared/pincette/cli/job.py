@@ -1,4 +1,4 @@
-"""``pincette job``, ``plan`` and ``stop``: start jobs, follow them, act on them."""
+"""``pincette job``, ``plan``, ``stop`` and ``learning``: start jobs, follow them, act on them."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +20,7 @@ from pincette.cli.options import (
     request_parameters,
 )
 from pincette.cli.results import show_plan, show_result
-from pincette.cli.terminal import clock, command, group, patience, screen
+from pincette.cli.terminal import clock, command, group, patience, screen, table
 from pincette.cli.watch import followed
 from pincette.client import RigHandle, WaitTimeoutError
 
@@ -44,8 +44,9 @@ Queue = Annotated[bool, Option("--queue", help="wait for the job that has the ri
 app = group()
 job_app = group("job", "start a job and follow it, act on one, list them")
 plan_app = group("plan", "say what a job would do, and every limit that it would break")
-app.add_typer(job_app)
-app.add_typer(plan_app)
+learning_app = group("learning", "show what programs have learned across their cycles, or erase it")
+for one in (job_app, plan_app, learning_app):
+    app.add_typer(one)
 
 
 def _add_start(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[str, Any]) -> None:
@@ -213,3 +214,36 @@ _add_kinds()
 add_to(job_app)
 for _action, _about in ACTIONS.items():
     _add_action(_action, _about)
+
+
+@command(learning_app, "show")
+def show_learning(target: Target) -> None:
+    """Show every program that has learned, with the error over its cycles."""
+    found = target.rig().learning()
+    rows = [
+        (
+            one.program,
+            ", ".join(f"{name} {value}" for name, value in one.motion.items()),
+            clock(one.learned_at),
+            str(one.cycles) + (", over" if one.over else ""),
+            " ".join(f"{error:.3f}" for error in one.errors_um),
+        )
+        for one in found.programs
+    ]
+    shown = table("program", "motion", "learned", "cycles", "error by cycle / µm", rows=rows)
+    target.answer(found, shown if rows else "no program has learned anything yet")
+
+
+@command(learning_app, "erase")
+def erase_learning(
+    target: Target,
+    program: Annotated[
+        str | None, Argument(metavar="[PROGRAM]", help="as `learning show` lists it")
+    ] = None,
+    everything: Annotated[bool, Option("--all", help="every program of the rig")] = False,
+) -> None:
+    """Forget what a program has learned: its next job begins anew."""
+    if (program is None) != everything:
+        raise CliError("name a program, as `pincette learning show` lists it, or give --all")
+    found = target.rig().erase_learning(program)
+    target.answer(found, f"{found.erased} erased")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli.drivers import Driver, installed
+from pincette.cli.doctor import Driver, installed
 from pincette.cli.main import main
 from pincette.core import plugins
 

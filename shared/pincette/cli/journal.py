@@ -1,4 +1,7 @@
-"""``pincette backup`` and ``restore``: what a supervisor keeps, as one file."""
+"""``pincette backup``, ``restore`` and ``audit``: what a supervisor keeps.
+
+A backup is one file. The audit log says who did what over REST; it can be verified to be whole.
+"""
 
 import hashlib
 import io
@@ -13,12 +16,15 @@ from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any
 
-from typer import Argument, Option
+from rich.markup import escape
+from typer import Argument, BadParameter, Option
 
 from pincette import __version__
+from pincette.api.access import AuditChain, AuditEntry
 from pincette.cli import CliError
-from pincette.cli.options import DATA, DataFolder
-from pincette.cli.terminal import Json, command, group, patience
+from pincette.cli.access import Address
+from pincette.cli.options import DATA, DataFolder, Limit, integer
+from pincette.cli.terminal import Json, clock, command, emit, group, patience, table
 
 JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
     "supervisor.sqlite",
@@ -28,6 +34,7 @@ JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
     "joined",
 )
 MANIFEST = "backup.json"
+VERIFY = "verify"
 PRIVATE = 0o600
 """The journal and the keys are read by their owner alone."""
 File = Annotated[Path, Argument(metavar="FILE", help="such as bench.tar.gz")]
@@ -155,3 +162,61 @@ def _read(file: Path) -> dict[str, bytes]:
     if missing := digests.keys() - contents.keys():
         raise ValueError(f"{sorted(missing)[0]} is missing")
     return contents
+
+
+def _verify(text: str) -> str:
+    if text != VERIFY:
+        raise BadParameter(f"{text!r}: wanted {VERIFY} or nothing")
+    return text
+
+
+@command(app, "audit")
+def audit(
+    address: Address,
+    what: Annotated[
+        str | None,
+        Argument(metavar=f"[{VERIFY}]", parser=_verify, help="check that no entry was changed"),
+    ] = None,
+    limit: Limit = 50,
+    before: Annotated[
+        int | None,
+        Option("--before", parser=integer, metavar="NUMBER", help="entries below this number"),
+    ] = None,
+    link: Annotated[
+        str | None,
+        Option("--link", metavar="LINK", help="noted earlier: is it still in the log?"),
+    ] = None,
+) -> None:
+    """List entries of the audit log, the newest first; or verify that it is whole."""
+    if what == VERIFY:
+        chain = address.supervisor().audit_chain(link)
+        if chain.broken is not None or chain.found is False:
+            if address.json:
+                emit(chain)
+            raise CliError(_chain_words(chain))
+        address.answer(chain, _chain_words(chain))
+        return
+    found = address.supervisor().audit(limit, before)
+    names = ("number", "time", "who", "from", "what", "answer")
+    address.answer(found, table(*names, rows=map(_audit_row, found), right=("number", "answer")))
+
+
+def _chain_words(chain: AuditChain) -> str:
+    if chain.newest is None:
+        return "the audit log is empty"
+    if chain.broken is not None:
+        return f"entry {chain.broken} was changed, or one before it is missing"
+    if chain.found is False:
+        return "the log follows from itself, but the link is none of its: it was written anew"
+    noted = "" if chain.found is None else "; the link is one of them"
+    return (
+        f"{chain.entries} entries, {chain.first} to {chain.newest}, each follows from the one "
+        f"before it{noted}. Note the newest link elsewhere: {chain.link}"
+    )
+
+
+def _audit_row(one: AuditEntry) -> tuple[str, ...]:
+    what = " ".join([one.action.replace("/api/v1", "", 1), one.detail]).strip()
+    times = f" ({one.count} times)" if one.count > 1 else ""
+    cells = (clock(one.at), escape(one.who), one.address, escape(what + times))
+    return (str(one.number), *cells, str(one.status))
