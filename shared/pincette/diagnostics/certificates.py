@@ -16,6 +16,7 @@ from pincette.security.identity import (
     SecurityError,
     program,
 )
+from pincette.security.revocation import read_revoked
 
 
 def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]:
@@ -41,6 +42,11 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
         except SecurityError as error:
             well = False
             yield Finding(False, f"certificates: {error}", "docs/how-to/secure.md says how")
+    try:
+        read_revoked(folder.path)
+    except SecurityError as error:
+        well = False
+        yield Finding(False, f"certificates: {error}", "without it no program of the loop starts")
     if soon := [facts for facts in found if facts.ends - now < SOON]:
         yield _ending(soon, folder, now)
     elif well:
