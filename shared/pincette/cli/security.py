@@ -273,7 +273,8 @@ def temporary_certificates(rig: RigFile) -> Generator[Path]:
 
 def made_certificates(rig: RigFile, data: Path) -> Path:
     """The folder of certificates beside the records; it is made, and a rig added, where missing."""
-    folder, hosts, now = Folder(data / IN_DATA), (rig.bus.host,), datetime.now(UTC)
+    folder, now = Folder(data / IN_DATA), datetime.now(UTC)
+    hosts = tuple(dict.fromkeys((rig.bus.host, rig.supervisor.host, *rig.supervisor.names)))
     name, composed = rig.rig.name, rig.rig.composed
     try:
         if not folder.path.exists():

@@ -67,6 +67,10 @@ def _host(rig: RigFile, who: Identity) -> str:
     """Where others connect to it; empty where nobody does."""
     if who.role == UPSTREAM and rig.bus.upstream_at is not None:
         return rig.bus.upstream_at[0]
+    if who.role == SUPERVISOR:
+        own = rig.supervisor
+        # An address that stands for all of them is in no certificate.
+        return "" if not own.tls or own.host in ("0.0.0.0", "::") else own.host
     return rig.bus.host if who.serves else ""
 
 
@@ -77,7 +81,7 @@ def _seen(folder: Folder, who: Identity, now: datetime, host: str) -> Facts:
     facts = checked(files, now) if here or not files.certificate.exists() else folder.facts(who)
     if host and host not in facts.hosts:
         raise SecurityError(
-            f"{who.name} is reached at {host} ([bus] host), its certificate is for "
+            f"{who.name} is reached at {host}, its certificate is for "
             f"{', '.join(facts.hosts) or 'no host'}: make a folder with `--host {host}`"
         )
     return facts
