@@ -65,8 +65,8 @@ def test_a_controller_that_asks_for_nothing_has_the_output_asked() -> None:
 
 def test_the_end_of_a_freeze_has_the_output_asked() -> None:
     state, _ = play(holding(held=True), (FAILED, 0.01))
-    state, _ = play(state, *wakes(0.015, CONFIG.freeze_s))
-    state, outputs = play(replace(state, asked_s=0.0), (WAKE, CONFIG.freeze_s + 0.011))
+    state, _ = play(state, *wakes(0.015, 0.505))
+    state, outputs = play(replace(state, asked_s=0.0), (WAKE, 0.5105))
     assert state.mode == Mode.RAMPING
     assert isinstance(outputs[0], ReadBack)
 
