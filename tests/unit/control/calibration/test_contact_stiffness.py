@@ -114,7 +114,7 @@ def test_an_error_of_the_compliance_is_one_of_the_stiffness_and_is_stated() -> N
 def test_errors_of_the_free_response_are_shared_by_the_levels() -> None:
     """An x_1 that swings 1 % too far makes of each level's force 1 % of x_1 over s_p too much."""
     made = [
-        replace(swing, force_mN=np.asarray(swing.force_mN) + 0.01 * (1.0 / S_P + K_E) * swing.x_um)
+        replace(swing, force_mN=swing.force_mN + 0.01 * (1.0 / S_P + K_E) * np.asarray(swing.x_um))
         for swing in swings()
     ]
     far_um = [0.01 * 19.0 * swing.level_V for swing in made]
