@@ -64,7 +64,7 @@ class Joined:
 
 
 def open_session(config: SessionConfig, name: str) -> Joined:
-    """Join; raises BusError with what to do where that fails."""
+    """Join; raises BusError or SecurityError with what to do where that fails."""
     zenoh.init_log_from_env_or("error")
     if not config.listen:
         return Joined(_opened(config, settings(config, name), name), None)

@@ -7,6 +7,7 @@ script, in a thread and in a notebook whose event loop runs already.
 
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
 from functools import wraps
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
@@ -190,9 +191,10 @@ class Supervisor(Blocking[AsyncSupervisor]):
         patience_s: float = PATIENCE_S,
         operator: str | None = None,
         key: str | None = None,
+        authority: Path | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
-        settings = client_settings(url, operator, key)
+        settings = client_settings(url, operator, key, authority)
         connection = BlockingConnection(httpx.Client(**settings, transport=transport))
         asynchronous = AsyncSupervisor.__new__(AsyncSupervisor)
         asynchronous.transport = Transport(url, connection, timeout_s, patience_s)
