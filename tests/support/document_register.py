@@ -69,6 +69,7 @@ SITTINGS: dict[str, Sitting] = {
         (
             Typed("curl -s 'http://127.0.0.1:8000/api/v1/jobs", r'"feasible":true'),
             Typed("curl -s http://127.0.0.1:8000/api/v1/traj", r'"kind":"track"'),
+            Told("pincette job grip --force-mN 15 --force-tol", "unit test_goal.py judges one"),
         ),
         up=DEMO,
     ),
