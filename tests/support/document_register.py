@@ -69,9 +69,17 @@ SITTINGS: dict[str, Sitting] = {
         (
             Typed("curl -s 'http://127.0.0.1:8000/api/v1/jobs", r'"feasible":true'),
             Typed("curl -s http://127.0.0.1:8000/api/v1/traj", r'"kind":"track"'),
-            Told("pincette job grip --force-mN 15 --force-tol", "unit test_goal.py judges one"),
+            Told(
+                ".venv/bin/pincette job grip --force-mN 15 --force", "unit test_goal.py judges one"
+            ),
         ),
         up=DEMO,
+    ),
+    "docs/how-to/claim.md": Sitting(
+        (
+            Told("eval", "tests/unit/cli/test_at_work.py claims from a shell"),
+            Told("import secrets", "tests/unit/supervisor/test_claims.py sends the same requests"),
+        )
     ),
     "docs/how-to/quick-grip.md": Sitting(
         (Typed("pincette job grip --profile gentle", r"outcome +gripped"),), up=DEMO

@@ -30,6 +30,8 @@ from pincette.core import plugins
 
 DEFAULT_URL = "http://127.0.0.1:8000"
 VARIABLE = "PINCETTE_KEY"
+CLAIM = "PINCETTE_CLAIM"
+"""Holds the secret of a claim, which every command then sends."""
 FILE_MARK = "@"
 """Before the name of a file in place of a key."""
 PATIENCE_S = 0.5
@@ -61,7 +63,13 @@ class Address(Json):
     def supervisor(self) -> Supervisor:
         """The supervisor of ``--url``, with the key of ``--key``."""
         key = key_of(self.key)
-        return Supervisor(self.url, patience_s=PATIENCE_S, operator=operator(), key=key)
+        claim = os.environ.get(CLAIM) or None
+        try:
+            return Supervisor(
+                self.url, patience_s=PATIENCE_S, operator=operator(), key=key, claim=claim
+            )
+        except ValueError as error:
+            raise CliError(f"{CLAIM}: {error}", Exit.USAGE) from error
 
     def guarded(self) -> AbstractContextManager[None]:
         """Turn a refusal or a missing answer into a CliError."""

@@ -62,6 +62,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "alarms": ("safety", "list the alarms of the rigs, or acknowledge one; nothing moves"),
     "checks": ("rigs", "show every check of a rig: programs, ages, latch, disk, lease, model"),
     "queue": ("rigs", "show the jobs that wait for the one that runs; resume or clear them"),
+    "claim": ("claim", "claim a rig for a while, give it back, break the claim of another"),
     "backup": ("journal", "write journal, recipes, models and keys of a data folder to one file"),
     "restore": ("journal", "make a data folder of a backup; the folder must be empty"),
     "records": ("records", "list records of jobs, and download their files"),

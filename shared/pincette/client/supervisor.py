@@ -37,6 +37,9 @@ class AsyncSupervisor:
         The name that is kept with every action; left out, the supervisor keeps the address.
     key
         For a supervisor that requires one; the caller is then known by the key's name.
+    claim
+        A secret of at least 16 characters, made up by the caller: ``rig.claim`` claims a rig with
+        it, and every call carries it.
     transport
         Replaces the network, as in tests.
 
@@ -56,9 +59,10 @@ class AsyncSupervisor:
         patience_s: float = PATIENCE_S,
         operator: str | None = None,
         key: str | None = None,
+        claim: str | None = None,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
-        settings = client_settings(url, operator, key)
+        settings = client_settings(url, operator, key, claim)
         connection = AsyncConnection(httpx.AsyncClient(**settings, transport=transport))
         self.transport = Transport(url, connection, timeout_s, patience_s)
         """Sends the calls; its clock and its sleep may be replaced."""

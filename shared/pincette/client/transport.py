@@ -221,9 +221,11 @@ class Transport:
         )
 
 
-def client_settings(url: str, operator: str | None, key: str | None) -> dict[str, Any]:
+def client_settings(
+    url: str, operator: str | None, key: str | None, claim: str | None = None
+) -> dict[str, Any]:
     """Arguments of ``httpx.Client`` and ``httpx.AsyncClient``; raises ClientError for a bad URL."""
-    headers = identity_headers(operator, key)
+    headers = identity_headers(operator, key, claim)
     try:
         base_url = httpx.URL(url.rstrip("/") + BASE)
     except httpx.InvalidURL as error:
