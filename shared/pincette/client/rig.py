@@ -5,6 +5,7 @@ from typing import Any, Literal
 from uuid import uuid4
 
 from pincette.api.checklist import Checklist
+from pincette.api.claims import Claim
 from pincette.api.events import Event, EventList
 from pincette.api.jobs import Job, JobList
 from pincette.api.learning import Erased, LearnedList
@@ -12,7 +13,7 @@ from pincette.api.live import LoopTiming
 from pincette.api.models import ModelView
 from pincette.api.plans import JobPlan
 from pincette.api.requests import JobRequest
-from pincette.api.rigs import Claim, Rig, Stopped
+from pincette.api.rigs import Rig, Stopped
 from pincette.client.call import Call, content, get, model, post
 from pincette.client.job import AsyncJobHandle
 from pincette.client.kinds import plan_model

@@ -12,7 +12,7 @@ from pincette.api.events import Event
 from pincette.api.jobs import Action, Artifact, Job
 from pincette.api.plans import Plan
 from pincette.api.requests import Recipe, RecipeHistory
-from pincette.api.rigs import Claim, Rig
+from pincette.api.rigs import Rig
 from pincette.cli import MEANINGS, Exit
 from pincette.cli.main import main
 from tests.unit.client import desk
@@ -233,23 +233,6 @@ def test_a_recipe_is_kept(at: At, capsys: pytest.CaptureFixture[str]) -> None:
     assert "force_mN = 8.0" in capsys.readouterr().out
     assert main(["recipe", "show", "bead-1mm@9"]) == Exit.FAILED
     assert "there are 3" in capsys.readouterr().err
-
-
-def test_a_shell_claims_a_rig_and_every_command_sends_its_secret(
-    at: At, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PINCETTE_CLAIM", "")  # put back at the end, whatever the command sets
-    claim = desk.example(Claim)
-    supervisor = at(httpx.Response(200, json=claim), desk.rig(claim=claim), desk.rig())
-    assert main(["claim", "take", "--lease-s", "30", "--note", "night", *AT]) == Exit.DONE
-    name, _, secret = capsys.readouterr().out.strip().partition("=")
-    assert name == "export PINCETTE_CLAIM"
-    assert sent(supervisor) == {"lease_s": 30.0, "note": "night"}
-    monkeypatch.setenv("PINCETTE_CLAIM", secret)
-    assert main(["claim", "show", *AT]) == Exit.DONE
-    assert "claimed by cell-7 for another 42 s: night run" in capsys.readouterr().out
-    assert main(["claim", "give-back", *AT]) == Exit.DONE
-    assert {one.headers["x-claim"] for one in supervisor.asked} == {secret}
 
 
 def test_a_halted_queue_says_why_and_how_to_go_on(

@@ -8,12 +8,11 @@ from fastapi import APIRouter, Depends, Header, Query
 from fastapi.sse import EventSourceResponse
 
 from pincette.api.checklist import Checklist
+from pincette.api.claims import Claim, ClaimRequest
 from pincette.api.live import LiveBatch, LoopTiming
 from pincette.api.models import ModelAction, ModelView
 from pincette.api.problems import responses
 from pincette.api.rigs import (
-    Claim,
-    ClaimRequest,
     QueueRequest,
     ResetRequest,
     Rig,
