@@ -133,6 +133,7 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/rest-keys.md": Sitting(
         (
             Typed("pincette key add cell-7", r"cell-7"),
+            Told("pincette user add", "tests/unit/supervisor/test_users.py adds and changes one"),
             Told('Supervisor("http://gripper.lab', ANOTHER_HOST),
             Told("docker compose exec", DOCKER),
             Told("pincette audit", "tests/system/test_rest_access.py asks for it with such a key"),

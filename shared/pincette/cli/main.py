@@ -84,6 +84,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "teach": ("model", "identify the free response of a rig's arm, nothing in its way"),
     "paper": (PLUGIN, "repeat the paper's experiments on a simulated rig; some minutes"),
     "key": ("access", "make, list and revoke keys of the REST interface, in a data folder"),
+    "user": ("user", "people who sign in to the page by name and password, in a data folder"),
     "audit": (
         "journal",
         "list or verify who did what over REST, and who was refused; scope admin",
