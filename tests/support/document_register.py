@@ -113,6 +113,10 @@ SITTINGS: dict[str, Sitting] = {
             Told(
                 "pincette watch", "it is silent while nothing happens; test_at_work.py follows it"
             ),
+            Told("(umask 077; echo", "tests/unit/supervisor/test_notify.py reads such a secret"),
+            Told(
+                "import base64", "tests/unit/supervisor/test_notify.py verifies by the same lines"
+            ),
         ),
         up=DEMO,
     ),
