@@ -115,7 +115,7 @@ SITTINGS: dict[str, Sitting] = {
             ),
             Told("(umask 077; echo", "tests/unit/supervisor/test_notify.py reads such a secret"),
             Told(
-                "import base64", "tests/unit/supervisor/test_notify.py verifies by the same lines"
+                "import base64", "tests/unit/supervisor/test_notify.py verifies so"
             ),
         ),
         up=DEMO,
