@@ -170,6 +170,8 @@ class RigHandle(Blocking[AsyncRigHandle]):
     live = iterator(AsyncRigHandle.live)
     estop = blocking(AsyncRigHandle.estop)
     reset = blocking(AsyncRigHandle.reset)
+    claim = blocking(AsyncRigHandle.claim)
+    give_back = blocking(AsyncRigHandle.give_back)
     queue = blocking(AsyncRigHandle.queue)
     move = blocking(AsyncRigHandle.move)
     timing = blocking(AsyncRigHandle.timing)
@@ -191,10 +193,11 @@ class Supervisor(Blocking[AsyncSupervisor]):
         patience_s: float = PATIENCE_S,
         operator: str | None = None,
         key: str | None = None,
+        claim: str | None = None,
         authority: Path | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
-        settings = client_settings(url, operator, key, authority)
+        settings = client_settings(url, operator, key, authority, claim)
         connection = BlockingConnection(httpx.Client(**settings, transport=transport))
         asynchronous = AsyncSupervisor.__new__(AsyncSupervisor)
         asynchronous.transport = Transport(url, connection, timeout_s, patience_s)

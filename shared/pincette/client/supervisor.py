@@ -41,6 +41,9 @@ class AsyncSupervisor:
     authority
         File of a certificate that is believed over ``https://``, beside those of this machine:
         ``authority.crt`` of ``pincette security``.
+    claim
+        A secret of at least 16 characters, made up by the caller: ``rig.claim`` claims a rig with
+        it, and every call carries it.
     transport
         Replaces the network, as in tests.
 
@@ -60,10 +63,11 @@ class AsyncSupervisor:
         patience_s: float = PATIENCE_S,
         operator: str | None = None,
         key: str | None = None,
+        claim: str | None = None,
         authority: Path | None = None,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
-        settings = client_settings(url, operator, key, authority)
+        settings = client_settings(url, operator, key, authority, claim)
         connection = AsyncConnection(httpx.AsyncClient(**settings, transport=transport))
         self.transport = Transport(url, connection, timeout_s, patience_s)
         """Sends the calls; its clock and its sleep may be replaced."""

@@ -6,6 +6,7 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field, model_validator
 
+from pincette.config.notify import Mail, Webhook
 from pincette.config.tables import NotNegative, Positive, Table
 
 
@@ -117,6 +118,10 @@ class Supervisor(Table):
     keys: Literal["once_made", "always"] = "once_made"
     """``once_made``: keys are required from the first ``pincette key add`` on. ``always``: also
     before it, and if the whole data folder is lost."""
+    webhooks: tuple[Webhook, ...] = Field(default=(), max_length=10, strict=False)
+    """Addresses that are posted to at ends of jobs and alarms."""
+    mail: Mail | None = None
+    """Who is mailed at ends of jobs and alarms; None: nobody."""
 
     @property
     def url(self) -> str:
