@@ -15,7 +15,7 @@ from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
 from pincette.client.call import Call, content, get, model, post
 from pincette.client.job import AsyncJobHandle
-from pincette.client.kinds import plan_model
+from pincette.client.kinds import plan_of
 from pincette.client.live import LiveSample
 from pincette.client.transport import Transport
 
@@ -42,7 +42,7 @@ class AsyncRigHandle:
     async def plan(self, request: JobRequest | str, **fields: Any) -> JobPlan:
         """What a job would do, feasible or not; nothing moves."""
         body = self._body(request, fields)
-        read = model(plan_model(body.get("kind", "")))
+        read = plan_of(body.get("kind", ""))
         call = Call("POST", "/jobs", read, {"dry_run": "true"}, body, repeatable=True)
         return await self._transport.send(call)
 
