@@ -6,7 +6,7 @@ from uuid import uuid4
 
 from pincette.api.checklist import Checklist
 from pincette.api.events import Event, EventList
-from pincette.api.jobs import Job, JobList
+from pincette.api.jobs import Job, JobList, StoppedRequest
 from pincette.api.learning import Erased, LearnedList
 from pincette.api.live import LoopTiming
 from pincette.api.models import ModelView
@@ -102,6 +102,14 @@ class AsyncRigHandle:
         found = await self._transport.send(get(f"/jobs/{name}", Job))
         return AsyncJobHandle(self._transport, found)
 
+    async def stop(self, idempotency_key: str) -> Job | None:
+        """Stop what a key of ``start`` has begun, before its job is there, too.
+
+        Returns the job; None where none had come of the key. None comes of it any more: a
+        ``start`` with it that still waits for its answer raises ProblemError ``key-stopped``.
+        """
+        return await stop(self._transport, idempotency_key)
+
     async def active_job(self) -> AsyncJobHandle | None:
         """The job that has the rig."""
         rig = await self.state()
@@ -171,6 +179,13 @@ class AsyncRigHandle:
             return {"kind": request, "rig": self.name, **fields}
         given = request.model_dump(mode="json", exclude_unset=True)
         return {**given, "rig": self.name, **fields}
+
+
+async def stop(transport: Transport, idempotency_key: str) -> Job | None:
+    """Stop what a key has begun."""
+    body = {"idempotency_key": idempotency_key}
+    call = post("/jobs/stop", StoppedRequest, body, repeatable=True)
+    return (await transport.send(call)).job
 
 
 async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[AsyncJobHandle]:
