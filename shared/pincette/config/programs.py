@@ -124,6 +124,7 @@ class Sila(Table):
     host: str = "127.0.0.1"
     """Beyond loopback it starts only with a certificate."""
     port: int = Field(default=50052, ge=1, le=65535)
+    """That SiLA's own examples use."""
     certificate: str | None = None
     """File of its certificate (PEM), relative to the rig file, with the private key in the file
     beside it that ends with .key. None: it speaks without TLS."""
