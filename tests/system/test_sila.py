@@ -120,7 +120,7 @@ def test_a_cancel_during_the_request_stops_it(rig: RunningRig, client: Any) -> N
 def test_a_cancel_on_the_way_comes_to_rest(rig: RunningRig, client: Any) -> None:
     grip = client.Microgripper.Grip(FORCE_MN, 0.0, "")
     until(lambda: rig.view()["active_job"], "no job")
-    until(lambda: (rig.job(rig.view()["active_job"])["progress"] or {}).get("seq", 0) > 20, "still")
+    rig.until_phase(rig.view()["active_job"], "approach")
     client.CancelController.CancelAll()
     assert refusal(grip).identifier == "Cancelled"
     with pytest.raises(DefinedExecutionError) as caught:
@@ -176,7 +176,7 @@ def test_a_killed_server_leaves_the_part_held_and_comes_back_to_the_job(rig: Run
     with stock_client(rig) as second:
         assert second.SiLAService.ServerUUID.get() == uuid
         until(lambda: second.Microgripper.RigState.get() == "armed", "it does not answer")
-        again = Attached(second, second.Microgripper.Grip, execution)
+        again: Any = Attached(second, second.Microgripper.Grip, execution)
         assert responses(again).Job == job
         assert responses(second.Microgripper.Release()).Job == job
 
