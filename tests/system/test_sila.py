@@ -4,6 +4,7 @@ import asyncio
 import signal
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from time import sleep
 from typing import Any
 
@@ -44,6 +45,8 @@ def client(rig: RunningRig) -> Generator[Any]:
 def cleared(rig: RunningRig) -> Generator[None]:
     """A rig that holds nothing and is not latched, whatever the test before has left."""
     yield
+    with stock_client(rig) as found, suppress(DefinedExecutionError):
+        found.LockController.UnlockServer("cell 7")
     view = rig.view()
     if view["latch"]["state"] in ("frozen", "ramping", "latched"):
         until(lambda: rig.view()["latch"]["state"] == "latched", "it never came to rest")

@@ -163,7 +163,8 @@ class Gripper(FeatureImplementationBase):
     ) -> Responses:
         """Follow the job of a command to its responses."""
         with self._noted(execution, job):
-            return self._call(FOLLOWERS[command](job, instance))
+            followed = FOLLOWERS[command](job, instance)
+            return self._call(motion.or_latched(self._callers.rig(), followed))
 
     def _begin(
         self,

@@ -1,8 +1,9 @@
 """A motion from its request to its end, as an observable command of SiLA follows it."""
 
 import asyncio
+from collections.abc import Coroutine
 from datetime import timedelta
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 from uuid import UUID
 
 from sila2.server import ObservableCommandInstanceWithIntermediateResponses
@@ -12,6 +13,7 @@ from pincette.api.rigs import Rig
 from pincette.client import AsyncJobHandle, AsyncRigHandle
 from pincette_sila.errors import CommandError, require_success
 
+T = TypeVar("T")
 LABEL = "sila"
 """Label of a job: the command and the execution UUID that have begun it."""
 PATIENCE_S = 120.0
@@ -115,6 +117,19 @@ async def released(rig: AsyncRigHandle, job: AsyncJobHandle, execution: Executio
             words = f"job {known.id} {known.state}, part {state.part}: {known.cause}"
             raise CommandError("JobFailed", words.rstrip(": "))
         await asyncio.sleep(POLL_S)
+
+
+async def or_latched(rig: AsyncRigHandle, followed: Coroutine[Any, Any, T]) -> T:
+    """Follow a job; one that fails because the rig was latched meanwhile raises RigLatched."""
+    try:
+        return await followed
+    except CommandError as error:
+        if error.identifier != "JobFailed":
+            raise
+        latch = (await rig.state()).latch
+        if latch.state not in LATCHED:
+            raise
+        raise CommandError("RigLatched", f"{error}; the rig is latched: {latch.cause}") from error
 
 
 def _report(execution: Execution, now: Progress) -> None:
