@@ -65,7 +65,7 @@ class Joined:
 
 
 def open_session(config: SessionConfig, name: str) -> Joined:
-    """Join; raises BusError with what to do where that fails."""
+    """Join; raises BusError or SecurityError with what to do where that fails."""
     zenoh.init_log_from_env_or("error")
     config, sockets = by_socket(config)
     if not config.listen:
