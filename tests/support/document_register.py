@@ -114,9 +114,7 @@ SITTINGS: dict[str, Sitting] = {
                 "pincette watch", "it is silent while nothing happens; test_at_work.py follows it"
             ),
             Told("(umask 077; echo", "tests/unit/supervisor/test_notify.py reads such a secret"),
-            Told(
-                "import base64", "tests/unit/supervisor/test_notify.py verifies so"
-            ),
+            Told("import base64", "tests/unit/supervisor/test_notify.py verifies so"),
         ),
         up=DEMO,
     ),
@@ -259,6 +257,7 @@ SITTINGS: dict[str, Sitting] = {
             Told("pincette up --rig", "tests/system/test_several_hosts.py starts both sides so"),
             Told("pincette up --server", "tests/system/test_several_hosts.py starts both sides so"),
             Typed("pincette security init pki"),
+            Told("pip install", "tests/unit/supervisor/test_postgresql.py has such a server"),
         )
     ),
     "docs/how-to/systemd.md": Sitting(

@@ -1,11 +1,14 @@
 """The supervisor's settings, from the rig file and its data folder."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from pincette.config import RigFile
 
 STORE = "supervisor.sqlite"
+STORE_URL = "PINCETTE_STORE"
+"""Of the environment: a rig file is recorded and sent over the bus, and a URL may be secret."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +25,8 @@ class SupervisorConfig:
     """Whether keys are required also before there is one."""
     store: Path
     """SQLite: jobs, actions, results; the keys lie beside it."""
+    store_url: str
+    """Of a PostgreSQL database in its place; empty: the file."""
     records: Path
     """A folder for each job."""
     models: Path
@@ -37,6 +42,7 @@ def configure(rig: RigFile, data: Path) -> SupervisorConfig:
         in_container=rig.supervisor.behind == "container",
         always_keys=rig.supervisor.keys == "always",
         store=data / STORE,
+        store_url=os.environ.get(STORE_URL, ""),
         records=data / "jobs",
         models=data / "models",
     )

@@ -37,10 +37,11 @@ class Harness:
         *,
         guard_s: float = 5.0,
         clock: Callable[[], float] = monotonic,
+        store_url: str = "",
     ) -> None:
         self.bus = CannedRig(rig)
         self.bus.records = data / "jobs"
-        self.store = Store(data / "supervisor.sqlite")
+        self.store = Store(data / "supervisor.sqlite", store_url)
         self.observer = Observer(self.bus)
         self.events = EventLog(self.store, rig.rig.name)
         self.health = Health(rig, self.bus, self.observer, self.store)

@@ -3,6 +3,7 @@
 # Errors of the recorder are returned, not raised: a job that has moved must come to its end.
 
 import json
+import logging
 from collections.abc import Mapping
 from functools import partial
 from typing import Any, cast
@@ -14,7 +15,7 @@ from pincette.core.topics import FINISH, RECORD
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.tracker import Tracker
 from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
-from pincette_supervisor.journal.store import JobRow, utc_now
+from pincette_supervisor.journal.store import JobRow, StoreError, utc_now
 from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.model.residuals import learning_digest
 from pincette_supervisor.planning.planned import Planned
@@ -25,6 +26,7 @@ from pincette_supervisor.results.documents import completeness
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
 
+log = logging.getLogger(__name__)
 FIGURES = (
     "outcome",
     "force_held_mN",
@@ -56,11 +58,14 @@ class JobRecorder:
     def __init__(self, context: RigContext, job: LiveJob, planned: Planned, epoch: int) -> None:
         self._context, self._job, self._planned, self._epoch = context, job, planned, epoch
         self._figures: dict[str, Any] = {}
+        self._row: JobRow | None = None
+        """As it was last read: a journal on a server may be out of reach at the end."""
         self.run: Run | None = None
         """What was gathered, once it is stored."""
 
     def begin(self, row: JobRow) -> str:
         """Have a record begun; returns why there is none."""
+        self._row = row
         about = archive.about(self._planned, row, self._epoch)
         about["request"] = json.dumps(row.request, ensure_ascii=False)
         return begin_record(self._context.bus, self._job.id, self._epoch, about)
@@ -70,7 +75,7 @@ class JobRecorder:
         # A part that is held after a stop is still being recorded: its record has the samples so
         # far, and is closed when the part is let go.
         context, job, planned = self._context, self._job, self._planned
-        row = context.store.get(job.id)
+        row = self._current_row()
         if row is None:
             return ""
         last_seq = tracker.last_seq if tracker.messages else NO_SAMPLE
@@ -89,6 +94,13 @@ class JobRecorder:
         if record.result.goal is not None:
             self._figures["goal_met"] = record.result.goal.met
         return record.fault
+
+    def _current_row(self) -> JobRow | None:
+        try:
+            self._row = self._context.store.get(self._job.id)
+        except StoreError as error:
+            log.error("%s", error)
+        return self._row
 
     def _keep_learned(self, record: Gathered) -> None:
         """Keep what the program has learned, for its next job."""
