@@ -94,8 +94,8 @@ class Harness:
         return self.ended(response.json()["id"])
 
     def ended(self, job: str) -> dict[str, Any]:
-        """The job once it has ended."""
-        return self.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+        """The job once it has ended, and its record is written."""
+        return self.get(f"/jobs/{job}", wait="recorded", timeout_s=30)
 
     def until(self, there: Callable[[], bool]) -> None:
         """Wait until something is the case; the job lives in a thread of its own."""

@@ -5,6 +5,7 @@
 import json
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any, cast
 
@@ -60,40 +61,76 @@ class JobRecorder:
         self._figures: dict[str, Any] = {}
         self._row: JobRow | None = None
         """As it was last read: a journal on a server may be out of reach at the end."""
-        self.run: Run | None = None
-        """What was gathered, once it is stored."""
+        self._gathered: Gathered | None = None
+
+    @property
+    def run(self) -> Run | None:
+        """What was gathered, once it is evaluated."""
+        return None if self._gathered is None else self._gathered.run
 
     def begin(self, row: JobRow) -> str:
         """Have a record begun; returns why there is none."""
         self._row = row
-        about = archive.about(self._planned, row, self._epoch)
-        about["request"] = json.dumps(row.request, ensure_ascii=False)
-        return begin_record(self._context.bus, self._job.id, self._epoch, about)
+        # The recorder has one record at a time: that of the job before may still be written.
+        self._context.archivist.submit(int).result()
+        return begin_record(self._context.bus, self._job.id, self._epoch, self._about(row))
 
-    def store(self, tracker: Tracker, collection: MessageBuffer, *, over: bool) -> str:
-        """Store result and record; returns the result's fault; ``over``: no more samples come."""
-        # A part that is held after a stop is still being recorded: its record has the samples so
-        # far, and is closed when the part is let go.
+    def _about(self, row: JobRow) -> dict[str, str]:
+        about = archive.about(self._planned, row, self._epoch)
+        return about | {"request": json.dumps(row.request, ensure_ascii=False)}
+
+    def evaluate(self, tracker: Tracker, collection: MessageBuffer) -> str:
+        """Store the result of the samples so far; returns the result's fault."""
         context, job, planned = self._context, self._job, self._planned
         row = self._current_row()
         if row is None:
             return ""
-        last_seq = tracker.last_seq if tracker.messages else NO_SAMPLE
-        recorded = self._close(row, last_seq) if over else self.begin(row) or GOES_ON
         take = Take(self._epoch, tracker.messages, collection.dropped)
         gather = context.archivist.submit(archive.gather, planned.model.rig, row, planned, take)
-        record = gather.result()
-        self.run = record.run
+        self._gathered = record = gather.result()
         job.store(result=record.tree)
         self._keep_learned(record)
-        try:
-            context.archivist.submit(record.write, context.records / job.id, recorded).result()
-        except OSError as error:
-            job.note_cause(f"the record is incomplete: {error}")
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}
         if record.result.goal is not None:
             self._figures["goal_met"] = record.result.goal.met
         return record.fault
+
+    def write(self, tracker: Tracker, *, over: bool) -> None:
+        """Have the record written by the archivist; the rig is free meanwhile.
+
+        ``over``: no more samples come. A part that is held after a stop is still being recorded:
+        its record has the samples so far, and is closed when the part is let go.
+        """
+        if self._gathered is None:
+            self._job.finish_record()
+            return
+        last_seq = tracker.last_seq if tracker.messages else NO_SAMPLE
+        self._job.recorded.clear()
+        self._context.archivist.submit(self._write, self._gathered, last_seq if over else None)
+
+    def _write(self, record: Gathered, last_seq: int | None) -> None:
+        job = self._job
+        # What was said of it meanwhile belongs into the documents.
+        row = self._current_row() or record.job
+        record = replace(record, job=row)
+        try:
+            recorded = GOES_ON if last_seq is None else ""
+            if last_seq is None:
+                about = self._about(row)
+                recorded = begin_record(self._context.bus, job.id, self._epoch, about) or GOES_ON
+            else:
+                recorded = finish_record(self._context.bus, job.id, self._epoch, last_seq)
+            try:
+                record.write(self._context.records / job.id, recorded)
+            except OSError as error:
+                job.note_cause(f"the record is incomplete: {error}")
+                job.store(cause=job.cause)
+            state = completeness(recorded)
+            job.store(plan={**row.plan, "record": state})
+            append = self._context.events.append
+            self._context.write_queue.submit(partial(append, "record", job.id, **state))
+        finally:
+            job.finish_record()
 
     def _current_row(self) -> JobRow | None:
         try:
