@@ -268,6 +268,7 @@ SITTINGS: dict[str, Sitting] = {
             Told("pincette up --rig", "tests/system/test_several_hosts.py starts both sides so"),
             Told("pincette up --server", "tests/system/test_several_hosts.py starts both sides so"),
             Typed("pincette security init pki"),
+            Told("pip install", "tests/unit/supervisor/test_postgresql.py has such a server"),
         )
     ),
     "docs/how-to/systemd.md": Sitting(
