@@ -69,8 +69,17 @@ SITTINGS: dict[str, Sitting] = {
         (
             Typed("curl -s 'http://127.0.0.1:8000/api/v1/jobs", r'"feasible":true'),
             Typed("curl -s http://127.0.0.1:8000/api/v1/traj", r'"kind":"track"'),
+            Told(
+                ".venv/bin/pincette job grip --force-mN 15 --force", "unit test_goal.py judges one"
+            ),
         ),
         up=DEMO,
+    ),
+    "docs/how-to/claim.md": Sitting(
+        (
+            Told("eval", "tests/unit/cli/test_at_work.py claims from a shell"),
+            Told("import secrets", "tests/unit/supervisor/test_claims.py sends the same requests"),
+        )
     ),
     "docs/how-to/quick-grip.md": Sitting(
         (Typed("pincette job grip --profile gentle", r"outcome +gripped"),), up=DEMO
@@ -104,6 +113,8 @@ SITTINGS: dict[str, Sitting] = {
             Told(
                 "pincette watch", "it is silent while nothing happens; test_at_work.py follows it"
             ),
+            Told("(umask 077; echo", "tests/unit/supervisor/test_notify.py reads such a secret"),
+            Told("import base64", "tests/unit/supervisor/test_notify.py verifies so"),
         ),
         up=DEMO,
     ),
@@ -124,6 +135,7 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/rest-keys.md": Sitting(
         (
             Typed("pincette key add cell-7", r"cell-7"),
+            Told("pincette user add", "tests/unit/supervisor/test_users.py adds and changes one"),
             Told('Supervisor("http://gripper.lab', ANOTHER_HOST),
             Told("export PINCETTE_URL=https", "tests/system/test_rest_tls.py asks over TLS"),
             Told('Supervisor("https://', "tests/system/test_rest_tls.py asks over TLS"),
@@ -137,6 +149,14 @@ SITTINGS: dict[str, Sitting] = {
             Told("pincette run loop", "tests/system/test_composed.py runs both, each in its rig"),
             Told("pincette security add", "tests/system/test_composed.py adds it to its folder"),
         )
+    ),
+    "docs/how-to/sila.md": Sitting(
+        (
+            Told("pip install 'pincette[sila]'", "requirements/dev.txt has the extra already"),
+            Typed(".venv/bin/pincette run sila", r"ready: SiLA 2 at 127.0.0.1:50052", stays=True),
+            Typed("from sila2.client import SilaClient", r"held with 1[45]\.\d\d mN[^$]*released"),
+        ),
+        up=DEMO,
     ),
     "docs/how-to/several-rigs.md": Sitting(
         (
@@ -248,6 +268,7 @@ SITTINGS: dict[str, Sitting] = {
             Told("pincette up --rig", "tests/system/test_several_hosts.py starts both sides so"),
             Told("pincette up --server", "tests/system/test_several_hosts.py starts both sides so"),
             Typed("pincette security init pki"),
+            Told("pip install", "tests/unit/supervisor/test_postgresql.py has such a server"),
         )
     ),
     "docs/how-to/systemd.md": Sitting(
@@ -261,5 +282,8 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "services/rig/README.md": Sitting(
         (Told("pincette run rig", "`pincette up` starts it, in every sitting with a rig"),)
+    ),
+    "services/sila/README.md": Sitting(
+        (Told("pincette run sila", "docs/how-to/sila.md types it"),)
     ),
 }

@@ -19,6 +19,8 @@ from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.listeners import Listeners
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.kinds.functions import import_functions
+from pincette_supervisor.notify.outbox import Outbox
+from pincette_supervisor.notify.senders import senders_of
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.worker import Worker
 from pincette_supervisor.rest.api import create_app
@@ -59,7 +61,8 @@ def run(context: Context) -> None:
         worker = stack.enter_context(closing(Worker(played)))
         worker.begin()
         import_functions()
-        store = stack.enter_context(closing(Store(config.store)))
+        store = stack.enter_context(closing(Store(config.store, config.store_url)))
+        store.work_alone()
         access = Access(authenticator_of(config), names=config.names, buckets=TokenBuckets())
         stack.enter_context(closing(KeySync(store, access)))
         require_key(config, access.authenticator)
@@ -68,6 +71,8 @@ def run(context: Context) -> None:
         clock = stack.enter_context(closing(SuspendAwareClock()))
         clock.start()
         stack.enter_context(closing(ATTENTION)).start()
+        senders = senders_of(context.rig.supervisor, context.data)
+        stack.enter_context(closing(Outbox(store, senders)))
         listeners = Listeners()
         factory = RigFactory(
             store, listeners, context.data, context.open_bus, partial(worker.run, played), clock

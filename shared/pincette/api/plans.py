@@ -1,13 +1,13 @@
 """Plans of jobs over REST, and the control laws that a job may choose."""
 
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Any, Literal, Protocol
 
 from pydantic import Field
 
 from pincette.api import Model, example
 from pincette.api.predictions import Prediction, Violation
-from pincette.control.laws.definition import LawDefinition
-from pincette.control.laws.parameters import ForceAge, ParameterSet
+from pincette.control.vocabulary import ForceAge, ParameterSet
 
 GainsFrom = Literal["rig", "paper", "default", "request", "tuned"]
 
@@ -81,6 +81,8 @@ LAW: dict[str, Any] = {
     "force_age": "planned",
     "spectral_radius": 0.956,
     "spectral_radius_limit": 0.97,
+    "sensitivity_peak": 1.91,
+    "sensitivity_peak_limit": None,
 }
 """Part of the examples."""
 
@@ -102,7 +104,11 @@ class Law(Model):
     spectral_radius: float
     """Of the loop at the worst that the rig file admits; 1 and more is unstable."""
     spectral_radius_limit: float
-    """Beyond it a job is refused before anything moves."""
+    """Beyond it a job is refused before anything moves; that of a time constant, by the period."""
+    sensitivity_peak: float | None = None
+    """M_s of the loop at its worst; None: the loop is unstable."""
+    sensitivity_peak_limit: float | None = None
+    """Likewise; None at periods that are long against the mode, where the radius decides alone."""
 
 
 class JobPlan(Model):
@@ -200,6 +206,35 @@ class LawGain(Model):
     """Whether the gain must be above 0; else it must be at least 0."""
 
 
+class DescribedLaw(Protocol):
+    """What a ``LawDefinition`` says of itself; a client has none of them."""
+
+    @property
+    def name(self) -> str:
+        """What a request names it by."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """As people call it."""
+        ...
+
+    @property
+    def summary(self) -> str:
+        """What distinguishes it."""
+        ...
+
+    @property
+    def parameters(self) -> Sequence[object]:
+        """Its gains, each with the members of ``LawGain``."""
+        ...
+
+    @property
+    def search(self) -> Sequence[object]:
+        """Gains that a search varies; empty: no search."""
+        ...
+
+
 class InstalledLaw(Model):
     """A control law that a job may choose."""
 
@@ -220,7 +255,7 @@ class InstalledLaw(Model):
     """Whether ``"gains": "tuned"`` is offered."""
 
     @classmethod
-    def of(cls, law: LawDefinition) -> "InstalledLaw":
+    def of(cls, law: DescribedLaw) -> "InstalledLaw":
         """Describe a law."""
         return cls(
             scheme=law.name,

@@ -123,6 +123,7 @@ class JobHandle(Blocking[AsyncJobHandle]):
 
     refresh = blocking(AsyncJobHandle.refresh)
     wait = blocking(AsyncJobHandle.wait)
+    recorded = blocking(AsyncJobHandle.recorded)
     start = blocking(AsyncJobHandle.start)
     pause = blocking(AsyncJobHandle.pause)
     resume = blocking(AsyncJobHandle.resume)
@@ -165,11 +166,14 @@ class RigHandle(Blocking[AsyncRigHandle]):
     start = blocking(AsyncRigHandle.start, JobHandle)
     jobs = blocking(AsyncRigHandle.jobs, _all)
     job = blocking(AsyncRigHandle.job, JobHandle)
+    stop = blocking(AsyncRigHandle.stop)
     active_job = blocking(AsyncRigHandle.active_job, _optional)
     events = iterator(AsyncRigHandle.events)
     live = iterator(AsyncRigHandle.live)
     estop = blocking(AsyncRigHandle.estop)
     reset = blocking(AsyncRigHandle.reset)
+    claim = blocking(AsyncRigHandle.claim)
+    give_back = blocking(AsyncRigHandle.give_back)
     queue = blocking(AsyncRigHandle.queue)
     move = blocking(AsyncRigHandle.move)
     timing = blocking(AsyncRigHandle.timing)
@@ -191,10 +195,11 @@ class Supervisor(Blocking[AsyncSupervisor]):
         patience_s: float = PATIENCE_S,
         operator: str | None = None,
         key: str | None = None,
+        claim: str | None = None,
         authority: Path | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
-        settings = client_settings(url, operator, key, authority)
+        settings = client_settings(url, operator, key, authority, claim)
         connection = BlockingConnection(httpx.Client(**settings, transport=transport))
         asynchronous = AsyncSupervisor.__new__(AsyncSupervisor)
         asynchronous.transport = Transport(url, connection, timeout_s, patience_s)
@@ -226,6 +231,7 @@ class Supervisor(Blocking[AsyncSupervisor]):
     rigs = blocking(AsyncSupervisor.rigs)
     rig = blocking(AsyncSupervisor.rig, RigHandle)
     job = blocking(AsyncSupervisor.job, JobHandle)
+    stop = blocking(AsyncSupervisor.stop)
     jobs = blocking(AsyncSupervisor.jobs, _all)
     export = blocking(AsyncSupervisor.export)
     events = iterator(AsyncSupervisor.events)

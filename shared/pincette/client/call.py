@@ -21,6 +21,7 @@ from pincette.core.validation_wording import refusal
 BASE = "/api/v1"
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
 OPERATOR_MAX, KEY_MAX = 80, 200
+CLAIM_MIN, CLAIM_MAX = 16, 200
 UNSENT = (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout)
 """Errors after which the supervisor cannot have seen the call."""
 
@@ -149,7 +150,9 @@ def _is_mistrust(error: BaseException | None) -> bool:
     return False
 
 
-def identity_headers(operator: str | None, key: str | None) -> dict[str, str]:
+def identity_headers(
+    operator: str | None, key: str | None, claim: str | None = None
+) -> dict[str, str]:
     """Headers that name the caller; raises ValueError if a header cannot carry a value."""
     headers: dict[str, str] = {}
     if operator is not None:
@@ -166,6 +169,12 @@ def identity_headers(operator: str | None, key: str | None) -> dict[str, str]:
                 f"the key is none: 1 to {KEY_MAX} characters without blanks are wanted"
             )
         headers["Authorization"] = f"Bearer {key}"
+    if claim is not None:
+        if not _is_printable(claim, CLAIM_MAX) or " " in claim or len(claim) < CLAIM_MIN:
+            raise ValueError(
+                f"the claim's secret is none: {CLAIM_MIN} to {CLAIM_MAX} characters without blanks"
+            )
+        headers["X-Claim"] = claim
     return headers
 
 

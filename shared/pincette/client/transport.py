@@ -223,11 +223,15 @@ class Transport:
 
 
 def client_settings(
-    url: str, operator: str | None, key: str | None, authority: Path | None
+    url: str,
+    operator: str | None,
+    key: str | None,
+    authority: Path | None,
+    claim: str | None = None,
 ) -> dict[str, Any]:
     """Arguments of ``httpx.Client`` and ``httpx.AsyncClient``; raises ClientError for a bad URL,
     and for an authority that cannot be read."""
-    headers = identity_headers(operator, key)
+    headers = identity_headers(operator, key, claim)
     try:
         base_url = httpx.URL(url.rstrip("/") + BASE)
     except httpx.InvalidURL as error:

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 
-from sqlalchemy import delete, func, select, update
-from sqlalchemy.dialects.sqlite import insert
+from sqlalchemy import delete, func, insert, select, update
 
 from pincette.api.access import Scope
 from pincette_supervisor.journal.database import Database, columns
+from pincette_supervisor.journal.engines import insert_of
 from pincette_supervisor.journal.key_file import KeyFile, KeyRow
 from pincette_supervisor.journal.tables import AUDIT, KEYS, SESSIONS
 
@@ -44,10 +44,17 @@ class KeyRepository:
         self._copied: list[KeyRow] | None = None
         """What the journal's copy holds; None before it was looked at."""
 
-    def add(self, name: str, digest: str, scope: Scope, expires_at: str | None = None) -> KeyRow:
+    def add(
+        self,
+        name: str,
+        digest: str,
+        scope: Scope,
+        expires_at: str | None = None,
+        password: str | None = None,
+    ) -> KeyRow:
         """Keep a key; raises KeyNameTakenError: what the audit log names stays the same key."""
         self.all()
-        row = self._file.add(name, digest, scope, expires_at)
+        row = self._file.add(name, digest, scope, expires_at, password)
         self.copy(self.all())
         return row
 
@@ -71,7 +78,7 @@ class KeyRepository:
             connection.execute(delete(KEYS).where(KEYS.c.name.not_in([row.name for row in rows])))
             for row in rows:
                 values = asdict(row)
-                put = insert(KEYS).values(values)
+                put = insert_of(connection, KEYS).values(values)
                 connection.execute(put.on_conflict_do_update(index_elements=["name"], set_=values))
         self._copied = rows
 
@@ -81,6 +88,16 @@ class KeyRepository:
         revoked = self._file.revoke(name)
         self.copy(self.all())
         return revoked
+
+    def set_password(self, name: str, password: str) -> bool:
+        """Give a user another password, and sign the user out everywhere."""
+        self.all()
+        changed = self._file.set_password(name, password)
+        if changed:
+            with self._store.writing() as connection:
+                connection.execute(delete(SESSIONS).where(SESSIONS.c.key == name))
+            self.copy(self.all())
+        return changed
 
     def sessions(self) -> list[SessionRow]:
         """Pages that are signed in."""
