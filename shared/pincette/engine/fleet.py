@@ -110,8 +110,11 @@ class Fleet:
         *,
         server: bool = False,
         log_format: logs.Form | None = None,
+        local: bool = True,
     ) -> None:
-        """``server``: of a rig with a router upstream, the programs that are beside that one."""
+        """``server``: of a rig with a router upstream, the programs that are beside that one;
+        ``local``: programs may meet at local sockets in place of their ports."""
+        self._local = local
         self._server = server
         self.members: dict[str, Child] = {}
         self._rig = rig
@@ -160,7 +163,7 @@ class Fleet:
 
     def _spawn(self, name: str, extra: Iterable[str]) -> Child:
         log, extra = self._logs / f"{name}.log", tuple(extra)
-        if not self._sockets:
+        if self._local and not self._sockets:
             parent = os.environ.get("XDG_RUNTIME_DIR") or None
             self._sockets = tempfile.mkdtemp(prefix="pincette-", dir=parent)
         with log.open("a" if name in self.members else "w", encoding="utf-8") as stream:
