@@ -12,13 +12,7 @@ from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse
 from pincette.control.safety.confirmation import READ_BACK_V
 from pincette.core.faults import Cause, Fault, Predecessor
 from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
-from pincette.core.service import (
-    AnyService,
-    ReadBack,
-    RefusedError,
-    Role,
-    Slept,
-)
+from pincette.core.service import AnyService, ReadBack, RefusedError, Role, Slept
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
 from pincette.engine.instrument import ORDERS, Device, Instrument, published
