@@ -75,6 +75,9 @@ class Node:
         self._too_slow = too_slow(rig) if judges else ""
         self._device = Instrument(device, self.period_s)
         self._instrument = service.instrument is not None
+        self._ahead = service.ahead
+        self._said: tuple[Any, ...] = ()
+        """Outputs of the newest step."""
         self._drives = service.instrument == "voltage_output"
         self._joins = Synchronizer(service)
         self._roles: dict[type, Role] = {item.topic.message: item.role for item in service.inputs}
@@ -89,6 +92,8 @@ class Node:
         role = self._roles[type(sample)]
         if role == "join":
             self._joins.keep(sample, self.state.epoch)
+            if self._ahead is not None:
+                self.state = self._ahead(self.config, self.state, sample)
         elif role == "trigger":
             if self.lockstep or self._displaces(sample):
                 self._pending.append(Pending(sample, now))
@@ -198,6 +203,7 @@ class Node:
             self.config, self.state, service.inputs_type(*values), now
         )
         if not self._instrument or not outputs or not isinstance(outputs[0], ORDERS):
+            self._said = outputs
             return outputs
         said = self._device.put_out(outputs[0])
         while said is not None:
@@ -212,6 +218,12 @@ class Node:
             if not isinstance(outputs[0], ReadBack):
                 break
         return published(outputs)
+
+    def look_ahead(self) -> None:
+        """The outputs of the newest step are published: work out what the next one will need."""
+        if self._ahead is not None and self._said:
+            self.state = self._ahead(self.config, self.state, self._said[0])
+            self._said = ()
 
     def call(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
         """Answer a request: the reply, or the text of a refusal, and what is to be published."""

@@ -25,10 +25,10 @@ P. Krejčí, Hysteresis, Convexity and Dissipation in Hyperbolic Equations, Gakk
 II.3, for the Preisach operator by plays.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise, repeat
+from itertools import count, pairwise, repeat
 from math import exp, expm1, isfinite
 
 from pincette.control.checks import require_not_negative, require_positive
@@ -138,12 +138,12 @@ def _yielded(
         return plays, static_um
     before = state.voltage_V
     way_V, rises = abs(u - before), u - before > 0.0
-    moved: list[float] = []
+    moved = list(plays)
     static_um = model.curvature_um_per_V2 * u * u
     fadings = model.fadings_per_V or repeat(0.0)
     # Not strict: without fading the zeros have no end.
-    for r, w, y, fading in zip(
-        model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
+    for place, r, w, y, fading in zip(
+        count(), model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
     ):
         within = y
         if fading != 0.0:
@@ -153,7 +153,7 @@ def _yielded(
         low_V, high_V = u - r, u + r
         play = within if within < high_V else high_V
         play = play if play > low_V else low_V
-        moved.append(play)
+        moved[place] = play
         static_um += w * play
     if model.squares_um_per_V2:
         static_um += _bends_um(model, moved)
@@ -181,16 +181,21 @@ def bend_um(square: float, cube: float, low_V: float, high_V: float, y: float) -
     return bent
 
 
-def displacement_after(
-    model: HysteresisModel, state: HysteresisState, voltage_V: float, dt_s: float
-) -> float:
-    """``displacement_um`` of the memory that ``step`` would leave, in µm."""
-    _, static_um = _yielded(model, state, voltage_V)
-    total = static_um
+def displacements_after(
+    model: HysteresisModel, state: HysteresisState, dt_s: float
+) -> Callable[[float], float]:
+    """``displacement_um`` in µm of the memory that ``step`` would leave, by voltage in V."""
     factors = creep_factors(model.creep_times_s, dt_s)
-    for fraction, c, a in zip(model.creep_fractions, state.creep_um, factors, strict=True):
-        total += fraction * (static_um + (c - static_um) * a)
-    return total
+    creep = list(zip(model.creep_fractions, state.creep_um, factors, strict=True))
+
+    def displacement_at(voltage_V: float) -> float:
+        _, static_um = _yielded(model, state, voltage_V)
+        total = static_um
+        for fraction, c, a in creep:
+            total += fraction * (static_um + (c - static_um) * a)
+        return total
+
+    return displacement_at
 
 
 def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:

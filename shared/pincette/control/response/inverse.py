@@ -14,7 +14,7 @@ from pincette.control.response.hysteresis import (
     TOLERANCE_UM,
     HysteresisModel,
     HysteresisState,
-    displacement_after,
+    displacements_after,
 )
 
 MOST = 16
@@ -96,9 +96,10 @@ def voltage_for(
         Mean slope of the response, above 0, from which the search begins.
     """
     from_V = memory.voltage_V
-    at_um = displacement_after(model, memory, from_V, period_s)
+    displacement_at = displacements_after(model, memory, period_s)
+    at_um = displacement_at(from_V)
     search = begin_search(from_V, at_um, wanted_um, um_per_V)
     while not search.done:
-        found_um = displacement_after(model, memory, search.voltage_V, period_s)
+        found_um = displacement_at(search.voltage_V)
         search = go_on(search, found_um)
     return search.voltage_V
