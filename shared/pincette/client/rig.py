@@ -5,6 +5,7 @@ from typing import Any, Literal
 from uuid import uuid4
 
 from pincette.api.checklist import Checklist
+from pincette.api.claims import Claim
 from pincette.api.events import Event, EventList
 from pincette.api.jobs import Job, JobList, StoppedRequest
 from pincette.api.learning import Erased, LearnedList
@@ -135,6 +136,26 @@ class AsyncRigHandle:
         """Clear the latch; the caller has seen the cause."""
         call = post(f"/rigs/{self.name}/reset", Stopped, {"acknowledge": True})
         return await self._transport.send(call)
+
+    async def claim(self, lease_s: float = 60.0, note: str = "") -> Claim:
+        """Claim the rig with the supervisor's ``claim``, or renew that; others begin nothing.
+
+        Raises
+        ------
+        ProblemError
+            ``rig-claimed``: it is somebody else's.
+        """
+        body = {"lease_s": lease_s, "note": note}
+        path = f"/rigs/{self.name}/claim"
+        return await self._transport.send(
+            Call("PUT", path, model(Claim), body=body, repeatable=True)
+        )
+
+    async def give_back(self, *, force: bool = False) -> Rig:
+        """End the claim on the rig; with ``force`` also somebody else's, who can read of it."""
+        query: dict[str, str | float] = {"force": "true"} if force else {}
+        path = f"/rigs/{self.name}/claim"
+        return await self._transport.send(Call("DELETE", path, model(Rig), query, repeatable=True))
 
     async def queue(self, action: Literal["resume", "clear"]) -> Rig:
         """Resume a halted queue, or clear it."""

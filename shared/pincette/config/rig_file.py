@@ -156,7 +156,7 @@ UNSHARED: Mapping[str, set[str] | bool] = {
     "realtime": True,
     "recorder": True,
     "sila": True,
-    "supervisor": {"names", "behind", "keys"},
+    "supervisor": {"names", "behind", "keys", "webhooks", "mail"},
 }
 """What may differ between programs: nothing of the loop works with it."""
 

@@ -74,6 +74,7 @@ def rig_view(manager: JobManager) -> Rig:
         part=stands.part,
         standing=stands,
         safe_to_move=SafeToMove(value=not unsafe, reasons=[unsafe] if unsafe else []),
+        claim=manager.claims.current(),
         active_job=None if active is None else active.id,
         queue=Queue(length=len(queue), halted=queue.halted, capacity=job_queue.CAPACITY),
         can_start=not reasons,
