@@ -124,12 +124,12 @@ def create(
 
 
 @router.post("/stop", dependencies=[OPERATE], responses=responses(422, 503))
-def stop(body: StopRequest, rigs: AllRigs, by: Operator, note: Note) -> StoppedRequest:
+def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedRequest:
     """Stop what an Idempotency-Key has begun: its job, or a request that is still being planned.
 
     A request that comes with this key later is refused (409), as long as the supervisor runs.
     """
-    note(f"stop {body.idempotency_key}")
+    asker.note(f"stop {body.idempotency_key}")
     for manager in rigs.all():
         manager.turns.stop(body.idempotency_key)
     known = rigs.store.created(body.idempotency_key)
@@ -138,7 +138,7 @@ def stop(body: StopRequest, rigs: AllRigs, by: Operator, note: Note) -> StoppedR
     manager = rigs.of_job(known.job)
     job = manager.job(known.job)
     if not STATES[job.state].terminal:
-        job, _ = manager.perform(job.id, "stop", by)
+        job, _ = manager.perform(job.id, "stop", asker.by)
     return StoppedRequest(job=job)
 
 
