@@ -94,6 +94,23 @@ def test_links_that_are_up_go_on_and_are_ended_with_their_own_end(door: Door) ->
         sleep(0.01)
 
 
+def test_no_link_is_waited_for_at_its_end(door: Door) -> None:
+    """Zenoh would wait for 10 s, and be deaf meanwhile: see ``let_go_at_once``."""
+    with open_session(door.client, "tool"):
+        deadline = monotonic() + 5.0
+
+        def lingers() -> list[int]:
+            found: list[int] = []
+            for line in private_port.own_sockets():
+                with line:
+                    found.append(line.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)[0])
+            return [one for one in found if one]
+
+        while lingers():
+            assert monotonic() < deadline
+            sleep(0.01)
+
+
 def test_the_name_in_the_certificate_reaches_the_access_list(folder: Folder) -> None:
     door = Door(folder)
     try:

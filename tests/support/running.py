@@ -45,11 +45,12 @@ class RunningRig:
         return self.get(f"/jobs/{name}")
 
     def ended(self, name: str, timeout_s: float = 60.0) -> Json:
-        """A job once it has ended."""
+        """A job once it has ended, and its record is written."""
         deadline = monotonic() + timeout_s
         while monotonic() < deadline:
-            job = self.get(f"/jobs/{name}", wait="terminal", timeout_s=5.0)
-            if job["state"] in ("succeeded", "stopped", "aborted", "failed", "interrupted"):
+            job = self.get(f"/jobs/{name}", wait="recorded", timeout_s=5.0)
+            ended = job["state"] in ("succeeded", "stopped", "aborted", "failed", "interrupted")
+            if ended and job["artifacts"] != "being_written":
                 return job
         raise TimeoutError(f"job {name} did not end within {timeout_s:g} s: {self.job(name)}")
 

@@ -1,5 +1,6 @@
 """The supervisor's settings, from the rig file and its data folder."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +9,8 @@ from pincette.security.folder import Folder
 from pincette.security.identity import SUPERVISOR, Credentials, program
 
 STORE = "supervisor.sqlite"
+STORE_URL = "PINCETTE_STORE"
+"""Of the environment: a rig file is recorded and sent over the bus, and a URL may be secret."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +30,8 @@ class SupervisorConfig:
     """Whether keys are required also before there is one."""
     store: Path
     """SQLite: jobs, actions, results; the keys lie beside it."""
+    store_url: str
+    """Of a PostgreSQL database in its place; empty: the file."""
     records: Path
     """A folder for each job."""
     models: Path
@@ -55,6 +60,7 @@ def configure(rig: RigFile, data: Path) -> SupervisorConfig:
         in_container=rig.supervisor.behind == "container",
         always_keys=rig.supervisor.keys == "always",
         store=data / STORE,
+        store_url=os.environ.get(STORE_URL, ""),
         records=data / "jobs",
         models=data / "models",
     )

@@ -5,7 +5,17 @@ from typing import Any, Literal
 from pincette.api import Model, example
 
 EventKind = Literal[
-    "state", "phase", "action", "result", "alarm", "queue", "rig", "model", "edit", "claim"
+    "state",
+    "phase",
+    "action",
+    "result",
+    "record",
+    "alarm",
+    "queue",
+    "rig",
+    "model",
+    "edit",
+    "claim",
 ]
 """What is kept and numbered, so that nobody misses it."""
 PassingKind = Literal["progress", "dropped"]

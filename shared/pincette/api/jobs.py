@@ -1,6 +1,6 @@
 """What a job looks like over REST; units are in the names, unknown fields are refused."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -8,6 +8,8 @@ from pincette.api import Model, example
 from pincette.api.endings import Ending
 from pincette.api.requests import Label, Labels, Notes
 from pincette.api.states import ActionType, JobState
+
+ArtifactState = Literal["none", "being_written", "ready", "deleted"]
 
 
 class ActionRequest(Model):
@@ -154,6 +156,7 @@ class Job(Model):
         started_at="2026-03-01T12:00:00.210Z",
         ended_at=None,
         record=None,
+        artifacts="none",
         record_complete=None,
         record_detail="",
     )
@@ -195,6 +198,8 @@ class Job(Model):
     ended_at: str | None
     record: str | None
     """Folder of the record on the supervisor's machine."""
+    artifacts: ArtifactState = "none"
+    """Files of the record: written from the end on, while the rig is free for another job."""
     record_complete: bool | None = None
     """Whether the record has every sample of the job; None where it is not closed, or not made."""
     record_detail: str = ""

@@ -14,7 +14,7 @@ import zenoh
 from pincette.bus.guard import Guard
 from pincette.bus.handshake import diagnose_link, is_taken
 from pincette.bus.local_sockets import by_socket
-from pincette.bus.private_port import PrivatePort
+from pincette.bus.private_port import PrivatePort, let_go_at_once
 from pincette.bus.protocol import BusError
 from pincette.bus.settings import guarded, settings
 from pincette.bus.topology import SessionConfig, address_of
@@ -44,6 +44,7 @@ class Joined:
         peer = f"{link.auth_identifier or 'a program'} at {led_in.whence if led_in else link.dst}"
         if event.kind == zenoh.SampleKind.PUT:
             self._up[end] = now_s, peer
+            let_go_at_once()
             log.info("link up: %s", peer)
             return
         since_s, peer = self._up.pop(end, (now_s, peer))

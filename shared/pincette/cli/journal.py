@@ -35,6 +35,8 @@ JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
 )
 MANIFEST = "backup.json"
 VERIFY = "verify"
+STORE_URL = "PINCETTE_STORE"
+"""Of a PostgreSQL database in place of the journal's file."""
 PRIVATE = 0o600
 """The journal and the keys are read by their owner alone."""
 File = Annotated[Path, Argument(metavar="FILE", help="such as bench.tar.gz")]
@@ -54,6 +56,11 @@ def backup(
     The journal has jobs, results, recipes and alarms. The file is as secret as the keys in it.
     """
     journal = data / JOURNAL
+    if os.environ.get(STORE_URL):
+        raise CliError(
+            f"the journal is on the server of {STORE_URL}: `pg_dump` copies it; keys, models and "
+            f"records are files of {data}, which `tar` copies"
+        )
     if not journal.is_file():
         raise CliError(f"{journal} is not there: name the folder with --data")
     draft = file.with_name(file.name + ".part")

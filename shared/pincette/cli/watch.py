@@ -19,7 +19,7 @@ from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
 from pincette.cli.options import integer
 from pincette.cli.results import show_result
-from pincette.cli.terminal import STATE_COLOURS, clock, command, emit, group, screen
+from pincette.cli.terminal import STATE_COLOURS, clock, command, emit, group, patience, screen
 from pincette.client import JobHandle
 
 PASSING = ("progress", "dropped")
@@ -140,6 +140,9 @@ def followed(job: JobHandle, *, machine: bool) -> int:
             "it, `pincette estop` stops the rig",
             Exit.INTERRUPTED,
         ) from None
+    if job.job.artifacts == "being_written":
+        with patience("the motion has ended; its record is being written"):
+            job.recorded()
     if machine:
         emit(job.job)
     else:

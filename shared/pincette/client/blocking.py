@@ -123,6 +123,7 @@ class JobHandle(Blocking[AsyncJobHandle]):
 
     refresh = blocking(AsyncJobHandle.refresh)
     wait = blocking(AsyncJobHandle.wait)
+    recorded = blocking(AsyncJobHandle.recorded)
     start = blocking(AsyncJobHandle.start)
     pause = blocking(AsyncJobHandle.pause)
     resume = blocking(AsyncJobHandle.resume)

@@ -67,6 +67,12 @@ class AsyncJobHandle:
             await self.refresh(min(left_s, LONGEST_WAIT_S))
         return self.job
 
+    async def recorded(self, timeout_s: float = LONGEST_WAIT_S) -> Job:
+        """Wait until its record is written, which goes on after its end; for a limited time."""
+        query: dict[str, str | float] = {"wait": "recorded", "timeout_s": timeout_s}
+        call = Call("GET", f"/jobs/{self.id}", model(Job), query, repeatable=True, kept_s=timeout_s)
+        return self._update(await self._transport.send(call))
+
     async def start(self) -> Job:
         """Start a job that is ready."""
         return await self.act("start")

@@ -37,10 +37,11 @@ class Harness:
         *,
         guard_s: float = 5.0,
         clock: Callable[[], float] = monotonic,
+        store_url: str = "",
     ) -> None:
         self.bus = CannedRig(rig)
         self.bus.records = data / "jobs"
-        self.store = Store(data / "supervisor.sqlite")
+        self.store = Store(data / "supervisor.sqlite", store_url)
         self.observer = Observer(self.bus)
         self.events = EventLog(self.store, rig.rig.name)
         self.health = Health(rig, self.bus, self.observer, self.store)
@@ -93,8 +94,8 @@ class Harness:
         return self.ended(response.json()["id"])
 
     def ended(self, job: str) -> dict[str, Any]:
-        """The job once it has ended."""
-        return self.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+        """The job once it has ended, and its record is written."""
+        return self.get(f"/jobs/{job}", wait="recorded", timeout_s=30)
 
     def until(self, there: Callable[[], bool]) -> None:
         """Wait until something is the case; the job lives in a thread of its own."""

@@ -1,5 +1,6 @@
 """The keys of a data folder for the command line, whether or not a supervisor runs."""
 
+import os
 from collections.abc import Generator
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime, timedelta
@@ -8,7 +9,7 @@ from pathlib import Path
 from pincette.api.access import KeyView, Scope
 from pincette_supervisor.access.authentication import digest_of, new_key
 from pincette_supervisor.access.passwords import hashed
-from pincette_supervisor.config import STORE
+from pincette_supervisor.config import STORE, STORE_URL
 from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.key_file import KeyFile, KeyNameTakenError, KeyRow
@@ -67,7 +68,7 @@ def _view(row: KeyRow) -> KeyView:
 def open_keys(data: Path) -> Generator[KeyStore]:
     """Open the keys of a data folder, which is made where there is none; raises StoreError."""
     try:
-        store = Store(data / STORE)
+        store = Store(data / STORE, os.environ.get(STORE_URL, ""))
     except StoreError:
         file = KeyFile(data)
         if file.read() is None:  # the keys may be in that journal alone

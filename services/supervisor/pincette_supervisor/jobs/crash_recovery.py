@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pincette.api.results import JobResult
+from pincette.api.states import STATES
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import ActionCode, Mode
 from pincette.core.messages import Action, Applied
@@ -13,6 +14,7 @@ from pincette.records.columns import Columns
 from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.job_recorder import NO_SAMPLE, finish_record
 from pincette_supervisor.jobs.lease import ended_text
+from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.results.documents import completeness
 from pincette_supervisor.results.result import course
@@ -33,9 +35,17 @@ def recover_from_crash(context: RigContext, jobs: Sequence[str]) -> None:
         with context.events.transaction("rig", name, found="a program played", did=stopped):
             if row is not None:
                 context.store.change(row.id, cause=f"{row.cause}; {stopped}")
+    row = row or _unwritten(context)
     if row is not None and row.epoch is not None:
         # Making its tables takes its time, and an emergency stop must be taken meanwhile.
         context.archivist.submit(_close_record, context, row, row.epoch)
+
+
+def _unwritten(context: RigContext) -> JobRow | None:
+    """The newest job of the rig, where its supervisor ended before its record was written."""
+    found = context.store.newest(1, JobFilter(rig=context.rig.rig.name))
+    ended = [row for row in found if STATES[row.state].terminal and "record" not in row.plan]
+    return ended[0] if ended else None
 
 
 def _stop(context: RigContext, how: ActionCode) -> str:
@@ -70,7 +80,9 @@ def _close_record(context: RigContext, row: JobRow, epoch: int) -> None:
     if isinstance(recorded, str):  # it may still make the tables of an unfinished record
         recorded = finish_record(context.bus, row.id, epoch, last_seq)
     found = _result(context.records / row.id / folder.SAMPLES, context.rig.rig.period_s)
-    values: dict[str, object] = {} if found is None else {"result": found.model_dump(mode="json")}
+    values: dict[str, object] = {}
+    if found is not None and row.result is None:
+        values = {"result": found.model_dump(mode="json")}
     context.store.change(row.id, plan={**row.plan, "record": completeness(recorded)}, **values)
 
 

@@ -101,6 +101,9 @@ class LiveJob:
         self.wake = threading.Event()
         self.done = threading.Event()
         """Set once nothing moves any more and the rig is free."""
+        self.recorded = threading.Event()
+        """Not set from the end on until the record is written."""
+        self.recorded.set()
         self._context, self._store, self._changes = context, context.store, out
         self._lock = threading.RLock()
         self._actions: list[tuple[int, ActionType]] = []
@@ -284,6 +287,11 @@ class LiveJob:
         """Wait for an action or the timeout."""
         self.wake.wait(timeout_s)
         self.wake.clear()
+
+    def finish_record(self) -> None:
+        """Note that its record is written."""
+        self.recorded.set()
+        self.store()
 
     def finish(self) -> None:
         """Mark the rig as free."""

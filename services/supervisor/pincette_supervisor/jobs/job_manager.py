@@ -245,6 +245,11 @@ class JobManager:
         live = self._started(name)
         return live is None or live.terminal
 
+    def is_recorded(self, name: str) -> bool:
+        """Whether a job has ended, and its record is written, without reading the journal."""
+        live = self._started(name)
+        return self.is_over(name) and (live is None or live.recorded.is_set())
+
     def changed_since(self, name: str, revision: int) -> bool:
         """Whether a job has changed since a revision, without reading the journal."""
         entry = self.queue.entry(name)
@@ -290,6 +295,6 @@ class JobManager:
     def release(self) -> None:
         """Release threads and bus, once no request needs them."""
         self.latch.threads.shutdown()
-        self.context.archivist.shutdown(cancel_futures=True)
+        self.context.archivist.shutdown()  # a record that is being written comes to its end
         self.context.health.close()
         self.context.bus.close()

@@ -164,7 +164,8 @@ class JobMonitor:
         state, moves = job.snapshot
         if STATES[state].terminal:  # stopped, with a part in the gripper
             if silence:
-                self._recorder.store(tracker, self._collection, over=True)
+                self._recorder.evaluate(tracker, self._collection)
+                self._recorder.write(tracker, over=True)
             return bool(silence)
         if state == "aborting":
             return self._abort(silence)
@@ -215,10 +216,11 @@ class JobMonitor:
         job, tracker = self._job, self._tracker
         if job.terminal:
             # The job was stopped with a part held, which has now been let go.
-            self._recorder.store(tracker, self._collection, over=True)
+            self._recorder.evaluate(tracker, self._collection)
             if tracker.trip is not None:
                 job.append_cause(self._trip_words(tracker.trip))
             self._recorder.publish_result()
+            self._recorder.write(tracker, over=True)
         elif tracker.trip is not None:
             self._close("confirm" if tracker.trip.cause == Cause.ABORT else "fail")
         elif job.state in ("stopping", "aborting"):
@@ -230,7 +232,7 @@ class JobMonitor:
             self._close("done" if tracker.final_outcome() in GOOD_OUTCOMES else "fail")
 
     def _close(self, event: Event, *, over: bool = True) -> None:
-        """Write the record, then move the job to its terminal state."""
+        """Work out the result, move the job to its terminal state, then have the record written."""
         job, tracker = self._job, self._tracker
         gone = gone_words(self._context)
         if event == "fail":
@@ -240,14 +242,16 @@ class JobMonitor:
                 job.cause = f"{words}; {more}" if more else words
                 job.ending = trip_ending(tracker.trip)
             job.note_cause(tracker.final_words(), Ending(code="bad_outcome"))
-        fault = self._recorder.store(tracker, self._collection, over=over)
+        fault = self._recorder.evaluate(tracker, self._collection)
         if fault and event == "done":
             job.note_cause(fault, Ending(code="no_finding"))
             event = "fail"
         if event == "fail" and tracker.trip is not None and not gone and not self._trip_asked:
             self._prepare_resumption(tracker.trip)
+        self._job.recorded.clear()  # whoever sees the end sees that the record is not there yet
         job.end(event)
         self._recorder.publish_result()
+        self._recorder.write(tracker, over=over)
 
     def _prepare_resumption(self, trip: TripReason) -> None:
         """Find how a calibration goes on that a stall has tripped, and say so."""
@@ -264,6 +268,8 @@ class JobMonitor:
             self._context.bus.call(ACTION, Action(policies.interruption(job.kind)), 0.5)
         except BusError as error:
             job.note_cause(str(error))
-        self._recorder.store(self._tracker, self._collection, over=True)
+        self._recorder.evaluate(self._tracker, self._collection)
+        self._job.recorded.clear()
         if not job.terminal:
             job.end("interrupt", "the supervisor ended", "supervisor_ended")
+        self._recorder.write(self._tracker, over=True)

@@ -3,7 +3,9 @@
 # Errors of the recorder are returned, not raised: a job that has moved must come to its end.
 
 import json
+import logging
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any, cast
 
@@ -14,7 +16,7 @@ from pincette.core.topics import FINISH, RECORD
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.tracker import Tracker
 from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
-from pincette_supervisor.journal.store import JobRow, utc_now
+from pincette_supervisor.journal.store import JobRow, StoreError, utc_now
 from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.model.residuals import learning_digest
 from pincette_supervisor.planning.planned import Planned
@@ -25,6 +27,7 @@ from pincette_supervisor.results.documents import completeness
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
 
+log = logging.getLogger(__name__)
 FIGURES = (
     "outcome",
     "force_held_mN",
@@ -56,39 +59,85 @@ class JobRecorder:
     def __init__(self, context: RigContext, job: LiveJob, planned: Planned, epoch: int) -> None:
         self._context, self._job, self._planned, self._epoch = context, job, planned, epoch
         self._figures: dict[str, Any] = {}
-        self.run: Run | None = None
-        """What was gathered, once it is stored."""
+        self._row: JobRow | None = None
+        """As it was last read: a journal on a server may be out of reach at the end."""
+        self._gathered: Gathered | None = None
+
+    @property
+    def run(self) -> Run | None:
+        """What was gathered, once it is evaluated."""
+        return None if self._gathered is None else self._gathered.run
 
     def begin(self, row: JobRow) -> str:
         """Have a record begun; returns why there is none."""
-        about = archive.about(self._planned, row, self._epoch)
-        about["request"] = json.dumps(row.request, ensure_ascii=False)
-        return begin_record(self._context.bus, self._job.id, self._epoch, about)
+        self._row = row
+        # The recorder has one record at a time: that of the job before may still be written.
+        self._context.archivist.submit(int).result()
+        return begin_record(self._context.bus, self._job.id, self._epoch, self._about(row))
 
-    def store(self, tracker: Tracker, collection: MessageBuffer, *, over: bool) -> str:
-        """Store result and record; returns the result's fault; ``over``: no more samples come."""
-        # A part that is held after a stop is still being recorded: its record has the samples so
-        # far, and is closed when the part is let go.
+    def _about(self, row: JobRow) -> dict[str, str]:
+        about = archive.about(self._planned, row, self._epoch)
+        return about | {"request": json.dumps(row.request, ensure_ascii=False)}
+
+    def evaluate(self, tracker: Tracker, collection: MessageBuffer) -> str:
+        """Store the result of the samples so far; returns the result's fault."""
         context, job, planned = self._context, self._job, self._planned
-        row = context.store.get(job.id)
+        row = self._current_row()
         if row is None:
             return ""
-        last_seq = tracker.last_seq if tracker.messages else NO_SAMPLE
-        recorded = self._close(row, last_seq) if over else self.begin(row) or GOES_ON
         take = Take(self._epoch, tracker.messages, collection.dropped)
         gather = context.archivist.submit(archive.gather, planned.model.rig, row, planned, take)
-        record = gather.result()
-        self.run = record.run
+        self._gathered = record = gather.result()
         job.store(result=record.tree)
         self._keep_learned(record)
-        try:
-            context.archivist.submit(record.write, context.records / job.id, recorded).result()
-        except OSError as error:
-            job.note_cause(f"the record is incomplete: {error}")
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}
         if record.result.goal is not None:
             self._figures["goal_met"] = record.result.goal.met
         return record.fault
+
+    def write(self, tracker: Tracker, *, over: bool) -> None:
+        """Have the record written by the archivist; the rig is free meanwhile.
+
+        ``over``: no more samples come. A part that is held after a stop is still being recorded:
+        its record has the samples so far, and is closed when the part is let go.
+        """
+        if self._gathered is None:
+            self._job.finish_record()
+            return
+        last_seq = tracker.last_seq if tracker.messages else NO_SAMPLE
+        self._job.recorded.clear()
+        self._context.archivist.submit(self._write, self._gathered, last_seq if over else None)
+
+    def _write(self, record: Gathered, last_seq: int | None) -> None:
+        job = self._job
+        # What was said of it meanwhile belongs into the documents.
+        row = self._current_row() or record.job
+        record = replace(record, job=row)
+        try:
+            recorded = GOES_ON if last_seq is None else ""
+            if last_seq is None:
+                about = self._about(row)
+                recorded = begin_record(self._context.bus, job.id, self._epoch, about) or GOES_ON
+            else:
+                recorded = finish_record(self._context.bus, job.id, self._epoch, last_seq)
+            try:
+                record.write(self._context.records / job.id, recorded)
+            except OSError as error:
+                job.note_cause(f"the record is incomplete: {error}")
+                job.store(cause=job.cause)
+            state = completeness(recorded)
+            job.store(plan={**row.plan, "record": state})
+            append = self._context.events.append
+            self._context.write_queue.submit(partial(append, "record", job.id, **state))
+        finally:
+            job.finish_record()
+
+    def _current_row(self) -> JobRow | None:
+        try:
+            self._row = self._context.store.get(self._job.id)
+        except StoreError as error:
+            log.error("%s", error)
+        return self._row
 
     def _keep_learned(self, record: Gathered) -> None:
         """Keep what the program has learned, for its next job."""

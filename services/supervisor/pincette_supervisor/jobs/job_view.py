@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pincette.api.endings import Ending
-from pincette.api.jobs import Action, Job
+from pincette.api.jobs import Action, ArtifactState, Job
 from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, allowed_actions
 from pincette_supervisor.jobs.job import LiveJob
@@ -70,6 +70,15 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
     if busy is not None or position is not None:
         held = busy is not None and busy.held
         actions = allowed_actions(row.state, held=held, waiting=waiting)
+    artifacts: ArtifactState = "none"
+    if deleted:
+        artifacts = "deleted"
+    elif live is not None and not live.recorded.is_set():
+        artifacts = "being_written"
+    elif record:
+        artifacts = "ready"
+    elif busy is not None and row.epoch is not None:
+        artifacts = "being_written"
     return Job(
         id=row.id,
         kind=row.kind,
@@ -94,6 +103,7 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
         started_at=row.started_at,
         ended_at=row.ended_at,
         record=None if row.epoch is None or deleted else str((records / row.id).absolute()),
+        artifacts=artifacts,
         record_complete=record.get("complete"),
         record_detail=record.get("detail", ""),
     )

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 
-from sqlalchemy import delete, func, select, update
-from sqlalchemy.dialects.sqlite import insert
+from sqlalchemy import delete, func, insert, select, update
 
 from pincette.api.access import Scope
 from pincette_supervisor.journal.database import Database, columns
+from pincette_supervisor.journal.engines import insert_of
 from pincette_supervisor.journal.key_file import KeyFile, KeyRow
 from pincette_supervisor.journal.tables import AUDIT, KEYS, SESSIONS
 
@@ -78,7 +78,7 @@ class KeyRepository:
             connection.execute(delete(KEYS).where(KEYS.c.name.not_in([row.name for row in rows])))
             for row in rows:
                 values = asdict(row)
-                put = insert(KEYS).values(values)
+                put = insert_of(connection, KEYS).values(values)
                 connection.execute(put.on_conflict_do_update(index_elements=["name"], set_=values))
         self._copied = rows
 

@@ -1,14 +1,9 @@
-"""The journal's SQLite file: its schema, and transactions for reading and writing."""
+"""The journal's database: its schema, and transactions for reading and writing."""
 
-import json
-import os
-import sqlite3
-import stat
 import threading
 from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,25 +11,21 @@ from alembic import command
 from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import URL, Connection, Engine, Select, create_engine, event, inspect
+from sqlalchemy import Connection, Select, inspect
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError, StatementError
-from sqlalchemy.pool import ConnectionPoolEntry
 
 from pincette_supervisor.attention import ATTENTION
+from pincette_supervisor.journal import engines
 
 MIGRATIONS = Path(__file__).parent / "migrations"
-BUSY_S = 10.0
-"""How long a statement waits for another program that has the file."""
-POOL, OVERFLOW = 8, 64
-"""Connections kept open, and allowed on top: together more than there are threads."""
-WRITES = "journal_writes"
-PRIVATE = 0o600
 KEY_FILE = "keys.json"
 """Beside the journal; an earlier version kept the keys in the journal alone."""
 MOVE_AWAY = (
     f"move it away to begin a new one; where no {KEY_FILE} lies beside it, first set "
     '[supervisor] keys = "always", or the keys go with it'
 )
+SEE_DISK = "look at the disk's room and rights"
+SEE_SERVER = "see that the server runs and lets you in, and that the database is there"
 T = TypeVar("T")
 
 
@@ -47,10 +38,16 @@ class _UnknownSchemaError(Exception):
 
 
 class Database:
-    """One database file; safe to use from several threads, never from the event loop."""
+    """One database; safe to use from several threads, never from the event loop.
 
-    def __init__(self, path: Path) -> None:
+    ``path`` is the file, and names the folder of what lies beside it. With ``url`` the rows are in
+    a database of PostgreSQL instead.
+    """
+
+    def __init__(self, path: Path, url: str = "") -> None:
         self._path = path
+        self._place = str(path)
+        self._alone: Connection | None = None
         self._closed = False
         self.trouble = ""
         """Why the last write failed; empty if it succeeded."""
@@ -58,26 +55,45 @@ class Database:
         self._turn = threading.RLock()
         self._written: Connection | None = None
         """The open write transaction, for nested ``writing``."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _keep_private(path)
-        self._engine = _open_engine(path)
-        self._writer = self._engine.execution_options(**{WRITES: True})
+        remedy = MOVE_AWAY
         try:
+            if url:
+                remedy, self._place = SEE_SERVER, "of PINCETTE_STORE"
+                server = engines.server_url(url)
+                self._place = server.render_as_string(hide_password=True)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                self._engine = engines.open_server(server)
+            else:
+                self._engine = engines.open_file(path)
+            self._remedy = SEE_SERVER if url else SEE_DISK
+            self._writer = engines.writing(self._engine)
             with self._engine.begin() as connection:
-                _require_sound(connection)
+                engines.require_sound(connection)
             with self._writer.begin() as connection:
+                engines.migrate_alone(connection)
                 _migrate(connection)
         except _UnknownSchemaError as error:
             self.close()
             raise StoreError(
-                f"the job store {path} {error}: use the version that wrote it, or {MOVE_AWAY}"
+                f"the job store {self._place} {error}: use the version that wrote it, or {remedy}"
+            ) from error
+        except ModuleNotFoundError as error:
+            raise StoreError(
+                f"the job store {self._place} needs a driver: pip install 'pincette[postgresql]'"
             ) from error
         except (SQLAlchemyError, OSError, ValueError) as error:
             self.close()
             cause = error.orig if isinstance(error, DBAPIError) else error
             raise StoreError(
-                f"the job store {path} cannot be used: {cause}; {MOVE_AWAY}"
+                f"the job store {self._place} cannot be used: {cause}; {remedy}"
             ) from error
+
+    def work_alone(self) -> None:
+        """Keep other supervisors off a server's database until closed; raises StoreError."""
+        try:
+            self._alone = engines.work_alone(self._engine)
+        except (DBAPIError, ValueError) as error:
+            raise StoreError(f"the job store {self._place} cannot be used: {error}") from error
 
     @property
     def folder(self) -> Path:
@@ -125,18 +141,22 @@ class Database:
 
     def _require_open(self) -> None:
         if self._closed:
-            raise StoreError(f"the job store {self._path} is closed")
+            raise StoreError(f"the job store {self._place} is closed")
 
     def _failed(self, error: DBAPIError) -> StoreError:
-        return StoreError(
-            f"the job store {self._path}: {error.orig}; look at the disk's room and rights"
-        )
+        return StoreError(f"the job store {self._place}: {error.orig}; {self._remedy}")
 
     def close(self) -> None:
         """Close the file."""
         with self._turn:
             self._closed = True
-            self._engine.dispose()
+            if self._alone is not None:
+                self._alone.detach()  # it ends, and with it the lock
+                self._alone.close()
+                self._alone = None
+            engine = getattr(self, "_engine", None)
+            if engine is not None:
+                engine.dispose()
 
 
 def rows(connection: Connection, kind: Callable[..., T], query: Select[Any]) -> list[T]:
@@ -152,47 +172,6 @@ def columns(row: Any, *without: str) -> dict[str, Any]:
 def matching(query: Select[Any], **values: object) -> Select[Any]:
     """A query restricted to columns with these values; None does not restrict."""
     return query.filter_by(**{name: value for name, value in values.items() if value is not None})
-
-
-def _keep_private(path: Path) -> None:
-    """Let the owner alone read the file; SQLite gives its other files the same mode."""
-    with suppress(OSError):  # what cannot be opened is told when SQLite opens it
-        os.close(os.open(path, os.O_RDWR | os.O_CREAT, PRIVATE))
-        if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-            path.chmod(PRIVATE)
-
-
-def _require_sound(connection: Connection) -> None:
-    """Raise ValueError with the first finding of a damaged file, before a job meets it."""
-    found = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
-    if found != "ok":
-        raise ValueError(f"it is damaged: {' '.join(str(found).split())}")
-
-
-def _open_engine(path: Path) -> Engine:
-    engine = create_engine(
-        URL.create("sqlite+pysqlite", database=str(path)),
-        connect_args={"timeout": BUSY_S},
-        pool_size=POOL,
-        max_overflow=OVERFLOW,
-        json_serializer=partial(json.dumps, allow_nan=False, ensure_ascii=False),
-    )
-    event.listen(engine, "connect", _prepare)
-    event.listen(engine, "begin", _begin)
-    return engine
-
-
-def _prepare(connection: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
-    # Otherwise the driver begins transactions by itself, and not before CREATE TABLE.
-    connection.isolation_level = None
-    for pragma in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
-        connection.execute(f"PRAGMA {pragma}")
-
-
-def _begin(connection: Connection) -> None:
-    # A transaction that reads first and then writes fails if another has written meanwhile.
-    writes = connection.get_execution_options().get(WRITES, False)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 
 def _migrate(connection: Connection) -> None:

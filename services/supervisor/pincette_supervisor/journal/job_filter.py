@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, String, or_, type_coerce
+from sqlalchemy import ColumnElement, Select, String, cast, or_
 
 from pincette.api.states import JobState
 from pincette_supervisor.journal.database import matching
@@ -60,7 +60,7 @@ class JobFilter:
 
 def _contains(text: str) -> ColumnElement[bool]:
     said = [JOBS.c.sample, JOBS.c.batch, JOBS.c.operator, JOBS.c.notes]
-    labels = type_coerce(JOBS.c.labels, String)
+    labels = cast(JOBS.c.labels, String)
     places = [JOBS.c.id, JOBS.c.cause, JOBS.c.requested_by, *said, labels]
     return or_(*(place.icontains(text, autoescape=True) for place in places))
 

@@ -1,6 +1,6 @@
 """Files of the records of jobs over REST."""
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Depends, Response
 from fastapi.responses import FileResponse, StreamingResponse
 
 from pincette.api.jobs import Artifact, ArtifactList
@@ -12,12 +12,24 @@ from pincette_supervisor.rest.strict_route import StrictRoute
 
 CSV = "samples.csv"
 
+WRITTEN_S = 30.0
+"""How long files that are being written are waited for."""
+
+
+async def _written(job: str, rigs: AllRigs) -> None:
+    manager = rigs.with_live_job(job)
+    await manager.changes.wait(
+        lambda: manager.is_recorded(job) or not manager.is_over(job), WRITTEN_S
+    )
+
+
+WRITTEN = Depends(_written)
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 
-@router.get("/{job}/artifacts", responses=responses(404), dependencies=[OBSERVE])
+@router.get("/{job}/artifacts", responses=responses(404), dependencies=[OBSERVE, WRITTEN])
 def artifacts(job: str, rigs: AllRigs) -> ArtifactList:
-    """Files of a job's record, with size and SHA-256."""
+    """Files of a job's record, with size and SHA-256; waits while they are being written."""
     known = rigs.job(job)
     found = folder.artifacts(rigs.records(known.rig) / known.id)
     return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
@@ -28,7 +40,7 @@ def artifacts(job: str, rigs: AllRigs) -> ArtifactList:
     response_model=None,
     response_class=FileResponse,
     responses=responses(404),
-    dependencies=[OBSERVE],
+    dependencies=[OBSERVE, WRITTEN],
 )
 def artifact(job: str, name: str, rigs: AllRigs) -> Response:
     """One file of a job's record; ``samples.csv`` is made of ``samples.parquet`` as it goes."""

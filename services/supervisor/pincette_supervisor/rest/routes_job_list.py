@@ -25,6 +25,7 @@ from pincette_supervisor.rest.dependencies import (
     Operator,
     etag,
 )
+from pincette_supervisor.rest.routes_artifacts import WRITTEN
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results import job_table
 
@@ -168,7 +169,9 @@ def edit(
     return edited
 
 
-@router.delete("/{job}/record", responses=responses(404, 409, 422, 503), dependencies=[ADMIN])
+@router.delete(
+    "/{job}/record", responses=responses(404, 409, 422, 503), dependencies=[ADMIN, WRITTEN]
+)
 def delete_record(job: str, rigs: AllRigs, by: Operator, note: Note) -> Job:
     """Delete the files of a job that has ended and is not pinned; its result stays."""
     note(f"record of {job}")

@@ -157,8 +157,11 @@ async def job_state(
     rigs: AllRigs,
     response: Response,
     wait: Annotated[
-        Literal["terminal", "change"] | None,
-        Query(description="answer when the job has ended, or is not as it was"),
+        Literal["terminal", "recorded", "change"] | None,
+        Query(
+            description="answer when the job has ended, or its record is written, too, or it is "
+            "not as it was"
+        ),
     ] = None,
     since: Annotated[
         int | None, Query(ge=0, description="with wait=change: the revision that is known")
@@ -171,7 +174,8 @@ async def job_state(
 ) -> object:
     """One job.
 
-    With ``wait`` the answer comes when it has ended (``terminal``), or when it is not as it
+    With ``wait`` the answer comes when it has ended (``terminal``), when its record is written as
+    well (``recorded``), or when it is not as it
     was at the revision of ``since`` or of ``If-None-Match``, or without both as it is now
     (``change``), or in time as it is then. Progress alone is no change.
     """
@@ -179,6 +183,8 @@ async def job_state(
     manager = rigs.with_live_job(job)
     if wait == "terminal":
         await manager.changes.wait(lambda: manager.is_over(job), timeout_s)
+    elif wait == "recorded":
+        await manager.changes.wait(lambda: manager.is_recorded(job), timeout_s)
     elif wait == "change":
         if known is None:
             known = (await run_in_threadpool(rigs.job, job)).revision

@@ -136,7 +136,7 @@ def draw(axis: Axis, found: ErrorSources, *, columns: int = len(CAUSES)) -> None
             share = value * value / whole
             label = NAMES[cause] if row == 0 else ""
             axis.barh(row, share, left=begin, color=COLOURS[cause], height=0.62, label=label)
-            if share > (0.09 if columns == len(CAUSES) else 0.2):
+            if share > (0.09 if columns == len(CAUSES) else 0.24):
                 axis.text(
                     begin + 0.5 * share,
                     row,

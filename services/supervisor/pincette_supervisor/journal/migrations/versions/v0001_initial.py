@@ -17,6 +17,21 @@ WHEN OLD.number > (SELECT MAX(number) FROM audit) - {AUDIT_KEPT}
 BEGIN SELECT RAISE(ABORT, 'the audit log keeps its newest {AUDIT_KEPT} entries'); END
 """
 
+ON_A_SERVER = f"""
+CREATE FUNCTION audit_is_append_only() RETURNS trigger LANGUAGE plpgsql AS $$
+BEGIN
+  IF TG_OP = 'DELETE' THEN
+    IF OLD.number <= (SELECT MAX(number) FROM audit) - {AUDIT_KEPT} THEN RETURN OLD; END IF;
+    RAISE EXCEPTION 'the audit log keeps its newest {AUDIT_KEPT} entries';
+  END IF;
+  RAISE EXCEPTION 'the audit log is only added to';
+END $$;
+CREATE TRIGGER audit_is_append_only BEFORE UPDATE OR DELETE ON audit
+FOR EACH ROW EXECUTE FUNCTION audit_is_append_only();
+CREATE TRIGGER audit_is_not_emptied BEFORE TRUNCATE ON audit
+FOR EACH STATEMENT EXECUTE FUNCTION audit_is_append_only();
+"""
+
 
 def _text(name: str, *, null: bool = False) -> sa.Column[str]:
     return sa.Column(name, sa.String, nullable=null)
@@ -35,6 +50,8 @@ def upgrade() -> None:
     if op.get_bind().dialect.name == "sqlite":
         op.execute(AUDIT_IS_APPEND_ONLY)
         op.execute(AUDIT_KEEPS_THE_NEWEST)
+    else:
+        op.execute(ON_A_SERVER)
 
 
 def _jobs() -> None:

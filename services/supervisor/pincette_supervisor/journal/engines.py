@@ -1,0 +1,179 @@
+"""The two places of a journal: an SQLite file, or a database of a PostgreSQL server."""
+
+import json
+import os
+import re
+import sqlite3
+import stat
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+from sqlalchemy import (
+    URL,
+    Connection,
+    Engine,
+    Table,
+    create_engine,
+    event,
+    make_url,
+    text,
+)
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import ArgumentError
+from sqlalchemy.pool import ConnectionPoolEntry
+
+BUSY_S = 10.0
+"""How long a statement waits for another program that has the file, or for the server."""
+POOL, OVERFLOW = 8, 64
+"""Connections kept open, and allowed on top: together more than there are threads."""
+WRITES = "journal_writes"
+PRIVATE = 0o600
+SERVER = "postgresql"
+DRIVER = "postgresql+psycopg"
+ALONE, MIGRATING = 0x70696E63, 0x70696E64
+"""Advisory locks: of the supervisor that works with a schema, and of whoever makes its tables."""
+NUL = re.compile(r"(?<!\\)((?:\\\\)*)\\u0000")
+"""The escape of a character that PostgreSQL keeps in no text."""
+_to_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
+
+
+def server_url(url: str) -> URL:
+    """The address of a database of PostgreSQL; raises ValueError."""
+    try:
+        found = make_url(url)
+    except ArgumentError as error:
+        raise ValueError(f"it is no URL such as {SERVER}://user@host/database") from error
+    if found.drivername not in (SERVER, DRIVER):
+        raise ValueError(f"{found.drivername} is not known: wanted {SERVER}://user@host/database")
+    return found.set(drivername=DRIVER)
+
+
+def open_file(path: Path) -> Engine:
+    """Open an SQLite file that its owner alone can read; it is made where there is none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _keep_private(path)
+    engine = create_engine(
+        URL.create("sqlite+pysqlite", database=str(path)),
+        connect_args={"timeout": BUSY_S},
+        pool_size=POOL,
+        max_overflow=OVERFLOW,
+        json_serializer=_to_json,
+    )
+    event.listen(engine, "connect", _prepare)
+    event.listen(engine, "begin", _begin)
+    return engine
+
+
+def open_server(url: URL) -> Engine:
+    """Open a database of a server; raises ModuleNotFoundError without its driver."""
+    engine = create_engine(
+        url,
+        connect_args={"connect_timeout": int(BUSY_S), "application_name": "pincette"},
+        pool_size=POOL,
+        max_overflow=OVERFLOW,
+        pool_pre_ping=True,
+        # A reader sees one state of the database, as in a file.
+        isolation_level="REPEATABLE READ",
+        json_serializer=_to_server_json,
+    )
+    event.listen(engine, "before_cursor_execute", _without_nul, retval=True)
+    return engine
+
+
+def _to_server_json(value: Any) -> str:
+    return NUL.sub(r"\1\\ufffd", _to_json(value))
+
+
+def _without_nul(
+    _connection: Connection, _cursor: Any, statement: str, parameters: Any, *_: Any
+) -> tuple[str, Any]:
+    """Replace what PostgreSQL keeps in no text."""
+
+    def clean(row: Any) -> Any:
+        if not isinstance(row, dict):
+            return row
+        values = cast("dict[str, Any]", row)
+        return {
+            name: one.replace("\0", "\N{REPLACEMENT CHARACTER}") if isinstance(one, str) else one
+            for name, one in values.items()
+        }
+
+    if isinstance(parameters, list):
+        return statement, [clean(row) for row in cast("list[Any]", parameters)]
+    return statement, clean(parameters)
+
+
+def writing(engine: Engine) -> Engine:
+    """The same engine for transactions that write."""
+    if engine.dialect.name == SERVER:
+        return engine.execution_options(isolation_level="READ COMMITTED")
+    return engine.execution_options(**{WRITES: True})
+
+
+def insert_of(connection: Connection, table: Table) -> Any:
+    """An INSERT that may name what becomes of a row that is there."""
+    if connection.dialect.name == SERVER:
+        return postgresql.insert(table)
+    return sqlite.insert(table)
+
+
+def require_sound(connection: Connection) -> None:
+    """Raise ValueError with the first finding of a damaged file, before a job meets it."""
+    if connection.dialect.name == SERVER:
+        return
+    found = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
+    if found != "ok":
+        raise ValueError(f"it is damaged: {' '.join(str(found).split())}")
+
+
+def migrate_alone(connection: Connection) -> None:
+    """Wait until no other program makes the tables of this schema."""
+    if connection.dialect.name == SERVER:
+        connection.execute(
+            text("SELECT pg_advisory_xact_lock(:key, hashtext(current_schema()))"),
+            {"key": MIGRATING},
+        )
+
+
+def work_alone(engine: Engine) -> Connection | None:
+    """Keep other supervisors off a schema for as long as the connection lives.
+
+    Raises
+    ------
+    ValueError
+        Another supervisor works with it.
+    """
+    if engine.dialect.name != SERVER:
+        return None
+    connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+    query = text("SELECT pg_try_advisory_lock(:key, hashtext(current_schema()))")
+    if connection.scalar(query, {"key": ALONE}):
+        return connection
+    connection.close()
+    raise ValueError(
+        "another supervisor works with it: give each a database of its own, or a schema "
+        "(?options=-csearch_path%3DNAME)"
+    )
+
+
+def _keep_private(path: Path) -> None:
+    """Let the owner alone read the file; SQLite gives its other files the same mode."""
+    with suppress(OSError):  # what cannot be opened is told when SQLite opens it
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT, PRIVATE))
+        if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+            path.chmod(PRIVATE)
+
+
+def _prepare(connection: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
+    # Otherwise the driver begins transactions by itself, and not before CREATE TABLE.
+    connection.isolation_level = None
+    for pragma in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+        connection.execute(f"PRAGMA {pragma}")
+
+
+def _begin(connection: Connection) -> None:
+    # A transaction that reads first and then writes fails if another has written meanwhile.
+    writes = connection.get_execution_options().get(WRITES, False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

@@ -1,0 +1,130 @@
+"""The end of a job is told at once; its record is written while the rig is free."""
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from pincette.bus.protocol import BusError
+from pincette.core.messages import Finish
+from pincette.records import folder
+
+from .harness import Harness
+
+
+@pytest.fixture
+def gate(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
+    """Keeps the recorder from closing a record until it is set."""
+    opened = threading.Event()
+    call = harness.bus.call
+
+    def slow(request: object, message: object, timeout_s: float = 1.0) -> object:
+        if isinstance(message, Finish):
+            assert opened.wait(20.0)
+        return call(request, message, timeout_s)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(harness.bus, "call", slow)
+    yield opened
+    opened.set()
+
+
+def test_the_end_is_told_while_the_record_is_written(
+    harness: Harness, gate: threading.Event
+) -> None:
+    job = harness.grip()["id"]
+    ended = harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+    assert (ended["state"], ended["artifacts"]) == ("succeeded", "being_written")
+    assert ended["result"]["outcome"] == "gripped"
+    assert ended["record_complete"] is None
+    waited = harness.get(f"/jobs/{job}", wait="recorded", timeout_s=0.05)
+    assert waited["artifacts"] == "being_written"
+    gate.set()
+    written = harness.ended(job)
+    assert (written["artifacts"], written["record_complete"]) == ("ready", True)
+    assert written["revision"] > ended["revision"]
+    kinds = [event.kind for event in harness.told(job=job)]
+    assert kinds.index("record") > kinds.index("result")
+
+
+def test_the_rig_is_free_for_the_next_job_which_waits_for_the_recorder_alone(
+    harness: Harness, gate: threading.Event
+) -> None:
+    first = harness.grip()["id"]
+    harness.get(f"/jobs/{first}", wait="terminal", timeout_s=30)
+    harness.until(lambda: harness.get("/rigs/demo")["active_job"] is None)
+    second = harness.grip()["id"]
+    assert harness.get(f"/jobs/{second}")["state"] in ("preparing", "ready", "running")
+    gate.set()
+    assert harness.ended(second)["state"] == "succeeded"
+    for job in (first, second):
+        assert harness.get(f"/jobs/{job}")["record_complete"] is True
+
+
+def test_files_that_are_being_written_are_waited_for(
+    harness: Harness, gate: threading.Event
+) -> None:
+    job = harness.grip()["id"]
+    harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+    threading.Timer(0.3, gate.set).start()
+    names = {one["name"] for one in harness.get(f"/jobs/{job}/artifacts")["artifacts"]}
+    assert {"grip.png", folder.REPORT, folder.RESULT} <= names
+
+
+def test_what_is_being_written_is_not_deleted_under_it(
+    harness: Harness, gate: threading.Event
+) -> None:
+    job = harness.grip()["id"]
+    harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+    threading.Timer(0.3, gate.set).start()
+    deleted = harness.call("DELETE", f"/api/v1/jobs/{job}/record")
+    assert deleted.status_code == 200, deleted.text
+    assert deleted.json()["artifacts"] == "deleted"
+    assert not (harness.manager.context.records / job).exists()
+
+
+def test_what_is_said_meanwhile_is_in_the_documents(
+    harness: Harness, gate: threading.Event
+) -> None:
+    job = harness.grip()["id"]
+    harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+    threading.Timer(0.3, gate.set).start()
+    edited = harness.call("PATCH", f"/api/v1/jobs/{job}", json={"sample": "B7", "pinned": True})
+    assert edited.status_code == 200, edited.text
+    harness.ended(job)
+    record = harness.manager.context.records / job
+    harness.until(lambda: "sample B7" in (record / folder.REPORT).read_text())
+    assert '"sample": "B7"' in (record / folder.MANIFEST).read_text()
+
+
+def test_a_recorder_that_does_not_answer_is_told_of_a_job_that_has_ended(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call = harness.bus.call
+
+    def deaf(request: object, message: object, timeout_s: float = 1.0) -> object:
+        if isinstance(message, Finish):
+            raise BusError("the recorder does not answer")
+        return call(request, message, timeout_s)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(harness.bus, "call", deaf)
+    ended = harness.ended(harness.grip()["id"])
+    assert (ended["state"], ended["record_complete"]) == ("succeeded", False)
+    assert "does not answer" in ended["record_detail"]
+
+
+def test_a_record_that_was_not_written_is_closed_after_a_restart(harness: Harness) -> None:
+    job = harness.ended(harness.grip()["id"])["id"]
+    row = harness.store.get(job)
+    assert row is not None
+    plan = {name: value for name, value in row.plan.items() if name != "record"}
+    harness.store.change(job, plan=plan)  # as an earlier supervisor has left it
+    harness.manager.recover([])
+
+    def closed() -> bool:
+        found = harness.store.get(job)
+        return found is not None and "record" in found.plan
+
+    harness.until(closed)
+    again = harness.store.get(job)
+    assert again is not None
+    assert again.result == row.result
