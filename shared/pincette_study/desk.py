@@ -55,17 +55,19 @@ class Desk:
         self._epoch += 1
         return self.loop.play(program, self._epoch, "" if known is None else known.text())
 
-    def stroke(self) -> None:
-        """Go twice over the taught range with the part away.
+    def stroke(self, rest_s: float = REST_S) -> None:
+        """Go twice over the taught range with the part away, then rest.
 
-        Such strokes wipe out what an arm has been through before, of which the model knows nothing.
+        Such strokes wipe out the turning points that an arm has been through before, of which the
+        model knows nothing, and a rest of some minutes its slow creep.
         """
         rig = self.rig
         low_V, high_V = (end_um / rig.model.piezo_um_per_V for end_um in free_range_um(rig))
-        turns_V = (high_V, low_V, high_V, low_V, 0.0)
+        turns_V = (high_V, low_V, high_V, low_V)
         rate_V_per_s = SPEED_FACTOR * rig.grip.approach_um_per_s / rig.model.piezo_um_per_V
         moves = ((turn_V, rate_V_per_s, REST_S) for turn_V in turns_V)
-        path = voltage_moves([(0.0, rate_V_per_s, 0.0), *moves])
+        back = (0.0, rate_V_per_s, rest_s)
+        path = voltage_moves([(0.0, rate_V_per_s, 0.0), *moves, back])
         # A model that does not know the past reads force off the first stroke: nothing may end it.
         guards = replace(FREE, force_max_mN=FORCE_MAX_MN)
         strokes = Segment("strokes", "voltage", path.duration_s, path=path)

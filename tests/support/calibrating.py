@@ -15,7 +15,7 @@ from pincette.core.topics import ACTION, TELEMETRY, Topic
 from pincette.engine import simulated
 from pincette.engine.composed import ComposedLoop
 from pincette.sim.bench import Bench
-from pincette_study.desk import Desk
+from pincette_study.desk import REST_S, Desk
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
@@ -71,10 +71,10 @@ def opened_benches() -> Generator[list[Bench]]:
         simulated.open_bench = opening
 
 
-def after_strokes(rig: RigFile) -> ComposedLoop:
+def after_strokes(rig: RigFile, rest_s: float = REST_S) -> ComposedLoop:
     """A rig whose arm has gone twice over the taught range, in the epoch 1; its part is back."""
     desk = Desk(rig)
-    desk.stroke()
+    desk.stroke(rest_s)
     return desk.loop
 
 

@@ -137,6 +137,8 @@ SITTINGS: dict[str, Sitting] = {
             Typed("pincette key add cell-7", r"cell-7"),
             Told("pincette user add", "tests/unit/supervisor/test_users.py adds and changes one"),
             Told('Supervisor("http://gripper.lab', ANOTHER_HOST),
+            Told("export PINCETTE_URL=https", "tests/system/test_rest_tls.py asks over TLS"),
+            Told('Supervisor("https://', "tests/system/test_rest_tls.py asks over TLS"),
             Told("docker compose exec", DOCKER),
             Told("pincette audit", "tests/system/test_rest_access.py asks for it with such a key"),
             Told("pincette audit verify", "tests/unit/supervisor/test_audit.py verifies a log"),
@@ -235,6 +237,7 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/containers.md": Sitting(
         (
             Told("docker compose up -d --build --wait", "tests/engine/test_brief.py types both"),
+            Told("docker buildx imagetools", "it asks the registry of the base image"),
             Told("export COMPOSE_FILE=docker-compose.yml:deploy/real-rig.yml", BENCH),
             Told("docker compose -f docker-compose.yml -f deploy/listen.yml", DOCKER),
             Told("export COMPOSE_FILE=docker-compose.yml:deploy/listen.yml", DOCKER),

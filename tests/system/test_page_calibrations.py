@@ -1,10 +1,13 @@
 """A calibration from the page: measured, looked at, accepted or discarded, as the server says."""
 
+import subprocess
+import sys
 from collections.abc import Generator
 
 import pytest
 from playwright.sync_api import Browser
 
+from pincette.config.reading import laid_over
 from tests.support.browser import Visit, looked_at
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig
@@ -17,7 +20,8 @@ LONG_S = 90.0
 @pytest.fixture(scope="module")
 def rig(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     assert browser.is_connected()
-    with running_rig(demo_rig(SHORT, time="lockstep"), tmp_path_factory.mktemp("rig")) as running:
+    changes = laid_over(SHORT, {"simulation": {"scripts": True}})
+    with running_rig(demo_rig(changes, time="lockstep"), tmp_path_factory.mktemp("rig")) as running:
         yield running
 
 
@@ -84,6 +88,56 @@ def test_what_is_discarded_changes_nothing(rig: RunningRig, seen: Visit) -> None
     seen.until_true(
         lambda: seen.page.locator(f"[id='accept-{proposal['id']}']").count() == 0,
         "it can still be accepted",
+    )
+
+
+def test_a_motion_is_played_without_its_part_as_the_page_asks(rig: RunningRig, seen: Visit) -> None:
+    body = {"kind": "grip", "autostart": True}
+    assert rig.ended(rig.post("/jobs", body).json()["id"], LONG_S)["state"] == "succeeded"
+    seen.until("#fact-start", "can start", LONG_S)
+    seen.page.click("#tab-start")
+    seen.page.select_option("#kind", "calibrate")
+    seen.page.select_option("#field-calibration", "residual")
+    assert seen.page.is_checked("#field-confirm")
+    seen.page.locator("#start").scroll_into_view_if_needed()
+    seen.page.click("#start")
+    seen.until("#current .instruction", "take the part away", LONG_S)
+    seen.until_true(lambda: wholly_seen(seen, "#current .instruction"), "nobody sees it")
+    job = rig.get("/jobs", limit=1)["jobs"][0]["id"]
+    order(rig, "remove")
+    seen.page.click("#act-continue")
+    seen.until("#current .instruction", "put the part back", LONG_S)
+    order(rig, "place")
+    seen.page.click("#act-continue")
+    assert rig.ended(job, LONG_S)["state"] == "succeeded"
+    seen.page.click("#tab-calibrations")
+    seen.until(f"[id='proposal-{job}']", "the free response misses", LONG_S)
+    # A box that is not ticked is asked for, too.
+    seen.page.click("#tab-start")
+    seen.page.select_option("#field-calibration", "residual")
+    seen.page.uncheck("#field-confirm")
+    seen.page.click("#start")
+    seen.until_true(lambda: rig.get("/jobs", limit=1)["jobs"][0]["id"] != job, "no job came")
+    assert rig.get("/jobs", limit=1)["jobs"][0]["request"]["confirm"] is False
+    rig.ended(rig.get("/jobs", limit=1)["jobs"][0]["id"], LONG_S)
+
+
+def order(rig: RunningRig, what: str) -> None:
+    """Take the part of the simulated rig away, or place it."""
+    words = [sys.executable, "-m", "pincette", "rig", "part", what, "--rig", str(rig.path)]
+    subprocess.run(words, check=True, capture_output=True, timeout=60)
+
+
+def wholly_seen(seen: Visit, place: str) -> bool:
+    """Whether an element lies within its panel, as far as that is scrolled."""
+    return bool(
+        seen.page.locator(place).evaluate(
+            """one => {
+                const own = one.getBoundingClientRect();
+                const panel = one.closest(".side").getBoundingClientRect();
+                return own.top >= panel.top - 1 && own.bottom <= panel.bottom + 1;
+            }"""
+        )
     )
 
 

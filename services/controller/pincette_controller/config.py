@@ -32,6 +32,8 @@ class ControllerConfig:
     installed: Mapping[str, LawDefinition]
     """Laws by name."""
     force_filter_s: float
+    delay_s: float
+    """From a sample until its voltage acts on the arm."""
     monitors: MonitorLimits
     voltage: VoltageLimits
 
@@ -41,7 +43,14 @@ class ControllerConfig:
         identified = self.response
         hysteresis = identified.model if isinstance(identified, IdentifiedResponse) else None
         return tuple(
-            build(settings, self.arm, self.period_s, self.force_filter_s, hysteresis)
+            build(
+                settings,
+                self.arm,
+                self.period_s,
+                self.force_filter_s,
+                hysteresis,
+                self.delay_s,
+            )
             for settings in chosen
         )
 
@@ -83,6 +92,7 @@ def configure(rig: RigFile) -> ControllerConfig:
         law=rig.law_settings,
         installed=installed_laws(),
         force_filter_s=rig.model.force_filter_s,
+        delay_s=rig.model.delay_s(rig.rig.period_s),
         monitors=rig.monitors,
         voltage=rig.voltage_limits,
     )

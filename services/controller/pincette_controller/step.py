@@ -4,6 +4,7 @@ from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.laws import law as control_law
+from pincette.control.laws.planned_motion import RESTING
 from pincette.control.planning.program import Program
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette.core.faults import Fault, FaultCode, Outcome
@@ -42,6 +43,7 @@ from pincette_controller.outputs import (
     telemetry_of,
 )
 from pincette_controller.player import advance, begin
+from pincette_controller.preview import planned_motion
 from pincette_controller.requests import handle
 from pincette_controller.state import Inputs, State
 
@@ -145,6 +147,7 @@ def _play(
         force_r_mN=force_r_mN,
         limited=_limited(estimate.limits_active),
         memory=arm_memory,
+        plan=planned_motion(player, config.period_s) if law.definition.previews else RESTING,
     )
     voltage_V = player.voltage_V if player.segment.open_loop else output.voltage_V
     command = Command(

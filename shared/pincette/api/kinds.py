@@ -38,6 +38,7 @@ class FormField(FieldSpec):
         minimum=0.0,
         maximum=None,
         whole=False,
+        ticked=False,
         columns=[],
     )
 
@@ -46,6 +47,8 @@ class FormField(FieldSpec):
     maximum: float | None
     whole: bool
     """Whole numbers alone."""
+    ticked: bool
+    """Whether a box is ticked where nothing is said."""
     columns: tuple[str, ...]
     """Members of each pair of numbers."""
 
@@ -220,6 +223,7 @@ def complete(spec: FieldSpec, schema: Schema) -> FormField:
         minimum=_bound(member, "minimum", "exclusiveMinimum"),
         maximum=_bound(member, "maximum", "exclusiveMaximum"),
         whole=member.get("type") == "integer",
+        ticked=widget == "check" and default is True,
         columns=tuple(items.get("properties", ())) if widget == "pairs" else (),
     )
 

@@ -74,6 +74,7 @@ REMEDIES: Mapping[str, str] = {
     "calibration-unsupported": "choose another calibration, or faster instruments",
     "impossible-model": "choose another version of the model",
     "no-prediction": "send it with `predict=false`, or change the values",
+    "key-stopped": "use a new key for another request",
     "idempotency-key-reused": "use a new key for a new request",
     "too-many-requests": "wait as long as Retry-After says",
     "rig-not-ready": "mend what reasons name; `pincette doctor` says more",

@@ -5,8 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from pincette.api import CONFIG, WHOLE, Model, example
-from pincette.control.laws.parameters import ForceAge, ParameterSet
-from pincette.control.quantities import LARGEST
+from pincette.control.vocabulary import LARGEST, ForceAge, ParameterSet
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST[""])]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST[""])]

@@ -226,7 +226,8 @@ OUTCOMES: Mapping[str, str] = {
     "lost": "the part was lost while it was held",
     "overforce": "the force rose above its limit",
     "contact": "the arm touched something on its way through free space",
-    "overtravel": "the arm came to a position limit of the rig file; ask for less voltage",
+    "overtravel": "the arm came to a position limit of the rig file; ask for less voltage, or "
+    "widen the limit where the way is free",
     "zero_refused": "the force could not be zeroed before contact",
 }
 """How a program ends, in the controller's codes."""

@@ -4,6 +4,8 @@ import os
 import secrets
 import socket
 import struct
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
@@ -45,16 +47,7 @@ class PrivatePort:
             return self._sign(found)
 
     def _listener(self) -> socket.socket | None:
-        for number in Path("/proc/self/fd").iterdir():
-            try:
-                copy = os.dup(int(number.name))
-            except OSError:
-                continue
-            try:
-                found = socket.socket(fileno=copy)
-            except OSError:
-                os.close(copy)
-                continue
+        for found in own_sockets():
             if _listens(found) == (self.host, self.port):
                 return found
             found.close()
@@ -83,8 +76,37 @@ class PrivatePort:
         return True
 
 
+def own_sockets() -> Iterator[socket.socket]:
+    """Every TCP socket of this process, also those that Zenoh has opened, each as a copy."""
+    for number in Path("/proc/self/fd").iterdir():
+        try:
+            copy = os.dup(int(number.name))
+        except OSError:
+            continue
+        try:
+            found = socket.socket(fileno=copy)
+        except OSError:
+            os.close(copy)
+            continue
+        if found.family in (socket.AF_INET, socket.AF_INET6) and found.type == socket.SOCK_STREAM:
+            yield found
+        else:
+            found.close()
+
+
+def let_go_at_once() -> None:
+    """Let no end of a link of this process wait until all that was sent has arrived.
+
+    Zenoh has the kernel wait for up to 10 s (``SO_LINGER``), in the thread that also serves the
+    other links. Over a line that is cut nothing arrives, and for so long the program is deaf.
+    """
+    for line in own_sockets():
+        with line, suppress(OSError):
+            line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
+
+
 def _listens(line: socket.socket) -> tuple[str, int] | None:
-    if line.family != socket.AF_INET or line.type != socket.SOCK_STREAM:
+    if line.family != socket.AF_INET:
         return None
     if not line.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
         return None

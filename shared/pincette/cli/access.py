@@ -13,7 +13,7 @@ from typing import Annotated, Protocol, cast
 from typer import Argument, BadParameter, Option
 
 from pincette.api.access import KEY_NAME, MEANINGS, SCOPES, KeyView, Scope
-from pincette.cli import CliError, Exit
+from pincette.cli import PKI, CliError, Exit
 from pincette.cli.options import DATA, DataFolder, number
 from pincette.cli.terminal import Json, clock, command, emit, group, table
 from pincette.client import (
@@ -53,12 +53,34 @@ Key = Annotated[
 ]
 
 
+Authority = Annotated[
+    Path | None,
+    Option(
+        "--authority",
+        metavar="FILE",
+        envvar="PINCETTE_AUTHORITY",
+        show_envvar=False,
+        help="authority.crt of `security`, for a supervisor over https; $PINCETTE_AUTHORITY, else "
+        f"that in ${PKI}, if not given",
+    ),
+]
+
+
 @dataclass(frozen=True, slots=True)
 class Address(Json):
     """For a command that asks a supervisor."""
 
-    url: Annotated[str, Option("--url", help="of the supervisor")] = DEFAULT_URL
+    url: Annotated[
+        str,
+        Option(
+            "--url",
+            envvar="PINCETTE_URL",
+            show_envvar=False,
+            help="of the supervisor; $PINCETTE_URL if not given",
+        ),
+    ] = DEFAULT_URL
     key: Key = None
+    authority: Authority = None
 
     def supervisor(self) -> Supervisor:
         """The supervisor of ``--url``, with the key of ``--key``."""
@@ -66,7 +88,12 @@ class Address(Json):
         claim = os.environ.get(CLAIM) or None
         try:
             return Supervisor(
-                self.url, patience_s=PATIENCE_S, operator=operator(), key=key, claim=claim
+                self.url,
+                patience_s=PATIENCE_S,
+                operator=operator(),
+                key=key,
+                claim=claim,
+                authority=authority_of(self.authority, os.environ.get(PKI)),
             )
         except ValueError as error:
             raise CliError(f"{CLAIM}: {error}", Exit.USAGE) from error
@@ -123,6 +150,13 @@ def refusals(url: str, *, as_json: bool) -> Generator[None]:
         raise CliError(str(error), STATUSES.get(error.code, Exit.FAILED)) from error
     except ClientError as error:
         raise CliError(str(error)) from error
+
+
+def authority_of(given: Path | None, pki: str | None) -> Path | None:
+    """The authority whose certificates are believed: as given, else that of a folder, if any."""
+    if given is not None or not pki:
+        return given
+    return Path(pki) / "authority.crt"
 
 
 def operator() -> str | None:

@@ -1,5 +1,6 @@
 """One call over REST as data: what to send, how to read the answer, and whether to repeat it."""
 
+import ssl
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
@@ -117,6 +118,8 @@ class Attempts:
         self._delivered = self._delivered or (self._look is not None and not unsent)
         if isinstance(error, httpx.UnsupportedProtocol) or not (self._repeatable or unsent):
             raise self._no_answer(error) from error
+        if _is_mistrust(error):
+            raise self._no_answer(error) from error
         now_s = self._clock()
         self._first_s = now_s if self._first_s is None else self._first_s
         left_s = self._first_s + self._patience_s - now_s
@@ -127,6 +130,8 @@ class Attempts:
 
     def _no_answer(self, error: httpx.TransportError) -> NoAnswerError:
         why = str(error) or type(error).__name__
+        if _is_mistrust(error):
+            why += "; name the certificate of the authority that has signed this supervisor's"
         if not self._delivered:
             return NoAnswerError(f"{self._what}: no answer ({why})")
         words = (
@@ -134,6 +139,15 @@ class Attempts:
             f"it may or may not have been taken: {self._look}"
         )
         return NoAnswerError(words, delivered=True)
+
+
+def _is_mistrust(error: BaseException | None) -> bool:
+    """Whether a supervisor's certificate is not believed; that does not pass by itself."""
+    while error is not None:
+        if isinstance(error, ssl.SSLCertVerificationError):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def identity_headers(

@@ -12,6 +12,7 @@ from pincette.control.force.observers import (
     ForceObserver,
     QuasiStatic,
     QuasiStaticParameters,
+    held_age,
     least_period_s,
 )
 from pincette.control.planning.contact_plan import PlannedRig
@@ -84,11 +85,14 @@ def _observer(model: Model, period_s: float, noise_um: float) -> ForceObserver:
             noise_um=noise_um,
             rate_mN_per_s=model.force_rate_mN_per_s,
         )
+    if model.force_observer == "smooth":
+        older = held_age(model.delay_s(period_s) / period_s)
+        return QuasiStatic(QuasiStaticParameters(s_p, older=older))
     least_s = least_period_s(omega_n)
     if period_s < least_s:
         raise ValueError(
             f"period_s = {period_s} s is below {least_s:.5f} s, two periods of the mode, and "
-            'its ring would be read as force; choose "inverse_dynamics" or "kalman"'
+            'its ring would be read as force; choose "smooth", "inverse_dynamics" or "kalman"'
         )
     printed = model.force_ages == "printed"
     return QuasiStatic(

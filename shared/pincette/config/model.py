@@ -13,6 +13,8 @@ from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.recorded_response import RecordedBranches, Turn
 from pincette.control.response.residual_table import ResidualTable
 
+USUAL_DELAY = 0.65
+"""Of a period, from a sample to its voltage, where nobody has measured it."""
 Row = Annotated[tuple[float, ...], Field(strict=False)]
 
 
@@ -198,8 +200,15 @@ class Model(Table):
     """Way of that to-and-fro since the zero, there or back, at which 63 % of it is reached."""
     force_filter_s: NotNegative = 0.03
     """Time constant of the law's low-pass over the force error."""
-    force_observer: Literal["quasi_static", "inverse_dynamics", "kalman"] = "quasi_static"
-    """Computes the force from position and free response; the first is for long periods only."""
+    output_delay_s: NotNegative | None = None
+    """From a sample until the voltage that answers it is put out; laws that look ahead and the
+    observer "smooth" take it. Without it: 0.65 of a period."""
+    output_lag_s: NotNegative = 0.0
+    """Time constant of a first-order lag between output and arm, such as an RC before the
+    amplifier."""
+    force_observer: Literal["quasi_static", "inverse_dynamics", "kalman", "smooth"] = "quasi_static"
+    """Computes the force from position and free response. "quasi_static" is for long periods only;
+    "smooth" is for short ones under a law that leaves the mode at rest, such as "fpbsmic"."""
     force_ages: Literal["matched", "printed"] = "matched"
     """Whether (53) pairs x and x_1 of the same age, or as printed; see ``control.observers``."""
     force_rate_mN_per_s: Positive = 50.0
@@ -236,6 +245,11 @@ class Model(Table):
         """Names the free response, which a table of its residuals holds for alone."""
         known = {"piezo_um_per_V", "free_response", "recorded_response"}
         return hashlib.sha256(self.model_dump_json(include=known).encode()).hexdigest()[:16]
+
+    def delay_s(self, period_s: float) -> float:
+        """From a sample until its voltage acts on the arm: delay of the output, and its lag."""
+        given_s = self.output_delay_s
+        return (USUAL_DELAY * period_s if given_s is None else given_s) + self.output_lag_s
 
     def arm(self) -> ArmParameters:
         """m, b, k, d of the consistent set."""

@@ -24,6 +24,7 @@ CONFIG = ControllerConfig(
     law=law_settings(K_P=2.0),
     installed=LAWS,
     force_filter_s=0.03,
+    delay_s=0.0,
     monitors=MonitorLimits(T, 50.0, 3, 10.0, 0.1, 5, -29.0, 79.0, 3),
     voltage=VoltageLimits(-1.0, 4.0, 0.2, 0.1),
 )

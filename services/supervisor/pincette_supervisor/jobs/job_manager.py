@@ -46,7 +46,7 @@ class JobManager:
         self.claims = Claims(context.store, context.events, context.clock)
         self._lock = threading.RLock()
         self._acting = JobActions(context)
-        self._turns = KeyTurns()
+        self.turns = KeyTurns()
         self._live: LiveJob | None = None
         self._thread: threading.Thread | None = None
         self._closing = False
@@ -90,7 +90,7 @@ class JobManager:
     ) -> tuple[Job, bool]:
         """Take a job, unless its caller is ``gone``; the flag: its key has created it already."""
         fingerprint = fingerprint_of(request)
-        with self._turns.of(key):
+        with self.turns.of(key):
             known = None if key is None else self.context.store.created(key)
             if known is not None:
                 return self.job(refusals.require_same(known, fingerprint)), True
@@ -104,7 +104,7 @@ class JobManager:
                 raise refusals.caller_gone()
             hand_over(self.context, self.active, planned)
             try:
-                with self._lock:
+                with self._lock, self.turns.accepting(key):
                     self.claims.require(claim)
                     name = self._accept(request, planned, key, fingerprint, by)
             except KeyTakenError as error:

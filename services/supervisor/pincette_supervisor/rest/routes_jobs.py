@@ -9,10 +9,11 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query, Response
 from fastapi.concurrency import run_in_threadpool
 
-from pincette.api.jobs import ActionRequest, Job
+from pincette.api.jobs import ActionRequest, Job, StoppedRequest, StopRequest
 from pincette.api.plans import JobPlan
 from pincette.api.problems import responses
 from pincette.api.requests import JobRequest
+from pincette.api.states import STATES
 from pincette_supervisor.jobs.claims import ALWAYS
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.kinds.bodies import AnyPlan, Body
@@ -120,6 +121,25 @@ def create(
         predict=predict,
         key=idempotency_key,
     )
+
+
+@router.post("/stop", dependencies=[OPERATE], responses=responses(422, 503))
+def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedRequest:
+    """Stop what an Idempotency-Key has begun: its job, or a request that is still being planned.
+
+    A request that comes with this key later is refused (409), as long as the supervisor runs.
+    """
+    asker.note(f"stop {body.idempotency_key}")
+    for manager in rigs.all():
+        manager.turns.stop(body.idempotency_key)
+    known = rigs.store.created(body.idempotency_key)
+    if known is None:
+        return StoppedRequest(job=None)
+    manager = rigs.of_job(known.job)
+    job = manager.job(known.job)
+    if not STATES[job.state].terminal:
+        job, _ = manager.perform(job.id, "stop", asker.by)
+    return StoppedRequest(job=job)
 
 
 @router.get(

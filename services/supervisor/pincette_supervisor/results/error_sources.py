@@ -42,7 +42,8 @@ TO_DO: Mapping[Cause, str] = {
     ),
     "contact_line": (
         "estimate and position leave the contact line that the load has shown: calibrate residual, "
-        "load more slowly, and look whether the part slips or yields"
+        "or free_response where other motions show it too; load more slowly, and look whether the "
+        "part slips or yields"
     ),
     "lag": "the error goes with the speed: go more slowly, or learn from cycle to cycle",
     "limits": "a limit of the voltage acts: see the limits that acted; ask for less, or raise it",
@@ -135,7 +136,7 @@ def draw(axis: Axis, found: ErrorSources, *, columns: int = len(CAUSES)) -> None
             share = value * value / whole
             label = NAMES[cause] if row == 0 else ""
             axis.barh(row, share, left=begin, color=COLOURS[cause], height=0.62, label=label)
-            if share > (0.09 if columns == len(CAUSES) else 0.2):
+            if share > (0.09 if columns == len(CAUSES) else 0.24):
                 axis.text(
                     begin + 0.5 * share,
                     row,

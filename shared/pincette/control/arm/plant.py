@@ -33,6 +33,8 @@ class DifferenceEquation:
     b_bar: float
     k_bar: float
     d_bar: float
+    delay_s: float = 0.0
+    """From a sample until the voltage that answers it acts on the arm; for laws that look ahead."""
 
 
 def consistent_arm(
@@ -75,7 +77,7 @@ def printed_arm() -> ArmParameters:
     return ArmParameters(m=1.8e-3, b=126.8, k=5.943e6, d=1.129e8)
 
 
-def discretize(arm: ArmParameters, period_s: float) -> DifferenceEquation:
+def discretize(arm: ArmParameters, period_s: float, delay_s: float = 0.0) -> DifferenceEquation:
     """Turn (1) into (4) by backward Euler, (2) and (3).
 
         m̄ = m/T²,  b̄ = -2m/T² - b/T,  k̄ = m/T² + b/T + k,  d̄ = d                        (5)
@@ -92,7 +94,15 @@ def discretize(arm: ArmParameters, period_s: float) -> DifferenceEquation:
         b_bar=-2.0 * m_bar - arm.b / T,
         k_bar=m_bar + arm.b / T + arm.k,
         d_bar=arm.d,
+        delay_s=delay_s,
     )
+
+
+def continuous(plant: DifferenceEquation, period_s: float) -> ArmParameters:
+    """Turn (4) back into (1); the inverse of ``discretize``."""
+    m = plant.m_bar * period_s**2
+    b = -(plant.b_bar + 2.0 * plant.m_bar) * period_s
+    return ArmParameters(m, b, plant.m_bar + plant.b_bar + plant.k_bar, plant.d_bar)
 
 
 def perturbation(

@@ -10,20 +10,26 @@ x to an F̂ that is worked out from the same x. A line with an offset, as the pa
 given beside it: its offset is what the free response errs by at small swings, and taking it for one
 of the contact would turn the slope by as much. With F̂ = (x_1 - x)/s_p an error of s_p is one of
 K_e with the other sign, and an error e of x_1 one of F̂ of e/s_p, of which the residuals show a
-part at most: both are stated.
+part at most: both are stated. Levels share the errors of x_1, so those add up,
+
+    u(K_e) = Σ u(x_1)·x_pp/(s_p·Σ x_pp²)
 Equation and figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import fsum, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pincette.control.calibration.lines import Line, stiffness_line
 from pincette.control.calibration.periodic import Periodic, periodic
-from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.checks import (
+    require_as_many,
+    require_not_negative,
+    require_positive,
+)
 
 LEAST_LEVELS = 3
 
@@ -76,7 +82,7 @@ def contact_stiffness(
     *,
     compliance_um_per_mN: float,
     compliance_uncertainty_um_per_mN: float = 0.0,
-    free_error_um: float = 0.0,
+    free_errors_um: Sequence[float] = (),
     least_force_mN: float = 0.0,
 ) -> ContactStiffness:
     """Line of Fig. 8 and its stiffness.
@@ -85,8 +91,8 @@ def contact_stiffness(
     ----------
     compliance_um_per_mN
         The s_p by which F̂ was worked out.
-    free_error_um
-        Standard error of x_1 between two voltages: √2 times what its model left.
+    free_errors_um
+        Standard error of x_1 over the swing of each level; none where it is known.
     least_force_mN
         Force below which a trough counts as a contact that was lost.
 
@@ -100,7 +106,10 @@ def contact_stiffness(
     u_s_p = require_not_negative(
         "uncertainty of the compliance", compliance_uncertainty_um_per_mN, "µm/mN"
     )
-    require_not_negative("error of the free response", free_error_um, "µm")
+    if free_errors_um:
+        require_as_many("levels", swings, "errors of the free response", free_errors_um)
+    for error_um in free_errors_um:
+        require_not_negative("error of the free response", error_um, "µm")
     if len(swings) < LEAST_LEVELS:
         raise ValueError(f"{len(swings)} levels of voltage, must be at least {LEAST_LEVELS}")
     motions = [_motion(swing, samples_per_cycle, least_force_mN) for swing in swings]
@@ -111,7 +120,7 @@ def contact_stiffness(
     K_e = require_positive("contact stiffness", float(force_pp @ x_pp) / square, "mN/µm")
     residuals = force_pp - K_e * x_pp
     scatter = sqrt(float(residuals @ residuals) / (len(swings) - 1) / square)
-    by_free = free_error_um / s_p / sqrt(square)
+    by_free = fsum(e * x for e, x in zip(free_errors_um, x_pp, strict=False)) / (s_p * square)
     by_compliance = K_e * u_s_p / s_p
     levels = tuple(
         Level(

@@ -60,6 +60,16 @@ def least_period_s(natural_frequency_rad_per_s: float) -> float:
     return SHORTEST_PERIODS * 2.0 * pi / omega_n
 
 
+def held_age(delay_periods: float) -> float:
+    """Return φ, by how many periods x_k is older than x_1 of the voltage of k-1.
+
+    A voltage that comes δ periods after its sample and is held for one acts on average at δ + 1/2,
+    where the mode is slow against the period and averages the steps; x_k is measured at 1. Where δ
+    is below 1/2 nothing older is mixed in. At most 1.
+    """
+    return min(1.0, max(0.0, delay_periods - 0.5))
+
+
 @dataclass(frozen=True, slots=True)
 class QuasiStaticParameters:
     """How ``QuasiStatic`` reads (53).
@@ -78,17 +88,22 @@ class QuasiStaticParameters:
     """Take x_1 for x_k from the voltage put out at k instead of the one applied at k-1."""
     printed_um_per_V: float = 0.0
     """d_p of the printed term; 0 leaves it out."""
+    older: float = 0.0
+    """Share of the x_1 before in that which x_k is paired with; see ``held_age``."""
 
     def __post_init__(self) -> None:
         require_positive("compliance", self.compliance_um_per_mN, "µm/mN")
         require_not_negative("printed piezoelectric constant", self.printed_um_per_V, "µm/V")
         if not 0.0 < self.share <= 1.0:
             raise ValueError(f"share of the low-pass = {self.share}, must be within (0, 1]")
+        if not 0.0 <= self.older <= 1.0:
+            raise ValueError(f"share of the x_1 before = {self.older}, must be within 0 and 1")
 
     @property
     def bare(self) -> bool:
         """Whether a reading needs no past."""
-        return self.share == 1.0 and not self.newest_voltage and self.printed_um_per_V == 0.0
+        plain = self.share == 1.0 and self.older == 0.0
+        return plain and not self.newest_voltage and self.printed_um_per_V == 0.0
 
 
 class QuasiStatic(FrozenRecord, frozen=True):
@@ -111,6 +126,8 @@ class QuasiStatic(FrozenRecord, frozen=True):
     """x_{k-1}."""
     voltage_V: float = 0.0
     """u_{k-2}."""
+    free_um: float = 0.0
+    """x_1 of the sample before."""
 
     @property
     def noise_gain(self) -> float:
@@ -127,13 +144,15 @@ class QuasiStatic(FrozenRecord, frozen=True):
             return self, force(x_um, free_um, p.compliance_um_per_mN)
         x = self.x_um if p.newest_voltage else x_um
         printed_um = p.printed_um_per_V * (voltage_V - self.voltage_V)
-        reading_mN = force(x - printed_um, free_um, p.compliance_um_per_mN)
+        paired_um = free_um + p.older * (self.free_um - free_um)
+        reading_mN = force(x - printed_um, paired_um, p.compliance_um_per_mN)
         F_mN = self.force_mN + p.share * (reading_mN - self.force_mN)
-        return QuasiStatic(p, F_mN, x_um, voltage_V), F_mN
+        return QuasiStatic(p, F_mN, x_um, voltage_V, free_um), F_mN
 
     def restart(self, x_um: float, free_um: float, voltage_V: float, /) -> "QuasiStatic":
         """Hold what a resting arm would have left behind."""
         p = self.parameters
         if p.bare:
             return self
-        return QuasiStatic(p, force(x_um, free_um, p.compliance_um_per_mN), x_um, voltage_V)
+        F_mN = force(x_um, free_um, p.compliance_um_per_mN)
+        return QuasiStatic(p, F_mN, x_um, voltage_V, free_um)

@@ -54,7 +54,10 @@ class StartLaw(Protocol):
 
 
 class StepLaw(Protocol):
-    """Compute u_k; which sample is which: ``pbsmic.step``."""
+    """Compute u_k; which sample is which: ``pbsmic.step``.
+
+    A law that ``previews`` gets a further argument ``plan``, a ``PlannedMotion``.
+    """
 
     def __call__(
         self,
@@ -85,7 +88,7 @@ class LawDefinition:
     parameters: tuple[LawParameter, ...]
     build: BuildLaw
     start: StartLaw
-    step: StepLaw
+    step: StepLaw | Callable[..., tuple[Any, LawOutput]]
     impedance: Callable[[Mapping[str, float]], ImpedanceParameters]
     """The impedance (10) that the law renders, of which K and K_f give the steady errors."""
     linearise: Callable[[Any], Array] | None = None
@@ -97,6 +100,10 @@ class LawDefinition:
     """The gain of a switching term, which 0 switches off; "": there is none."""
     remedies: Callable[[Mapping[str, float]], Sequence[tuple[str, Sequence[float]]]] | None = None
     """Other gains that a refusal may propose, each with its values, the gentlest first."""
+    previews: bool = False
+    """Whether ``step`` is told of the planned motion and of the contact, gets the force error as
+    it was estimated, without the rig's low-pass, and goes on through the begin of a segment with
+    the state it has: a touch is then a matter of the plan it is told of."""
     compiled: bool = False
     """Whether ``start`` and ``step`` are made of numbers, records of numbers and functions of
     such alone, so that batches can compile them; else batches play the law uncompiled."""

@@ -24,6 +24,7 @@ from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.laws.force_input import ForceInput, input_force
 from pincette.control.laws.history import History, rest
 from pincette.control.laws.parameters import ParameterSet
+from pincette.control.laws.planned_motion import RESTING, PlannedMotion
 from pincette.control.laws.sliding import LawOutput
 from pincette.control.record import FrozenRecord
 from pincette.control.response.hysteresis import (
@@ -75,10 +76,10 @@ class LawState(FrozenRecord, frozen=True):
 
 
 def model_of(
-    parameter_set: ParameterSet, arm: ArmParameters, period_s: float
+    parameter_set: ParameterSet, arm: ArmParameters, period_s: float, delay_s: float = 0.0
 ) -> DifferenceEquation:
     """Model of the arm that a law works with; ``arm`` is the rig's, the printed set has its own."""
-    return discretize(printed_arm() if parameter_set == "printed" else arm, period_s)
+    return discretize(printed_arm() if parameter_set == "printed" else arm, period_s, delay_s)
 
 
 def build(
@@ -87,6 +88,7 @@ def build(
     period_s: float,
     force_filter_s: float,
     response: HysteresisModel | None = None,
+    delay_s: float = 0.0,
 ) -> Law:
     """Make a law of its settings.
 
@@ -98,6 +100,8 @@ def build(
         Time constant of the low-pass over F - F_r; 0 has none.
     response
         The identified free response, for the identified set.
+    delay_s
+        From a sample until the voltage that answers it acts on the arm, for laws that look ahead.
 
     Raises
     ------
@@ -106,10 +110,11 @@ def build(
         identified one and there is no response.
     """
     definition = settings.definition
-    plant = model_of(settings.set, arm, period_s)
+    plant = model_of(settings.set, arm, period_s, delay_s)
     parameters = definition.build(plant, settings.gains, period_s)
     planned = settings.force_age == "planned"
-    force = ForceInput(planned, smoothing(period_s, force_filter_s) if planned else 0.0)
+    filter_s = 0.0 if definition.previews else force_filter_s
+    force = ForceInput(planned, smoothing(period_s, filter_s) if planned else 0.0)
     at_rest: object = definition.start(
         parameters,
         rest(x_um=0.0, force_mN=0.0, applied_V=0.0),
@@ -169,6 +174,10 @@ def rebase(
     history = replace(state.law.history, force_mN=force_mN)
     if seen_V is not None:
         history = replace(history, applied_V=seen_V, coasting_um=x_um)
+    elif law.definition.previews and type(state.law) is law.state_type:
+        error_mN = force_mN - force_r_mN
+        inner = replace(state.law, history=history)
+        return LawState(inner, state.x_d_um, force_r_mN, error_mN)
     return _start(law, history, x_um, x_r_um, force_mN, force_r_mN)
 
 
@@ -198,6 +207,7 @@ def step(
     force_r_mN: float,
     limited: int,
     memory: HysteresisState | None = None,
+    plan: PlannedMotion = RESTING,
 ) -> tuple[LawState, LawOutput]:
     """Compute u_k with the force F_k of ``input_force``.
 
@@ -208,6 +218,8 @@ def step(
     memory
         Of the free response, led up to the newest sample: by u_{k-1} for a period last. Of no
         matter to a law with the line.
+    plan
+        The motion that the references are part of, for a law that ``previews``.
 
     Raises
     ------
@@ -228,6 +240,7 @@ def step(
         x_r_um=x_r_um,
         force_r_mN=force_r_mN,
         limited=limited,
+        **({"plan": plan} if law.definition.previews else {}),
     )
     if law.free is not None and memory is not None:
         voltage_V = voltage_for(

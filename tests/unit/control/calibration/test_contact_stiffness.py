@@ -1,6 +1,7 @@
 """Stiffness of a contact on rigs drawn at random, by their own calibrated free response."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,15 +26,16 @@ def judge(seeds: range) -> None:
         free, true = free_calibration(seed), truth(seed)
         run = pressed(drawn(seed), free)
         s_p = true.compliance_um_per_mN
-        error_um = 2.0**0.5 * free.model_residual_um
+        growth = free.rehearsed.growth
         found = contact_stiffness(
             run.swings,
             SAMPLES_PER_CYCLE,
             compliance_um_per_mN=s_p,
-            free_error_um=error_um,
+            free_errors_um=[growth.at(swing.level_V) for swing in run.swings],
             least_force_mN=1.0,
         )
-        touch = first_touch(*run.approached(), s_p, error_um)
+        way_V = float(np.ptp(run.bench.voltage_V[run.approach]))
+        touch = first_touch(*run.approached(), s_p, growth.at(way_V))
         K_e = true.contact_stiffness_mN_per_um
         rows.append(
             [
@@ -77,8 +79,8 @@ def swings(noise_um: float = 0.0, s_p: float = S_P, seed: int = 1) -> list[Swing
     return made
 
 
-def stiffness_of(made: list[Swing], **more: float) -> ContactStiffness:
-    return contact_stiffness(made, 100.0, **{"compliance_um_per_mN": S_P, **more})
+def stiffness_of(made: list[Swing], **more: Any) -> ContactStiffness:
+    return contact_stiffness(made, 100.0, compliance_um_per_mN=S_P, **more)
 
 
 def test_a_spring_without_noise_is_exact() -> None:
@@ -107,6 +109,21 @@ def test_an_error_of_the_compliance_is_one_of_the_stiffness_and_is_stated() -> N
     stated = wrong.stiffness_mN_per_um * 0.03 / 1.03
     assert wrong.uncertainty_mN_per_um == pytest.approx(stated, rel=1e-3)
     assert wrong.scatter_mN_per_um < 1e-6
+
+
+def test_errors_of_the_free_response_are_shared_by_the_levels() -> None:
+    """An x_1 that swings 1 % too far makes of each level's force 1 % of x_1 over s_p too much."""
+    made = [
+        replace(swing, force_mN=swing.force_mN + 0.01 * (1.0 / S_P + K_E) * np.asarray(swing.x_um))
+        for swing in swings()
+    ]
+    far_um = [0.01 * 19.0 * swing.level_V for swing in made]
+    found = stiffness_of(made, free_errors_um=far_um)
+    off = found.stiffness_mN_per_um - K_E
+    assert off == pytest.approx(0.01 * (1.0 / S_P + K_E), rel=1e-6)
+    assert found.uncertainty_mN_per_um == pytest.approx(off, rel=1e-3)
+    with pytest.raises(ValueError, match="4 levels for 3 errors of the free response"):
+        stiffness_of(made, free_errors_um=far_um[:3])
 
 
 def test_a_contact_that_is_lost_is_refused() -> None:

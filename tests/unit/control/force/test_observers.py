@@ -14,6 +14,7 @@ from pincette.control.force.observers import (
     ForceObserver,
     QuasiStatic,
     QuasiStaticParameters,
+    held_age,
     least_period_s,
     state_of,
     with_state,
@@ -24,6 +25,7 @@ D_P, PERIOD_S = 19.0, 0.02
 OBSERVERS: dict[str, ForceObserver] = {
     "matched": QuasiStatic(QuasiStaticParameters(S_P)),
     "printed": QuasiStatic(QuasiStaticParameters(S_P, 0.4, True, D_P)),
+    "smooth": QuasiStatic(QuasiStaticParameters(S_P, older=0.15)),
     "inverse": inverse_dynamics(OMEGA_N, ZETA, S_P, period_s=0.001, filter_s=0.0005),
     "kalman": augmented_kalman(OMEGA_N, ZETA, S_P, period_s=0.001, noise_um=0.03),
 }
@@ -135,3 +137,24 @@ def test_impossible_parameters_are_refused() -> None:
     for share in (0.0, 1.1):
         with pytest.raises(ValueError, match=f"share of the low-pass = {share}"):
             QuasiStaticParameters(S_P, share)
+
+
+def test_x_is_as_old_as_the_voltages_that_act_on_it() -> None:
+    """A free arm that follows the mean of its steps reads no force, however late they come."""
+    assert [held_age(delay) for delay in (0.0, 0.5, 0.65, 1.0, 3.0)] == pytest.approx(
+        [0.0, 0.0, 0.15, 0.5, 1.0]
+    )
+    for delay in (0.65, 1.0):
+        observer = QuasiStatic(QuasiStaticParameters(S_P, older=held_age(delay)))
+        observer = observer.restart(0.0, 0.0, 0.0)
+        for tick in range(1, 20):
+            free_um = 0.3 * tick
+            mean_um = 0.3 * (tick + 0.5 - delay)
+            observer, F_mN = observer.observe(mean_um, free_um, 0.0)
+            if tick > 1:
+                assert F_mN == pytest.approx(0.0, abs=1e-12)
+
+
+def test_an_x_1_of_no_age_is_refused() -> None:
+    with pytest.raises(ValueError, match="share of the x_1 before"):
+        QuasiStaticParameters(S_P, older=1.1)

@@ -7,7 +7,11 @@ import pytest
 from pincette.control.response.free_response import FreeSample, nominal_response
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.identified_response import IdentifiedResponse, identified_response
-from pincette.control.response.unknown_past import UnknownPast, unknown_past
+from pincette.control.response.unknown_past import (
+    UnknownPast,
+    standard_uncertainty_um,
+    unknown_past,
+)
 from pincette.control.response.voltage_memory import VoltageMemory
 
 PLAYS = identified_response(HysteresisModel((0.0, 0.5, 1.0), (10.0, 5.0, 3.0)), 18.0, 0.1)
@@ -142,3 +146,26 @@ def test_pasts_of_one_turn_stay_within_what_is_left(seed: int) -> None:
         arm = arm.follow(to_V, 1.0)
         error_um = arm.displacement_um() - response.displacement_um() - at_um
         assert abs(error_um) <= past.error_um(response) + 1e-9, f"seed {seed}"
+
+
+def test_slow_creep_from_before_is_stated_as_wide_as_it_may_be() -> None:
+    """A hold of a minute by arms that rested for minutes or hours until just before the start."""
+    draw = random.Random(20)
+    errors_um: list[float] = []
+    stated_um: list[float] = []
+    for _ in range(200):
+        rested_V, rested_s = draw.uniform(*ENDS_V), 10.0 ** draw.uniform(2.0, 4.0)
+        arm = CREEPS.follow(rested_V, rested_s).follow(0.0, 1.0)
+        response, past = led(CREEPS, unknown_past(CREEPS, ENDS_V), 0.0)
+        # Turning points are wiped out, creep is not.
+        response, past = led(response, past, *ENDS_V, 0.8)
+        arm, _ = led(arm, past, *ENDS_V, 0.8)
+        past = past.rezero(response)
+        at_um = arm.displacement_um() - response.displacement_um()
+        response, past = response.follow(0.8, 60.0), past.follow(0.8, 60.0)
+        arm = arm.follow(0.8, 60.0)
+        errors_um.append(abs(arm.displacement_um() - response.displacement_um() - at_um))
+        stated_um.append(2.0 * standard_uncertainty_um(past.error_um(response)))
+    within = [e <= u for e, u in zip(errors_um, stated_um, strict=True)]
+    assert sum(within) / len(within) >= 0.9
+    assert max(errors_um) > 0.6 * max(stated_um)

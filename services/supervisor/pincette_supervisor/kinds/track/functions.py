@@ -37,6 +37,10 @@ from pincette_supervisor.results.error_sources import sources_of
 from pincette_supervisor.results.figures import Mask, Series, series, within
 from pincette_supervisor.results.result import common, force_error, position_error
 
+LEARNED_CYCLES = 3
+"""The last ones of a path that is learned, which its errors are told apart by: until then what it
+learns changes from cycle to cycle, and would pass for noise."""
+
 
 def plan(request: TrackJobRequest, model: ModelInUse, _present: Present) -> Planned:
     """Plan a tracked path."""
@@ -73,14 +77,15 @@ def evaluate(run: Run) -> Evaluation:
         dropped=run.dropped,
         force_assumed=run.force_assumed,
     )
+    learned = learned_of(run, path)
+    cycles = path.cycles if learned is None else min(LEARNED_CYCLES, path.cycles)
     found = sources_of(
         run.table,
-        full_amplitude(run.table, path, run.period_s),
+        full_amplitude(run.table, path, run.period_s, cycles),
         run.planned.armed.rig,
         cycle_ticks=whole_cycle(path, run.period_s),
     )
     result = result.model_copy(update={"error_sources": found})
-    learned = learned_of(run, path)
     if learned is not None:
         told = told_of(learned, learning_digest(run.planned.program, run.planned.armed.rig))
         result = result.model_copy(update={"learned": told})
@@ -125,14 +130,18 @@ def track_result(
     )
 
 
-def full_amplitude(table: Columns, path: Path, period_s: float) -> Mask:
+def full_amplitude(table: Columns, path: Path, period_s: float, cycles: int = 0) -> Mask:
     """Samples whose references are on the path at full amplitude, whole cycles where it swings.
 
+    ``cycles``: the last ones alone, of a path that has some; 0: all.
     The references of a sample are those of the tick before it, hence of ``segment_tick`` - 1.
     """
     t_s = (series(table, "segment_tick") - 1.0) * period_s
     slack_s = 1e-6 * period_s
-    since, until = t_s > path.full_from_s - slack_s, t_s < path.full_to_s - slack_s
+    from_s = path.full_from_s
+    if cycles:
+        from_s = max(from_s, path.full_to_s - cycles * path.cycle_s)
+    since, until = t_s > from_s - slack_s, t_s < path.full_to_s - slack_s
     return within(table, ["track"]) & (t_s >= 0.0) & since & until
 
 

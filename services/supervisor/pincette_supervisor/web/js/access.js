@@ -21,9 +21,9 @@ export const may = (needed) => session.scope !== null
 
 async function ask(method, headers = {}, body = undefined) {
   const response = await fetch(`${BASE}/session`, { method, headers, body, cache: "no-store" });
-  const body = await response.json();
-  if (!response.ok) throw new Error(body.detail ?? body.title);
-  return body;
+  const said = await response.json();
+  if (!response.ok) throw new Error(said.detail ?? said.title);
+  return said;
 }
 
 const reason = (needed) => `needs scope ${needed}; ${session.name} has ${session.scope}`;

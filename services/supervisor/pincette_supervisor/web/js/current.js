@@ -42,6 +42,7 @@ export class Current {
     this.refresh = refresh;
     this.choose = choose;
     this.said = "";
+    this.asked = "";
     this.fault = h("p", { class: "fault", id: "current-fault", role: "alert" });
     this.sent = h("p", { class: "hint", id: "current-sent", role: "status" });
   }
@@ -52,6 +53,10 @@ export class Current {
       job?.position, progress?.instruction, job?.result?.outcome, rig?.active_job],
     () => (job ? this.card(job) : this.empty()));
     if (job) this.update(job);
+    const asks = progress?.instruction ?? "";
+    // Whoever is asked to do something sees it, wherever the panels were scrolled to.
+    if (asks && asks !== this.asked) byId("current").scrollIntoView({ block: "nearest" });
+    this.asked = asks;
   }
 
   empty() {

@@ -1,12 +1,11 @@
 """Program, analysis and plot of a press at several levels: stiffness and place of a contact."""
 
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pincette.config import derived
+from pincette.config import RigFile, derived
 from pincette.control.calibration.contact_stiffness import (
     ContactStiffness,
     Swing,
@@ -99,9 +98,15 @@ def analyse(run: Run) -> Analysis:
         compliance_uncertainty_um_per_mN=(
             planned.model.uncertainties.get("model.compliance_um_per_mN") or 0.0
         ),
-        free_error_um=0.0 if free is None else sqrt(2.0) * free.residual_um,
+        free_errors_um=[_error_um(rig, level_V) for level_V in values["levels_V"]],
     )
-    touch = first_touch(*_approach(taken, EARLY_PRESS * values["contact_force_mN"]), s_p)
+    place = _approach(taken, EARLY_PRESS * values["contact_force_mN"])
+    touch = first_touch(
+        taken.filled(taken.x_um, place, "approach"),
+        taken.filled(taken.force_mN, place, "approach"),
+        s_p,
+        _error_um(rig, float(np.ptp(taken.filled(taken.voltage_V, place, "approach")))),
+    )
     K_e, u = found.stiffness_mN_per_um, found.uncertainty_mN_per_um
     left = [level.residual_mN for level in found.levels]
     return Analysis(
@@ -132,6 +137,11 @@ def analyse(run: Run) -> Analysis:
     )
 
 
+def _error_um(rig: RigFile, way_V: float) -> float:
+    """Standard error of x_1 that far from a zero."""
+    return derived.free_response(rig.model).begin(0.0).follow(way_V, 0.0).error_um()
+
+
 def _judged(
     x_um: NDArray[np.float64], force_mN: NDArray[np.float64], s_p: float, press_gain: float
 ) -> NDArray[np.float64]:
@@ -141,15 +151,11 @@ def _judged(
     return force_mN + more_um / s_p
 
 
-def _approach(taken: Samples, up_to_mN: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Positions and forces of the seek and of the press as long as it is light."""
-    seek, press = taken.of("contact"), taken.of("press")
-    place = slice(seek.start, press.stop)
-    x_um = taken.filled(taken.x_um, place, "approach")
-    force_mN = taken.filled(taken.force_mN, place, "approach")
-    beyond = np.flatnonzero(force_mN > up_to_mN)
-    end = int(beyond[0]) if len(beyond) else len(x_um)
-    return x_um[:end], force_mN[:end]
+def _approach(taken: Samples, up_to_mN: float) -> slice:
+    """Samples of the seek and of the press as long as it is light."""
+    begin, end = taken.of("contact").start, taken.of("press").stop
+    beyond = np.flatnonzero(taken.force_mN[begin:end] > up_to_mN)
+    return slice(begin, begin + int(beyond[0]) if len(beyond) else end)
 
 
 def draw(sheet: Sheet, found: ContactFound) -> None:

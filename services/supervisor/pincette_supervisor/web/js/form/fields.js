@@ -23,7 +23,7 @@ function control(spec, values, sources) {
   const fault = h("p", { class: "fault", id: `${id}-fault` });
   if (spec.widget === "check") {
     return h("div", { class: "field wide" }, h("label", { class: "check" },
-      h("input", { ...common, type: "checkbox" }), h("span", {}, spec.label)), fault);
+      h("input", { ...common, type: "checkbox", checked: spec.ticked }), h("span", {}, spec.label)), fault);
   }
   const unit = h("span", { class: "unit", id: `${id}-unit` }, spec.unit);
   const label = h("label", { for: id, title: spec.meaning || null }, spec.label, unit);
@@ -110,7 +110,7 @@ export class Fields {
       const found = this.find(spec.name);
       if (spec.names || found.disabled || found.closest(".field").hidden) continue;
       if (spec.widget === "check") {
-        if (found.checked) body[spec.name] = true;
+        if (found.checked !== spec.ticked) body[spec.name] = found.checked;
       } else if (found.value.trim() !== "") {
         const place = spec.within ? body[spec.within] ??= {} : body;
         place[this.sentAs(spec)] = READ[spec.widget](found.value, spec);

@@ -1,0 +1,265 @@
+"""PBSMIC with a perturbation that is filtered over time: a law for periods of a few ms or less.
+
+At a short period the one-sample-late p̂_k = p_{k-1} of PBSMIC takes up all of the arm's mode, and
+backward differences of x are noise. Here the perturbation passes a filter of n equal poles, the
+prediction is quasi-static, and the planned motion goes through the model ahead of time. With the
+displacement H of the free response, S = 1 + κ_e and κ_e = s_p·K_e of the contact that the plan is
+told of (0 free), φ = max(0, δ - 1/2), and δT from a sample until its voltage acts:
+
+    x̄_1,k  = (1-φ)·H_k + φ·H_{k-1}              of the age of x_k: delay and half a hold        F2
+    l(t)   = 2ζ/ω_n·ẋ_r + ẍ_r/ω_n²              by which x_1 leads x, from the plan
+    W_k    = S·x_k - κ_e·x_e - x̄_1,k            the perturbation as a displacement, p/k         F3
+    Ŵ_k    = F(z) W_k,   F = [(1-p)/(1-p·z⁻¹)]ⁿ,   p = e^(-2π·f_w·T)                            F4
+    x_ff   = x_d(t) + l(t)/S   at t = (k + δ + 1/2)T                                            F5
+    u_k    = H⁻¹[ S·x_ff - κ_e·x_e - Ŵ_k ]                                                      F6
+    F̂ - F_r = F(z)[ (x̄_1 - x - l)/s_p - F_r ]   x_d by (16), of this error low-passed at f_F    F7
+
+W is S times the w of a perturbation in the position, so that a touch, its loss or a better K_e
+changes none of the filter's state: nothing but S jumps. The offset between x and H is part of W.
+
+As a sliding mode: with n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S less its start, and p = K_P/(K_P +
+K_I) makes it the reaching law of PBSMIC; with n > 1 the sliding motion is that of F(z).
+Equation numbers without F are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, pi
+
+from pincette.control.arm.plant import DifferenceEquation, continuous
+from pincette.control.force.observers import held_age
+from pincette.control.laws.definition import LawDefinition
+from pincette.control.laws.history import History
+from pincette.control.laws.impedance import (
+    IMPEDANCE_GAINS,
+    DiscreteImpedance,
+    desired_position,
+    discrete_impedance_of,
+    impedance_of,
+)
+from pincette.control.laws.parameters import LawParameter
+from pincette.control.laws.planned_motion import PlannedMotion
+from pincette.control.laws.sliding import LawOutput
+from pincette.control.record import FrozenRecord
+
+MOST_POLES = 4
+LATEST = 1.5
+"""Longest delay in periods: beyond it the answer to a sample is not seen in the next but one."""
+
+
+@dataclass(frozen=True, slots=True)
+class FpbsmicParameters:
+    """The model of the arm, the filters and the impedance."""
+
+    um_per_V: float
+    """d/k."""
+    compliance_um_per_mN: float
+    """s_p."""
+    lead_s: float
+    """2ζ/ω_n, and"""
+    lead_s2: float
+    """1/ω_n², of l."""
+    older: float
+    """φ."""
+    ahead_s: float
+    """φT, from the coming sample to the instant that u_k is chosen for."""
+    poles: "Cascade"
+    """p of each stage of F(z); 0 of those beyond n."""
+    force_share: float
+    """Of the low-pass over the force error."""
+    impedance: DiscreteImpedance
+
+
+class Cascade(FrozenRecord, frozen=True):
+    """One number for each stage of F(z)."""
+
+    one: float
+    two: float
+    three: float
+    four: float
+
+
+class FpbsmicState(FrozenRecord, frozen=True):
+    """What the law remembers, named as it stands before the tick that computes u_k."""
+
+    history: History
+    fresh: float
+    """1 before the first step, which takes the perturbation as it finds it."""
+    x_d_um: float
+    """x_{d,k} of the newest sample."""
+    deviation_1_um: float
+    """x_d - x_r of the newest sample, and"""
+    deviation_2_um: float
+    """of the one before."""
+    lead_um: float
+    """l_k."""
+    begun_um: float
+    """W at the start, from which the sliding function counts."""
+    perturbation_um: Cascade
+    """Stages of F4; the last is Ŵ_{k-1}."""
+    force_error_mN: Cascade
+    """Stages of F7."""
+    slow_error_mN: float
+    """F̂ - F_r, low-passed."""
+
+
+def build(
+    plant: DifferenceEquation, gains: Mapping[str, float], period_s: float
+) -> FpbsmicParameters:
+    """Make the filters; raises ValueError for an order that is none, or too long a delay."""
+    poles = gains["n"]
+    if poles not in range(1, MOST_POLES + 1):
+        raise ValueError(f"n = {poles:g}, must be a whole number of poles from 1 to {MOST_POLES}")
+    delay = plant.delay_s / period_s
+    if delay > LATEST:
+        raise ValueError(
+            f"a delay of {1e3 * plant.delay_s:.3g} ms from sample to arm is above {LATEST:g} "
+            f"periods of {1e3 * period_s:.3g} ms: take a longer period"
+        )
+    arm = continuous(plant, period_s)
+    p = exp(-2.0 * pi * gains["f_w"] * period_s)
+    older = held_age(delay)
+    return FpbsmicParameters(
+        um_per_V=arm.d / arm.k,
+        compliance_um_per_mN=1.0 / arm.k,
+        lead_s=arm.b / arm.k,
+        lead_s2=arm.m / arm.k,
+        older=older,
+        ahead_s=older * period_s,
+        poles=Cascade(*(p if stage < poles else 0.0 for stage in range(MOST_POLES))),
+        force_share=1.0 - exp(-2.0 * pi * gains["f_F"] * period_s),
+        impedance=discrete_impedance_of(gains, period_s),
+    )
+
+
+def start(
+    _parameters: FpbsmicParameters,
+    history: History,
+    *,
+    x_um: float,
+    x_r_um: float,
+    force_error_mN: float,  # noqa: ARG001  the filter takes it up from 0
+) -> FpbsmicState:
+    """Begin without a bump: the step that follows keeps the voltage where x_r = x."""
+    zero = Cascade(0.0, 0.0, 0.0, 0.0)
+    return FpbsmicState(
+        history=history,
+        fresh=1.0,
+        x_d_um=x_um,
+        deviation_1_um=x_um - x_r_um,
+        deviation_2_um=x_um - x_r_um,
+        lead_um=0.0,
+        begun_um=0.0,
+        perturbation_um=zero,
+        force_error_mN=zero,
+        slow_error_mN=0.0,
+    )
+
+
+def passed(poles: Cascade, state: Cascade, value: float) -> Cascade:
+    """F(z) by a sample: each stage s ← p·s + (1-p)·(the stage before it)."""
+    one = poles.one * state.one + (1.0 - poles.one) * value
+    two = poles.two * state.two + (1.0 - poles.two) * one
+    three = poles.three * state.three + (1.0 - poles.three) * two
+    four = poles.four * state.four + (1.0 - poles.four) * three
+    return Cascade(one, two, three, four)
+
+
+def step(
+    parameters: FpbsmicParameters,
+    state: FpbsmicState,
+    *,
+    x_um: float,
+    force_mN: float,
+    applied_V: float,
+    x_r_um: float,
+    force_r_mN: float,
+    limited: int,  # noqa: ARG001  the model is led by what is applied: nothing winds up
+    plan: PlannedMotion,
+) -> tuple[FpbsmicState, LawOutput]:
+    """Compute u_k; arguments as ``pbsmic.step``, ``plan`` belongs to ``x_r_um``."""
+    k = parameters
+    kappa = k.compliance_um_per_mN * plan.K_e_mN_per_um
+    stiffer, touch_um = 1.0 + kappa, kappa * plan.x_e_um
+    older_V = state.history.applied_V
+    free_um = k.um_per_V * ((1.0 - k.older) * applied_V + k.older * older_V)
+    found_um = stiffer * x_um - touch_um - free_um
+    if state.fresh > 0.5:
+        begun_um = before_um = found_um
+        filtered = Cascade(found_um, found_um, found_um, found_um)
+    else:
+        begun_um, before_um = state.begun_um, state.perturbation_um.four
+        filtered = passed(k.poles, state.perturbation_um, found_um)
+    error_mN = 0.0
+    if kappa > 0.0:
+        error_mN = force_mN - force_r_mN - state.lead_um / k.compliance_um_per_mN
+    errors = passed(k.poles, state.force_error_mN, error_mN)
+    slow_mN = state.slow_error_mN + k.force_share * (errors.four - state.slow_error_mN)
+    x_d_um = desired_position(
+        k.impedance,
+        deviation_1_um=state.deviation_1_um,
+        deviation_2_um=state.deviation_2_um,
+        force_mN=slow_mN,
+        force_r_mN=0.0,
+        x_r_um=x_r_um,
+    )
+    speed, acceleration = plan.speed_um_per_s, plan.acceleration_um_per_s2
+    later_um = x_d_um + k.ahead_s * (speed + 0.5 * k.ahead_s * acceleration)
+    later_speed = speed + k.ahead_s * acceleration
+    lead_um = k.lead_s * later_speed + k.lead_s2 * acceleration
+    wanted_um = stiffer * later_um - touch_um + lead_um - filtered.four
+    coasting_um = (k.um_per_V * applied_V + filtered.four + touch_um) / stiffer
+    missed_um = found_um - before_um
+    after = FpbsmicState(
+        history=History(x_um, state.history.x_2_um, force_mN, applied_V, coasting_um),
+        fresh=0.0,
+        x_d_um=x_d_um,
+        deviation_1_um=x_d_um - x_r_um,
+        deviation_2_um=state.deviation_1_um,
+        lead_um=k.lead_s * speed + k.lead_s2 * acceleration,
+        begun_um=begun_um,
+        perturbation_um=filtered,
+        force_error_mN=errors,
+        slow_error_mN=slow_mN,
+    )
+    return after, LawOutput(
+        voltage_V=wanted_um / k.um_per_V,
+        x_d_um=x_d_um,
+        error_um=x_um - state.x_d_um,
+        integral_um=0.0,
+        sliding_um=(found_um - begun_um) / stiffer,
+        band_um=0.5 * abs(missed_um) / stiffer,
+        residual_um=missed_um / stiffer,
+        perturbation_mN=found_um / k.compliance_um_per_mN,
+        perturbation_error_mN=-missed_um / k.compliance_um_per_mN,
+    )
+
+
+def remedies(gains: Mapping[str, float]) -> Sequence[tuple[str, Sequence[float]]]:
+    """Return gains that may make a loop stable, the gentlest change first."""
+    poles = gains["n"]
+    return (
+        ("f_w", [gains["f_w"] * factor for factor in (0.7, 0.5, 0.25, 0.1)]),
+        ("n", [poles + more for more in (1.0, -1.0) if 1.0 <= poles + more <= MOST_POLES]),
+        ("K_f", [gains["K_f"] * factor for factor in (0.5, 0.1) if gains["K_f"] > 0.0]),
+    )
+
+
+LAW = LawDefinition(
+    name="fpbsmic",
+    title="FPBSMIC",
+    summary="PBSMIC with a filtered perturbation: for periods of 0.25 to 2.5 ms, at which it meets "
+    "paths of 10 to 20 Hz",
+    parameters=(
+        LawParameter("n", "", "poles of the perturbation's filter, 1 to 4", 3.0, True),
+        LawParameter("f_w", "Hz", "corner frequency of each of them", 60.0, True),
+        LawParameter("f_F", "Hz", "corner frequency of the low-pass of the force error", 3.0, True),
+        *IMPEDANCE_GAINS,
+    ),
+    build=build,
+    start=start,
+    step=step,
+    impedance=impedance_of,
+    remedies=remedies,
+    previews=True,
+)

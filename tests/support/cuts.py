@@ -1,0 +1,198 @@
+"""Links of a running rig are cut again and again, for chance times, idle and in a job.
+
+``python -m tests.support.cuts FILE`` cuts, says how it goes on standard error, and writes what came
+of it as JSON; ``tests.support.namespaces.alone`` gives it a network in which links can be cut.
+"""
+
+import argparse
+import json
+import random
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from math import exp, log
+from pathlib import Path
+from time import monotonic, sleep
+from typing import cast
+
+import httpx
+
+from pincette.core.topics import LOOP
+from pincette.engine.realtime.gc_tuning import disable_gc
+from tests.support.certificates import folder_for
+from tests.support.footprint import Footprints
+from tests.support.grips import SHORT, approach, hold, make_ready, whole_grip
+from tests.support.namespaces import Cut, alone, links
+from tests.support.rigs import demo_rig
+from tests.support.running import Json, RunningRig, running_rig
+from tests.support.stalls import StallRecorder
+from tests.support.witness import Witness, witness
+
+SEED = 20211
+PROGRAMS = (*LOOP, "router", "supervisor", "recorder")
+SHORTEST_S, LONGEST_S = 0.1, 120.0
+READY_S = 5.0
+"""After a cut: every program is seen and answers."""
+LOST_S = 1.5
+"""From this length on a link is given up: its lease is 0.5 s, and is looked at in steps of it."""
+SETTLED_S, LOOK_S = 20.0, 0.02
+START_S, EACH_S = 120.0, 25.0
+"""Longest time for the rig to be up, and for a cut beside its own length."""
+STATES = ("idle", "approach", "hold")
+
+
+@dataclass(frozen=True)
+class Made:
+    """A cut and what came of it."""
+
+    program: str
+    state: str
+    length_s: float
+    ready_s: float
+    """From its end until every program was seen and answered."""
+    stood_s: float
+    """What the machine stood still meanwhile."""
+    lost: int
+    """Links that the program has logged as gone."""
+
+
+class Campaign:
+    """Cuts as they are made, and what went wrong."""
+
+    def __init__(
+        self, rig: RunningRig, seen: Witness, stalls: StallRecorder, chance: random.Random
+    ) -> None:
+        self._rig, self._seen, self._stalls, self._chance = rig, seen, stalls, chance
+        self._ports = range(rig.rig.bus.port, rig.rig.bus.port + 1 + len(LOOP))
+        self.made: list[Made] = []
+        self.failures: list[str] = []
+        self.footprints = Footprints(rig)
+
+    def logged(self, program: str, word: str) -> int:
+        """How many of its links a program has told as up, or as down."""
+        text = self._rig.fleet.members[program].log.read_text(encoding="utf-8", errors="replace")
+        return text.count(f"link {word}")
+
+    def run(self, count: int, longest_s: float) -> None:
+        """Cut one after the other; a failure does not end it."""
+        for number in range(count):
+            length_s = exp(self._chance.uniform(log(SHORTEST_S), log(longest_s)))
+            program, state = self._chance.choice(PROGRAMS), self._chance.choice(STATES)
+            what = f"{number + 1}/{count} {program} in {state} for {length_s:.2f} s"
+            try:
+                one = self._one(program, state, length_s)
+                self.footprints.take()
+                make_ready(self._rig, SETTLED_S)
+            except (AssertionError, TimeoutError, httpx.HTTPError) as error:
+                self.failures.append(f"{what}: {error}")
+                print(f"{what}: FAILED: {error}", file=sys.stderr, flush=True)
+                make_ready(self._rig, SETTLED_S)
+                continue
+            self.made.append(one)
+            print(f"{what}: ready after {one.ready_s:.2f} s", file=sys.stderr, flush=True)
+        sleep(2.0 * READY_S)
+        for program in PROGRAMS:
+            process = self._rig.fleet.members[program].process.pid
+            standing = len(list(links(process, self._ports)))
+            told = self.logged(program, "up") - self.logged(program, "down")
+            if told != standing:
+                self.failures.append(f"{program} has told of {told} links, and has {standing}")
+
+    def _one(self, program: str, state: str, length_s: float) -> Made:
+        if state != "idle":
+            (hold if state == "hold" else approach)(self._rig, self._seen)
+        before = self.logged(program, "down")
+        cut = Cut(self._rig.fleet.members[program].process.pid, self._ports, "both")
+        sleep(self._chance.uniform(0.0, 3.0 * self._rig.rig.rig.period_s))
+        try:
+            cut.strike()
+            sleep(length_s)
+        finally:
+            cut.heal()
+        healed_s = monotonic()
+        while troubles := self._troubles():
+            if monotonic() > healed_s + SETTLED_S:
+                raise TimeoutError(f"after {SETTLED_S:g} s: {troubles}")
+            sleep(LOOK_S)
+        ready_s, stood_s = monotonic() - healed_s, self._stalls.most(healed_s)
+        if ready_s > READY_S + stood_s:
+            raise AssertionError(f"ready after {ready_s:.2f} s (stalls {stood_s:.3f} s)")
+        lost = self.logged(program, "down") - before
+        if length_s > LOST_S and not lost:
+            raise AssertionError("no link was told as gone")
+        return Made(program, state, length_s, ready_s, stood_s, lost)
+
+    def _troubles(self) -> list[str]:
+        programs: list[Json] = self._rig.view()["programs"]
+        return [
+            f"{one['name']}: {one['trouble'] or 'not seen'}"
+            for one in programs
+            if one["trouble"] or not one["alive"]
+        ]
+
+
+def cut_again_and_again(count: int, longest_s: float, seed: int, *, secure: bool) -> Json:
+    """Bring a rig up, cut, and return everything as JSON can have it."""
+    rig = demo_rig(SHORT)
+    with tempfile.TemporaryDirectory() as place, StallRecorder() as stalls:
+        folder = Path(place)
+        if secure:
+            rig = rig.secured(folder_for(folder / "pki", rig.rig.name).path)
+        with running_rig(rig, folder) as running, witness(rig) as seen:
+            campaign = Campaign(running, seen, stalls, random.Random(seed))
+            make_ready(running)
+            whole_grip(running, seen)
+            campaign.run(count, longest_s)
+            footprints = campaign.footprints
+            return {
+                "seed": seed,
+                "made": [asdict(one) for one in campaign.made],
+                "failures": campaign.failures,
+                "footprints": footprints.table("cut"),
+                "grown": {
+                    name: {what: footprints.grown(name, what) for what in ("files", "threads")}
+                    for name in footprints.taken
+                },
+            }
+
+
+def cuts(file: Path, count: int, longest_s: float, seed: int, *, secure: bool) -> Json:
+    """Run this program in a network of its own, and read what came of it."""
+    words = [sys.executable, "-m", "tests.support.cuts", str(file), "--cuts", str(count)]
+    words += ["--longest-s", str(longest_s), "--seed", str(seed)] + ["--secure"] * secure
+    limit_s = START_S + (EACH_S + longest_s / log(longest_s / SHORTEST_S)) * count
+    ran = subprocess.run(alone(words), timeout=limit_s, check=False)
+    if not file.exists():
+        raise AssertionError(f"the cuts ended with status {ran.returncode}")
+    return cast(Json, json.loads(file.read_text(encoding="utf-8")))
+
+
+def figures_of(found: Json) -> Sequence[str]:
+    """The longest and the median time to be ready, and what each program holds."""
+    ready_s = sorted(one["ready_s"] for one in found["made"])
+    lines = [f"{len(ready_s)} cuts, seed {found['seed']}"]
+    if ready_s:
+        lines += [f"ready: median {ready_s[len(ready_s) // 2]:.2f} s, at most {ready_s[-1]:.2f} s"]
+    return [*lines, *found["footprints"], *found["failures"]]
+
+
+def main() -> int:
+    """Cut as the words on the command line say."""
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("file", type=Path)
+    words.add_argument("--cuts", type=int, default=300)
+    words.add_argument("--longest-s", type=float, default=LONGEST_S)
+    words.add_argument("--seed", type=int, default=SEED)
+    words.add_argument("--secure", action="store_true")
+    wished = words.parse_args()
+    disable_gc()
+    found = cut_again_and_again(wished.cuts, wished.longest_s, wished.seed, secure=wished.secure)
+    wished.file.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    print("\n".join(figures_of(found)))
+    return 1 if found["failures"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

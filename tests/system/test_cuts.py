@@ -1,0 +1,44 @@
+"""Links are cut again and again: all is ready soon after, each link is told, nothing piles up.
+
+``PINCETTE_CUTS`` says how many the slow test makes, plain and secure, and ``PINCETTE_LONGEST_S``
+how long the longest is.
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.support.cuts import LONGEST_S, SEED, cuts, figures_of
+from tests.support.namespaces import objection
+
+pytestmark = pytest.mark.usefixtures("stalls")
+
+FEW, SHORTLY_S = 6, 2.0
+MANY = int(os.environ.get("PINCETTE_CUTS", "300"))
+LONG_S = float(os.environ.get("PINCETTE_LONGEST_S", str(LONGEST_S)))
+FILES, THREADS = 6.0, 3.0
+"""By which the means of two halves of the cuts may differ: a link that went is open for a while."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def permitted() -> None:
+    """Skip where this machine lets nobody make a network."""
+    if why := objection():
+        pytest.skip(why)
+
+
+@pytest.mark.parametrize("secure", [False, True], ids=["plain", "secure"])
+@pytest.mark.parametrize(
+    ("count", "longest_s"), [(FEW, SHORTLY_S), pytest.param(MANY, LONG_S, marks=pytest.mark.slow)]
+)
+def test_after_a_cut_all_is_ready_soon_and_each_link_is_told(
+    count: int, longest_s: float, secure: bool, tmp_path: Path, figures: list[str]
+) -> None:
+    found = cuts(tmp_path / "cuts.json", count, longest_s, SEED, secure=secure)
+    figures += figures_of(found)
+    assert found["failures"] == []
+    assert len(found["made"]) == count
+    for name, grown in found["grown"].items():
+        assert grown["files"] <= FILES, name
+        assert grown["threads"] <= THREADS, name

@@ -1,0 +1,87 @@
+"""What an echo tells of its tick, and which tick it is of, where the output has failed or not."""
+
+from dataclasses import replace as changed
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.core.faults import Mode
+from pincette.core.messages import Applied, Command
+from pincette.core.service import PutOut, ReadBack, SetVoltage, Slept
+from pincette_actuator.state import applied_of
+from pincette_actuator.step import Inputs, initialize_from_output
+
+from .bench import CONFIG, EPOCH, OFF, OWNER, WAKE, T, armed, holding, play, position, wakes
+
+FAILED = Inputs(OFF, None, None)
+COMMAND = Command(EPOCH, 0, OWNER, 1.0, False, False, False, True, segment=3, segment_tick=7)
+UNASKED = Inputs(None, Command(EPOCH, 1, OWNER, 1.0, True, False, False, False), None)
+
+
+def echoes(outputs: list[object]) -> list[Applied]:
+    return [one for one in outputs if isinstance(one, Applied)]
+
+
+def test_segment_tick_and_slew_are_those_of_the_command() -> None:
+    state, outputs = play(armed(), (position(0), 0.0), (Inputs(None, COMMAND, None), 0.004))
+    echo = echoes([*outputs])[-1]
+    assert (echo.segment, echo.segment_tick, echo.slewing_s) == (3, 7, T)
+    without = applied_of(state, 0)
+    assert (without.segment, without.segment_tick, without.slewing_s) == (None, 0, None)
+
+
+def test_a_tick_is_answered_once_while_the_output_is_asked() -> None:
+    state, _ = play(holding(held=True), (FAILED, 0.01), (position(1), 0.02))
+    state, outputs = play(state, (WAKE, 0.02 + 0.8 * T))
+    assert [one.seq for one in echoes([*outputs])] == [1]
+    assert (state.answered_seq, state.asked_s) == (1, 0.02 + 0.8 * T)
+    state, _ = play(state, (position(2), 0.04), (FAILED, 0.041))
+    assert state.asked_s == 0.02 + 0.8 * T, "what is not asked is not noted"
+
+
+def test_an_output_that_is_told_something_has_not_yet_said_where_it_is() -> None:
+    state, _ = play(holding(held=False), (FAILED, 0.01), (Inputs(PutOut(0.9), None, None), 0.011))
+    assert (state.mode, state.located) == (Mode.RAMPING, True)
+    state, outputs = play(state, (WAKE, 0.012))
+    assert isinstance(outputs[0], SetVoltage)
+    assert state.located is False
+
+
+def test_what_the_output_says_is_told_of_the_newest_tick() -> None:
+    _, outputs = play(holding(held=True), (FAILED, 0.01), (Inputs(PutOut(0.9), None, None), 0.011))
+    assert [one.seq for one in echoes([*outputs])] == [0, 0]
+
+
+def test_a_sleep_is_told_from_now_on() -> None:
+    state, _ = play(holding(held=True), (Inputs(Slept(3600.0), None, None), 0.01))
+    assert state.since_s == 0.01
+
+
+def test_a_controller_that_asks_for_nothing_has_the_output_asked() -> None:
+    state, _ = play(holding(held=True), (FAILED, 0.01), (position(1), 0.02))
+    _, outputs = play(replace(state, asked_s=0.0), (UNASKED, 0.022))
+    assert isinstance(outputs[0], ReadBack)
+
+
+def test_the_end_of_a_freeze_has_the_output_asked() -> None:
+    state, _ = play(holding(held=True), (FAILED, 0.01))
+    state, _ = play(state, *wakes(0.015, 0.505))
+    state, outputs = play(replace(state, asked_s=0.0), (WAKE, 0.5105))
+    assert state.mode == Mode.RAMPING
+    assert isinstance(outputs[0], ReadBack)
+
+
+def test_a_doubt_is_told_beside_the_cause_of_a_freeze_alone() -> None:
+    state, _ = play(holding(held=False), *wakes(0.005, 0.06))
+    assert (state.mode, state.cause) == (Mode.RAMPING, "command_age")
+    after, _ = play(state, (FAILED, 0.061))
+    assert after.faults == state.faults
+
+
+@pytest.mark.parametrize(("found_V", "held"), [(1.4, False), (1.5, True), (1.9, True)])
+def test_after_a_restart_a_part_is_let_go_nearer_to_the_safe_voltage(
+    found_V: float, held: bool
+) -> None:
+    kept = replace(holding(held=True), voltage_V=2.0)
+    state = initialize_from_output(changed(CONFIG, safe_V=1.0), kept, found_V)
+    assert (state.voltage_V, state.part_held) == (found_V, held)
