@@ -179,10 +179,10 @@ def test_a_page_of_elsewhere_can_neither_act_nor_read_nor_frame(
 def test_a_person_signs_in_by_password_and_claims_the_rig(
     bench: Bench, context: BrowserContext
 ) -> None:
+    seen = visit(context, bench.address)
     book = KeyRepository(bench.desk.store)
     KeyStore(book).add_user("ann", "operate", "of ten and more")
     bench.access.authenticator.refresh(book)
-    seen = visit(context, bench.address)
     seen.until("#sign-in", "This supervisor wants a key")
     seen.page.fill("#sign-in-user", "ann")
     sign_in(seen, "of ten and less")
