@@ -20,7 +20,7 @@ MET = False
 """Whether this driver has met its instrument."""
 URL = "ni:cDAQ1Mod1/ai0"
 """Where it usually is."""
-NOTE = "an exchange of 1 ms is assumed, and a monitor output without delay"
+NOTE = "an exchange of 1 ms is assumed unless stated, and a monitor output without delay"
 
 
 def _not_zero(value: float) -> float:
@@ -48,13 +48,15 @@ class NidaqmxInputOptions(Table):
     """Highest rate of a capture; assumed."""
     channel: str = ""
     """Physical channel, where the url names none."""
+    exchange_s: Positive = EXCHANGE_S
+    """Time of a call; measure it where the period is short."""
 
 
 def timing(settings: Sensor) -> Timing:
     """Time of one reading, and the highest rate of a capture; raises ConfigError."""
     options = read_options(NidaqmxInputOptions, "nidaqmx", settings.options)
     captures_hz = options.rate_hz if options.drive_channel else None
-    return Timing(EXCHANGE_S, buffered_hz=captures_hz, note=NOTE)
+    return Timing(options.exchange_s, buffered_hz=captures_hz, note=NOTE)
 
 
 def open_sensor(settings: Sensor, link: Link | None = None) -> BufferedSensor:

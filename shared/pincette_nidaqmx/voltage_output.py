@@ -24,7 +24,9 @@ MET = False
 URL = "ni:cDAQ1Mod2/ao0"
 """Where it usually is."""
 SETTLING_S = 3e-6
-NOTE = "an exchange of 1 ms is assumed, a settling time of 3 µs, and waves at the stated rate"
+NOTE = (
+    "an exchange of 1 ms unless stated, settling in 3 µs and waves at the stated rate are assumed"
+)
 
 
 class NidaqmxOutputOptions(Table):
@@ -42,6 +44,8 @@ class NidaqmxOutputOptions(Table):
     """Highest rate of a wave; assumed."""
     channel: str = ""
     """Physical channel, where the url names none."""
+    exchange_s: Positive = EXCHANGE_S
+    """Time of a call; measure it where the period is short."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "NidaqmxOutputOptions":
@@ -55,7 +59,7 @@ class NidaqmxOutputOptions(Table):
 def timing(settings: Output) -> Timing:
     """Time of one write, settling, and the highest rate of a wave; raises ConfigError."""
     options = read_options(NidaqmxOutputOptions, "nidaqmx", settings.options)
-    return Timing(EXCHANGE_S, SETTLING_S, options.rate_hz, NOTE)
+    return Timing(options.exchange_s, SETTLING_S, options.rate_hz, NOTE)
 
 
 def open_output(settings: Output, link: Link | None = None) -> WaveOutput:

@@ -84,11 +84,11 @@ class Campaign:
             try:
                 one = self._one(program, state, length_s)
                 self.footprints.take()
-                make_ready(self._rig, SETTLED_S)
+                self._make_ready()
             except (AssertionError, TimeoutError, httpx.HTTPError) as error:
                 self.failures.append(f"{what}: {error}")
                 print(f"{what}: FAILED: {error}", file=sys.stderr, flush=True)
-                make_ready(self._rig, SETTLED_S)
+                self._make_ready()
                 continue
             self.made.append(one)
             print(f"{what}: ready after {one.ready_s:.2f} s", file=sys.stderr, flush=True)
@@ -99,6 +99,18 @@ class Campaign:
             told = self.logged(program, "up") - self.logged(program, "down")
             if told != standing:
                 self.failures.append(f"{program} has told of {told} links, and has {standing}")
+
+    def _make_ready(self) -> None:
+        """Do what a person does; an actuator that ramps still refuses its reset for a moment."""
+        until_s = monotonic() + SETTLED_S
+        while True:
+            try:
+                make_ready(self._rig, SETTLED_S)
+            except httpx.HTTPStatusError:
+                if monotonic() > until_s:
+                    raise
+            else:
+                return
 
     def _one(self, program: str, state: str, length_s: float) -> Made:
         if state != "idle":

@@ -236,6 +236,7 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/real-time.md": Sitting(
         (
             Told("pincette latency", "it measures for minutes; tests/bench/realtime runs it"),
+            Told("make demo ARGS=", "tests/integration/test_kilohertz.py plays the grip"),
             Told("docker compose", DOCKER),
             Told("pincette doctor", "tests/unit/diagnostics/test_machine.py asks what it says"),
             Told("chrt", "it changes priorities, which root may alone"),

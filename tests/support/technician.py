@@ -48,12 +48,12 @@ class Technician:
         return dict(answer.raise_for_status().json())
 
     def attend(self, name: str) -> Json:
-        """Do what the job asks a person for, until it has ended."""
+        """Do what the job asks a person for, until it has ended and its record is written."""
         deadline = monotonic() + JOB_S
         while monotonic() < deadline:
             job = self.rig.job(name)
             if job["state"] in ENDS:
-                return job
+                return self.rig.ended(name)
             if "continue" in job["allowed_actions"]:
                 progress: Json = job["progress"]
                 self.do("weight", "hang", float(progress["weight_mN"]))

@@ -12,7 +12,9 @@ from starlette.types import Receive, Scope, Send
 from pincette.api import access as access_models
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import digest_of, new_key
+from pincette_supervisor.access.key_store import KeyStore
 from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
+from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.api import create_app
 from tests.support.browser import DESK, Visit, visit
 from tests.support.rigs import demo_rig
@@ -95,7 +97,7 @@ def test_signing_in_and_what_it_allows(bench: Bench, context: BrowserContext) ->
     seen.until("#may", "see everything")
     seen.until("#connection", "connected")
     assert seen.page.locator("#sign-in").is_hidden()
-    assert barred(seen, "#start") == "needs scope operate; key seer has observe"
+    assert barred(seen, "#start") == "needs scope operate; seer has observe"
     assert barred(seen, "#dry-run") != ""
     seen.page.click("#estop")
     seen.until("#estop-said", "confirmed by the actuator")
@@ -172,3 +174,35 @@ def test_a_page_of_elsewhere_can_neither_act_nor_read_nor_frame(
     refused = [(row.action, row.status) for row in book.newest(10)]
     assert refused == [(f"POST /api/v1/rigs/{name}/estop", 403)]
     assert bench.desk.told("alarm") == []
+
+
+def test_a_person_signs_in_by_password_and_claims_the_rig(
+    bench: Bench, context: BrowserContext
+) -> None:
+    seen = visit(context, bench.address)
+    book = KeyRepository(bench.desk.store)
+    KeyStore(book).add_user("ann", "operate", "of ten and more")
+    bench.access.authenticator.refresh(book)
+    seen.until("#sign-in", "This supervisor wants a key")
+    seen.page.fill("#sign-in-user", "ann")
+    sign_in(seen, "of ten and less")
+    seen.until("#sign-in-said", "opens nothing")
+    sign_in(seen, "of ten and more")
+    seen.until("#who", "ann · operate")
+    seen.page.click("#tab-rig")
+    seen.page.click("#claim-take")
+    seen.until("#claim", "Claimed by this page")
+    claim = bench.desk.manager.claims.current()
+    assert claim is not None
+    assert claim.by == "ann"
+    with pytest.raises(ProblemError, match="claimed by ann"):
+        bench.desk.manager.claims.require("the secret of another")
+    seen.page.click("#tab-start")
+    seen.until("#fact-start", "can start")
+    seen.until_true(lambda: seen.page.input_value("#field-force_mN") != "", "no defaults came")
+    seen.page.click("#start")
+    seen.until("#current-state", "succeeded", LONG_S)
+    seen.page.click("#tab-rig")
+    seen.page.click("#claim-return")
+    seen.until("#claim", "Nobody has claimed the rig")
+    assert bench.desk.manager.claims.current() is None

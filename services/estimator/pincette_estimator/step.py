@@ -7,13 +7,13 @@ from pincette.control.arm.plant import perturbation
 from pincette.control.force.contact_detector import ContactDetector
 from pincette.control.force.zeroing import zero_refusal
 from pincette.control.response.reversal_memory import ReversalMemory
-from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
-from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
+from pincette.core.messages import Ack, Applied, Arm, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.config import EstimatorConfig, configure
-from pincette_estimator.state import Followed, FreeMotion, Inputs, State, touched
-from pincette_estimator.uncertainty import creep_um, narrowed_past, uncertainty_mN
+from pincette_estimator.state import Followed, FreeMotion, Inputs, State
+from pincette_estimator.statements import degraded, estimate, within
+from pincette_estimator.uncertainty import creep_um, narrowed_past
 
 
 def start(config: EstimatorConfig) -> State:
@@ -30,26 +30,26 @@ def step(
         return state, ()
     if position.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
-    if applied is not None and not _within(config.voltage_V, applied.voltage_V):
+    if applied is not None and not within(config.voltage_V, applied.voltage_V):
         # Followed once, it would stay in the memory of the arm.
         state, applied = replace(state, refused=state.refused + 1), None
     if applied is None:
-        return state, (_degraded(config, state, position, None),)
+        return state, (degraded(config, state, position, None),)
     state = _follow_voltage(config, state, applied)
     state = _follow_program(config, state, applied)
-    measured = position.valid and _within(config.position_um, position.x_um)
+    measured = position.valid and within(config.position_um, position.x_um)
     if measured:
         stuck = state.stuck.follow(position.x_um, applied.voltage_V, config.stuck_V)
         state = replace(state, stuck=stuck)
     if not measured or state.stuck.stuck:
-        return state, (_degraded(config, state, position, applied),)
+        return state, (degraded(config, state, position, applied),)
     state, F_mN, p_mN = _take_sample(config, state, position, applied)
-    return state, (_estimate(config, state, position, applied, F_mN, p_mN),)
+    return state, (estimate(config, state, position, applied, F_mN, p_mN),)
 
 
 def ahead(config: EstimatorConfig, state: State, applied: Message) -> State:
     """Lead the memories by a voltage as soon as it is applied, before the sample after it."""
-    if not isinstance(applied, Applied) or not _within(config.voltage_V, applied.voltage_V):
+    if not isinstance(applied, Applied) or not within(config.voltage_V, applied.voltage_V):
         return state
     if applied.epoch != state.epoch or applied.seq < state.followed_seq:
         return state
@@ -178,93 +178,6 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
         zero_s=t_s,
         zero_refusal=None,
     )
-
-
-def _estimate(
-    config: EstimatorConfig,
-    state: State,
-    position: Position,
-    applied: Applied,
-    F_mN: float,
-    p_mN: float,
-) -> Estimate:
-    """State the force of the sample just taken in, and its uncertainty."""
-    t_s = position.seq * config.period_s
-    age_s = None if state.zero_s is None else t_s - state.zero_s
-    u_F_mN = uncertainty_mN(config, state, t_s if age_s is None else age_s)
-    touch_x_um, touch_mN = touched(
-        state,
-        compliance_um_per_mN=config.compliance_um_per_mN,
-        step_um=config.kink_limits.step_um,
-        x_um=position.x_um,
-        F_mN=F_mN,
-        u_F_mN=u_F_mN,
-    )
-    return Estimate(
-        epoch=position.epoch,
-        seq=position.seq,
-        x_um=position.x_um,
-        force_mN=F_mN,
-        force_uncertainty_mN=u_F_mN,
-        perturbation_mN=p_mN,
-        zero_age_s=age_s,
-        zero_refusal=state.zero_refusal,
-        applied_V=applied.voltage_V,
-        applied_seq=applied.seq,
-        limits_active=applied.limits_active,
-        tripped=applied.state in TRIPPED,
-        degraded=False,
-        valid=True,
-        touch_x_um=touch_x_um,
-        touch_mN=touch_mN,
-    )
-
-
-def _within(range_: tuple[float, float], value: float) -> bool:
-    """Whether a value is a number within a range; no comparison holds of what is none."""
-    return range_[0] <= value <= range_[1]
-
-
-def _degraded(
-    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
-) -> Estimate:
-    """An estimate that must not be used for control: the voltage or the measurement is missing."""
-    return Estimate(
-        epoch=position.epoch,
-        seq=position.seq,
-        x_um=position.x_um if _within(config.position_um, position.x_um) else 0.0,
-        force_mN=0.0,
-        force_uncertainty_mN=0.0,
-        perturbation_mN=0.0,
-        zero_age_s=None,
-        zero_refusal=state.zero_refusal,
-        applied_V=state.response.voltage_V if applied is None else applied.voltage_V,
-        applied_seq=-1 if applied is None else applied.seq,
-        limits_active=0 if applied is None else applied.limits_active,
-        tripped=applied is not None and applied.state in TRIPPED,
-        degraded=applied is None,
-        valid=False,
-        fault=_fault(config, state, position, applied),
-    )
-
-
-def _fault(
-    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
-) -> Fault | None:
-    """Why there is no force to be had from a sample."""
-    if not position.valid:
-        return position.fault
-    low_um, high_um = config.position_um
-    if not low_um <= position.x_um <= high_um:
-        return fault(
-            FaultCode.POSITION_OUT_OF_RANGE,
-            x_um=position.x_um,
-            minimum_um=low_um,
-            maximum_um=high_um,
-        )
-    if stuck := state.stuck.fault:
-        return stuck
-    return fault(FaultCode.NO_APPLIED_VOLTAGE) if applied is None else None
 
 
 def handle(

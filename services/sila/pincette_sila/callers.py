@@ -3,6 +3,7 @@
 import secrets
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, cast
 from uuid import UUID
 
@@ -40,8 +41,17 @@ class _Login:
 class Callers:
     """The supervisor, as this server and those who have logged in reach it."""
 
-    def __init__(self, url: str, rig: str, key: str | None, background: Background) -> None:
-        self._url, self._rig, self._background = url, rig, background
+    def __init__(
+        self,
+        url: str,
+        rig: str,
+        key: str | None,
+        authority: Path | None,
+        background: Background,
+    ) -> None:
+        """``authority``: whose certificate is believed where the supervisor speaks TLS."""
+        self._url, self._rig, self._authority = url, rig, authority
+        self._background = background
         self.supervisor = self._supervisor(key, "sila")
         self._logins: dict[str, _Login] = {}
 
@@ -84,7 +94,9 @@ class Callers:
         return login
 
     def _supervisor(self, key: str | None, name: str | None) -> AsyncSupervisor:
-        return AsyncSupervisor(self._url, patience_s=PATIENCE_S, key=key, operator=name)
+        return AsyncSupervisor(
+            self._url, patience_s=PATIENCE_S, key=key, operator=name, authority=self._authority
+        )
 
 
 ACCESS_TOKEN = cast("Any", AuthorizationServiceFeature)["AccessToken"]

@@ -38,8 +38,9 @@ def run(context: Context) -> None:
     """Serve until the program is stopped."""
     settings, rig = context.rig.sila, context.rig.rig.name
     background = Background()
-    url = settings.supervisor or _url(context)
-    callers = Callers(url, rig, os.environ.get(KEY) or None, background)
+    url, pki = settings.supervisor or context.rig.supervisor.url, context.rig.bus.pki
+    authority = None if pki is None else Path(pki) / "authority.crt"
+    callers = Callers(url, rig, os.environ.get(KEY) or None, authority, background)
     server = SilaServer(
         server_name=f"pincette {rig}",
         server_type="PiezoMicrogripper",
@@ -85,11 +86,6 @@ def identity(path: Path) -> uuid.UUID:
         found = uuid.uuid4()
         path.write_text(f"{found}\n", encoding="ascii")
         return found
-
-
-def _url(context: Context) -> str:
-    host, port = context.rig.supervisor.host, context.rig.supervisor.port
-    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def _listen(server: SilaServer, context: Context) -> None:

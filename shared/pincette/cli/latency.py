@@ -26,6 +26,7 @@ from pincette.config.programs import Scheduling
 from pincette.engine.measuring.kept import changes_of, keep
 from pincette.engine.measuring.machine import PERIODS_S, Findings, MeasuringError, measure
 from pincette.engine.measuring.machine import Progress as Report
+from pincette.latency.advice import recommended
 from pincette.latency.histogram import NS_PER_S, Distribution, first_ns
 from pincette.latency.rule import (
     FEWEST,
@@ -113,11 +114,16 @@ def latency(
         raise CliError(f"this machine could not be measured: {error}") from error
     keep(data, found, datetime.now(UTC).isoformat(timespec="seconds"))
     supported_s = shortest_supported_s(found.wake_ups, found.hop)
+    best = recommended(found.wake_ups, found.hop)
     proposals = [] if file is None or file.lockstep else changes_of(file, found)
     if form.json:
-        emit({**tree(found, supported_s), "changes": [one._asdict() for one in proposals]})
+        told = None if best is None else best._asdict()
+        changed = [one._asdict() for one in proposals]
+        emit({**tree(found, supported_s), "recommended": told, "changes": changed})
     else:
         print_report(found, supported_s, screen())
+        if best is not None:
+            print(f"recommended, if the instruments permit it: {best.words()}")
         for one in proposals:
             print(f"suits this machine: {one.words()}")
     if picture is not None:

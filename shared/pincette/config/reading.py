@@ -33,7 +33,7 @@ def read_rig(path: Path) -> RigFile:
         if BASE in below:
             raise ConfigError(f"rig file {path}:\n  base = {base!r}: that file has a base itself")
         try:
-            tables = laid_over(below, tables)
+            tables = laid_over(_fitting(below, tables), tables)
         except RecursionError as error:
             raise ConfigError(f"rig file {path}: tables within tables without end") from error
     try:
@@ -44,6 +44,24 @@ def read_rig(path: Path) -> RigFile:
         certificate = {"certificate": str(path.parent / rig.sila.certificate)}
         rig = rig.model_copy(update={"sila": rig.sila.model_copy(update=certificate)})
     return rig if rig.bus.pki is None else rig.secured(path.parent / rig.bus.pki)
+
+
+CHOICES = {"law": "scheme", "sensor": "driver", "output": "driver"}
+"""What the other values of a table belong to; of a sensor or an output only its options."""
+
+
+def _fitting(below: Tree, above: Tree) -> Tree:
+    """The base file's tables without gains of another law, and options of another driver."""
+    result = dict(below)
+    for name, choice in CHOICES.items():
+        under, over = result.get(name), above.get(name)
+        if not isinstance(under, dict) or not isinstance(over, dict):
+            continue
+        base, own = cast(Tree, under), cast(Tree, over)
+        if choice in own and own[choice] != base.get(choice):
+            kept = {} if name == "law" else base
+            result[name] = {key: value for key, value in kept.items() if key != "options"}
+    return result
 
 
 def _tables(path: Path) -> Tree:

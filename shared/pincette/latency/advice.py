@@ -1,4 +1,4 @@
-"""What suits a machine that was measured: age limit, priority, composition; pure.
+"""What suits a machine that was measured: period, law, composition, age limit, priority; pure.
 
 The actuator trips where no newer command comes for the age limit A, counted from the arrival of the
 sample that the last one was based on. So between two samples a machine may stand still for as long
@@ -16,7 +16,7 @@ from math import ceil
 from typing import NamedTuple
 
 from pincette.latency.histogram import Distribution
-from pincette.latency.rule import HOPS, HOPS_SHARE, TAIL, Measured
+from pincette.latency.rule import HOPS, HOPS_SHARE, TAIL, Measured, objections
 
 LATE_TIMES = 2.0
 HOPS_TO_COMMAND = 3
@@ -26,6 +26,38 @@ LEAST_PERIODS, MOST_PERIODS = 2.5, 10.0
 """Age limits: the default, and the longest that a rig file may state."""
 FIFO = 10
 """Fixed priority by default."""
+
+
+SUITED = ((0.001, "fpbsmic"), (0.02, "pbsmic"))
+"""Periods in s, and the law for each, the fastest first. Those between let a mode at 388 Hz alias
+to a frequency at which the loop works: 12 Hz at 5 ms, 112 Hz at 2 ms."""
+TOGETHER = "loop"
+"""[rig] composed of a loop in one process."""
+
+
+class Recommended(NamedTuple):
+    """Period, law and composition for a machine."""
+
+    period_s: float
+    scheme: str
+    composed: tuple[str, ...]
+
+    def words(self) -> str:
+        """As a person reads it."""
+        programs = "as one program" if self.composed else "as four programs"
+        return f"[rig] period_s = {self.period_s:g} with the law {self.scheme}, {programs}"
+
+
+def recommended(measured: Sequence[Measured], hop: Distribution) -> Recommended | None:
+    """Return the fastest of ``SUITED`` that a machine supports; None where it supports none.
+
+    Four programs are recommended where their hops fit into the period too, else one.
+    """
+    for period_s, scheme in SUITED:
+        for one in measured:
+            if one.period_s == period_s and not objections(one):
+                return Recommended(period_s, scheme, (TOGETHER,) if objections(one, hop) else ())
+    return None
 
 
 class Asked(NamedTuple):

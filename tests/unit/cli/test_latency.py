@@ -55,6 +55,7 @@ def test_the_shortest_period_is_said(machine: Machine, capsys: pytest.CaptureFix
     said, told = capsys.readouterr()
     assert "supported: 5 ms and longer (200 Hz)" in said
     assert "not 2 ms: p99.9 of the lateness: 0.3 ms, limit 0.1 T = 0.2 ms" in said
+    assert "[rig] period_s = 0.02 with the law pbsmic, as four programs" in said
     assert "A period T is supported where of at least 100 wake-ups" in said
     assert "the machine's host took 0.25 s" in said
     assert told == "wake-ups: 7.0 s\n"
@@ -79,6 +80,7 @@ def test_a_program_gets_one_document(
     assert main(["latency", "--json", "--plot", str(picture)]) == Exit.DONE
     tree = json.loads(capsys.readouterr().out)
     assert tree["shortest_supported_s"] == 0.005
+    assert tree["recommended"] == {"period_s": 0.02, "scheme": "pbsmic", "composed": []}
     assert tree["refused"] == machine.refused
     assert [one["supported"] for one in tree["periods"]] == [True, True, True, False, False]
     late = tree["periods"][0]["lateness"]

@@ -1,10 +1,11 @@
 """Rig files: laid over another one, told as JSON, and joined to the router of another rig."""
 
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from pincette.config import ConfigError, parse_rig_json, read_rig
+from pincette.config import ConfigError, parse_rig, parse_rig_json, read_rig
 
 RIGS = Path(__file__).parents[3] / "deploy" / "rigs"
 BASE = (RIGS / "demo.toml").read_text(encoding="utf-8")
@@ -30,6 +31,15 @@ def test_a_file_is_laid_over_its_base_value_by_value(folder: Path) -> None:
     assert rig.limits == demo.limits
 
 
+def test_another_law_or_driver_takes_nothing_that_belongs_to_the_base_file_s(folder: Path) -> None:
+    text = 'base = "base.toml"\n[law]\nscheme = "dsmifc"\n[sensor]\ndriver = "other"\n'
+    rig, demo = read_rig(written(folder, text)), read_rig(folder / "base.toml")
+    assert demo.law.scheme == "pbsmic"
+    assert rig.law == parse_rig({**tomllib.loads(BASE), "law": {"scheme": "dsmifc"}}).law
+    assert (rig.sensor.options, rig.sensor.noise_um) == ({}, demo.sensor.noise_um)
+    assert rig.output == demo.output
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -47,7 +57,7 @@ def test_what_cannot_be_used_is_named(folder: Path, text: str, words: str) -> No
         read_rig(written(folder, text))
 
 
-@pytest.mark.parametrize("name", ["demo", "fast", "bring-up", "left", "right"])
+@pytest.mark.parametrize("name", ["demo", "fast", "kilohertz", "bring-up", "left", "right"])
 def test_a_file_that_was_told_is_the_one_that_was_read(name: str) -> None:
     rig = read_rig(RIGS / f"{name}.toml")
     told = parse_rig_json(rig.model_dump_json())

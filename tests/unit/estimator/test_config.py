@@ -30,7 +30,7 @@ def test_a_short_period_is_no_matter_for_quasi_static() -> None:
     for part in (
         'model.force_observer = "quasi_static"',
         "period_s = 0.005 s is below 0.00515 s",
-        'choose "inverse_dynamics" or "kalman"',
+        'choose "smooth", "inverse_dynamics" or "kalman"',
     ):
         assert part in str(refused.value)
     for name in ("inverse_dynamics", "kalman"):

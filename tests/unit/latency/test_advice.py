@@ -4,7 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pincette.latency.advice import MOST_PERIODS, Asked, age_change, age_periods, changes
+from pincette.latency.advice import (
+    MOST_PERIODS,
+    Asked,
+    age_change,
+    age_periods,
+    changes,
+    recommended,
+)
 from pincette.latency.rule import Measured
 from tests.support.histograms import counted
 
@@ -73,3 +80,20 @@ def test_what_is_proposed_leaves_room_for_twice_the_latest_wake_up(
 @pytest.mark.parametrize("silent_s", [0.0501, 0.051, 0.08])
 def test_a_trip_always_has_a_longer_limit_to_propose(silent_s: float) -> None:
     assert age_change(RIG, silent_s - T, 0.002) is not None
+
+
+@pytest.mark.parametrize(
+    ("late_s", "hop_s", "wanted"),
+    [
+        (0.00005, 0.0001, (0.001, "fpbsmic", ())),
+        (0.00005, 0.0002, (0.001, "fpbsmic", ("loop",))),
+        (0.0003, 0.0002, (0.02, "pbsmic", ())),
+        (0.0003, 0.004, (0.02, "pbsmic", ("loop",))),
+        (0.003, 0.0002, None),
+    ],
+)
+def test_the_fastest_law_that_a_machine_keeps_is_recommended(
+    late_s: float, hop_s: float, wanted: tuple[float, str, tuple[str, ...]] | None
+) -> None:
+    grids = [Measured(one, counted([late_s] * 1000), 0) for one in (0.02, 0.002, 0.001)]
+    assert recommended(grids, counted([hop_s] * 1000)) == wanted

@@ -135,7 +135,7 @@ class Harness:
         live = self.manager.active
         if live is not None and live.id == job:
             assert live.done.wait(20.0)
-        return self.get(f"/jobs/{job}")
+        return self.ended(job)
 
     def told(self, *kinds: str, job: str | None = None) -> list[Event]:
         """Events that were told, of these kinds."""

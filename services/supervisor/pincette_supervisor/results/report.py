@@ -21,7 +21,7 @@ TITLES = {
     "assumptions": "Assumptions",
 }
 """Of parts whose name says too little."""
-WORDS = {"sliding_in_band": "share of samples with s in its band"}
+WORDS = {"sliding_in_band": "share of samples with |s| within its band, beyond which it shrinks"}
 """Of figures whose name says too little."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #22282f; background: #fff;

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from pincette.control.response import play_operators
 from pincette.control.response.hysteresis import (
-    TOLERANCE_UM,
     HysteresisModel,
     HysteresisState,
     displacement_um,
@@ -17,7 +16,7 @@ from pincette.control.response.hysteresis import (
     start,
     step,
 )
-from pincette.control.response.inverse import MOST, begin_search, go_on, voltage_for
+from pincette.control.response.inverse import MOST, TOLERANCE_UM, begin_search, go_on, voltage_for
 from tests.support.rigs import demo_rig
 
 PERIOD_S, UM_PER_V = 0.02, 19.0

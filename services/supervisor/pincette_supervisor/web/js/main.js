@@ -74,6 +74,7 @@ async function refresh() {
   rigAnswered();
   showRig(rig);
   checks.follow(rig);
+  charts.follow(rig);
   claim.follow(rig);
   form.follow(rig);
   job = await newestJob();

@@ -6,12 +6,13 @@ import { duration, number } from "../words.js";
 
 const QUANTITIES = [
   { name: "Position", unit: "µm", value: "x_um", reference: "x_r_um", least: 1,
-    decimals: 2, names: true },
+    decimals: 2, names: true, limits: ["position_min", "position_max"] },
   { name: "Contact force", unit: "mN", value: "force_mN", reference: "force_r_mN",
-    half: "force_uncertainty_mN", least: 2, decimals: 2 },
-  { name: "Voltage", unit: "V", value: "voltage_V", least: 0.2, decimals: 3 },
+    half: "force_uncertainty_mN", least: 2, decimals: 2, limits: ["force_max"] },
+  { name: "Voltage", unit: "V", value: "voltage_V", least: 0.2, decimals: 3,
+    limits: ["voltage_min", "voltage_max"] },
   { name: "Sliding function", unit: "µm", value: "sliding_um", zero: true,
-    least: 0.2, decimals: 3 },
+    least: 0.2, decimals: 3, limits: [] },
 ];
 const GAP_S = 0.4;
 const OLD_S = 3;
@@ -34,6 +35,7 @@ class Strip {
       { top: quantity.names ? 20 : 8, bottom: last ? 24 : 8 });
     this.last = last;
     this.range = [0, quantity.least];
+    this.limits = [];
   }
 
   /** The range of what is seen; it changes only where it is too small or much too large. */
@@ -68,6 +70,8 @@ class Strip {
     this.phases(recent, Math.min(recent.since(view.from), end), end, colours);
     axes.clip();
     if (this.quantity.zero) axes.level(0, colours.text);
+    // A limit far away is out of sight; it widens no chart.
+    for (const limit of this.limits) axes.level(limit, colours.limit, [8, 4]);
     if (half) axes.band(first, end, time, of(value), of(half), colours.band, GAP_S);
     if (reference) {
       axes.line(first, end, time, of(reference), colours.reference,
@@ -109,6 +113,15 @@ export class Charts {
     this.drawn = -1;
     this.drawnAt = 0;
     requestAnimationFrame((now) => this.frame(now));
+  }
+
+  /** The limits of the rig, drawn where they are in sight. */
+  follow(rig) {
+    for (const strip of this.strips) {
+      strip.limits = rig.limits.filter((each) => strip.quantity.limits.includes(each.quantity))
+        .map((each) => each.value);
+    }
+    this.dirty = true;
   }
 
   row(quantity) {

@@ -1,0 +1,43 @@
+"""The rig at T = 1 ms: it grips in a second and a half, without a clock, as it is delivered."""
+
+from pathlib import Path
+
+import pytest
+
+from pincette.config import read_rig
+from pincette.core.faults import Mode
+from pincette.core.messages import Applied, GroundTruth, Message, Telemetry
+from pincette.engine.composed import ComposedLoop
+from pincette.engine.timing_budget import budget
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.planning.job_plans import plan_job
+
+RIG = read_rig(Path("deploy/rigs/kilohertz.toml"))
+MOST_S = 1.5
+"""Of a grip, its hold left out."""
+PEAK, HELD = 0.05, 0.04
+"""Shares of the force by which the true one may go beyond it, and miss it in the hold; what it
+misses is the identified contact line, not the loop."""
+
+
+@pytest.fixture(scope="module")
+def said() -> list[Message]:
+    return ComposedLoop(RIG).play(plan_job(GripJobRequest(kind="grip"), RIG).program)
+
+
+def test_a_grip_is_short_and_its_force_is_held(said: list[Message]) -> None:
+    wanted_mN, hold_s, T = RIG.grip.force_mN, RIG.grip.hold_s, RIG.rig.period_s
+    phases = {one.seq: one.phase for one in said if isinstance(one, Telemetry)}
+    assert len(phases) * T - hold_s <= MOST_S
+    last = [one for one in said if isinstance(one, Applied)][-1]
+    assert (last.state, last.faults) == (Mode.IDLE, ())
+    true_mN = {one.seq: one.force_mN for one in said if isinstance(one, GroundTruth)}
+    assert max(true_mN.values()) <= (1.0 + PEAK) * wanted_mN
+    held = [true_mN[seq] for seq, phase in phases.items() if phase == "hold" and seq in true_mN]
+    assert len(held) > 0.5 * hold_s / T
+    late = held[len(held) // 2 :]
+    assert abs(sum(late) / len(late) - wanted_mN) <= HELD * wanted_mN
+
+
+def test_the_instruments_fit_into_the_period() -> None:
+    assert budget(RIG).fits
