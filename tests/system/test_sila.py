@@ -6,7 +6,7 @@ from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from time import sleep
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from sila.client import Client, ClientConfig
@@ -179,7 +179,7 @@ def test_a_killed_server_leaves_the_part_held_and_comes_back_to_the_job(rig: Run
     with stock_client(rig) as second:
         assert second.SiLAService.ServerUUID.get() == uuid
         until(lambda: second.Microgripper.RigState.get() == "armed", "it does not answer")
-        again: Any = Attached(second, second.Microgripper.Grip, execution)
+        again = cast("Any", Attached)(second, second.Microgripper.Grip, execution)
         assert responses(again).Job == job
         assert responses(second.Microgripper.Release()).Job == job
 
