@@ -117,13 +117,11 @@ def latency(
     best = recommended(found.wake_ups, found.hop)
     proposals = [] if file is None or file.lockstep else changes_of(file, found)
     if form.json:
-        told = None if best is None else best._asdict()
-        changed = [one._asdict() for one in proposals]
+        told, changed = best and best._asdict(), [one._asdict() for one in proposals]
         emit({**tree(found, supported_s), "recommended": told, "changes": changed})
     else:
         print_report(found, supported_s, screen())
-        if best is not None:
-            print(f"recommended, if the instruments permit it: {best.words()}")
+        print(f"recommended, if the instruments permit it: {best.words()}" if best else "")
         for one in proposals:
             print(f"suits this machine: {one.words()}")
     if picture is not None:
