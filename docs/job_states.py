@@ -52,6 +52,9 @@ RULES = """\
 - One `Idempotency-Key` creates one job, from the moment it is seen: a second request waits while
   the first one is planned, and gets its job; also after a restart. If the first is refused, the
   next is planned in its place.
+- `POST /api/v1/jobs/stop` with the key stops what it has begun: the job, or the request while it is
+  planned, which is then refused with `key-stopped`. No job comes of that key as long as the
+  supervisor runs.
 - A request whose caller hangs up before the job is planned begins nothing: nobody would know of
   the motion. The audit log says so. With its key it can be sent again.
 - A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which

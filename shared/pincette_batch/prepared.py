@@ -127,7 +127,7 @@ def law_of(rig: RigFile, program: Program) -> Law:
         rig.rig.period_s,
         rig.model.force_filter_s,
         derived.identified_hysteresis(rig.model),
-        rig.model.delay_s(rig.rig.period_s),
+        rig.model.output(rig.rig.period_s),
     )
 
 

@@ -94,7 +94,7 @@ class Zeroing:
             epoch=1,
             followed_seq=tick - 1,
             observed_seq=tick - 1,
-            samples=samples,
+            free_motion=replace(state.free_motion, older=samples, newer=()),
             contact_detector=watch,
         )
 

@@ -12,7 +12,8 @@ from pincette.control.calibration.resonance import SecondOrder, fit_second_order
 from pincette.control.force.observers import ForceObserver
 from pincette.control.laws.dsmifc import LAW as DSMIFC
 from pincette.control.laws.pbsmic import LAW as PBSMIC
-from pincette.control.stability.assessment import LIMIT_RADIUS, radius_map
+from pincette.control.stability.assessment import radius_map
+from pincette.control.stability.limits import LIMIT_RADIUS
 from pincette.plotting import BLUE, INK, ORANGE, Axis, label, legend, picture
 from pincette_study import printed
 from pincette_study.open_loop import drive

@@ -150,6 +150,14 @@ SITTINGS: dict[str, Sitting] = {
             Told("pincette security add", "tests/system/test_composed.py adds it to its folder"),
         )
     ),
+    "docs/how-to/sila.md": Sitting(
+        (
+            Told("pip install 'pincette[sila]'", "requirements/dev.txt has the extra already"),
+            Typed(".venv/bin/pincette run sila", r"ready: SiLA 2 at 127.0.0.1:50052", stays=True),
+            Typed("from sila2.client import SilaClient", r"held with 1[45]\.\d\d mN[^$]*released"),
+        ),
+        up=DEMO,
+    ),
     "docs/how-to/several-rigs.md": Sitting(
         (
             Typed("pincette up --rig deploy/rigs/left.toml", r"is up at", stays=True),
@@ -274,5 +282,8 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "services/rig/README.md": Sitting(
         (Told("pincette run rig", "`pincette up` starts it, in every sitting with a rig"),)
+    ),
+    "services/sila/README.md": Sitting(
+        (Told("pincette run sila", "docs/how-to/sila.md types it"),)
     ),
 }

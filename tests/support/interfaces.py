@@ -1,17 +1,27 @@
-"""What callers rely on, as digests: REST, and the keys with their messages; words are left out."""
+"""What callers rely on, as digests without words: REST, keys and messages, features of SiLA."""
 
 import hashlib
 import json
 import re
 from pathlib import Path
 from typing import Any, cast
+from xml.etree import ElementTree
 
 from pincette.core.topics import ROOT as WIRE_ROOT
 from pincette_supervisor.problems import SERVED
 
 ROOT = Path(__file__).parents[2]
-DOCUMENTS = {"REST": "deploy/openapi.json", "keys and messages": "deploy/asyncapi.json"}
-VERSIONS = {"REST": SERVED.rpartition("/")[2], "keys and messages": WIRE_ROOT.rpartition("/")[2]}
+SILA = "services/sila/pincette_sila/features/Microgripper-v1_0.sila.xml"
+DOCUMENTS = {
+    "REST": "deploy/openapi.json",
+    "keys and messages": "deploy/asyncapi.json",
+    "SiLA features": SILA,
+}
+VERSIONS = {
+    "REST": SERVED.rpartition("/")[2],
+    "keys and messages": WIRE_ROOT.rpartition("/")[2],
+    "SiLA features": f"v{ElementTree.parse(ROOT / SILA).getroot().attrib['FeatureVersion'][0]}",
+}
 WORDS = {"description", "summary", "title", "example", "examples", "info"}
 """Members that say something to people, and change nothing for a program."""
 NAMED = {"properties", "patternProperties", "schemas", "messages", "channels", "parameters"}
@@ -40,10 +50,21 @@ def digest(document: Any) -> str:
 
 def digests() -> dict[str, str]:
     """Of each interface as it is."""
-    return {
-        name: digest(json.loads((ROOT / place).read_text(encoding="utf-8")))
-        for name, place in DOCUMENTS.items()
-    }
+    return {name: digest(_document(ROOT / place)) for name, place in DOCUMENTS.items()}
+
+
+def _document(path: Path) -> Any:
+    if path.suffix == ".json":
+        return json.loads(path.read_text(encoding="utf-8"))
+    files = sorted(path.parent.glob("*.xml"))
+    return {one.name: _element(ElementTree.parse(one).getroot()) for one in files}
+
+
+def _element(node: ElementTree.Element) -> list[Any]:
+    tag, text = node.tag.rpartition("}")[2], (node.text or "").strip()
+    said = {"DisplayName", "Description"}
+    inner = [_element(one) for one in node if one.tag.rpartition("}")[2] not in said]
+    return [tag, dict(node.attrib), text, inner]
 
 
 def stated(changelog: str) -> dict[str, tuple[str, str]]:
@@ -67,5 +88,6 @@ def complaint(name: str, said: tuple[str, str] | None, version: str, now: str) -
         + {
             "REST": "SERVED in services/supervisor/pincette_supervisor/problems.py",
             "keys and messages": "WIRE in shared/pincette/core/topics.py",
+            "SiLA features": "FeatureVersion in it, and the name of its file",
         }[name]
     )

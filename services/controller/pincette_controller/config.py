@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from pincette.config import RigFile, derived
 from pincette.config.laws import installed_laws
-from pincette.control.arm.plant import ArmParameters
+from pincette.control.arm.plant import ArmParameters, OutputTiming
 from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.laws.law import Law, build
 from pincette.control.laws.parameters import LawSpec
@@ -32,8 +32,8 @@ class ControllerConfig:
     installed: Mapping[str, LawDefinition]
     """Laws by name."""
     force_filter_s: float
-    delay_s: float
-    """From a sample until its voltage acts on the arm."""
+    output: OutputTiming
+    """When a voltage acts on the arm."""
     monitors: MonitorLimits
     voltage: VoltageLimits
 
@@ -49,7 +49,7 @@ class ControllerConfig:
                 self.period_s,
                 self.force_filter_s,
                 hysteresis,
-                self.delay_s,
+                self.output,
             )
             for settings in chosen
         )
@@ -92,7 +92,7 @@ def configure(rig: RigFile) -> ControllerConfig:
         law=rig.law_settings,
         installed=installed_laws(),
         force_filter_s=rig.model.force_filter_s,
-        delay_s=rig.model.delay_s(rig.rig.period_s),
+        output=rig.model.output(rig.rig.period_s),
         monitors=rig.monitors,
         voltage=rig.voltage_limits,
     )

@@ -88,6 +88,14 @@ def _answer(
     return state, (_silent(state, estimate),)
 
 
+def ahead(config: ControllerConfig, state: State, told: Message) -> State:
+    """Lead the arm's memory by the voltage commanded, as the actuator will mostly apply it."""
+    if not isinstance(told, Command) or not told.valid or told.epoch != state.epoch:
+        return state
+    arm = state.arm.expecting(told.voltage_V, told.seq + 1, config.period_s)
+    return replace(state, arm=arm)
+
+
 def _silent(state: State, estimate: Estimate) -> Command:
     return no_command(estimate, state.epoch, state.owner, state.silenced, state.player)
 
@@ -211,5 +219,6 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     start=start,
     step=step,
     handle=handle,
+    ahead=ahead,
     state_snapshot=("arm",),
 )

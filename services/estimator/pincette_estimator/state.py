@@ -30,6 +30,9 @@ SAMPLES = 8
 """Equal readings in a row; with the age limit of a command the actuator trips at the tenth."""
 LATE_SAMPLES = 2
 """The newest voltages, which output, arm and averaging may not have made visible yet."""
+FREE_SAMPLES = 128
+"""Samples of free motion kept, enough for the branch that leads to a rest."""
+CHUNK = 16
 NOISES = 10.0
 """Motion that cannot stay unseen, in standard deviations of the sensor's noise."""
 
@@ -66,11 +69,42 @@ class StuckWatch(FrozenRecord, frozen=True):
         return fault(FaultCode.SENSOR_STUCK, x_um=self.x_um, samples=SAMPLES)
 
 
+class FreeMotion(FrozenRecord, frozen=True):
+    """The newest ``FREE_SAMPLES`` of free motion."""
+
+    older: tuple[FreeSample, ...] = ()
+    newer: tuple[FreeSample, ...] = ()
+    """Fewer than ``CHUNK``: only these are copied in most ticks."""
+
+    @property
+    def samples(self) -> tuple[FreeSample, ...]:
+        """The oldest first."""
+        return (*self.older, *self.newer)[-FREE_SAMPLES:]
+
+    def follow(self, sample: FreeSample) -> "FreeMotion":
+        """Take in the next sample."""
+        newer = (*self.newer, sample)
+        if len(newer) < CHUNK:
+            return FreeMotion(self.older, newer)
+        return FreeMotion((*self.older, *newer)[-FREE_SAMPLES:])
+
+
 class Inputs(NamedTuple):
     """``applied`` is that of the sample before; None where it did not come in time."""
 
     position: Position | None
     applied: Applied | None
+
+
+class Followed(FrozenRecord, frozen=True):
+    """What a voltage applied makes of the memories."""
+
+    response: FreeResponse
+    past: VoltageMemory
+    unknown: UnknownPast
+    reversal_memory: ReversalMemory
+    of: tuple[Applied, FreeResponse, UnknownPast]
+    """The voltage, and the memories that it was applied to."""
 
 
 class State(FrozenRecord, frozen=True):
@@ -88,7 +122,8 @@ class State(FrozenRecord, frozen=True):
     """The sample up to which ``response`` has followed the voltage."""
     observed_seq: int | None = None
     """The last sample that ``observer`` has seen; None before the first of an epoch."""
-    samples: tuple[FreeSample, ...] = ()
+    free_motion: FreeMotion = field(default_factory=FreeMotion)
+    """Without the part, up to the newest sample."""
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
     """Since the zero, or the first sample of the epoch."""
     zero_s: float | None = None
@@ -108,6 +143,8 @@ class State(FrozenRecord, frozen=True):
     """Whether the sensor follows the voltage at all."""
     past: VoltageMemory = field(default_factory=VoltageMemory)
     """The voltage since the start, for another model to be led through."""
+    followed: Followed | None = None
+    """By a voltage whose sample has not come yet."""
 
     @property
     def missed_um(self) -> float:

@@ -6,18 +6,14 @@ from pincette.config import RigFile
 from pincette.control.arm.plant import perturbation
 from pincette.control.force.contact_detector import ContactDetector
 from pincette.control.force.zeroing import zero_refusal
-from pincette.control.response.free_response import FreeSample
 from pincette.control.response.reversal_memory import ReversalMemory
-from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
-from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
+from pincette.core.messages import Ack, Applied, Arm, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.config import EstimatorConfig, configure
-from pincette_estimator.state import Inputs, State, touched
-from pincette_estimator.uncertainty import creep_um, narrowed_past, uncertainty_mN
-
-FREE_SAMPLES = 128
-"""Samples of free motion kept, enough for the branch that leads to a rest."""
+from pincette_estimator.state import Followed, FreeMotion, Inputs, State
+from pincette_estimator.statements import degraded, estimate, within
+from pincette_estimator.uncertainty import creep_um, narrowed_past
 
 
 def start(config: EstimatorConfig) -> State:
@@ -34,33 +30,63 @@ def step(
         return state, ()
     if position.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
-    if applied is not None and not _within(config.voltage_V, applied.voltage_V):
+    if applied is not None and not within(config.voltage_V, applied.voltage_V):
         # Followed once, it would stay in the memory of the arm.
         state, applied = replace(state, refused=state.refused + 1), None
     if applied is None:
-        return state, (_degraded(config, state, position, None),)
-    state = _follow_voltage(config, state, position.seq, applied.voltage_V)
+        return state, (degraded(config, state, position, None),)
+    state = _follow_voltage(config, state, applied)
     state = _follow_program(config, state, applied)
-    measured = position.valid and _within(config.position_um, position.x_um)
+    measured = position.valid and within(config.position_um, position.x_um)
     if measured:
         stuck = state.stuck.follow(position.x_um, applied.voltage_V, config.stuck_V)
         state = replace(state, stuck=stuck)
     if not measured or state.stuck.stuck:
-        return state, (_degraded(config, state, position, applied),)
+        return state, (degraded(config, state, position, applied),)
     state, F_mN, p_mN = _take_sample(config, state, position, applied)
-    return state, (_estimate(config, state, position, applied, F_mN, p_mN),)
+    return state, (estimate(config, state, position, applied, F_mN, p_mN),)
 
 
-def _follow_voltage(config: EstimatorConfig, state: State, seq: int, voltage_V: float) -> State:
-    """Take in the voltage applied, over all samples since the last that had one."""
-    passed_s = (seq - state.followed_seq) * config.period_s
+def ahead(config: EstimatorConfig, state: State, applied: Message) -> State:
+    """Lead the memories by a voltage as soon as it is applied, before the sample after it."""
+    if not isinstance(applied, Applied) or not within(config.voltage_V, applied.voltage_V):
+        return state
+    if applied.epoch != state.epoch or applied.seq < state.followed_seq:
+        return state
+    return replace(state, followed=_followed(config, state, applied))
+
+
+def _followed(config: EstimatorConfig, state: State, applied: Applied) -> Followed:
+    """What a voltage makes of the memories, over all samples since the last that had one."""
+    voltage_V = applied.voltage_V
+    passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
+    return Followed(
+        state.response.follow(voltage_V, passed_s),
+        state.past.follow(voltage_V, passed_s),
+        state.unknown.follow(voltage_V, passed_s),
+        state.reversal_memory.follow(voltage_V),
+        (applied, state.response, state.unknown),
+    )
+
+
+def _follow_voltage(config: EstimatorConfig, state: State, applied: Applied) -> State:
+    """Take in the voltage applied, as it may have been followed ahead."""
+    found = state.followed
+    if (
+        found is None
+        or found.of[0] is not applied
+        or found.of[1] is not state.response
+        or found.of[2] is not state.unknown
+    ):
+        found = _followed(config, state, applied)
     return replace(
         state,
-        response=state.response.follow(voltage_V, passed_s),
-        past=state.past.follow(voltage_V, passed_s),
-        unknown=state.unknown.follow(voltage_V, passed_s),
-        reversal_memory=state.reversal_memory.follow(voltage_V),
-        followed_seq=seq,
+        response=found.response,
+        past=found.past,
+        unknown=found.unknown,
+        reversal_memory=found.reversal_memory,
+        followed_seq=applied.seq + 1,
+        followed=None,
     )
 
 
@@ -114,15 +140,15 @@ def _follow_free_motion(
     detector = state.contact_detector
     if first:
         detector = ContactDetector(nominal_um, x_um, free_to_um=x_um)
-    samples: tuple[FreeSample, ...] = ()
+    motion = FreeMotion()
     if not applied.part_held:
-        samples = (*state.samples[1 - FREE_SAMPLES :], response.sample(modelled_um))
+        motion = state.free_motion.follow(response.sample(modelled_um))
     return replace(
         state,
         response=response,
         unknown=state.unknown.rezero(response) if first else state.unknown,
         contact_detector=detector.follow(config.kink_limits, x_um, nominal_um),
-        samples=samples,
+        free_motion=motion,
     )
 
 
@@ -131,7 +157,7 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
     response, t_s = state.response, position.seq * config.period_s
     refusal = zero_refusal(
         response,
-        state.samples,
+        state.free_motion.samples,
         part_held=applied.part_held,
         limits=config.zero_limits,
         creep_um=creep_um(config, t_s if state.zero_s is None else t_s - state.zero_s)
@@ -145,100 +171,13 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
     nominal_um = response.nominal_um_per_V * applied.voltage_V
     return replace(
         state,
-        response=response.rezero(state.samples, config.zero_limits.rest_samples),
+        response=response.rezero(state.free_motion.samples, config.zero_limits.rest_samples),
         unknown=narrowed_past(config, state, t_s).rezero(response),
         contact_detector=state.contact_detector.restarted(position.x_um, nominal_um),
         reversal_memory=ReversalMemory(applied.voltage_V),
         zero_s=t_s,
         zero_refusal=None,
     )
-
-
-def _estimate(
-    config: EstimatorConfig,
-    state: State,
-    position: Position,
-    applied: Applied,
-    F_mN: float,
-    p_mN: float,
-) -> Estimate:
-    """State the force of the sample just taken in, and its uncertainty."""
-    t_s = position.seq * config.period_s
-    age_s = None if state.zero_s is None else t_s - state.zero_s
-    u_F_mN = uncertainty_mN(config, state, t_s if age_s is None else age_s)
-    touch_x_um, touch_mN = touched(
-        state,
-        compliance_um_per_mN=config.compliance_um_per_mN,
-        step_um=config.kink_limits.step_um,
-        x_um=position.x_um,
-        F_mN=F_mN,
-        u_F_mN=u_F_mN,
-    )
-    return Estimate(
-        epoch=position.epoch,
-        seq=position.seq,
-        x_um=position.x_um,
-        force_mN=F_mN,
-        force_uncertainty_mN=u_F_mN,
-        perturbation_mN=p_mN,
-        zero_age_s=age_s,
-        zero_refusal=state.zero_refusal,
-        applied_V=applied.voltage_V,
-        applied_seq=applied.seq,
-        limits_active=applied.limits_active,
-        tripped=applied.state in TRIPPED,
-        degraded=False,
-        valid=True,
-        touch_x_um=touch_x_um,
-        touch_mN=touch_mN,
-    )
-
-
-def _within(range_: tuple[float, float], value: float) -> bool:
-    """Whether a value is a number within a range; no comparison holds of what is none."""
-    return range_[0] <= value <= range_[1]
-
-
-def _degraded(
-    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
-) -> Estimate:
-    """An estimate that must not be used for control: the voltage or the measurement is missing."""
-    return Estimate(
-        epoch=position.epoch,
-        seq=position.seq,
-        x_um=position.x_um if _within(config.position_um, position.x_um) else 0.0,
-        force_mN=0.0,
-        force_uncertainty_mN=0.0,
-        perturbation_mN=0.0,
-        zero_age_s=None,
-        zero_refusal=state.zero_refusal,
-        applied_V=state.response.voltage_V if applied is None else applied.voltage_V,
-        applied_seq=-1 if applied is None else applied.seq,
-        limits_active=0 if applied is None else applied.limits_active,
-        tripped=applied is not None and applied.state in TRIPPED,
-        degraded=applied is None,
-        valid=False,
-        fault=_fault(config, state, position, applied),
-    )
-
-
-def _fault(
-    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
-) -> Fault | None:
-    """Why there is no force to be had from a sample."""
-    if not position.valid:
-        return position.fault
-    low_um, high_um = config.position_um
-    if not low_um <= position.x_um <= high_um:
-        return fault(
-            FaultCode.POSITION_OUT_OF_RANGE,
-            x_um=position.x_um,
-            minimum_um=low_um,
-            maximum_um=high_um,
-        )
-    if stuck := state.stuck.fault:
-        return stuck
-    return fault(FaultCode.NO_APPLIED_VOLTAGE) if applied is None else None
 
 
 def handle(
@@ -279,5 +218,6 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
     start=start,
     step=step,
     handle=handle,
+    ahead=ahead,
     state_snapshot=("response", "unknown", "reversal_memory", "highest_V", "known_V"),
 )

@@ -47,5 +47,5 @@ def narrowed_past(config: EstimatorConfig, state: State, t_s: float) -> UnknownP
     standard_um = hypot(
         response.error_um(), creep_um(config, t_s - state.zero_s) / COVERAGE, config.noise_um
     )
-    residual_um = response.residual_um(rest_mean(state.samples, count))
+    residual_um = response.residual_um(rest_mean(state.free_motion.samples, count))
     return state.unknown.compared(response, residual_um, standard_um)

@@ -81,6 +81,8 @@ LAW: dict[str, Any] = {
     "force_age": "planned",
     "spectral_radius": 0.956,
     "spectral_radius_limit": 0.97,
+    "sensitivity_peak": 1.91,
+    "sensitivity_peak_limit": None,
 }
 """Part of the examples."""
 
@@ -102,7 +104,11 @@ class Law(Model):
     spectral_radius: float
     """Of the loop at the worst that the rig file admits; 1 and more is unstable."""
     spectral_radius_limit: float
-    """Beyond it a job is refused before anything moves."""
+    """Beyond it a job is refused before anything moves; that of a time constant, by the period."""
+    sensitivity_peak: float | None = None
+    """M_s of the loop at its worst; None: the loop is unstable."""
+    sensitivity_peak_limit: float | None = None
+    """Likewise; None at periods that are long against the mode, where the radius decides alone."""
 
 
 class JobPlan(Model):

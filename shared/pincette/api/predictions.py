@@ -16,6 +16,7 @@ Quantity = Literal[
     "duration",
     "sweep_amplitude",
     "spectral_radius",
+    "sensitivity_peak",
 ]
 Side = Literal["above", "below"]
 

@@ -13,6 +13,7 @@ from pincette.control.force.observers import (
     QuasiStatic,
     QuasiStaticParameters,
     held_age,
+    kept,
     least_period_s,
 )
 from pincette.control.planning.contact_plan import PlannedRig
@@ -86,8 +87,9 @@ def _observer(model: Model, period_s: float, noise_um: float) -> ForceObserver:
             rate_mN_per_s=model.force_rate_mN_per_s,
         )
     if model.force_observer == "smooth":
-        older = held_age(model.delay_s(period_s) / period_s)
-        return QuasiStatic(QuasiStaticParameters(s_p, older=older))
+        output = model.output(period_s)
+        older, lag = held_age(output.delay_s / period_s), kept(period_s, output.lag_s)
+        return QuasiStatic(QuasiStaticParameters(s_p, older=older, lag=lag))
     least_s = least_period_s(omega_n)
     if period_s < least_s:
         raise ValueError(

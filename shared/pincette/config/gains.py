@@ -15,7 +15,8 @@ from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.profiles import quintic
 from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.free_response import GROWTH_V
-from pincette.control.stability.assessment import LIMIT_RADIUS, Assessment, assess
+from pincette.control.stability.assessment import Assessment, assess
+from pincette.control.stability.limits import LIMIT_PEAK, limit_radius_at, short, widened
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.tuning import (
     Grid,
@@ -26,7 +27,12 @@ from pincette.control.stability.tuning import (
     track_each,
     tune,
 )
-from pincette.control.stability.worst_case import Intervals, around, worst_case
+from pincette.control.stability.worst_case import (
+    Intervals,
+    around,
+    worst_case,
+    worst_sensitivity,
+)
 
 TUNED_HZ = 0.5
 """Frequency of the sinusoid that gains are tuned on, that of the paper."""
@@ -77,23 +83,28 @@ def _tuned(
     tracks: Tracks,
 ) -> Tuning:
     rig = RigFile.model_validate_json(rig_json)
-    path = _path(rig)
+    path, limit = _path(rig), limit_radius_at(rig.rig.period_s)
     return tune(
         _tuning_rig(rig, len(path.force_r_mN), parameter_set),
         path,
         definition,
         # That of an assessment, which would also look for advice on each that is refused.
-        lambda settings: worst_case(
-            loop(rig, settings),
-            intervals(rig, parameter_set),
-            LIMIT_RADIUS,
-            enough=LIMIT_RADIUS,
-        )[1],
-        radius_limit=LIMIT_RADIUS,
+        lambda settings: _judged_radius(rig, settings, limit),
+        radius_limit=limit,
         grid=None if grid is None else dict(grid),
         tracks=tracks,
         parameter_set=parameter_set,
     )
+
+
+def _judged_radius(rig: RigFile, settings: LawSettings, limit: float) -> float:
+    """The radius as an assessment finds it; at least the limit where M_s is beyond its own."""
+    of_rig = loop(rig, settings)
+    met = widened(of_rig, intervals(rig, settings.set))
+    radius = worst_case(of_rig, met, limit, enough=limit)[1]
+    if radius < limit and short(of_rig) and worst_sensitivity(of_rig, met)[1] > LIMIT_PEAK:
+        return limit
+    return radius
 
 
 def _path(rig: RigFile) -> TuningPath:
@@ -152,6 +163,8 @@ def loop(rig: RigFile, settings: LawSettings) -> Loop:
         arm=rig.model.arm(),
         period_s=rig.rig.period_s,
         force_filter_s=rig.model.force_filter_s,
+        output_lag_s=rig.model.output_lag_s,
+        told=rig.model.output(rig.rig.period_s),
         observer=force_observer(rig),
     )
 

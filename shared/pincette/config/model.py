@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from pincette.config.tables import NotNegative, Positive, Table
-from pincette.control.arm.plant import ArmParameters, consistent_arm
+from pincette.control.arm.plant import ArmParameters, OutputTiming, consistent_arm
 from pincette.control.response.error_growth import ErrorGrowth, checked_growth
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.recorded_response import RecordedBranches, Turn
@@ -246,10 +246,11 @@ class Model(Table):
         known = {"piezo_um_per_V", "free_response", "recorded_response"}
         return hashlib.sha256(self.model_dump_json(include=known).encode()).hexdigest()[:16]
 
-    def delay_s(self, period_s: float) -> float:
-        """From a sample until its voltage acts on the arm: delay of the output, and its lag."""
+    def output(self, period_s: float) -> OutputTiming:
+        """When a voltage acts on the arm, as measured or assumed."""
         given_s = self.output_delay_s
-        return (USUAL_DELAY * period_s if given_s is None else given_s) + self.output_lag_s
+        delay_s = USUAL_DELAY * period_s if given_s is None else given_s
+        return OutputTiming(delay_s, self.output_lag_s)
 
     def arm(self) -> ArmParameters:
         """m, b, k, d of the consistent set."""

@@ -1,6 +1,7 @@
 """The programs of a rig: their addresses, supervisor and recorder, and their real-time settings."""
 
 from dataclasses import dataclass
+from ipaddress import ip_address
 from typing import Annotated, Literal, cast
 from urllib.parse import urlsplit
 
@@ -128,6 +129,40 @@ class Supervisor(Table):
         """Where REST and the page are."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{'https' if self.tls else 'http'}://{host}:{self.port}"
+
+
+class Sila(Table):
+    """Where the SiLA 2 server listens, and how it is reached."""
+
+    host: str = "127.0.0.1"
+    """Beyond loopback it starts only with a certificate."""
+    port: int = Field(default=50052, ge=1, le=65535)
+    """That SiLA's own examples use."""
+    certificate: str | None = None
+    """File of its certificate (PEM), relative to the rig file, with the private key in the file
+    beside it that ends with .key. None: it speaks without TLS."""
+    discovery: bool = False
+    """Announce it in the local network by mDNS."""
+    login: bool = False
+    """Motions want a login with a key of the supervisor."""
+    supervisor: str | None = None
+    """Address of the supervisor, as http://bench:8000. None: by ``[supervisor]``."""
+
+    @model_validator(mode="after")
+    def _secure(self) -> "Sila":
+        if self.certificate is None and not _is_loopback(self.host):
+            raise ValueError(
+                f"host = {self.host!r} without a certificate: others could move the arm; state "
+                "`certificate`, or listen on 127.0.0.1"
+            )
+        return self
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 Ticking = Literal["router", "rig", "sensor", "estimator", "controller", "actuator"]

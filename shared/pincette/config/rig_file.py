@@ -12,7 +12,7 @@ from pincette.config.instruments import Output, Sensor
 from pincette.config.laws import Law, default_set
 from pincette.config.limits import Limits, Safety
 from pincette.config.model import Model
-from pincette.config.programs import Bus, RealTime, Recorder, Supervisor
+from pincette.config.programs import Bus, RealTime, Recorder, Sila, Supervisor
 from pincette.config.simulation import Simulation
 from pincette.config.tables import Positive, Table
 from pincette.control.laws.definition import LawSettings
@@ -155,6 +155,7 @@ UNSHARED: Mapping[str, set[str] | bool] = {
     "calibration": True,
     "realtime": True,
     "recorder": True,
+    "sila": True,
     "supervisor": {"names", "behind", "keys", "webhooks", "mail"},
 }
 """What may differ between programs: nothing of the loop works with it."""
@@ -177,6 +178,7 @@ class RigFile(Table):
     calibration: Calibrating = Calibrating()
     supervisor: Supervisor = Supervisor()
     recorder: Recorder = Recorder()
+    sila: Sila = Sila()
     realtime: RealTime = RealTime()
     simulation: Simulation | None = None
 

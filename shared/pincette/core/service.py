@@ -110,6 +110,9 @@ class Service(Generic[R, C, S, I]):
     start: Callable[[C], S]
     step: Callable[[C, S, I, float], tuple[S, tuple[Message | DeviceCommand, ...]]]
     handle: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | DeviceCommand, ...]]]
+    ahead: Callable[[C, S, Message], S] | None = None
+    """Work out what the next step will need, while nobody waits for it: of a sample that waits to
+    be joined, and of the first output of a step once all are published. It changes no number."""
     instrument: Literal["position_sensor", "voltage_output"] | None = None
     wake_s: Callable[[C], float] | None = None
     """In real time, step at least this often; None: only when something comes."""

@@ -12,13 +12,7 @@ from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse
 from pincette.control.safety.confirmation import READ_BACK_V
 from pincette.core.faults import Cause, Fault, Predecessor
 from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
-from pincette.core.service import (
-    AnyService,
-    ReadBack,
-    RefusedError,
-    Role,
-    Slept,
-)
+from pincette.core.service import AnyService, ReadBack, RefusedError, Role, Slept
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
 from pincette.engine.instrument import ORDERS, Device, Instrument, published
@@ -75,6 +69,7 @@ class Node:
         self._too_slow = too_slow(rig) if judges else ""
         self._device = Instrument(device, self.period_s)
         self._instrument = service.instrument is not None
+        self._said: tuple[Any, ...] = ()  # outputs of the newest step
         self._drives = service.instrument == "voltage_output"
         self._joins = Synchronizer(service)
         self._roles: dict[type, Role] = {item.topic.message: item.role for item in service.inputs}
@@ -89,6 +84,8 @@ class Node:
         role = self._roles[type(sample)]
         if role == "join":
             self._joins.keep(sample, self.state.epoch)
+            if self.service.ahead is not None:
+                self.state = self.service.ahead(self.config, self.state, sample)
         elif role == "trigger":
             if self.lockstep or self._displaces(sample):
                 self._pending.append(Pending(sample, now))
@@ -158,9 +155,8 @@ class Node:
     def wake(self, now: float) -> tuple[Message, ...]:
         """Step because time has passed; a watched instrument is fed only by a healthy service."""
         values = self._joins.row()
-        healthy = self.service.may_kick_watchdog is None or self.service.may_kick_watchdog(
-            self.config, self.state, now
-        )
+        judge = self.service.may_kick_watchdog
+        healthy = judge is None or judge(self.config, self.state, now)
         if healthy and (fault := self._device.keep_alive(now)):
             values[0] = fault
         return self._step(values, now)
@@ -198,6 +194,7 @@ class Node:
             self.config, self.state, service.inputs_type(*values), now
         )
         if not self._instrument or not outputs or not isinstance(outputs[0], ORDERS):
+            self._said = outputs
             return outputs
         said = self._device.put_out(outputs[0])
         while said is not None:
@@ -212,6 +209,12 @@ class Node:
             if not isinstance(outputs[0], ReadBack):
                 break
         return published(outputs)
+
+    def look_ahead(self) -> None:
+        """The outputs of the newest step are published: work out what the next one will need."""
+        if self.service.ahead is not None and self._said:
+            self.state = self.service.ahead(self.config, self.state, self._said[0])
+            self._said = ()
 
     def call(self, request: Message, now: float) -> tuple[Message | str, tuple[Message, ...]]:
         """Answer a request: the reply, or the text of a refusal, and what is to be published."""
@@ -268,9 +271,8 @@ class Node:
         if request.calibration == self.calibration.text():
             return self.config
         try:
-            return self.service.configure(
-                calibrated(self._rig, parse_calibration(request.calibration))
-            )
+            rig = calibrated(self._rig, parse_calibration(request.calibration))
+            return self.service.configure(rig)
         except ConfigError as error:
             raise RefusedError(f"{self.service.name}: {error}") from error
 

@@ -116,6 +116,7 @@ class Task:
         """The outputs of that step are published."""
         if self.stats is not None:
             self.stats.published(now)
+        self.node.look_ahead()
 
     def tick(self, now: float) -> Outputs:
         """Make the step of the timer; ``finish_tick`` once its outputs are published."""

@@ -8,7 +8,7 @@ from pincette.config import RigFile
 from pincette.config.gains import judged, tuned
 from pincette.config.reading import laid_over
 from pincette.control.laws.parameters import ParameterSet
-from pincette.control.stability.assessment import LIMIT_RADIUS
+from pincette.control.stability.limits import LIMIT_RADIUS
 from tests.support.laws import default_settings, law_settings
 from tests.support.rigs import Tree, demo_rig
 
@@ -60,7 +60,7 @@ def test_a_hopeless_law_is_refused_with_its_radius(observer: str) -> None:
     found = judged(fast, law_settings(K_P=1.0))
     assert not found.stable
     assert found.radius > 1.0
-    assert f"spectral radius {found.radius:.4g}, limit 0.97" in found.reason
+    assert f"spectral radius {found.radius:.4g}, limit {found.limit_radius:.4g}" in found.reason
     assert "at a period of 1 ms" in found.reason
 
 

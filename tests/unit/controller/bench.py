@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from msgspec.structs import replace
 
-from pincette.control.arm.plant import consistent_arm, discretize
+from pincette.control.arm.plant import PROMPT, consistent_arm, discretize
 from pincette.control.laws.definition import LawSettings
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.response.free_response import FreeSample, nominal_response
@@ -24,7 +24,7 @@ CONFIG = ControllerConfig(
     law=law_settings(K_P=2.0),
     installed=LAWS,
     force_filter_s=0.03,
-    delay_s=0.0,
+    output=PROMPT,
     monitors=MonitorLimits(T, 50.0, 3, 10.0, 0.1, 5, -29.0, 79.0, 3),
     voltage=VoltageLimits(-1.0, 4.0, 0.2, 0.1),
 )

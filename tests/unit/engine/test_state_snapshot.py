@@ -64,7 +64,7 @@ def test_what_an_estimator_remembers_comes_back(kind: type) -> None:
     back = restored(ESTIMATOR, config, ESTIMATOR.start(config), text)
     for name in ESTIMATOR.state_snapshot:
         assert repr(getattr(back, name)) == repr(getattr(state, name))
-    assert back.samples == ()
+    assert back.free_motion.samples == ()
     assert back.response.follow(0.9, 0.02) == state.response.follow(0.9, 0.02)
 
 

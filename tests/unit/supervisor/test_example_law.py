@@ -64,7 +64,7 @@ def test_the_page_shows_the_whole_file(language: str, file: str) -> None:
 
 def test_rest_tells_its_name_and_its_gains(harness: Harness) -> None:
     laws = {law["scheme"]: law for law in harness.get("/laws")["laws"]}
-    assert set(laws) == {"pbsmic", "dsmifc", NAME}
+    assert set(laws) == {"pbsmic", "dsmifc", "fpbsmic", NAME}
     gains = {gain["name"]: gain["default"] for gain in laws[NAME]["gains"]}
     assert gains == {"K_I": 0.3, "M": 1e-3, "B": 8.9221, "K": 1.9901e4, "K_f": 5000.0}
 
@@ -122,7 +122,7 @@ def test_a_scheme_that_is_not_installed_is_refused_with_those_that_are(harness: 
     assert response.status_code == 422
     (error,) = response.json()["errors"]
     assert error["pointer"] == "/scheme"
-    assert f"there are dsmifc, {NAME}, pbsmic" in error["message"]
+    assert f"there are dsmifc, {NAME}, fpbsmic, pbsmic" in error["message"]
 
 
 def test_the_command_line_passes_it_on() -> None:

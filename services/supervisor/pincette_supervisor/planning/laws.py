@@ -1,6 +1,7 @@
 """Which law a job runs with: scheme, parameter set and gains, and whether it may run at all."""
 
 from dataclasses import replace
+from math import inf
 from typing import NamedTuple
 
 from pincette.api.plans import GainsFrom, Law
@@ -14,7 +15,8 @@ from pincette.control.stability.assessment import Assessment
 from pincette_supervisor.planning.errors import FaultyRequestError
 
 SPECTRAL_RADIUS: Quantity = "spectral_radius"
-"""Quantity of the violation that a loop which is not stable enough makes."""
+SENSITIVITY_PEAK: Quantity = "sensitivity_peak"
+"""Quantities of the violation that a loop which is not stable enough makes."""
 
 
 class ChosenLaw(NamedTuple):
@@ -34,21 +36,28 @@ class ChosenLaw(NamedTuple):
             gains_from=self.gains_from,
             spectral_radius=self.assessment.radius,
             spectral_radius_limit=self.assessment.limit_radius,
+            sensitivity_peak=_finite(self.assessment.sensitivity_peak),
+            sensitivity_peak_limit=_finite(self.assessment.limit_peak),
         )
 
     def violation(self) -> Violation:
-        """The loop's spectral radius as a limit that a plan breaks before it begins."""
+        """The loop's spectral radius or M_s as a limit that a plan breaks before it begins."""
         judged = self.assessment
+        by_radius = judged.radius >= judged.limit_radius
         return Violation(
             pointer="/gains",
-            quantity=SPECTRAL_RADIUS,
+            quantity=SPECTRAL_RADIUS if by_radius else SENSITIVITY_PEAK,
             side="above",
-            value=judged.radius,
-            limit=judged.limit_radius,
+            value=judged.radius if by_radius else judged.sensitivity_peak,
+            limit=judged.limit_radius if by_radius else judged.limit_peak,
             unit="",
             at_s=0.0,
             message=judged.reason,
         )
+
+
+def _finite(value: float) -> float | None:
+    return value if value < inf else None
 
 
 def rig_law(rig: RigFile) -> ChosenLaw:

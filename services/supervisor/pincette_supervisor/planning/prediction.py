@@ -12,7 +12,7 @@ from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
 from pincette_supervisor.planning.dry_run import DryRun, run_dry
 from pincette_supervisor.planning.identified_arm import Instruments
-from pincette_supervisor.planning.laws import SPECTRAL_RADIUS
+from pincette_supervisor.planning.laws import SENSITIVITY_PEAK, SPECTRAL_RADIUS
 from pincette_supervisor.planning.margins import margins, peaks, violations
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
@@ -42,7 +42,7 @@ def with_prediction(planned: Planned, dry_run: DryRun) -> Planned:
     prediction = predict(planned, dry_run)
     broken = sorted(
         [*planned.plan.violations, *prediction.violations],
-        key=lambda violation: violation.quantity == SPECTRAL_RADIUS,
+        key=lambda violation: violation.quantity in (SPECTRAL_RADIUS, SENSITIVITY_PEAK),
     )
     predicted = {"prediction": prediction, "violations": broken, "feasible": not broken}
     return replace(planned, plan=planned.plan.model_copy(update=predicted))

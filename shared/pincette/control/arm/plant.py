@@ -7,6 +7,7 @@ numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from pincette.control.checks import require_positive
 
@@ -25,6 +26,19 @@ class ArmParameters:
     """Piezoelectric coefficient, mN/V."""
 
 
+class OutputTiming(NamedTuple):
+    """When a voltage acts on the arm."""
+
+    delay_s: float = 0.0
+    """From a sample until the voltage that answers it is put out."""
+    lag_s: float = 0.0
+    """Time constant of a first-order lag between output and arm."""
+
+
+PROMPT = OutputTiming()
+"""At once."""
+
+
 @dataclass(frozen=True, slots=True)
 class DifferenceEquation:
     """Coefficients of (4): m̄, b̄, k̄ in mN/µm, d̄ in mN/V."""
@@ -33,8 +47,8 @@ class DifferenceEquation:
     b_bar: float
     k_bar: float
     d_bar: float
-    delay_s: float = 0.0
-    """From a sample until the voltage that answers it acts on the arm; for laws that look ahead."""
+    output: OutputTiming = PROMPT
+    """Of the voltage on its way to the arm, for laws that look ahead."""
 
 
 def consistent_arm(
@@ -77,7 +91,9 @@ def printed_arm() -> ArmParameters:
     return ArmParameters(m=1.8e-3, b=126.8, k=5.943e6, d=1.129e8)
 
 
-def discretize(arm: ArmParameters, period_s: float, delay_s: float = 0.0) -> DifferenceEquation:
+def discretize(
+    arm: ArmParameters, period_s: float, output: OutputTiming = PROMPT
+) -> DifferenceEquation:
     """Turn (1) into (4) by backward Euler, (2) and (3).
 
         m̄ = m/T²,  b̄ = -2m/T² - b/T,  k̄ = m/T² + b/T + k,  d̄ = d                        (5)
@@ -94,7 +110,7 @@ def discretize(arm: ArmParameters, period_s: float, delay_s: float = 0.0) -> Dif
         b_bar=-2.0 * m_bar - arm.b / T,
         k_bar=m_bar + arm.b / T + arm.k,
         d_bar=arm.d,
-        delay_s=delay_s,
+        output=output,
     )
 
 

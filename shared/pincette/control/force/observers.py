@@ -6,7 +6,7 @@ which ``state_of`` and ``with_state`` take out and put in.
 """
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import exp, pi, sqrt
 from typing import Any, Protocol, Self, TypeVar
 
 from pincette.control.checks import require_not_negative, require_positive
@@ -70,6 +70,11 @@ def held_age(delay_periods: float) -> float:
     return min(1.0, max(0.0, delay_periods - 0.5))
 
 
+def kept(period_s: float, lag_s: float) -> float:
+    """Return e^(-T/τ), what a first-order lag keeps of its state over a period; 0 without one."""
+    return exp(-period_s / lag_s) if lag_s > 0.0 else 0.0
+
+
 @dataclass(frozen=True, slots=True)
 class QuasiStaticParameters:
     """How ``QuasiStatic`` reads (53).
@@ -90,6 +95,8 @@ class QuasiStaticParameters:
     """d_p of the printed term; 0 leaves it out."""
     older: float = 0.0
     """Share of the x_1 before in that which x_k is paired with; see ``held_age``."""
+    lag: float = 0.0
+    """e^(-T/τ) of a first-order lag τ between output and arm, through which x_1 goes; 0: none."""
 
     def __post_init__(self) -> None:
         require_positive("compliance", self.compliance_um_per_mN, "µm/mN")
@@ -98,11 +105,13 @@ class QuasiStaticParameters:
             raise ValueError(f"share of the low-pass = {self.share}, must be within (0, 1]")
         if not 0.0 <= self.older <= 1.0:
             raise ValueError(f"share of the x_1 before = {self.older}, must be within 0 and 1")
+        if not 0.0 <= self.lag < 1.0:
+            raise ValueError(f"share that a lag keeps = {self.lag}, must be within [0, 1)")
 
     @property
     def bare(self) -> bool:
         """Whether a reading needs no past."""
-        plain = self.share == 1.0 and self.older == 0.0
+        plain = self.share == 1.0 and self.older == 0.0 and self.lag == 0.0
         return plain and not self.newest_voltage and self.printed_um_per_V == 0.0
 
 
@@ -127,7 +136,9 @@ class QuasiStatic(FrozenRecord, frozen=True):
     voltage_V: float = 0.0
     """u_{k-2}."""
     free_um: float = 0.0
-    """x_1 of the sample before."""
+    """x_1 of the sample before, and"""
+    lagging_um: float = 0.0
+    """behind the lag."""
 
     @property
     def noise_gain(self) -> float:
@@ -144,10 +155,11 @@ class QuasiStatic(FrozenRecord, frozen=True):
             return self, force(x_um, free_um, p.compliance_um_per_mN)
         x = self.x_um if p.newest_voltage else x_um
         printed_um = p.printed_um_per_V * (voltage_V - self.voltage_V)
-        paired_um = free_um + p.older * (self.free_um - free_um)
+        held_um = free_um + p.older * (self.free_um - free_um)
+        paired_um = (1.0 - p.lag) * held_um + p.lag * self.lagging_um
         reading_mN = force(x - printed_um, paired_um, p.compliance_um_per_mN)
         F_mN = self.force_mN + p.share * (reading_mN - self.force_mN)
-        return QuasiStatic(p, F_mN, x_um, voltage_V, free_um), F_mN
+        return QuasiStatic(p, F_mN, x_um, voltage_V, free_um, paired_um), F_mN
 
     def restart(self, x_um: float, free_um: float, voltage_V: float, /) -> "QuasiStatic":
         """Hold what a resting arm would have left behind."""
@@ -155,4 +167,4 @@ class QuasiStatic(FrozenRecord, frozen=True):
         if p.bare:
             return self
         F_mN = force(x_um, free_um, p.compliance_um_per_mN)
-        return QuasiStatic(p, F_mN, x_um, voltage_V, free_um)
+        return QuasiStatic(p, F_mN, x_um, voltage_V, free_um, free_um)

@@ -4,7 +4,7 @@ At a short period the one-sample-late p̂_k = p_{k-1} of PBSMIC takes up all of 
 backward differences of x are noise. Here the perturbation passes a filter of n equal poles, the
 prediction is quasi-static, and the planned motion goes through the model ahead of time. With the
 displacement H of the free response, S = 1 + κ_e and κ_e = s_p·K_e of the contact that the plan is
-told of (0 free), φ = max(0, δ - 1/2), and δT from a sample until its voltage acts:
+told of (0 free), φ = max(0, δ - 1/2), and δT from a sample until its voltage is put out:
 
     x̄_1,k  = (1-φ)·H_k + φ·H_{k-1}              of the age of x_k: delay and half a hold        F2
     l(t)   = 2ζ/ω_n·ẋ_r + ẍ_r/ω_n²              by which x_1 leads x, from the plan
@@ -16,6 +16,7 @@ told of (0 free), φ = max(0, δ - 1/2), and δT from a sample until its voltage
 
 W is S times the w of a perturbation in the position, so that a touch, its loss or a better K_e
 changes none of the filter's state: nothing but S jumps. The offset between x and H is part of W.
+Through a lag τ between output and arm x̄_1 goes as well, and F5 leads by τ·ẋ_r more.
 
 As a sliding mode: with n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S less its start, and p = K_P/(K_P +
 K_I) makes it the reaching law of PBSMIC; with n > 1 the sliding motion is that of F(z).
@@ -27,7 +28,7 @@ from dataclasses import dataclass
 from math import exp, pi
 
 from pincette.control.arm.plant import DifferenceEquation, continuous
-from pincette.control.force.observers import held_age
+from pincette.control.force.observers import held_age, kept
 from pincette.control.laws.definition import LawDefinition
 from pincette.control.laws.history import History
 from pincette.control.laws.impedance import (
@@ -63,6 +64,10 @@ class FpbsmicParameters:
     """φ."""
     ahead_s: float
     """φT, from the coming sample to the instant that u_k is chosen for."""
+    lag_s: float
+    """τ of a lag between output and arm, and"""
+    lag_kept: float
+    """e^(-T/τ); 0 without one."""
     poles: "Cascade"
     """p of each stage of F(z); 0 of those beyond n."""
     force_share: float
@@ -93,6 +98,8 @@ class FpbsmicState(FrozenRecord, frozen=True):
     """of the one before."""
     lead_um: float
     """l_k."""
+    lagging_um: float
+    """x̄_1 of the sample before, behind the lag."""
     begun_um: float
     """W at the start, from which the sliding function counts."""
     perturbation_um: Cascade
@@ -110,10 +117,11 @@ def build(
     poles = gains["n"]
     if poles not in range(1, MOST_POLES + 1):
         raise ValueError(f"n = {poles:g}, must be a whole number of poles from 1 to {MOST_POLES}")
-    delay = plant.delay_s / period_s
+    output = plant.output
+    delay = output.delay_s / period_s
     if delay > LATEST:
         raise ValueError(
-            f"a delay of {1e3 * plant.delay_s:.3g} ms from sample to arm is above {LATEST:g} "
+            f"a delay of {1e3 * output.delay_s:.3g} ms from sample to voltage is above {LATEST:g} "
             f"periods of {1e3 * period_s:.3g} ms: take a longer period"
         )
     arm = continuous(plant, period_s)
@@ -126,6 +134,8 @@ def build(
         lead_s2=arm.m / arm.k,
         older=older,
         ahead_s=older * period_s,
+        lag_s=output.lag_s,
+        lag_kept=kept(period_s, output.lag_s),
         poles=Cascade(*(p if stage < poles else 0.0 for stage in range(MOST_POLES))),
         force_share=1.0 - exp(-2.0 * pi * gains["f_F"] * period_s),
         impedance=discrete_impedance_of(gains, period_s),
@@ -149,6 +159,7 @@ def start(
         deviation_1_um=x_um - x_r_um,
         deviation_2_um=x_um - x_r_um,
         lead_um=0.0,
+        lagging_um=0.0,
         begun_um=0.0,
         perturbation_um=zero,
         force_error_mN=zero,
@@ -183,8 +194,11 @@ def step(
     stiffer, touch_um = 1.0 + kappa, kappa * plan.x_e_um
     older_V = state.history.applied_V
     free_um = k.um_per_V * ((1.0 - k.older) * applied_V + k.older * older_V)
+    fresh = state.fresh > 0.5
+    if not fresh:
+        free_um = (1.0 - k.lag_kept) * free_um + k.lag_kept * state.lagging_um
     found_um = stiffer * x_um - touch_um - free_um
-    if state.fresh > 0.5:
+    if fresh:
         begun_um = before_um = found_um
         filtered = Cascade(found_um, found_um, found_um, found_um)
     else:
@@ -206,7 +220,7 @@ def step(
     speed, acceleration = plan.speed_um_per_s, plan.acceleration_um_per_s2
     later_um = x_d_um + k.ahead_s * (speed + 0.5 * k.ahead_s * acceleration)
     later_speed = speed + k.ahead_s * acceleration
-    lead_um = k.lead_s * later_speed + k.lead_s2 * acceleration
+    lead_um = (k.lead_s + stiffer * k.lag_s) * later_speed + k.lead_s2 * acceleration
     wanted_um = stiffer * later_um - touch_um + lead_um - filtered.four
     coasting_um = (k.um_per_V * applied_V + filtered.four + touch_um) / stiffer
     missed_um = found_um - before_um
@@ -217,6 +231,7 @@ def step(
         deviation_1_um=x_d_um - x_r_um,
         deviation_2_um=state.deviation_1_um,
         lead_um=k.lead_s * speed + k.lead_s2 * acceleration,
+        lagging_um=free_um,
         begun_um=begun_um,
         perturbation_um=filtered,
         force_error_mN=errors,

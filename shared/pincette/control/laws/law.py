@@ -18,7 +18,14 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from pincette.control.arm.plant import ArmParameters, DifferenceEquation, discretize, printed_arm
+from pincette.control.arm.plant import (
+    PROMPT,
+    ArmParameters,
+    DifferenceEquation,
+    OutputTiming,
+    discretize,
+    printed_arm,
+)
 from pincette.control.force.estimation import smoothing
 from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.laws.force_input import ForceInput, input_force
@@ -76,10 +83,13 @@ class LawState(FrozenRecord, frozen=True):
 
 
 def model_of(
-    parameter_set: ParameterSet, arm: ArmParameters, period_s: float, delay_s: float = 0.0
+    parameter_set: ParameterSet,
+    arm: ArmParameters,
+    period_s: float,
+    output: OutputTiming = PROMPT,
 ) -> DifferenceEquation:
     """Model of the arm that a law works with; ``arm`` is the rig's, the printed set has its own."""
-    return discretize(printed_arm() if parameter_set == "printed" else arm, period_s, delay_s)
+    return discretize(printed_arm() if parameter_set == "printed" else arm, period_s, output)
 
 
 def build(
@@ -88,7 +98,7 @@ def build(
     period_s: float,
     force_filter_s: float,
     response: HysteresisModel | None = None,
-    delay_s: float = 0.0,
+    output: OutputTiming = PROMPT,
 ) -> Law:
     """Make a law of its settings.
 
@@ -100,8 +110,8 @@ def build(
         Time constant of the low-pass over F - F_r; 0 has none.
     response
         The identified free response, for the identified set.
-    delay_s
-        From a sample until the voltage that answers it acts on the arm, for laws that look ahead.
+    output
+        When a voltage acts on the arm, for laws that look ahead.
 
     Raises
     ------
@@ -110,7 +120,7 @@ def build(
         identified one and there is no response.
     """
     definition = settings.definition
-    plant = model_of(settings.set, arm, period_s, delay_s)
+    plant = model_of(settings.set, arm, period_s, output)
     parameters = definition.build(plant, settings.gains, period_s)
     planned = settings.force_age == "planned"
     filter_s = 0.0 if definition.previews else force_filter_s

@@ -16,7 +16,8 @@ from pincette.control.checks import require_positive
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import move, quintic, run_up
 from pincette.control.planning.program import SegmentKind
-from pincette.control.response.hysteresis import HysteresisModel, free_voltages
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.inverse import free_voltages
 
 LONGEST_S = 10_800.0
 """What takes longer is not planned: an hour's hold or path, a warm-up, and room for the rest."""

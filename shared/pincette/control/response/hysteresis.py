@@ -25,20 +25,14 @@ P. Krejčí, Hysteresis, Convexity and Dissipation in Hyperbolic Equations, Gakk
 II.3, for the Preisach operator by plays.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise, repeat
+from itertools import count, pairwise, repeat
 from math import exp, expm1, isfinite
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
-
-TOLERANCE_UM = 1e-4
-"""Of a displacement, to which the voltage that leads there is found."""
-ROUNDS = 60
-REACH_V = 100.0
-"""A voltage beyond it is never looked for: no displacement that needs it can be had."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,12 +132,12 @@ def _yielded(
         return plays, static_um
     before = state.voltage_V
     way_V, rises = abs(u - before), u - before > 0.0
-    moved: list[float] = []
+    moved = list(plays)
     static_um = model.curvature_um_per_V2 * u * u
     fadings = model.fadings_per_V or repeat(0.0)
     # Not strict: without fading the zeros have no end.
-    for r, w, y, fading in zip(
-        model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
+    for place, r, w, y, fading in zip(
+        count(), model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
     ):
         within = y
         if fading != 0.0:
@@ -153,7 +147,7 @@ def _yielded(
         low_V, high_V = u - r, u + r
         play = within if within < high_V else high_V
         play = play if play > low_V else low_V
-        moved.append(play)
+        moved[place] = play
         static_um += w * play
     if model.squares_um_per_V2:
         static_um += _bends_um(model, moved)
@@ -181,16 +175,21 @@ def bend_um(square: float, cube: float, low_V: float, high_V: float, y: float) -
     return bent
 
 
-def displacement_after(
-    model: HysteresisModel, state: HysteresisState, voltage_V: float, dt_s: float
-) -> float:
-    """``displacement_um`` of the memory that ``step`` would leave, in µm."""
-    _, static_um = _yielded(model, state, voltage_V)
-    total = static_um
+def displacements_after(
+    model: HysteresisModel, state: HysteresisState, dt_s: float
+) -> Callable[[float], float]:
+    """``displacement_um`` in µm of the memory that ``step`` would leave, by voltage in V."""
     factors = creep_factors(model.creep_times_s, dt_s)
-    for fraction, c, a in zip(model.creep_fractions, state.creep_um, factors, strict=True):
-        total += fraction * (static_um + (c - static_um) * a)
-    return total
+    creep = list(zip(model.creep_fractions, state.creep_um, factors, strict=True))
+
+    def displacement_at(voltage_V: float) -> float:
+        _, static_um = _yielded(model, state, voltage_V)
+        total = static_um
+        for fraction, c, a in creep:
+            total += fraction * (static_um + (c - static_um) * a)
+        return total
+
+    return displacement_at
 
 
 def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:
@@ -205,57 +204,6 @@ def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:
 def creep_factors(creep_times_s: tuple[float, ...], dt_s: float) -> tuple[float, ...]:
     """Exact factors exp(-dt/τ_j), worked out once for a model and a step."""
     return tuple([exp(-dt_s / time_s) for time_s in creep_times_s])
-
-
-def free_voltages(
-    model: HysteresisModel, displacements_um: Sequence[float], period_s: float
-) -> list[float]:
-    """Voltages in V, held for a period each, that bring an unpoled arm to displacements in µm.
-
-    The displacement a voltage leads to is continuous in it, and rises over the states that a
-    model was identified by. Each is found by false position (Illinois) between two voltages that
-    enclose it, to ``TOLERANCE_UM``; where it did not rise, one of several would be found.
-    """
-    state, voltages = start(model), list[float]()
-    for wanted_um in displacements_um:
-        state = _reach(model, state, wanted_um, period_s)
-        voltages.append(state.voltage_V)
-    return voltages
-
-
-def _reach(
-    model: HysteresisModel, state: HysteresisState, wanted_um: float, period_s: float
-) -> HysteresisState:
-    """State after a period at the voltage that brings a displacement."""
-    low = high = step(model, state, state.voltage_V, period_s)
-    low_um = high_um = displacement_um(model, low) - wanted_um
-    if abs(low_um) <= TOLERANCE_UM:
-        return low
-    # Enclose it: from the present voltage outwards, in strides that double.
-    stride_V = -0.05 if low_um > 0.0 else 0.05
-    while low_um * high_um > 0.0:
-        low, low_um = high, high_um
-        voltage_V = high.voltage_V + stride_V
-        if abs(voltage_V) > REACH_V:
-            return high
-        high = step(model, state, voltage_V, period_s)
-        high_um, stride_V = displacement_um(model, high) - wanted_um, 2.0 * stride_V
-    found = high
-    for _ in range(ROUNDS):
-        if low_um == high_um:
-            break
-        voltage_V = (low.voltage_V * high_um - high.voltage_V * low_um) / (high_um - low_um)
-        found = step(model, state, voltage_V, period_s)
-        found_um = displacement_um(model, found) - wanted_um
-        if abs(found_um) <= TOLERANCE_UM:
-            break
-        if found_um * high_um < 0.0:
-            low, low_um = high, high_um
-        else:
-            # An end that stays counts half, which ends the crawl of plain false position.
-            low_um *= 0.5
-        high, high_um = found, found_um
-    return found
 
 
 def _require_possible(plays: list[tuple[float, float, float]]) -> None:

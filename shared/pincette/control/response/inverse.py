@@ -9,14 +9,23 @@ The search is a record and a pure step from one evaluation to the next, so that 
 compiled batch evaluate H each in their own way and come to the same bits.
 """
 
+from collections.abc import Sequence
+
 from pincette.control.record import FrozenRecord
 from pincette.control.response.hysteresis import (
-    TOLERANCE_UM,
     HysteresisModel,
     HysteresisState,
-    displacement_after,
+    displacement_um,
+    displacements_after,
+    start,
+    step,
 )
 
+TOLERANCE_UM = 1e-4
+"""Of a displacement, to which the voltage that leads there is found."""
+ROUNDS = 60
+REACH_V = 100.0
+"""A voltage beyond it is never looked for: no displacement that needs it can be had."""
 MOST = 16
 """Evaluations after which the last voltage is taken as it is."""
 EXTRAPOLATED = 3
@@ -96,9 +105,61 @@ def voltage_for(
         Mean slope of the response, above 0, from which the search begins.
     """
     from_V = memory.voltage_V
-    at_um = displacement_after(model, memory, from_V, period_s)
+    displacement_at = displacements_after(model, memory, period_s)
+    at_um = displacement_at(from_V)
     search = begin_search(from_V, at_um, wanted_um, um_per_V)
     while not search.done:
-        found_um = displacement_after(model, memory, search.voltage_V, period_s)
+        found_um = displacement_at(search.voltage_V)
         search = go_on(search, found_um)
     return search.voltage_V
+
+
+def free_voltages(
+    model: HysteresisModel, displacements_um: Sequence[float], period_s: float
+) -> list[float]:
+    """Voltages in V, held for a period each, that bring an unpoled arm to displacements in µm.
+
+    The displacement a voltage leads to is continuous in it, and rises over the states that a
+    model was identified by. Each is found by false position (Illinois) between two voltages that
+    enclose it, to ``TOLERANCE_UM``; where it did not rise, one of several would be found.
+    """
+    state, voltages = start(model), list[float]()
+    for wanted_um in displacements_um:
+        state = _reach(model, state, wanted_um, period_s)
+        voltages.append(state.voltage_V)
+    return voltages
+
+
+def _reach(
+    model: HysteresisModel, state: HysteresisState, wanted_um: float, period_s: float
+) -> HysteresisState:
+    """State after a period at the voltage that brings a displacement."""
+    low = high = step(model, state, state.voltage_V, period_s)
+    low_um = high_um = displacement_um(model, low) - wanted_um
+    if abs(low_um) <= TOLERANCE_UM:
+        return low
+    # Enclose it: from the present voltage outwards, in strides that double.
+    stride_V = -0.05 if low_um > 0.0 else 0.05
+    while low_um * high_um > 0.0:
+        low, low_um = high, high_um
+        voltage_V = high.voltage_V + stride_V
+        if abs(voltage_V) > REACH_V:
+            return high
+        high = step(model, state, voltage_V, period_s)
+        high_um, stride_V = displacement_um(model, high) - wanted_um, 2.0 * stride_V
+    found = high
+    for _ in range(ROUNDS):
+        if low_um == high_um:
+            break
+        voltage_V = (low.voltage_V * high_um - high.voltage_V * low_um) / (high_um - low_um)
+        found = step(model, state, voltage_V, period_s)
+        found_um = displacement_um(model, found) - wanted_um
+        if abs(found_um) <= TOLERANCE_UM:
+            break
+        if found_um * high_um < 0.0:
+            low, low_um = high, high_um
+        else:
+            # An end that stays counts half, which ends the crawl of plain false position.
+            low_um *= 0.5
+        high, high_um = found, found_um
+    return found

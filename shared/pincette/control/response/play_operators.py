@@ -93,7 +93,7 @@ def crept(k: Plays, creep_um: Floats, static_um: float) -> float:
 def displacement_after(
     k: Plays, plays_V: Floats, creep_um: Floats, static_um: float, before_V: float, voltage_V: float
 ) -> float:
-    """``hysteresis.displacement_after``: what ``yielded`` and ``crept`` would give; moves nothing.
+    """``hysteresis.displacements_after``: what ``yielded`` and ``crept`` would give; moves nothing.
 
     ``static_um`` is the static part at ``before_V``.
     """

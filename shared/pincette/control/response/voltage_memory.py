@@ -27,29 +27,40 @@ class Piece(NamedTuple):
 
 
 class VoltageMemory(FrozenRecord, frozen=True):
-    """Pieces since the arm was unpoled at 0 V, the oldest first."""
+    """Pieces since the arm was unpoled at 0 V."""
 
     pieces: tuple[Piece, ...] = ()
+    """The oldest first; most voltages leave them as they are."""
+    newest: tuple[Piece, ...] = ()
+    """The last of them, apart: one, or none where it is still among ``pieces``."""
+
+    @property
+    def path(self) -> tuple[Piece, ...]:
+        """All pieces, the oldest first."""
+        return (*self.pieces, *self.newest)
 
     def follow(self, voltage_V: float, dt_s: float) -> "VoltageMemory":
         """Take in a voltage that has held for ``dt_s``."""
-        if not self.pieces:
-            return VoltageMemory((Piece(voltage_V, dt_s, 0.0),))
-        before, last = self.pieces[:-1], self.pieces[-1]
+        pieces, newest = self.pieces, self.newest
+        if not newest:
+            if not pieces:
+                return VoltageMemory((), (Piece(voltage_V, dt_s, 0.0),))
+            pieces, newest = pieces[:-1], pieces[-1:]
+        (last,) = newest
         change_V = voltage_V - last.to_V
         if abs(change_V) < SMALL_V:
             rested = Piece(last.to_V, last.move_s, last.rest_s + dt_s)
-            return VoltageMemory((*before, rested))
-        came_from_V = before[-1].to_V if before else 0.0
+            return VoltageMemory(pieces, (rested,))
+        came_from_V = pieces[-1].to_V if pieces else 0.0
         if last.rest_s == 0.0 and change_V * (last.to_V - came_from_V) > 0.0:
-            return VoltageMemory((*before, Piece(voltage_V, last.move_s + dt_s, 0.0)))
-        kept = self.pieces[1 - MOST_PIECES :]
-        return VoltageMemory((*kept, Piece(voltage_V, dt_s, 0.0)))
+            return VoltageMemory(pieces, (Piece(voltage_V, last.move_s + dt_s, 0.0),))
+        kept = (*pieces, last)[1 - MOST_PIECES :]
+        return VoltageMemory(kept, (Piece(voltage_V, dt_s, 0.0),))
 
     def replayed(self, response: FreeResponse) -> FreeResponse:
         """Lead a model through all of it, straight from where it stands."""
         at_V = response.voltage_V
-        for to_V, move_s, rest_s in self.pieces:
+        for to_V, move_s, rest_s in self.path:
             strides = max(1, ceil(abs(to_V - at_V) / STRIDE_V))
             for stride in range(1, strides + 1):
                 share = stride / strides

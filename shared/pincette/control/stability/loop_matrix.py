@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from pincette.control.arm.plant import ArmParameters
+from pincette.control.arm.plant import PROMPT, ArmParameters, OutputTiming
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.force.observers import (
     ForceObserver,
@@ -28,6 +28,7 @@ from pincette.control.force.observers import (
 from pincette.control.laws import law as control_law
 from pincette.control.laws.definition import Array, LawSettings
 from pincette.control.laws.law import Law
+from pincette.control.laws.planned_motion import PlannedMotion
 from pincette.control.record import field_names
 from pincette.control.stability.sampled_arm import LoopCase, sampled_arms
 
@@ -58,6 +59,8 @@ class Loop:
     """Time constant of the low-pass over F - F_r, which acts with planned forces."""
     output_lag_s: float = 0.0
     """First-order lag between output and arm."""
+    told: OutputTiming = PROMPT
+    """When a voltage acts, as a law that looks ahead is told."""
     force: ForceOfLaw = "estimated"
     """``true`` gives the law K_e·x instead of the observer's force."""
     observer: ForceObserver | None = None
@@ -116,15 +119,17 @@ def matrix_of(step: Callable[[list[float]], list[float]], inputs: int) -> Array:
     return found
 
 
-def law_matrix(law: Law) -> Array:
+def law_matrix(law: Law, told_mN_per_um: float = 0.0) -> Array:
     """Return the matrix of ``law.step``: (x in µm, F in mN, u_{k-1} in V, state) to (u_k, state).
 
     Shape (1 + n, 3 + n) with n floats of state, u_k in V. It is the law's own ``linearise`` where
-    the law brings one, which may order its n states as it likes.
+    the law brings one, which may order its n states as it likes. ``told_mN_per_um`` is the contact
+    that a law which looks ahead is told of; 0: none.
     """
     if law.definition.linearise is not None:
         return law.definition.linearise(law)
     template = control_law.start(law, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)
+    plan = PlannedMotion(K_e_mN_per_um=told_mN_per_um)
 
     def step(given: list[float]) -> list[float]:
         x_um, force_mN, applied_V, *state = given
@@ -137,6 +142,7 @@ def law_matrix(law: Law) -> Array:
             x_r_um=0.0,
             force_r_mN=0.0,
             limited=0,
+            plan=plan,
         )
         return [output.voltage_V, *flatten(after)]
 
@@ -145,7 +151,12 @@ def law_matrix(law: Law) -> Array:
 
 @lru_cache(maxsize=256)
 def law_block(
-    settings: LawSettings, arm: ArmParameters, period_s: float, force_filter_s: float
+    settings: LawSettings,
+    arm: ArmParameters,
+    period_s: float,
+    force_filter_s: float,
+    output: OutputTiming = PROMPT,
+    told_mN_per_um: float = 0.0,
 ) -> Array:
     """Return ``law_matrix`` of a law; arguments and exceptions are those of ``law.build``.
 
@@ -154,7 +165,8 @@ def law_block(
     """
     if settings.set == "identified":
         settings = replace(settings, set="consistent")
-    return law_matrix(control_law.build(settings, arm, period_s, force_filter_s))
+    law = control_law.build(settings, arm, period_s, force_filter_s, output=output)
+    return law_matrix(law, told_mN_per_um)
 
 
 @lru_cache(maxsize=64)
@@ -187,8 +199,14 @@ def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     return found[:, kept][:, :, kept]
 
 
+def told_of(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
+    """Contact that the law works with in each case, in mN/µm; 0 where it is of no matter to it."""
+    previews = loop.law.definition.previews
+    return np.array([case.told if previews else 0.0 for case in cases])
+
+
 @lru_cache(maxsize=256)
-def _controller(loop: Loop) -> tuple[Array, Array]:
+def controller_block(loop: Loop, told_mN_per_um: float = 0.0) -> tuple[Array, Array]:
     """From (F, x, u_{k-1}, observer, law) to (u_k, observer, law), and the row of F̂.
 
     The law's row for F stands apart, since its force input depends on the case.
@@ -198,7 +216,7 @@ def _controller(loop: Loop) -> tuple[Array, Array]:
     if observer is None:
         observer = QuasiStatic(QuasiStaticParameters(1.0 / arm.k))
     watch = observer_block(observer)
-    law = law_block(loop.law, arm, loop.period_s, loop.force_filter_s)
+    law = law_block(loop.law, arm, loop.period_s, loop.force_filter_s, loop.told, told_mN_per_um)
     seen, kept = watch.shape[0] - 1, law.shape[0] - 1
     size = 3 + seen + kept
     # Inputs of the observer: x, x_1 = d_p·u_{k-1}, u_{k-1}, its state.
@@ -218,7 +236,19 @@ def _controller(loop: Loop) -> tuple[Array, Array]:
 
 
 def _closed(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
-    controller, reading = _controller(loop)
+    told = told_of(loop, cases)
+    found: Array | None = None
+    for value in dict.fromkeys(told.tolist()):
+        places = np.nonzero(told == value)[0]
+        some = _closed_with(loop, tuple(cases[place] for place in places), value)
+        if found is None:
+            found = np.zeros((len(cases), *some.shape[1:]))
+        found[places] = some
+    return np.zeros((0, ARM_STATES, ARM_STATES)) if found is None else found
+
+
+def _closed_with(loop: Loop, cases: tuple[LoopCase, ...], told_mN_per_um: float) -> Array:
+    controller, reading = controller_block(loop, told_mN_per_um)
     transition, drive = sampled_arms(loop.arm, loop.period_s, loop.output_lag_s, cases)
     rest = controller.shape[0] - 1
     size = ARM_STATES + rest
@@ -230,7 +260,7 @@ def _closed(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
     if loop.force == "true":
         feed[:, 0, X] = stiffness
     else:
-        acts = (stiffness > 0.0) | loop.force_when_free
+        acts = np.array([case.told > 0.0 for case in cases]) | loop.force_when_free
         feed[:, 0, :] = np.where(acts[:, None], reading @ feed, 0.0)
     made = controller @ feed
     found = np.zeros((len(cases), size, size))

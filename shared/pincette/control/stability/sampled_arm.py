@@ -26,16 +26,28 @@ class LoopCase:
     K_e_mN_per_um: float = 0.0
     """Stiffness of the contact; 0 is the free arm."""
     frequency_factor: float = 1.0
-    """Real ω_n over the identified one, at the same ζ."""
+    """Real ω_n over the identified one."""
     delay_periods: float = 0.0
     """From the sample to the change of the voltage, as a share of the period, 0 to 1."""
     gain_factor: float = 1.0
     """Real d_p over the identified one."""
+    damping_factor: float = 1.0
+    """Real ζ over the identified one."""
+    told_mN_per_um: float | None = None
+    """Stiffness of the contact that the law is told of, 0: of none; None: as it is."""
+
+    @property
+    def told(self) -> float:
+        """What the law is told, in mN/µm."""
+        told = self.told_mN_per_um
+        return self.K_e_mN_per_um if told is None else told
 
     def __post_init__(self) -> None:
         require_not_negative("contact stiffness K_e", self.K_e_mN_per_um, "mN/µm")
         require_positive("frequency factor", self.frequency_factor, "")
         require_positive("gain factor", self.gain_factor, "")
+        require_positive("damping factor", self.damping_factor, "")
+        require_not_negative("contact stiffness that is told", self.told, "mN/µm")
         if not 0.0 <= self.delay_periods <= 1.0:
             raise ValueError(f"delay = {self.delay_periods} periods, must be within 0 and 1")
 
@@ -69,7 +81,8 @@ def sampled_arms(
     rate[:, 0, 1] = omega
     rate[:, 1, 0] = -omega * stiffening
     # b/m = 2ζω_n grows with ω_n where ζ is kept.
-    rate[:, 1, 1] = -arm.b / arm.m / omega_n * omega
+    damping = np.array([case.damping_factor for case in cases])
+    rate[:, 1, 1] = -arm.b / arm.m / omega_n * omega * damping
     rate[:, 1, 2 if output_lag_s > 0.0 else 3] = omega * gain
     if output_lag_s > 0.0:
         rate[:, 2, 2], rate[:, 2, 3] = -1.0 / output_lag_s, 1.0 / output_lag_s

@@ -16,9 +16,10 @@ import numpy as np
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.loop_modes import counted_radii
 from pincette.control.stability.sampled_arm import LoopCase
+from pincette.control.stability.sensitivity import sensitivity_peaks
 
 Axis = tuple[float, ...]
-Axes = tuple[Axis, Axis, Axis, Axis]
+Axes = tuple[Axis, Axis, Axis, Axis, Axis]
 
 PHASE = 0.4
 """Spacing of the grid in rad of the mode."""
@@ -26,6 +27,9 @@ POINTS = 17
 """Most points of the grid along one quantity; the mode is well damped where more were wanted."""
 STIFFNESSES = 7
 GAINS = 3
+WIDE_STIFFNESSES = 4
+"""Where every interval is wide; of the gain then the ends do."""
+NAMES = ("K_e_mN_per_um", "frequency_factor", "delay_periods", "gain_factor", "damping_factor")
 CLIMBS = 8
 """Points from which to climb, of the free arm and of the arm in contact, and"""
 HALVINGS = 7
@@ -52,11 +56,17 @@ class Intervals:
     """Of the delay from the sample to the new voltage."""
     gain_factor: tuple[float, float] = (1.0, 1.0)
     """Of the slope of the free response, over that which the law takes it to have."""
+    damping_factor: tuple[float, float] = (1.0, 1.0)
+    """Of ζ, over the identified one."""
+    told_mN_per_um: float | None = None
+    """Stiffness that a law which looks ahead is told of in contact; None: the contact's own."""
+    untold: bool = False
+    """Whether a touch, and the loss of one, may also be there before the law is told."""
 
     def __post_init__(self) -> None:
         if self.K_e_mN_per_um is None and not self.free:
             raise ValueError("no case: the arm is neither free nor in contact")
-        for name in ("K_e_mN_per_um", "frequency_factor", "delay_periods", "gain_factor"):
+        for name in NAMES:
             interval: tuple[float, float] | None = getattr(self, name)
             if interval is not None and not interval[0] <= interval[1]:
                 raise ValueError(f"{name}: from {interval[0]} to {interval[1]}, must be ascending")
@@ -66,17 +76,33 @@ class Intervals:
             self.frequency_factor,
             self.delay_periods,
             self.gain_factor,
+            self.damping_factor,
         ):
             LoopCase(*values)
 
     def middle(self) -> tuple[LoopCase, ...]:
         """Return the cases in the middle: free, and in contact."""
         factor, delay = _middle(self.frequency_factor), _middle(self.delay_periods)
-        gain = _middle(self.gain_factor)
+        gain, damping = _middle(self.gain_factor), _middle(self.damping_factor)
         stiffness = [0.0] if self.free else []
         if self.K_e_mN_per_um is not None:
             stiffness.append(_middle(self.K_e_mN_per_um))
-        return tuple(LoopCase(K_e, factor, delay, gain) for K_e in stiffness)
+        return tuple(
+            LoopCase(K_e, factor, delay, gain, damping, self.told_mN_per_um if K_e else None)
+            for K_e in stiffness
+        )
+
+    def kinds(self) -> "Iterator[tuple[Intervals, float | None]]":
+        """Yield free arm and arm in contact, which are two loops, with what the law is told."""
+        free = replace(self, K_e_mN_per_um=None, free=True)
+        pressed = None if self.K_e_mN_per_um is None else replace(self, free=False)
+        if self.free:
+            yield free, None
+        if pressed is not None:
+            yield pressed, self.told_mN_per_um
+        if pressed is not None and self.untold:
+            yield pressed, 0.0
+            yield free, self.told_mN_per_um or _middle(self.K_e_mN_per_um or (0.0, 0.0))
 
 
 def around(
@@ -107,26 +133,46 @@ def worst_case(
         worse: all that a refusal wants.
     """
     tops: list[tuple[LoopCase, float]] = []
-    for kind in _kinds(intervals):
-        tops.append(_worst_of(loop, kind, limit_radius, enough))
+    for kind, told in intervals.kinds():
+        tops.append(_worst_of(loop, kind, told, limit_radius, enough))
         if tops[-1][1] >= enough:
             break
     return max(tops, key=lambda one: one[1])
 
 
-def _kinds(intervals: Intervals) -> Iterator[Intervals]:
-    """The free arm and the arm in contact, which are two loops."""
-    if intervals.free:
-        yield replace(intervals, K_e_mN_per_um=None)
-    if intervals.K_e_mN_per_um is not None:
-        yield replace(intervals, free=False)
+@lru_cache(maxsize=256)
+def worst_sensitivity(loop: Loop, intervals: Intervals) -> tuple[LoopCase, float]:
+    """Find the largest M_s and its case, at the ends and in the middle of each interval.
+
+    Where a law is told of the contact that is there: before it is told, the radius decides.
+    """
+    cases = corners(replace(intervals, untold=False))
+    peaks = sensitivity_peaks(loop, cases)
+    worst = int(np.argmax(peaks))
+    return cases[worst], float(peaks[worst])
+
+
+def corners(intervals: Intervals) -> tuple[LoopCase, ...]:
+    """Cases at the ends and in the middle of each interval, hardly damped."""
+    cases: list[LoopCase] = []
+    for kind, told in intervals.kinds():
+        stiffness = kind.K_e_mN_per_um or (0.0, 0.0)
+        axes = (
+            _spaced(stiffness, 3),
+            _spaced(kind.frequency_factor, 5),
+            _spaced(kind.delay_periods, 3),
+            _spaced(kind.gain_factor, 2),
+            _spaced(kind.damping_factor, 2)[:1],
+        )
+        cases += [LoopCase(*values, told) for values in product(*axes)]
+    return tuple(cases)
 
 
 def _worst_of(
-    loop: Loop, kind: Intervals, limit_radius: float, enough: float
+    loop: Loop, kind: Intervals, told: float | None, limit_radius: float, enough: float
 ) -> tuple[LoopCase, float]:
     axes = _axes(loop, kind)
-    cases = tuple(LoopCase(*values) for values in product(*axes))
+    cases = tuple(LoopCase(*values, told) for values in product(*axes))
     radii = counted_radii(loop, cases, limit_radius)
     found = zip(cases, map(float, radii), strict=True)
     tops = sorted(found, key=lambda one: -one[1])[:CLIMBS]
@@ -148,15 +194,16 @@ def _worst_of(
 
 
 def _axes(loop: Loop, kind: Intervals) -> Axes:
-    """Values of K_e, of the frequency factor, the delay and the gain factor that make the grid."""
+    """Values of K_e and of the factors and the delay that make the grid, as ``NAMES``."""
     stiffness = kind.K_e_mN_per_um or (0.0, 0.0)
     # Of the mode over a period, where the contact is stiffest.
     phase = sqrt((loop.arm.k + stiffness[1]) / loop.arm.m) * loop.period_s
     return (
-        _spaced(stiffness, STIFFNESSES),
+        _spaced(stiffness, WIDE_STIFFNESSES if kind.untold else STIFFNESSES),
         _spaced(kind.frequency_factor, _points(kind.frequency_factor, phase)),
         _spaced(kind.delay_periods, _points(kind.delay_periods, phase)),
-        _spaced(kind.gain_factor, GAINS),
+        _spaced(kind.gain_factor, 2 if kind.untold else GAINS),
+        _spaced(kind.damping_factor, 2),
     )
 
 
@@ -172,7 +219,13 @@ def _spaced(interval: tuple[float, float], points: int) -> Axis:
 
 def _neighbours(axes: Axes, case: LoopCase, share: float) -> list[LoopCase]:
     """Two cases along each quantity, a share of the grid's spacing away, within the intervals."""
-    place = (case.K_e_mN_per_um, case.frequency_factor, case.delay_periods, case.gain_factor)
+    place = (
+        case.K_e_mN_per_um,
+        case.frequency_factor,
+        case.delay_periods,
+        case.gain_factor,
+        case.damping_factor,
+    )
     found: list[LoopCase] = []
     for index, axis in enumerate(axes):
         least, largest = min(axis), max(axis)
@@ -182,7 +235,9 @@ def _neighbours(axes: Axes, case: LoopCase, share: float) -> list[LoopCase]:
         for step in (-share * spacing, share * spacing):
             moved = list(place)
             moved[index] = min(largest, max(least, place[index] + step))
-            found.append(LoopCase(*moved))
+            K_e, factor, delay, gain, damping = moved
+            told = case.told_mN_per_um
+            found.append(LoopCase(K_e, factor, delay, gain, damping, told))
     return found
 
 

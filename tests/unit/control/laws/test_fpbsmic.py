@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from pincette.control.arm.plant import ArmParameters, consistent_arm
+from pincette.control.arm.plant import ArmParameters, OutputTiming, consistent_arm
 from pincette.control.laws import law as control_law
 from pincette.control.laws.fpbsmic import LAW, Cascade, passed
 from pincette.control.laws.law import Law
@@ -44,7 +44,7 @@ PER_CASE = pytest.mark.parametrize("case", CASES, ids=str)
 def law_of(case: Case, **gains: float) -> Law:
     own = {"n": float(case.n), "f_w": case.f_w, "K_f": K_F}
     settings = LAW.settings("consistent").with_gains(**(own | gains))
-    return control_law.build(settings, ARM, case.period_s, 0.03, delay_s=case.delay_s)
+    return control_law.build(settings, ARM, case.period_s, 0.03, output=OutputTiming(case.delay_s))
 
 
 def play(case: Case) -> list[LawOutput]:

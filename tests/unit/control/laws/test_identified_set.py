@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from pincette.control.laws.law import Law, build, rebase, start, step
 from pincette.control.laws.sliding import LawOutput
 from pincette.control.response import hysteresis
-from pincette.control.response.hysteresis import TOLERANCE_UM, HysteresisModel, displacement_um
+from pincette.control.response.hysteresis import HysteresisModel, displacement_um
+from pincette.control.response.inverse import TOLERANCE_UM
 from tests.support.laws import in_order, law_settings
 
 from .identified_case import (

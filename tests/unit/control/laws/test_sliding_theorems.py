@@ -23,11 +23,8 @@ from pincette.control.laws.law import Law, build, start, step
 from pincette.control.laws.parameters import ParameterSet
 from pincette.control.laws.sliding import LawOutput, saturation
 from pincette.control.response import hysteresis
-from pincette.control.response.hysteresis import (
-    TOLERANCE_UM,
-    HysteresisModel,
-    displacement_um,
-)
+from pincette.control.response.hysteresis import HysteresisModel, displacement_um
+from pincette.control.response.inverse import TOLERANCE_UM
 from tests.support.laws import in_order, law_settings
 
 from .model_loop import ARM, SCHEMES

@@ -4,15 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pincette.control.response.hysteresis import (
-    REACH_V,
-    TOLERANCE_UM,
-    HysteresisModel,
-    displacement_um,
-    free_voltages,
-    start,
-    step,
-)
+from pincette.control.response.hysteresis import HysteresisModel, displacement_um, start, step
+from pincette.control.response.inverse import REACH_V, TOLERANCE_UM, free_voltages
 
 MODEL = HysteresisModel(
     thresholds_V=(0.0, 0.3, 0.6, 1.2),

@@ -9,15 +9,14 @@ from hypothesis import strategies as st
 
 from pincette.control.response import play_operators
 from pincette.control.response.hysteresis import (
-    TOLERANCE_UM,
     HysteresisModel,
     HysteresisState,
-    displacement_after,
     displacement_um,
+    displacements_after,
     start,
     step,
 )
-from pincette.control.response.inverse import MOST, begin_search, go_on, voltage_for
+from pincette.control.response.inverse import MOST, TOLERANCE_UM, begin_search, go_on, voltage_for
 from tests.support.rigs import demo_rig
 
 PERIOD_S, UM_PER_V = 0.02, 19.0
@@ -84,7 +83,7 @@ def test_displacement_after_is_that_of_a_step(
 ) -> None:
     memory = led(model, voltages_V)
     stepped = displacement_um(model, step(model, memory, voltage_V, PERIOD_S))
-    assert displacement_after(model, memory, voltage_V, PERIOD_S) == stepped
+    assert displacements_after(model, memory, PERIOD_S)(voltage_V) == stepped
 
 
 @SOME
@@ -120,10 +119,11 @@ def test_the_voltage_rises_with_the_displacement(
 
 
 def evaluations(memory: HysteresisState, wanted_um: float) -> int:
-    at_um = displacement_after(TAUGHT_MODEL, memory, memory.voltage_V, PERIOD_S)
+    displacement_at = displacements_after(TAUGHT_MODEL, memory, PERIOD_S)
+    at_um = displacement_at(memory.voltage_V)
     search = begin_search(memory.voltage_V, at_um, wanted_um, UM_PER_V)
     while not search.done:
-        found_um = displacement_after(TAUGHT_MODEL, memory, search.voltage_V, PERIOD_S)
+        found_um = displacement_at(search.voltage_V)
         search = go_on(search, found_um)
     return search.tried
 

@@ -39,13 +39,13 @@ def ramp(*to_V: float, rest: int = 0) -> list[float]:
 
 
 def test_a_ramp_and_a_rest_are_one_piece() -> None:
-    (piece,) = remembered([0.5, 1.0, 1.5, 1.5, 1.5]).pieces
+    (piece,) = remembered([0.5, 1.0, 1.5, 1.5, 1.5]).path
     assert piece == pytest.approx(Piece(1.5, 3 * T, 2 * T))
 
 
 def test_turning_points_are_kept_and_small_ones_are_not() -> None:
     wander = [2.0 + 0.4 * SMALL_V * (-1) ** count for count in range(200)]
-    pieces = remembered([*ramp(1.0, 0.5, 2.0), *wander, 1.0]).pieces
+    pieces = remembered([*ramp(1.0, 0.5, 2.0), *wander, 1.0]).path
     assert [piece.to_V for piece in pieces] == pytest.approx([0.0, 1.0, 0.5, 2.0, 1.0], abs=0.01)
 
 
@@ -67,4 +67,4 @@ def test_another_model_led_through_it_stands_where_it_would_stand() -> None:
 
 def test_what_is_long_past_is_forgotten() -> None:
     memory = remembered([0.5 * (-1) ** count for count in range(3 * MOST_PIECES)])
-    assert len(memory.pieces) == MOST_PIECES
+    assert len(memory.path) == MOST_PIECES

@@ -47,7 +47,11 @@ function law(plan) {
   const { law: chosen, steady_errors: errors } = plan;
   if (!chosen) return [];
   const texts = [`${chosen.scheme.toUpperCase()}, gains of ${chosen.gains_from}: spectral radius `
-    + `${number(chosen.spectral_radius, 3)} at worst, limit ${chosen.spectral_radius_limit}`];
+    + `${number(chosen.spectral_radius, 4)} at worst, limit ${number(chosen.spectral_radius_limit, 4)}`];
+  if (chosen.sensitivity_peak !== null && chosen.sensitivity_peak_limit !== null) {
+    texts.push(`peak of sensitivity ${number(chosen.sensitivity_peak, 2)} at worst, `
+      + `limit ${chosen.sensitivity_peak_limit}`);
+  }
   if (errors) {
     texts.push(`steady errors within the part's tolerances: position ${number(errors.position_min_um)} to `
       + `${number(errors.position_max_um)} µm, force ${number(errors.force_min_mN)} to `

@@ -1,0 +1,94 @@
+"""What the estimator states of a sample: the force with its uncertainty, or why there is none."""
+
+from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
+from pincette.core.messages import Applied, Estimate, Position
+from pincette_estimator.config import EstimatorConfig
+from pincette_estimator.state import State, touched
+from pincette_estimator.uncertainty import uncertainty_mN
+
+
+def estimate(
+    config: EstimatorConfig,
+    state: State,
+    position: Position,
+    applied: Applied,
+    F_mN: float,
+    p_mN: float,
+) -> Estimate:
+    """State the force of the sample just taken in, and its uncertainty."""
+    t_s = position.seq * config.period_s
+    age_s = None if state.zero_s is None else t_s - state.zero_s
+    u_F_mN = uncertainty_mN(config, state, t_s if age_s is None else age_s)
+    touch_x_um, touch_mN = touched(
+        state,
+        compliance_um_per_mN=config.compliance_um_per_mN,
+        step_um=config.kink_limits.step_um,
+        x_um=position.x_um,
+        F_mN=F_mN,
+        u_F_mN=u_F_mN,
+    )
+    return Estimate(
+        epoch=position.epoch,
+        seq=position.seq,
+        x_um=position.x_um,
+        force_mN=F_mN,
+        force_uncertainty_mN=u_F_mN,
+        perturbation_mN=p_mN,
+        zero_age_s=age_s,
+        zero_refusal=state.zero_refusal,
+        applied_V=applied.voltage_V,
+        applied_seq=applied.seq,
+        limits_active=applied.limits_active,
+        tripped=applied.state in TRIPPED,
+        degraded=False,
+        valid=True,
+        touch_x_um=touch_x_um,
+        touch_mN=touch_mN,
+    )
+
+
+def within(range_: tuple[float, float], value: float) -> bool:
+    """Whether a value is a number within a range; no comparison holds of what is none."""
+    return range_[0] <= value <= range_[1]
+
+
+def degraded(
+    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
+) -> Estimate:
+    """An estimate that must not be used for control: the voltage or the measurement is missing."""
+    return Estimate(
+        epoch=position.epoch,
+        seq=position.seq,
+        x_um=position.x_um if within(config.position_um, position.x_um) else 0.0,
+        force_mN=0.0,
+        force_uncertainty_mN=0.0,
+        perturbation_mN=0.0,
+        zero_age_s=None,
+        zero_refusal=state.zero_refusal,
+        applied_V=state.response.voltage_V if applied is None else applied.voltage_V,
+        applied_seq=-1 if applied is None else applied.seq,
+        limits_active=0 if applied is None else applied.limits_active,
+        tripped=applied is not None and applied.state in TRIPPED,
+        degraded=applied is None,
+        valid=False,
+        fault=_fault(config, state, position, applied),
+    )
+
+
+def _fault(
+    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
+) -> Fault | None:
+    """Why there is no force to be had from a sample."""
+    if not position.valid:
+        return position.fault
+    low_um, high_um = config.position_um
+    if not low_um <= position.x_um <= high_um:
+        return fault(
+            FaultCode.POSITION_OUT_OF_RANGE,
+            x_um=position.x_um,
+            minimum_um=low_um,
+            maximum_um=high_um,
+        )
+    if stuck := state.stuck.fault:
+        return stuck
+    return fault(FaultCode.NO_APPLIED_VOLTAGE) if applied is None else None

@@ -1,0 +1,22 @@
+"""Feature definitions of this server: the contract with its clients, whose words are our own."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any, cast
+
+from sila2.framework import Feature
+
+MICROGRIPPER = "Microgripper-v1_0"
+CANCEL_CONTROLLER = "CancelController-v1_0"
+SIMULATION_CONTROLLER = "SimulationController-v1_0"
+
+
+def command(name: str) -> Any:
+    """A command of the feature Microgripper, which the library does not tell from a property."""
+    return cast("Any", feature(MICROGRIPPER))[name]
+
+
+@cache
+def feature(name: str) -> Feature:
+    """Read a feature definition; each of them must be one object for a whole server."""
+    return Feature(str(Path(__file__).parent / f"{name}.sila.xml"))

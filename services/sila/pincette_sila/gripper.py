@@ -1,0 +1,246 @@
+"""The feature Microgripper: commands and properties, each over the client of the supervisor."""
+
+from collections.abc import Callable, Coroutine, Generator
+from contextlib import contextmanager
+from queue import Queue
+from typing import Any, TypeVar
+from uuid import UUID
+
+from sila2.framework import Command
+from sila2.server import FeatureImplementationBase, MetadataDict, SilaServer
+from sila2.server.observables.observable_command_manager import ObservableCommandManager
+
+from pincette.client import AsyncJobHandle, AsyncRigHandle, ClientError
+from pincette_sila import motion
+from pincette_sila.background import Background
+from pincette_sila.callers import Callers
+from pincette_sila.errors import CommandError, defined
+from pincette_sila.features import MICROGRIPPER, command, feature
+from pincette_sila.motion import UNKNOWN, Execution, Sample
+
+T = TypeVar("T")
+KEPT = 100
+"""Commands of each name whose responses can still be asked for after their end."""
+MOVING = ("Grip", "Hold", "Release", "Track", "Calibrate")
+Responses = tuple[Any, ...] | str
+"""One value is not wrapped."""
+
+
+def moving_commands() -> list[Command]:
+    """The commands that begin a motion."""
+    return [command(name) for name in MOVING]
+
+
+class Gripper(FeatureImplementationBase):
+    """One rig; methods have the names of the feature definition, and are called in threads."""
+
+    def __init__(
+        self, parent_server: SilaServer, rig: str, callers: Callers, background: Background
+    ) -> None:
+        super().__init__(parent_server)
+        self._rig, self._callers, self._background = rig, callers, background
+        self._RigState_producer_queue: Queue[str] = Queue()
+        self._Reasons_producer_queue: Queue[list[str]] = Queue()
+        self._Part_producer_queue: Queue[str] = Queue()
+        self._ContactForce_producer_queue: Queue[Sample] = Queue()
+        self.jobs: dict[UUID, AsyncJobHandle] = {}
+        """Jobs of the commands that run."""
+
+    def tell(self, state: str, reasons: list[str], part: str) -> None:
+        """Tell those who listen how the rig is."""
+        self._RigState_producer_queue.put(state)
+        self._Reasons_producer_queue.put(reasons)
+        self._Part_producer_queue.put(part)
+
+    def tell_sample(self, sample: Sample) -> None:
+        """Tell those who listen the newest sample."""
+        self._ContactForce_producer_queue.put(sample)
+
+    def RigState_on_subscription(self, *, metadata: MetadataDict) -> None:
+        """Everybody listens to one queue."""
+
+    Reasons_on_subscription = RigState_on_subscription
+    Part_on_subscription = RigState_on_subscription
+    ContactForce_on_subscription = RigState_on_subscription
+
+    def get_Rig(self, *, metadata: MetadataDict) -> str:
+        """Name of the rig."""
+        return self._rig
+
+    def get_Recipes(self, *, metadata: MetadataDict) -> list[str]:
+        """Names of the recipes."""
+        found = self._call(self._callers.supervisor.recipes())
+        return [recipe.name for recipe in found]
+
+    def Plan(
+        self, Force: float, HoldTime: float, Recipe: str, *, metadata: MetadataDict
+    ) -> Responses:
+        """Predict a grip."""
+        wanted = motion.given(force_mN=Force, hold_s=HoldTime, recipe=Recipe)
+        plan = self._call(self._callers.rig(metadata).plan("grip", **wanted))
+        violations = [violation.message for violation in plan.violations]
+        return plan.feasible, plan.duration_s, violations, list(getattr(plan, "warnings", ()))
+
+    def EmergencyStop(self, *, metadata: MetadataDict) -> str:
+        """Stop at once, with this server's own key or none."""
+        stopped = self._call(self._callers.rig().patient(0.0).estop())
+        if not stopped.acknowledged:
+            error = CommandError("StopUnconfirmed", f"rig {stopped.rig}: {stopped.detail}")
+            raise defined(feature(MICROGRIPPER), error)
+        return stopped.cause
+
+    def Grip(
+        self,
+        Force: float,
+        HoldTime: float,
+        Recipe: str,
+        *,
+        metadata: MetadataDict,
+        instance: Execution,
+    ) -> Responses:
+        """Grip the part; without a hold time until it is held."""
+        hold: dict[str, Any] = {"hold_s": HoldTime} if HoldTime else {"until_released": True}
+        wanted = {"force_mN": Force, "recipe": Recipe, **hold}
+        return self._begin("Grip", instance, metadata, "grip", **wanted)
+
+    def Hold(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
+        """Go on holding what is held."""
+
+        async def require_held(rig: AsyncRigHandle) -> None:
+            motion.require_held(await rig.state())
+
+        self._call(require_held(self._callers.rig(metadata)))
+        return self._begin("Hold", instance, metadata, "hold", until_released=True)
+
+    def Release(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
+        """Let go of the part."""
+        rig = self._callers.rig(metadata)
+        instance.begin_execution()
+        job = self._call(motion.let_go(rig, instance))
+        with self._noted(instance.execution_uuid, job):
+            self._call(motion.released(rig, job, instance))
+        return job.id, "released"
+
+    def Track(
+        self,
+        Shape: str,
+        MeanForce: float,
+        PeakToPeak: float,
+        Frequency: float,
+        Cycles: int,
+        Recipe: str,
+        *,
+        metadata: MetadataDict,
+        instance: Execution,
+    ) -> Responses:
+        """Follow a path of force."""
+        return self._begin(
+            "Track",
+            instance,
+            metadata,
+            "track",
+            shape=Shape,
+            force_mean_mN=MeanForce,
+            force_pp_mN=PeakToPeak,
+            frequency_hz=Frequency,
+            cycles=Cycles,
+            recipe=Recipe,
+        )
+
+    def Calibrate(
+        self, Calibration: str, *, metadata: MetadataDict, instance: Execution
+    ) -> Responses:
+        """Run a calibration."""
+        wanted = {"calibration": Calibration}
+        return self._begin("Calibrate", instance, metadata, "calibrate", **wanted)
+
+    def managers(self) -> dict[str, dict[UUID, ObservableCommandManager]]:
+        """Commands by name and execution UUID, those that have ended too."""
+        return self.parent_server.feature_servicers["Microgripper"].observable_command_managers
+
+    def resume(
+        self, command: str, instance: Execution, job: AsyncJobHandle, execution: UUID
+    ) -> Responses:
+        """Follow the job of a command to its responses."""
+        with self._noted(execution, job):
+            followed = FOLLOWERS[command](job, instance)
+            return self._call(motion.or_latched(self._callers.rig(), followed))
+
+    def _begin(
+        self,
+        command: str,
+        instance: Execution,
+        metadata: MetadataDict,
+        kind: str,
+        **fields: Any,
+    ) -> Responses:
+        instance.begin_execution()
+        rig = self._callers.rig(metadata)
+        job = self._call(motion.start(rig, command, instance.execution_uuid, kind, **fields))
+        return self.resume(command, instance, job, instance.execution_uuid)
+
+    @contextmanager
+    def _noted(self, execution: UUID, job: AsyncJobHandle) -> Generator[None]:
+        self.jobs[execution] = job
+        try:
+            yield
+        finally:
+            del self.jobs[execution]
+            for managers in self.managers().values():
+                ended = [one for one, manager in managers.items() if not manager.is_running()]
+                for one in ended[:-KEPT]:
+                    del managers[one]
+
+    def _call(self, coroutine: Coroutine[Any, Any, T]) -> T:
+        """Run a coroutine; raises the defined execution errors of the feature."""
+        try:
+            return self._background.call(coroutine)
+        except (ClientError, CommandError) as error:
+            raise defined(feature(MICROGRIPPER), error) from error
+
+
+async def _gripped(job: AsyncJobHandle, instance: Execution) -> Responses:
+    if job.job.values.get("hold_s") is None:
+        now = await motion.held(job, instance, settled=True)
+        uncertainty_mN = now.force_uncertainty_mN
+        return job.id, "held", now.force_held_mN or 0.0, known(uncertainty_mN)
+    result = (await motion.ended(job, instance)).result or {}
+    held_mN, uncertainty_mN = result.get("force_held_mN"), result.get("force_uncertainty_mN")
+    return job.id, result.get("outcome", ""), held_mN or 0.0, known(uncertainty_mN)
+
+
+async def _held(job: AsyncJobHandle, instance: Execution) -> Responses:
+    await motion.held(job, instance, settled=False)
+    return job.id
+
+
+async def _released(job: AsyncJobHandle, instance: Execution) -> Responses:
+    await motion.ended(job, instance)
+    return job.id, "released"
+
+
+async def _tracked(job: AsyncJobHandle, instance: Execution) -> Responses:
+    result = (await motion.ended(job, instance)).result or {}
+    error: dict[str, float] = result.get("force_mN") or {}
+    return job.id, result.get("outcome", ""), known(error.get("rmse"))
+
+
+async def _calibrated(job: AsyncJobHandle, instance: Execution) -> Responses:
+    result = (await motion.ended(job, instance)).result or {}
+    return job.id, bool(result.get("values")), result.get("statement", "")
+
+
+def known(value: float | None) -> float:
+    """A figure as SiLA has it."""
+    return UNKNOWN if value is None else value
+
+
+Follower = Callable[[AsyncJobHandle, Execution], Coroutine[Any, Any, Responses]]
+FOLLOWERS: dict[str, Follower] = {
+    "Grip": _gripped,
+    "Hold": _held,
+    "Release": _released,
+    "Track": _tracked,
+    "Calibrate": _calibrated,
+}
+"""How a command comes from its job to its responses."""

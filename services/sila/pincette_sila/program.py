@@ -1,0 +1,120 @@
+"""The SiLA 2 server of one rig; it starts without its supervisor, and says that it waits."""
+
+import logging
+import os
+import uuid
+from pathlib import Path
+
+from sila2.features.authenticationservice import AuthenticationServiceFeature
+from sila2.features.authorizationservice import AuthorizationServiceFeature
+from sila2.features.lockcontroller import LockControllerFeature
+from sila2.framework import Feature
+from sila2.server import FeatureImplementationBase, SilaServer
+
+from pincette import __version__
+from pincette.engine.program import Context
+from pincette_sila.background import Background
+from pincette_sila.callers import Authentication, Authorization, Callers
+from pincette_sila.controllers import Cancelling, Simulation
+from pincette_sila.features import (
+    CANCEL_CONTROLLER,
+    MICROGRIPPER,
+    SIMULATION_CONTROLLER,
+    command,
+    feature,
+)
+from pincette_sila.gripper import Gripper, moving_commands
+from pincette_sila.lock import Lock
+from pincette_sila.watching import watch_rig, watch_samples
+
+KEY = "PINCETTE_KEY"
+"""Variable with the key by which this server reaches a supervisor that wants one."""
+VENDOR = "https://pincette.invalid"
+IDENTITY = "sila-server-uuid"
+"""File in the data folder: a server's UUID stays the same over restarts."""
+
+
+def run(context: Context) -> None:
+    """Serve until the program is stopped."""
+    settings, rig = context.rig.sila, context.rig.rig.name
+    background = Background()
+    url = settings.supervisor or _url(context)
+    callers = Callers(url, rig, os.environ.get(KEY) or None, background)
+    server = SilaServer(
+        server_name=f"pincette {rig}",
+        server_type="PiezoMicrogripper",
+        server_description=f"Piezoelectric microgripper {rig}: position and force control",
+        server_version=__version__,
+        server_vendor_url=VENDOR,
+        server_uuid=identity(context.data / f"{IDENTITY}-{rig}"),
+    )
+    gripper = Gripper(server, rig, callers, background)
+    features: list[tuple[Feature, FeatureImplementationBase]] = [
+        (feature(MICROGRIPPER), gripper),
+        (feature(CANCEL_CONTROLLER), Cancelling(server, gripper, callers, background)),
+        (
+            feature(SIMULATION_CONTROLLER),
+            Simulation(server, simulated=context.rig.simulation is not None),
+        ),
+        (LockControllerFeature, Lock(server, moving_commands())),
+    ]
+    if settings.login:
+        wants_token = [*moving_commands(), command("Plan")]
+        features.append((AuthenticationServiceFeature, Authentication(server, callers)))
+        features.append((AuthorizationServiceFeature, Authorization(server, callers, wants_token)))
+    for one, implementation in features:
+        server.set_feature_implementation(one, implementation)
+    _quieten()
+    _listen(server, context)
+    background.begin(watch_rig(server, gripper, callers))
+    background.begin(watch_samples(gripper, callers))
+    try:
+        context.ready(f"SiLA 2 at {settings.host}:{settings.port}, for the supervisor at {url}")
+        context.stop.wait()
+    finally:
+        background.close()
+        server.stop(grace_period=1.0)
+
+
+def identity(path: Path) -> uuid.UUID:
+    """The UUID in a file, which is made where there is none."""
+    try:
+        return uuid.UUID(path.read_text(encoding="ascii").strip())
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        found = uuid.uuid4()
+        path.write_text(f"{found}\n", encoding="ascii")
+        return found
+
+
+def _url(context: Context) -> str:
+    host, port = context.rig.supervisor.host, context.rig.supervisor.port
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def _listen(server: SilaServer, context: Context) -> None:
+    settings = context.rig.sila
+    where = (settings.host, settings.port)
+    if settings.certificate is None:
+        server.start_insecure(*where, enable_discovery=settings.discovery)
+        return
+    certificate = Path(settings.certificate)
+    server.start(
+        *where,
+        private_key=certificate.with_suffix(".key").read_bytes(),
+        cert_chain=certificate.read_bytes(),
+        enable_discovery=settings.discovery,
+    )
+
+
+class _Quiet(logging.Filter):
+    """Leaves out sila2, which logs each call, and a refusal as a fault with its stack."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return record.name.startswith("pincette") or not record.pathname.partition("sila2")[1]
+
+
+def _quieten() -> None:
+    logging.getLogger("httpx").setLevel(logging.WARNING)
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(_Quiet())

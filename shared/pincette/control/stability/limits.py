@@ -1,0 +1,57 @@
+"""How stable a loop must be at its period, and over what it must be so.
+
+At a period that is short against the mode its ring goes on from sample to sample. A law must then
+leave the mode at rest whatever a calibration has missed of the rig, and a radius next to 1 says
+little of how far the loop is from instability: that is what the peak of sensitivity M_s is for.
+"""
+
+from dataclasses import replace
+
+from pincette.control.force.observers import least_period_s
+from pincette.control.stability.loop_matrix import Loop
+from pincette.control.stability.worst_case import Intervals
+
+LIMIT_RADIUS, LIMIT_PERIOD_S = 0.97, 0.02
+"""Radius that a loop must stay below at that period, and at others by the same time constant,
+0.66 s: a disturbance takes 2.6 s to fall to 2 %, as long as a grip takes to load. A slower loop
+still settles when the plan has gone on. See ``limit_radius_at``."""
+LIMIT_PEAK = 2.0
+"""Of M_s at periods that are short against the mode, where a radius next to 1 says little of how
+far a loop is from instability."""
+
+
+def limit_radius_at(period_s: float) -> float:
+    """Return 0.97^(T/20 ms), the radius of a disturbance that falls as fast as 0.97 does there."""
+    return LIMIT_RADIUS ** (period_s / LIMIT_PERIOD_S)
+
+
+def short(loop: Loop) -> bool:
+    """Whether the period is short against the mode: its ring then goes on from sample to sample."""
+    return loop.period_s < least_period_s((loop.arm.k / loop.arm.m) ** 0.5)
+
+
+def widened(loop: Loop, intervals: Intervals) -> Intervals:
+    """Intervals as a loop must bear them at its period.
+
+    At a short period the law lives from not exciting the mode, and it must do so whatever the
+    calibration has missed: ω_n ± 20 %, ζ from 0.77 to 1.35 times, K_e from half to twice the one it
+    is told, the delay from 0.3 to 1 period, the slope of H from 0.7 to 1.2 times, and contacts that
+    begin or end before it is told. At others the intervals are those given.
+    """
+    if not short(loop):
+        return intervals
+    stiffness, told = intervals.K_e_mN_per_um, intervals.told_mN_per_um
+    if stiffness is not None:
+        told = told or 0.5 * (stiffness[0] + stiffness[1])
+        stiffness = min(0.5 * told, stiffness[0]), max(2.0 * told, stiffness[1])
+    frequency, gain = intervals.frequency_factor, intervals.gain_factor
+    return replace(
+        intervals,
+        K_e_mN_per_um=stiffness,
+        told_mN_per_um=told,
+        frequency_factor=(min(0.8, frequency[0]), max(1.2, frequency[1])),
+        gain_factor=(min(0.7, gain[0]), max(1.2, gain[1])),
+        delay_periods=(0.3, 1.0),
+        damping_factor=(0.77, 1.35),
+        untold=True,
+    )

@@ -1,0 +1,164 @@
+"""Why a loop must not run, in words: the case, where samples show the mode, and what would help."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
+from math import inf, pi
+
+import numpy as np
+
+from pincette.control.force.observers import QuasiStatic, held_age, kept
+from pincette.control.stability.limits import LIMIT_PEAK, limit_radius_at, short, widened
+from pincette.control.stability.loop_matrix import Loop
+from pincette.control.stability.loop_modes import counted_radii
+from pincette.control.stability.sampled_arm import LoopCase
+from pincette.control.stability.worst_case import (
+    Intervals,
+    corners,
+    worst_case,
+    worst_sensitivity,
+)
+
+RC_S = 3.3e-3
+"""Of the RC before the amplifier that a refusal proposes: at 388 Hz it leaves an eighth."""
+ADVICE = 2
+"""Most changes that a refusal proposes."""
+NOTICEABLE = 0.01
+"""By how much a switching term must raise the radius for a refusal to blame it."""
+LONGEST_PERIOD_S = 0.05
+"""Longest period that a refusal proposes."""
+
+
+def describe(loop: Loop, case: LoopCase) -> str:
+    """Name a case in words: free or in contact, ω_n, delay."""
+    contact = f"in contact with K_e = {case.K_e_mN_per_um:.3g} mN/µm"
+    omega_n = (loop.arm.k / loop.arm.m) ** 0.5 * case.frequency_factor
+    delay_ms = 1e3 * case.delay_periods * loop.period_s
+    slope = ""
+    if case.gain_factor != 1.0:
+        slope = f", free response {100.0 * (case.gain_factor - 1.0):+.0f} % steeper than its model"
+    return (
+        f"{contact if case.K_e_mN_per_um > 0.0 else 'free'}, "
+        f"ω_n = {omega_n:.0f} rad/s, delay = {delay_ms:.2g} ms{slope}"
+    )
+
+
+def aliased_hz(frequency_hz: float, period_s: float) -> float:
+    """Frequency at which samples show an oscillation: |f - m/T| for the nearest whole m."""
+    return abs(frequency_hz - round(frequency_hz * period_s) / period_s)
+
+
+def reason(loop: Loop, intervals: Intervals, fault: str, case: LoopCase, *, by_radius: bool) -> str:
+    """State the fault, the case in which it shows, and what would help.
+
+    ``by_radius``: whether it is the radius that is beyond its limit, or else M_s.
+    """
+    advice = ", ".join(islice(_advice(loop, intervals, case, by_radius=by_radius), ADVICE))
+    found = (
+        f"the loop {fault}, at a period of {1e3 * loop.period_s:g} ms, "
+        f"{describe(loop, case)}{_seen(loop, case)}; "
+        f"{advice or 'no change of one gain or of the period that was tried suffices'}"
+    )
+    if short(loop) and not loop.law.definition.previews:
+        found += "; the law fpbsmic is made for such periods"
+    if short(loop) and loop.output_lag_s == 0.0:
+        found += (
+            f"; an RC before the amplifier, or an output that takes some {1e3 * RC_S:.0f} ms to a "
+            "voltage, excites the mode less"
+        )
+    return found
+
+
+def _seen(loop: Loop, case: LoopCase) -> str:
+    """Where samples show a mode that is beyond half of their rate."""
+    stiffer = (1.0 + case.K_e_mN_per_um / loop.arm.k) ** 0.5
+    mode_hz = (loop.arm.k / loop.arm.m) ** 0.5 * case.frequency_factor * stiffer / (2.0 * pi)
+    if not short(loop) or mode_hz * loop.period_s <= 0.5:
+        return ""
+    seen_hz = aliased_hz(mode_hz, loop.period_s)
+    return f", where the mode of {mode_hz:.0f} Hz aliases to {seen_hz:.0f} Hz"
+
+
+def _advice(loop: Loop, intervals: Intervals, case: LoopCase, *, by_radius: bool) -> Iterator[str]:
+    """Name changes that suffice in every case, the gentlest of each family."""
+
+    def here(other: Loop) -> float:
+        return float(counted_radii(other, (case,), limit_radius_at(other.period_s))[0])
+
+    def reached(other: Loop) -> float:
+        """The radius, or infinity where it or M_s is beyond its limit."""
+        limit = limit_radius_at(other.period_s)
+        # Most changes fail in the very case that calls for one; the search is for the rest.
+        try:
+            if by_radius and here(other) >= limit and short(other) == short(loop):
+                return inf
+        except ValueError:
+            return inf  # a law that cannot be made so
+        met = widened(other, intervals)
+        if np.max(counted_radii(other, corners(met), limit)) >= limit:
+            return inf
+        if short(other) and worst_sensitivity(other, met)[1] > LIMIT_PEAK:
+            return inf
+        radius = worst_case(other, met, limit, enough=limit)[1]
+        return radius if radius < limit else inf
+
+    before = ""
+    if loop.law.switches:
+        switching = loop.law.definition.switching
+        silent = loop.with_gains(**{switching: 0.0})
+        if here(silent) < here(loop) - NOTICEABLE:
+            radius = reached(silent)
+            if radius < inf:
+                yield f"{switching} = 0 gives {radius:.3f}"
+                return
+            loop, before = silent, f"{switching} = 0 and "
+    for family in _families(loop):
+        for text, other in family:
+            radius = reached(other)
+            if radius < inf:
+                yield f"{before}{text} gives {radius:.3f}"
+                break
+
+
+def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
+    """Changes of one thing each, the gentlest first."""
+    remedies = loop.law.definition.remedies
+    for name, values in remedies(loop.law.gains) if remedies is not None else ():
+        yield [(f"{name} = {value:.4g}", loop.with_gains(**{name: value})) for value in values]
+    if short(loop) and loop.output_lag_s == 0.0:
+        yield [(f"an RC of {1e3 * RC_S:g} ms before the amplifier", _with_lag(loop, RC_S))]
+    # Any other observer is made for its period.
+    if loop.observer is None or (
+        isinstance(loop.observer, QuasiStatic) and loop.observer.parameters.share == 1.0
+    ):
+        shorter = (0.5, 0.25) if loop.law.definition.previews else ()
+        factors = (*shorter, 1.25, 1.6, 2.0, 3.0, 5.0, 10.0, 20.0)
+        yield [
+            (f"a period of {1e3 * period_s:.3g} ms", _at_period(loop, period_s))
+            for period_s in (loop.period_s * factor for factor in factors)
+            if period_s <= LONGEST_PERIOD_S
+        ]
+
+
+def _with_lag(loop: Loop, lag_s: float) -> Loop:
+    """The loop with a lag of its output, of which law and observer are told."""
+    told = loop.told._replace(lag_s=lag_s)
+    return _observed(replace(loop, output_lag_s=lag_s, told=told))
+
+
+def _at_period(loop: Loop, period_s: float) -> Loop:
+    """The loop at another period, with the delay that is told in proportion."""
+    told = loop.told._replace(delay_s=loop.told.delay_s * period_s / loop.period_s)
+    return _observed(replace(loop, period_s=period_s, told=told))
+
+
+def _observed(loop: Loop) -> Loop:
+    """With the observer that belongs to its period and output, where it is one of these."""
+    if loop.observer is None or not isinstance(loop.observer, QuasiStatic):
+        return loop
+    p = loop.observer.parameters
+    if not short(loop) or (p.older == 0.0 and p.lag == 0.0):
+        return loop
+    older = held_age(loop.told.delay_s / loop.period_s)
+    parameters = replace(p, older=older, lag=kept(loop.period_s, loop.told.lag_s))
+    return replace(loop, observer=QuasiStatic(parameters))

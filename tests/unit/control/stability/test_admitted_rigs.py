@@ -1,0 +1,162 @@
+"""What the judgement admits does not diverge: rigs drawn at random within the stated set.
+
+The law's own step over the exact sampled arm, between samples linear: it rides into a part, is
+told of it late, presses on a sinusoid with noise, lets go and is told late again.
+
+    .venv/bin/python -m tests.unit.control.stability.test_admitted_rigs 1000
+
+plays as many rigs and prints how far they come.
+"""
+
+import sys
+from dataclasses import dataclass
+from math import cos, pi, sin
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pincette.control.laws import law as control_law
+from pincette.control.laws.planned_motion import PlannedMotion
+from pincette.control.stability.assessment import assess
+from pincette.control.stability.loop_matrix import Loop
+from pincette.control.stability.sampled_arm import LoopCase, sampled_arms
+
+from .test_short_periods import ARM, PART, loop_of
+
+LOOPS = {
+    "1 ms": loop_of(0.001),
+    "1 ms, n = 4": loop_of(0.001, n=4.0, f_w=100.0),
+    "0.5 ms": loop_of(0.0005, n=4.0, f_w=150.0),
+    "2 ms, slow": loop_of(0.002, n=3.0, f_w=6.0),
+}
+RIGS, SEED = 8, 11
+X_E_UM, K_E = 30.0, 2.17
+FREE_S, PRESSED_S, AWAY_S = 0.08, 0.3, 0.2
+AMPLITUDE_UM, DEPTH_UM, HZ = 3.0, 5.0, 8.0
+NOISE_UM = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    case: LoopCase
+    late_ticks: int
+    """From a touch or a loss until it is told."""
+
+
+def drawn(number: int, seed: int) -> list[Rig]:
+    """Rigs all over the set, half of them at its ends."""
+    chance = np.random.default_rng(seed)
+
+    def within(low: float, high: float) -> float:
+        share = float(chance.uniform())
+        return low + (high - low) * (share if chance.uniform() < 0.5 else round(share))
+
+    return [
+        Rig(
+            LoopCase(
+                K_E * within(0.5, 2.0),
+                within(0.8, 1.2),
+                within(0.3, 1.0),
+                within(0.7, 1.2),
+                within(0.77, 1.35),
+            ),
+            int(chance.integers(0, 12)),
+        )
+        for _ in range(number)
+    ]
+
+
+def reference(t_s: float) -> tuple[float, float, float, bool]:
+    """x_r, its derivatives, and whether the plan presses."""
+    w = 2.0 * pi * HZ
+    if t_s < FREE_S:
+        return X_E_UM + 40.0 * (t_s - FREE_S), 40.0, 0.0, False
+    t_s -= FREE_S
+    if t_s < PRESSED_S:
+        swing = AMPLITUDE_UM * w
+        x = X_E_UM + DEPTH_UM * (1.0 - cos(20.0 * t_s)) / 2.0 + AMPLITUDE_UM * sin(w * t_s) / 2.0
+        v = 50.0 * sin(20.0 * t_s) + 0.5 * swing * cos(w * t_s)
+        return x, v, 1000.0 * cos(20.0 * t_s) - 0.5 * w * swing * sin(w * t_s), True
+    return X_E_UM - 4.0, 0.0, 0.0, False
+
+
+def furthest_um(loop: Loop, rig: Rig, seed: int) -> float:
+    """Largest |x - x_r| over the last tenth of a second, of the arm itself."""
+    T, case, chance = loop.period_s, rig.case, np.random.default_rng(seed)
+    law = control_law.build(replace_set(loop), ARM, T, 0.0, output=loop.told)
+    free = LoopCase(0.0, *_rest(case))
+    sampled = [sampled_arms(loop.arm, T, 0.0, (one,)) for one in (free, case)]
+    gain, kappa = ARM.d / ARM.k * case.gain_factor, case.K_e_mN_per_um / ARM.k
+    x0 = X_E_UM - 40.0 * FREE_S
+    z = np.array([x0, 0.0, 0.0, x0 / gain])
+    state = control_law.start(law, x_um=x0, x_r_um=x0, force_mN=0.0, applied_V=z[3])
+    told, waited, off_um = False, 0, 0.0
+    for tick in range(round((FREE_S + PRESSED_S + AWAY_S) / T)):
+        x = float(z[0])
+        x_r, v, a, _ = reference((tick + 1) * T)
+        touched = x > X_E_UM
+        waited = waited + 1 if touched != told else 0
+        if waited > rig.late_ticks:
+            told, waited = touched, 0
+            at: dict[str, Any] = {"x_um": x, "x_r_um": x_r, "force_mN": 0.0, "force_r_mN": 0.0}
+            state = control_law.rebase(law, state, **at)
+        seen = x + NOISE_UM * float(chance.standard_normal())
+        # The estimator's force by its own slope, quasi-static.
+        F = (ARM.d / ARM.k * z[3] - seen) * ARM.k if told else 0.0
+        F_r = K_E * (x_r - X_E_UM) if told else 0.0
+        state, output = control_law.step(
+            law,
+            state,
+            x_um=seen,
+            force_mN=F,
+            applied_V=float(z[3]),
+            x_r_um=x_r,
+            force_r_mN=F_r,
+            limited=0,
+            plan=PlannedMotion(v, a, K_E if told else 0.0, X_E_UM if told else 0.0),
+        )
+        # About where the spring lets the arm rest: x_e counts in the equilibrium.
+        transition, drive = sampled[1 if touched else 0]
+        rest = X_E_UM * kappa / (1.0 + kappa) if touched else 0.0
+        z[0] -= rest
+        z = transition[0] @ z + drive[0] * output.voltage_V
+        z[0] += rest
+        if (tick + 1) * T > FREE_S + PRESSED_S + AWAY_S - 0.1:
+            off_um = max(off_um, abs(float(z[0]) - x_r))
+    return off_um
+
+
+def replace_set(loop: Loop) -> Any:
+    """The law of the line, which the arm here has."""
+    return type(loop.law)(loop.law.definition, "consistent", "planned", loop.law.values)
+
+
+def _rest(case: LoopCase) -> tuple[float, float, float, float]:
+    return case.frequency_factor, case.delay_periods, case.gain_factor, case.damping_factor
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_no_rig_of_an_admitted_loop_diverges(name: str) -> None:
+    assert assess(LOOPS[name], PART).stable
+    for number, rig in enumerate(drawn(RIGS, SEED)):
+        assert furthest_um(LOOPS[name], rig, number) < 2.0, (SEED, number, rig)
+
+
+def test_a_refused_loop_diverges_on_one_of_them() -> None:
+    """What the trial is worth: it can fail, and near the edge it does."""
+    loop = loop_of(0.001, f_w=130.0)
+    assert not assess(loop, PART).stable
+    reached = [furthest_um(loop, rig, number) for number, rig in enumerate(drawn(40, SEED))]
+    assert max(reached) > 10.0
+
+
+def main(number: int) -> None:
+    for name, loop in LOOPS.items():
+        found = [furthest_um(loop, rig, n) for n, rig in enumerate(drawn(number, SEED + 1))]
+        middle, worst = float(np.median(found)), max(found)
+        print(f"{name}: {number} rigs, |x - x_r| after the loss {middle:.3f} ({worst:.3f}) µm")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
