@@ -57,17 +57,15 @@ RULES = """\
   supervisor runs.
 - A request whose caller hangs up before the job is planned begins nothing: nobody would know of
   the motion. The audit log says so. With its key it can be sent again.
-- A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which
-  leads to `aborting`, and from there to `failed`: no job hangs.
+- A state that ends in -ing has a deadline; then `overdue` leads to `aborting` and to `failed`.
 - `pause` acts at the next safe point, where the references are at rest. From then on they stay,
   the law continues to hold force and position, and the guards stay active. No deadline runs in
   `paused`.
 - `stop` from `paused` does not go through `running`: the controller is asked for the stop
   alone, and nothing moves.
 - A stop keeps a held part, unless the request says `"on_stop": "release"` (unload, and rest
-  there) or `"retract"` (unload, and go back). A calibration presses to measure: its stop is always
-  a `retract`. An abort freezes the voltage for the rig file's
-  `freeze_s`, unless the request says `"on_abort": "ramp"`.
+  there) or `"retract"` (unload, and go back). A calibration presses to measure: its stop is always a
+  `retract`. An abort freezes the voltage for `freeze_s`, unless `"on_abort": "ramp"` is asked for.
 - A stopped job that holds a part keeps the rig. Its action `release` lets the part go; a job of
   the kind `hold` or `release` takes the part over.
 - After a trip with a part held, the actuator is frozen. A reset then keeps the voltage and the
