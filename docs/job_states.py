@@ -52,20 +52,20 @@ RULES = """\
 - One `Idempotency-Key` creates one job, from the moment it is seen: a second request waits while
   the first one is planned, and gets its job; also after a restart. If the first is refused, the
   next is planned in its place.
-- `POST /api/v1/jobs/stop` with the key stops what it has begun: the job, or the request while it is
-  planned, which is then refused with `key-stopped`. No job comes of that key as long as the
-  supervisor runs.
+- `POST /api/v1/jobs/stop` with the key stops its job, or the request while it is planned.
 - A request whose caller hangs up before the job is planned begins nothing: nobody would know of
   the motion. The audit log says so. With its key it can be sent again.
-- A state that ends in -ing has a deadline; then `overdue` leads to `aborting` and to `failed`.
+- A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which
+  leads to `aborting`, and from there to `failed`: no job hangs.
 - `pause` acts at the next safe point, where the references are at rest. From then on they stay,
   the law continues to hold force and position, and the guards stay active. No deadline runs in
   `paused`.
 - `stop` from `paused` does not go through `running`: the controller is asked for the stop
   alone, and nothing moves.
 - A stop keeps a held part, unless the request says `"on_stop": "release"` (unload, and rest
-  there) or `"retract"` (unload, and go back). A calibration presses to measure: its stop is always a
-  `retract`. An abort freezes the voltage for `freeze_s`, unless `"on_abort": "ramp"` is asked for.
+  there) or `"retract"` (unload, and go back). A calibration presses to measure: its stop is always
+  a `retract`. An abort freezes the voltage for the rig file's
+  `freeze_s`, unless the request says `"on_abort": "ramp"`.
 - A stopped job that holds a part keeps the rig. Its action `release` lets the part go; a job of
   the kind `hold` or `release` takes the part over.
 - After a trip with a part held, the actuator is frozen. A reset then keeps the voltage and the
