@@ -29,7 +29,7 @@ PYTHONS := 3.11 3.12 3.13
 # pytest's exit status where ARGS leave no test; one half may have none
 NO_TEST := 5
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-  --no-header --no-annotate --no-emit-index-url --no-emit-find-links
+  --no-header --no-annotate --no-emit-index-url --no-emit-find-links --no-emit-package pincette-client
 
 SITE := $(BIN)/sphinx-build -b html -W --keep-going --quiet
 
@@ -168,9 +168,10 @@ docs: dev ## write what is generated: docs/reference and deploy/openapi.json
 	@$(BIN)/python docs/generate_cli.py
 	@$(BIN)/python -m pincette_supervisor.rest.openapi deploy/openapi.json
 
-dist: dev ## build wheel and sdist into data/dist, from what git has
+dist: dev ## build wheels and sdist into data/dist, from what git has
 	@rm -rf data/dist
 	@$(BIN)/python -m build --no-isolation --outdir data/dist .
+	@$(BIN)/python -m build --no-isolation --wheel --outdir data/dist shared
 
 site: dev ## build the documentation site into data/site; any warning ends it
 	@rm -rf data/site data/site-pages

@@ -16,9 +16,10 @@ HEAD = """\
 
 Generated from `pincette.cli`; a test compares the two. `pincette COMMAND --help` says the same.
 
-Every command that calls a supervisor takes `--url`, `--key`, `--rig-name` and `--json`. With
-`--json`, standard output is exactly one JSON document. A refusal is then the problem document
-(RFC 9457), and its text goes to standard error as always. `watch --json` prints one event per line.
+Every command that calls a supervisor takes `--url`, `--key`, `--authority`, `--rig-name` and
+`--json`. With `--json`, standard output is exactly one JSON document. A refusal is then the problem
+document (RFC 9457), and its text goes to standard error as always. `watch --json` prints one event
+per line.
 A progress bar appears only in a terminal; elsewhere a followed job prints one line for each phase.
 `JOB` is the id of a job, or `last`. An option may be shortened as long as it is unambiguous.
 `pincette --install-completion` lets the shell complete commands and options.
@@ -35,7 +36,7 @@ LIKE_A_JOB = {
 }
 """Commands whose options are listed elsewhere already."""
 KINDS = "\n## `pincette KIND`\n\nThe same as `pincette job KIND`: {names}.\n"
-COMMON = {"url", "key", "rig_name", "json", "help"}
+COMMON = {"url", "key", "authority", "rig_name", "json", "help"}
 
 
 def page() -> str:

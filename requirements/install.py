@@ -23,6 +23,8 @@ STEPS = ("run", "dev")
 """Each has its pins, requirements/NAME.txt; the second has all that the first has, and more."""
 TOOLS = Path("requirements/tools.txt")
 """What fills .venv: installed by pip, before all others."""
+PROJECTS = (Path("pyproject.toml"), Path("shared/pyproject.toml"))
+"""Of pincette, and of pincette-client, which it needs."""
 EVERY_S = 10.0
 """Where the output is no terminal, a line at least this often."""
 PIP = {"PIP_DISABLE_PIP_VERSION_CHECK": "1", "PIP_NO_INPUT": "1", "PIP_USER": "0"}
@@ -45,7 +47,7 @@ class InstallError(Exception):
 def wanted_stamp(root: Path, step: str) -> str:
     """What .venv must have been filled for."""
     digest = hashlib.sha256()
-    for source in (Path(f"requirements/{step}.txt"), TOOLS, Path("pyproject.toml")):
+    for source in (Path(f"requirements/{step}.txt"), TOOLS, *PROJECTS):
         digest.update((root / source).read_bytes())
     return f"{digest.hexdigest()} {root}\n"
 
@@ -129,7 +131,7 @@ def fill(root: Path, step: str, *, this_python: bool) -> None:
     pins = f"requirements/{step}.txt"
     for what, wanted in (
         (f"the packages of {pins}", ["--require-hashes", "-r", pins]),
-        ("pincette itself", ["--no-deps", "--no-build-isolation", "-e", "."]),
+        ("pincette itself", ["--no-deps", "--no-build-isolation", "-e", ".", "-e", "./shared"]),
     ):
         uv = [str(venv / "bin/uv"), "pip", "install", "--python", python]
         try:

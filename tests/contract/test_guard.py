@@ -8,7 +8,6 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable, Generator
-from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, cast
 
@@ -18,19 +17,9 @@ from pincette.bus import private_port
 from pincette.bus.admission import HELLO_S
 from pincette.bus.guard import MOST_PENDING, Guard
 from pincette.bus.private_port import PrivatePort
-from pincette.bus.protocol import BusError
 from pincette.bus.relay import MOST_WAITING
-from pincette.bus.session import Joined, open_session
-from pincette.bus.topology import (
-    SessionConfig,
-    TlsIdentity,
-    client_session,
-    router_session,
-    secured,
-)
-from pincette.security.access import client_access, router_access
+from pincette.bus.session import open_session
 from pincette.security.folder import Folder
-from pincette.security.identity import Credentials, program
 from tests.support.bare_connects import (
     TLS_HELLO_BEGUN,
     ZENOH_INIT_BEGUN,
@@ -38,43 +27,15 @@ from tests.support.bare_connects import (
     strangers,
 )
 from tests.support.certificates import folder_for
+from tests.support.doors import OPENS_S, Door
 from tests.support.rigs import free_ports
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
-ROUTER, TOOL = program("router", ""), program("supervisor", "")
 MANY = 400
 KEY = "pincette/v1/demo/job"
-OPENS_S = 1.0
-"""In which a link is made while strangers come; without the guard it took 40 s."""
 BACK_S = 30.0
-REVOKED_WITHIN_S = 2.0
 MEGABYTES = 4
-
-
-class Door:
-    """A router behind its guard, and how a client joins it."""
-
-    def __init__(self, folder: Folder | None) -> None:
-        self.port = free_ports(1)
-        listens, joins = (
-            router_session("127.0.0.1", self.port),
-            client_session("127.0.0.1", self.port),
-        )
-        if folder is not None:
-            known = router_access([ROUTER, TOOL])
-            listens = secured(listens, TlsIdentity(folder.credentials(ROUTER), known))
-            joins = secured(joins, TlsIdentity(folder.credentials(TOOL), client_access(ROUTER)))
-        self.client: SessionConfig = joins
-        self.router: Joined = open_session(listens, "router")
-        assert self.router.guard is not None
-        self.guard: Guard = self.router.guard
-
-    def opened_s(self) -> float:
-        """How long it takes to join."""
-        begun_s = monotonic()
-        with open_session(self.client, "tool"):
-            return monotonic() - begun_s
 
 
 @pytest.fixture(scope="module")
@@ -164,41 +125,6 @@ def test_each_link_is_told_with_its_peer_and_why_it_went(
     down = rf"link down after \d+\.\d s: {name} at 127\.0\.0\.1:\d+: (it hung up|its lease.*)"
     assert re.fullmatch(down, told[1])
     assert len(told) == 2
-
-
-def test_whose_certificate_is_revoked_is_out_and_stays_out(tmp_path: Path) -> None:
-    folder = folder_for(tmp_path / "pki", "demo")
-    door = Door(folder)
-    viewer = folder.named("viewer")
-    own = secured(
-        client_session("127.0.0.1", door.port),
-        TlsIdentity(folder.credentials(TOOL), client_access(ROUTER)),
-    )
-    copies = [tmp_path / name for name in ("crt", "key")]
-    theirs = folder.credentials(viewer)
-    for copy, place in zip(copies, (theirs.certificate, theirs.private_key), strict=True):
-        copy.write_bytes(place.read_bytes())
-    kept = Credentials(viewer, theirs.authority, *copies)
-    joins = secured(
-        client_session("127.0.0.1", door.port), TlsIdentity(kept, client_access(ROUTER))
-    )
-    try:
-        with open_session(own, "tool"), open_session(joins, "viewer"):
-            assert len(door.router.session.info.links()) == 2
-            (tmp_path / "pki" / "revoked").write_text("no number\n")
-            sleep(1.2)
-            assert len(door.router.session.info.links()) == 2, "nothing follows from a bad list"
-            (tmp_path / "pki" / "revoked").unlink()
-            folder.revoke(viewer)
-            deadline = monotonic() + REVOKED_WITHIN_S
-            while len(door.router.session.info.links()) > 1:
-                assert monotonic() < deadline
-                sleep(0.02)
-        with pytest.raises(BusError, match="viewer"):
-            open_session(joins, "viewer")
-        assert door.opened_s() < OPENS_S
-    finally:
-        door.router.close()
 
 
 def test_who_says_nothing_is_ended_in_time(door: Door) -> None:

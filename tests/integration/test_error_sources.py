@@ -1,11 +1,13 @@
 """On rigs where one cause of errors is above all others, the result of a job names it."""
 
 from functools import cache
+from math import sqrt
 
 import pytest
 
 from pincette.api.results import ErrorSources
 from pincette.config import RigFile
+from pincette.control.laws.error_sources import CAUSES
 from pincette.control.record import replace
 from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import columns
@@ -25,6 +27,13 @@ TRACK = TrackJobRequest(
     load_s=1.0,
 )
 SLEW: Tree = {"limits": {"slew_V_per_s": 50.0}}
+RELAYS: Tree = {
+    "simulation": {
+        "hysteresis": None,
+        "relays": {"loop_share": 0.15, "full_drive_V": 2.5, "centre_V": 1.0},
+    }
+}
+"""An arm of another class than the one that the rig's model was taught on."""
 
 
 def played(
@@ -64,6 +73,18 @@ def test_what_is_expected_of_the_true_force_is_what_it_does() -> None:
     assert isinstance(result, TrackResult)
     assert result.true_force_mN is not None
     assert 0.4 < sources(plain()).force_mN.total / result.true_force_mN.rmse < 2.5
+
+
+@pytest.mark.parametrize("frequency_hz", [0.5, 2.0, 5.0])
+@pytest.mark.parametrize("arm", [{}, RELAYS], ids=["as taught", "relays"])
+def test_the_squares_of_the_causes_add_up(frequency_hz: float, arm: Tree) -> None:
+    rig = demo_rig(SLEW | arm, time="lockstep")
+    cycles = {0.5: 4, 2.0: 8, 5.0: 20}[frequency_hz]
+    path = TRACK.model_copy(update={"frequency_hz": frequency_hz, "cycles": cycles})
+    found = sources(played(path, rig)).position_um
+    added_um = sqrt(sum(getattr(found, cause) ** 2 for cause in CAUSES))
+    print(frequency_hz, added_um / found.total)
+    assert 0.95 < added_um / found.total < 1.1
 
 
 def test_a_sensor_noisier_than_it_states_is_found() -> None:

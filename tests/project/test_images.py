@@ -38,7 +38,7 @@ where = packages_distributions()
 roots = {name.partition(".")[0] for name in sys.modules}
 print(*sorted({one for root in roots for one in where.get(root, ())}))
 """
-NOT_OURS = {"pincette", "setuptools", "pip"}
+NOT_OURS = {"pincette", "pincette-client", "setuptools", "pip"}
 """What is imported in a development environment alone, and ourselves."""
 
 

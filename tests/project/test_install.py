@@ -21,7 +21,9 @@ def checkout(place: Path) -> Path:
     (place / "requirements").mkdir(parents=True)
     for name in ("dev", "run", "tools"):
         (place / f"requirements/{name}.txt").write_text("a==1\n")
-    (place / "pyproject.toml").write_text("[project]\n")
+    (place / "shared").mkdir()
+    for name in ("pyproject.toml", "shared/pyproject.toml"):
+        (place / name).write_text("[project]\n")
     return place
 
 

@@ -1,6 +1,7 @@
 """The list of packages, the entry points and the folders say the same; a folder is no crowd."""
 
 import ast
+import tomllib
 from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,17 @@ def importers(found: dict[str, Path]) -> dict[str, set[str]]:
 
 def test_wheel_holds_every_package(pyproject: dict[str, Any]) -> None:
     assert pyproject["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == packages()
+
+
+def test_a_file_is_in_one_wheel(pyproject: dict[str, Any]) -> None:
+    client = tomllib.loads((ROOT / "shared/pyproject.toml").read_text(encoding="utf-8"))
+    kept = client["tool"]["hatch"]["build"]["only-include"]
+    left_out = pyproject["tool"]["hatch"]["build"]["targets"]["wheel"]["exclude"]
+    assert left_out == [f"/shared/{name}" for name in kept]
+    contracts = {item["name"]: item for item in pyproject["tool"]["importlinter"]["contracts"]}
+    bare = contracts["What pincette-client has needs nothing else of pincette"]
+    names = {name.removesuffix(".py").replace("/", ".") for name in kept if "__init__" not in name}
+    assert set(bare["source_modules"]) == names
 
 
 def test_import_linter_reads_every_package(pyproject: dict[str, Any]) -> None:

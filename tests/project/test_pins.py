@@ -41,6 +41,10 @@ def test_every_dependency_is_pinned_once(
     environment = {"python_full_version": python, "python_version": python[:4]}
     project = pyproject["project"]
     wanted = [Requirement(text) for text in project["dependencies"]]
+    # A distribution of this tree, installed from it.
+    assert Requirement(f"pincette-client=={project['version']}") == wanted.pop(
+        [one.name for one in wanted].index("pincette-client")
+    )
     wanted += [Requirement(text) for text in project["optional-dependencies"]["dev"]]
     for requirement in wanted:
         here = [

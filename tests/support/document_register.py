@@ -69,8 +69,17 @@ SITTINGS: dict[str, Sitting] = {
         (
             Typed("curl -s 'http://127.0.0.1:8000/api/v1/jobs", r'"feasible":true'),
             Typed("curl -s http://127.0.0.1:8000/api/v1/traj", r'"kind":"track"'),
+            Told(
+                ".venv/bin/pincette job grip --force-mN 15 --force", "unit test_goal.py judges one"
+            ),
         ),
         up=DEMO,
+    ),
+    "docs/how-to/claim.md": Sitting(
+        (
+            Told("eval", "tests/unit/cli/test_at_work.py claims from a shell"),
+            Told("import secrets", "tests/unit/supervisor/test_claims.py sends the same requests"),
+        )
     ),
     "docs/how-to/quick-grip.md": Sitting(
         (Typed("pincette job grip --profile gentle", r"outcome +gripped"),), up=DEMO
@@ -104,6 +113,8 @@ SITTINGS: dict[str, Sitting] = {
             Told(
                 "pincette watch", "it is silent while nothing happens; test_at_work.py follows it"
             ),
+            Told("(umask 077; echo", "tests/unit/supervisor/test_notify.py reads such a secret"),
+            Told("import base64", "tests/unit/supervisor/test_notify.py verifies so"),
         ),
         up=DEMO,
     ),
@@ -124,7 +135,10 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/rest-keys.md": Sitting(
         (
             Typed("pincette key add cell-7", r"cell-7"),
+            Told("pincette user add", "tests/unit/supervisor/test_users.py adds and changes one"),
             Told('Supervisor("http://gripper.lab', ANOTHER_HOST),
+            Told("export PINCETTE_URL=https", "tests/system/test_rest_tls.py asks over TLS"),
+            Told('Supervisor("https://', "tests/system/test_rest_tls.py asks over TLS"),
             Told("docker compose exec", DOCKER),
             Told("pincette audit", "tests/system/test_rest_access.py asks for it with such a key"),
             Told("pincette audit verify", "tests/unit/supervisor/test_audit.py verifies a log"),
@@ -223,6 +237,7 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/containers.md": Sitting(
         (
             Told("docker compose up -d --build --wait", "tests/engine/test_brief.py types both"),
+            Told("docker buildx imagetools", "it asks the registry of the base image"),
             Told("export COMPOSE_FILE=docker-compose.yml:deploy/real-rig.yml", BENCH),
             Told("docker compose -f docker-compose.yml -f deploy/listen.yml", DOCKER),
             Told("export COMPOSE_FILE=docker-compose.yml:deploy/listen.yml", DOCKER),

@@ -81,7 +81,7 @@ def running_rig(
     path.write_text(rig_toml(rig), encoding="utf-8")
     data = folder / "data"
     fleet = Fleet(rig, path, data, lambda _name, _line: None)
-    url = f"http://{rig.supervisor.host}:{rig.supervisor.port}/api/v1"
+    url = f"{rig.supervisor.url}/api/v1"
     try:
         if delays is None:
             fleet.up()

@@ -1,6 +1,7 @@
 """An application behind the supervisor's own HTTP server, on a port of its own."""
 
 import socket
+import ssl
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -17,11 +18,13 @@ PATIENCE_S = 60.0
 
 
 @contextmanager
-def served(app: ASGIApp, port: int | None = None) -> Generator[str]:
+def served(
+    app: ASGIApp, port: int | None = None, tls: ssl.SSLContext | None = None
+) -> Generator[str]:
     """Serve until the end; gives the address, such as ``http://127.0.0.1:16123``."""
     port = free_ports(1) if port is None else port
     listener = bind(HOST, port)
-    server = server_of(app)
+    server = server_of(app, tls)
     thread = threading.Thread(target=server.run, args=([listener],), name="served")
     thread.start()
     begun_s = monotonic()
@@ -30,7 +33,7 @@ def served(app: ASGIApp, port: int | None = None) -> Generator[str]:
             assert thread.is_alive()
             assert monotonic() - begun_s < PATIENCE_S
             sleep(0.01)
-        yield f"http://{HOST}:{port}"
+        yield f"{'http' if tls is None else 'https'}://{HOST}:{port}"
     finally:
         server.should_exit = True
         thread.join(PATIENCE_S)
@@ -39,5 +42,5 @@ def served(app: ASGIApp, port: int | None = None) -> Generator[str]:
 
 def connected(address: str) -> socket.socket:
     """A connection that nothing is asked over as yet."""
-    host, _, port = address.removeprefix("http://").partition(":")
+    host, _, port = address.partition("://")[2].partition(":")
     return socket.create_connection((host, int(port)), 30.0)

@@ -50,6 +50,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `make dist` builds: an sdist of the tree, and a wheel of that sdist."""
     folder = tmp_path_factory.mktemp("dist")
     done([*BUILD, "--outdir", str(folder), str(ROOT)], folder, BUILD_S)
+    done([*BUILD, "--wheel", "--outdir", str(folder), str(ROOT / "shared")], folder, BUILD_S)
     return folder
 
 
@@ -59,20 +60,30 @@ def wheel(built: Path) -> Path:
     return found
 
 
+@pytest.fixture(scope="module")
+def client_wheel(built: Path) -> Path:
+    (found,) = built.glob("pincette_client-*.whl")
+    return found
+
+
 def content(path: Path) -> dict[str, bytes]:
     with zipfile.ZipFile(path) as file:
         return {name: file.read(name) for name in file.namelist()}
 
 
-def test_the_wheel_has_every_file_of_its_packages_and_the_rigs(wheel: Path) -> None:
+def test_the_wheels_have_every_file_of_their_packages_and_the_rigs(
+    wheel: Path, client_wheel: Path
+) -> None:
     wanted = {"pincette/rigs/" + path.name for path in (ROOT / "deploy/rigs").glob("*.toml")}
     for name in tracked():
         for folder in PACKAGES:
             if name.startswith(f"{folder}/pincette"):
                 wanted.add(name.removeprefix(f"{folder}/"))
     assert len(wanted) > 300
-    there = {name for name in content(wheel) if ".dist-info/" not in name}
-    assert there == wanted
+    there = [
+        name for one in (wheel, client_wheel) for name in content(one) if ".dist-info/" not in name
+    ]
+    assert sorted(there) == sorted(wanted)
 
 
 def test_the_sdist_has_every_file_of_the_tree(built: Path) -> None:
@@ -90,13 +101,13 @@ def test_the_tree_builds_the_same_wheel_as_the_sdist(wheel: Path, tmp_path: Path
 
 
 @pytest.fixture
-def environment(wheel: Path, tmp_path: Path) -> Generator[Path]:
-    """An environment that has the pins of requirements/run.txt and the wheel, and nothing else."""
+def environment(wheel: Path, client_wheel: Path, tmp_path: Path) -> Generator[Path]:
+    """An environment that has the pins of requirements/run.txt and the wheels, nothing else."""
     venv = tmp_path / "venv"
     done([sys.executable, "-m", "venv", str(venv)], tmp_path, BUILD_S)
     pip = [str(venv / "bin/python"), "-m", "pip", "install", "--quiet", "--no-cache-dir"]
     done([*pip, "--require-hashes", "-r", str(ROOT / "requirements/run.txt")], tmp_path, INSTALL_S)
-    done([*pip, "--no-deps", "--no-index", str(wheel)], tmp_path, INSTALL_S)
+    done([*pip, "--no-deps", "--no-index", str(wheel), str(client_wheel)], tmp_path, INSTALL_S)
     yield venv
     shutil.rmtree(venv)
 

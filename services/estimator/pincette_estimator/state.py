@@ -5,7 +5,7 @@ laser's readings differ even at rest, but a coarse display may hide it, so a con
 says nothing. It does where the arm was meant to move by much more than the noise.
 """
 
-from math import copysign
+from math import copysign, inf
 from typing import NamedTuple
 
 from msgspec import field
@@ -24,6 +24,8 @@ from pincette.core.messages import Applied, Position
 SURE = 3.0
 """Uncertainties beyond which a force is none of an error: a zero has not taken it off yet, and U
 is stated for what comes after one."""
+NOT_TOUCHED = 1.5
+"""Uncertainties, three standard ones, beyond which a force that has a zero cannot be larger."""
 SAMPLES = 8
 """Equal readings in a row; with the age limit of a command the actuator trips at the tenth."""
 LATE_SAMPLES = 2
@@ -125,22 +127,33 @@ class State(FrozenRecord, frozen=True):
 
 
 def touched(
-    state: State, compliance_um_per_mN: float, x_um: float, F_mN: float, u_F_mN: float
+    state: State,
+    *,
+    compliance_um_per_mN: float,
+    step_um: float,
+    x_um: float,
+    F_mN: float,
+    u_F_mN: float,
 ) -> tuple[float | None, float | None]:
     """Where an arm that should be free has met something, and at least how hard; or None, None.
 
     By the larger of two forces: by how far it lags behind the slope of its way since a kink on new
     ground; and F less ``SURE`` times U, the sign kept, at voltages that x_1 has followed in an
     earlier arming: on the first stroke of an arm it errs by more than U.
+
+    Noise bends about one way in a hundred as a part does, and the lag that is read from such a kink
+    grows with the way. So after a zero it counts to F + ``NOT_TOUCHED``·U, up to a step of
+    ``KinkLimits``, ``step_um``, beyond the voltages that x_1 has followed.
     """
     touch, met = state.contact_detector.touch, (None, None)
+    d_p, voltage_V = state.response.nominal_um_per_V, state.response.voltage_V
+    beyond_um = d_p * (voltage_V - state.known_V) if state.response.remembers else inf
     if touch is not None and touch.on_new_ground:
-        back_um = touch.pushed_back_um(
-            x_um, state.response.nominal_um_per_V * state.response.voltage_V
-        )
-        met = touch.x_um, max(0.0, back_um / compliance_um_per_mN)
+        lag_mN = touch.pushed_back_um(x_um, d_p * voltage_V) / compliance_um_per_mN
+        if state.zero_s is not None and beyond_um <= step_um:
+            lag_mN = min(lag_mN, F_mN + NOT_TOUCHED * u_F_mN)
+        met = touch.x_um, max(0.0, lag_mN)
     sure_mN = abs(F_mN) - SURE * u_F_mN
-    followed = state.response.remembers and state.response.voltage_V <= state.known_V
-    if followed and sure_mN > (met[1] or 0.0):
+    if beyond_um <= 0.0 and sure_mN > (met[1] or 0.0):
         return x_um, copysign(sure_mN, F_mN)
     return met

@@ -166,7 +166,14 @@ def _estimate(
     t_s = position.seq * config.period_s
     age_s = None if state.zero_s is None else t_s - state.zero_s
     u_F_mN = uncertainty_mN(config, state, t_s if age_s is None else age_s)
-    touch_x_um, touch_mN = touched(state, config.compliance_um_per_mN, position.x_um, F_mN, u_F_mN)
+    touch_x_um, touch_mN = touched(
+        state,
+        compliance_um_per_mN=config.compliance_um_per_mN,
+        step_um=config.kink_limits.step_um,
+        x_um=position.x_um,
+        F_mN=F_mN,
+        u_F_mN=u_F_mN,
+    )
     return Estimate(
         epoch=position.epoch,
         seq=position.seq,

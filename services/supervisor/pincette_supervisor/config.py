@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from pincette.config import RigFile
+from pincette.config import ConfigError, RigFile
+from pincette.security.folder import Folder
+from pincette.security.identity import SUPERVISOR, Credentials, program
 
 STORE = "supervisor.sqlite"
 
@@ -14,6 +16,9 @@ class SupervisorConfig:
 
     host: str
     port: int
+    url: str
+    tls: Credentials | None
+    """Of the supervisor, with which it speaks TLS; None: plain HTTP."""
     names: frozenset[str]
     """Host names beside addresses and localhost, in lower case."""
     in_container: bool
@@ -29,10 +34,23 @@ class SupervisorConfig:
 
 
 def configure(rig: RigFile, data: Path) -> SupervisorConfig:
-    """Settings from a rig file; the supervisor's files lie under ``data``."""
+    """Settings from a rig file; the supervisor's files lie under ``data``.
+
+    Raises ConfigError where TLS is wanted without certificates.
+    """
+    tls = None
+    if rig.supervisor.tls:
+        if rig.bus.pki is None:
+            raise ConfigError(
+                "[supervisor] tls needs certificates: `pincette security init FOLDER` makes them, "
+                "[bus] pki names their folder"
+            )
+        tls = Folder(Path(rig.bus.pki)).credentials(program(SUPERVISOR, ""))
     return SupervisorConfig(
         host=rig.supervisor.host,
         port=rig.supervisor.port,
+        url=rig.supervisor.url,
+        tls=tls,
         names=frozenset(name.lower() for name in (rig.supervisor.host, *rig.supervisor.names)),
         in_container=rig.supervisor.behind == "container",
         always_keys=rig.supervisor.keys == "always",

@@ -1,6 +1,7 @@
 """The supervisor as a program: its port, journal, rigs and REST server."""
 
 import socket
+import ssl
 import threading
 from collections.abc import Generator
 from contextlib import ExitStack, closing, contextmanager
@@ -18,10 +19,13 @@ from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.listeners import Listeners
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.kinds.functions import import_functions
+from pincette_supervisor.notify.outbox import Outbox
+from pincette_supervisor.notify.senders import senders_of
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.worker import Worker
 from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.server import server_of
+from pincette_supervisor.rest.tls import server_context
 from pincette_supervisor.rigs.rig_finder import RigFinder
 from pincette_supervisor.rigs.rigs import RigFactory, Rigs
 from pincette_supervisor.rigs.suspend_aware_clock import SuspendAwareClock
@@ -61,10 +65,13 @@ def run(context: Context) -> None:
         access = Access(authenticator_of(config), names=config.names, buckets=TokenBuckets())
         stack.enter_context(closing(KeySync(store, access)))
         require_key(config, access.authenticator)
-        bus = stack.enter_context(closing(context.open_bus()))
+        bus = stack.enter_context(closing(context.open_bus()))  # which checks the certificate
+        tls = None if config.tls is None else server_context(config.tls)
         clock = stack.enter_context(closing(SuspendAwareClock()))
         clock.start()
         stack.enter_context(closing(ATTENTION)).start()
+        senders = senders_of(context.rig.supervisor, context.data)
+        stack.enter_context(closing(Outbox(store, senders)))
         listeners = Listeners()
         factory = RigFactory(
             store, listeners, context.data, context.open_bus, partial(worker.run, played), clock
@@ -78,11 +85,11 @@ def run(context: Context) -> None:
         stack.callback(rigs.release)
         finder = stack.enter_context(closing(RigFinder(rigs, context.open_bus, create)))
         finder.start(bus)
-        stack.enter_context(_rest_server(listener, create_app(rigs, access), context.stop))
+        stack.enter_context(_rest_server(listener, create_app(rigs, access), tls, context.stop))
         # These end before the server, so that no request waits for them.
         for close in (listeners.close, rigs.close, finder.close):
             stack.callback(close)
-        context.ready(f"serves at http://{config.host}:{config.port}/api/v1")
+        context.ready(f"serves at {config.url}/api/v1")
         context.stop.wait()
 
 
@@ -97,9 +104,11 @@ def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
 
 
 @contextmanager
-def _rest_server(listener: socket.socket, app: FastAPI, stop: threading.Event) -> Generator[None]:
+def _rest_server(
+    listener: socket.socket, app: FastAPI, tls: ssl.SSLContext | None, stop: threading.Event
+) -> Generator[None]:
     """Serve in a thread of its own, which leaves signals to the program's start-up."""
-    server = server_of(app)
+    server = server_of(app, tls)
     thread = threading.Thread(target=server.run, args=([listener],), name="rest")
     thread.start()
     try:

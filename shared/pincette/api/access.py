@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from pydantic import Field
+
 from pincette.api import Model, example
 
 Scope = Literal["observe", "operate", "admin"]
@@ -29,11 +31,20 @@ class Session(Model):
     keys: bool
     """Whether a key is wanted; without any, whoever reaches the supervisor may do everything."""
     name: str | None
-    """Of the key; null of a caller without one."""
+    """Of the key or the user; null of a caller without one."""
     scope: Scope | None
     """What the caller may do; null: nothing."""
     signed_in: bool
     """Whether the key came as the cookie of a page."""
+
+
+class SignIn(Model):
+    """A person who signs in without a key."""
+
+    model_config = example(user="ann", password="correct horse battery")
+
+    user: str = Field(max_length=40)
+    password: str = Field(max_length=200)
 
 
 class AuditEntry(Model):

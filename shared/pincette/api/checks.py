@@ -1,11 +1,9 @@
 """Faults and checks of a rig, and the probes of a supervisor, over REST."""
 
-from collections.abc import Iterable
 from typing import Literal
 
 from pincette.api import Model, example
-from pincette.core.faults import Fault, FaultCode
-from pincette.core.wording import fault_text
+from pincette.control.vocabulary import FaultCode
 
 
 class FaultView(Model):
@@ -21,18 +19,6 @@ class FaultView(Model):
     values: dict[str, float | None]
     """By name, which ends in the unit; null where the number is not finite."""
     text: str
-
-
-def fault_views(faults: Iterable[Fault]) -> list[FaultView]:
-    """Faults as REST has them."""
-    return [
-        FaultView(
-            code=fault.code,
-            values={item.name: item.value for item in fault.values},
-            text=fault_text(fault),
-        )
-        for fault in faults
-    ]
 
 
 class Check(Model):

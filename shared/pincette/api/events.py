@@ -4,7 +4,9 @@ from typing import Any, Literal
 
 from pincette.api import Model, example
 
-EventKind = Literal["state", "phase", "action", "result", "alarm", "queue", "rig", "model", "edit"]
+EventKind = Literal[
+    "state", "phase", "action", "result", "alarm", "queue", "rig", "model", "edit", "claim"
+]
 """What is kept and numbered, so that nobody misses it."""
 PassingKind = Literal["progress", "dropped"]
 """What is told to those who listen just then: how far a job is, and what they have missed."""

@@ -170,6 +170,8 @@ class JobKind:
     """It may wait for a person."""
     relative: tuple[str, ...] = ()
     """Members that count from where the arm stands; a trajectory cannot keep them."""
+    goal_phase: str = ""
+    """Phase in which a goal is to be met; empty: its request has no tolerances."""
     recipe: RecipeRules | None = None
     """How a recipe completes its request; None: no recipe does."""
     picture: str = ""

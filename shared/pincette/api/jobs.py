@@ -18,6 +18,15 @@ class ActionRequest(Model):
     type: ActionType
 
 
+class StopRequest(Model):
+    """Which request shall come to nothing, whether or not it has its job yet."""
+
+    model_config = example(idempotency_key="cell 4, part 17")
+
+    idempotency_key: Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[ -~]+$")]
+    """What it was sent with, or will be."""
+
+
 class Action(Model):
     """An action that was asked for, kept with its job."""
 
@@ -72,6 +81,8 @@ class Progress(Model):
         force_uncertainty_mN=0.41,
         voltage_V=2.49,
         held=True,
+        hold_in_s=0.0,
+        force_held_mN=19.99,
         target=20.0,
         current=19.98,
         unit="mN",
@@ -98,6 +109,10 @@ class Progress(Model):
     force_uncertainty_mN: float | None
     voltage_V: float | None
     held: bool
+    hold_in_s: float | None = None
+    """When the hold begins, as planned; 0 while it lasts, null where none comes."""
+    force_held_mN: float | None = None
+    """Mean of the force in the hold, without its first half second; null until then."""
     target: float | None = None
     """What the phase is about, as it should be: the force while a part is held, else x."""
     current: float | None = None
@@ -184,6 +199,16 @@ class Job(Model):
     """Whether the record has every sample of the job; None where it is not closed, or not made."""
     record_detail: str = ""
     """Why it is not complete."""
+
+
+class StoppedRequest(Model):
+    """What has become of a request that was stopped."""
+
+    model_config = example(job=None)
+
+    job: Job | None
+    """The job that it had created, which has been stopped if it had not ended; null where there was
+    none, and none will come."""
 
 
 class JobList(Model):

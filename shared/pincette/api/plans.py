@@ -1,13 +1,13 @@
 """Plans of jobs over REST, and the control laws that a job may choose."""
 
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Any, Literal, Protocol
 
 from pydantic import Field
 
 from pincette.api import Model, example
 from pincette.api.predictions import Prediction, Violation
-from pincette.control.laws.definition import LawDefinition
-from pincette.control.laws.parameters import ForceAge, ParameterSet
+from pincette.control.vocabulary import ForceAge, ParameterSet
 
 GainsFrom = Literal["rig", "paper", "default", "request", "tuned"]
 
@@ -206,6 +206,35 @@ class LawGain(Model):
     """Whether the gain must be above 0; else it must be at least 0."""
 
 
+class DescribedLaw(Protocol):
+    """What a ``LawDefinition`` says of itself; a client has none of them."""
+
+    @property
+    def name(self) -> str:
+        """What a request names it by."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """As people call it."""
+        ...
+
+    @property
+    def summary(self) -> str:
+        """What distinguishes it."""
+        ...
+
+    @property
+    def parameters(self) -> Sequence[object]:
+        """Its gains, each with the members of ``LawGain``."""
+        ...
+
+    @property
+    def search(self) -> Sequence[object]:
+        """Gains that a search varies; empty: no search."""
+        ...
+
+
 class InstalledLaw(Model):
     """A control law that a job may choose."""
 
@@ -226,7 +255,7 @@ class InstalledLaw(Model):
     """Whether ``"gains": "tuned"`` is offered."""
 
     @classmethod
-    def of(cls, law: LawDefinition) -> "InstalledLaw":
+    def of(cls, law: DescribedLaw) -> "InstalledLaw":
         """Describe a law."""
         return cls(
             scheme=law.name,

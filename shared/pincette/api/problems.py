@@ -21,8 +21,8 @@ MEANINGS = {
     409: (
         "job-active",
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
-        "part-held, queue-full, estop-engaged, rig-latched (with cause), reset-refused, "
-        "model-changed, trajectory-stale, recipe-limit",
+        "part-held, queue-full, rig-claimed (with claim), estop-engaged, "
+        "rig-latched (with cause), reset-refused, model-changed, trajectory-stale, recipe-limit",
     ),
     413: ("body-too-large", "the body is larger than a request may be"),
     415: ("unsupported-media-type", "the body is not declared as JSON (Content-Type)"),
@@ -74,6 +74,7 @@ REMEDIES: Mapping[str, str] = {
     "calibration-unsupported": "choose another calibration, or faster instruments",
     "impossible-model": "choose another version of the model",
     "no-prediction": "send it with `predict=false`, or change the values",
+    "key-stopped": "use a new key for another request",
     "idempotency-key-reused": "use a new key for a new request",
     "too-many-requests": "wait as long as Retry-After says",
     "rig-not-ready": "mend what reasons name; `pincette doctor` says more",

@@ -2,11 +2,10 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from pincette.api import CONFIG, WHOLE, Model, example
-from pincette.control.laws.parameters import ForceAge, ParameterSet
-from pincette.control.quantities import LARGEST
+from pincette.control.vocabulary import LARGEST, ForceAge, ParameterSet
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST[""])]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST[""])]
@@ -69,6 +68,31 @@ class PolicyRequest(JobRequest, frozen=True):
     """What an abort does with a held part: keep it for the rig file's time, or ramp at once."""
 
 
+class GoalRequest(JobRequest, frozen=True):
+    """How near to its references a job must come for its goal to be met.
+
+    A goal that is missed stops nothing: the result says so. The rig file's guards stop a job.
+    """
+
+    position_tolerance_um: Positive | None = None
+    """How far the position may be off its reference once it has settled."""
+    force_tolerance_mN: Positive | None = None
+    """How far the force may be off its reference once it has settled."""
+    settling_s: NotNegative | None = None
+    """Time from the begin of hold, path or rest in which both must have settled; 0.5 s if not
+    given."""
+
+    @model_validator(mode="after")
+    def _tolerance_given(self) -> "GoalRequest":
+        tolerances = (self.position_tolerance_um, self.force_tolerance_mN)
+        if self.settling_s is not None and tolerances == (None, None):
+            raise ValueError(
+                f"settling_s = {self.settling_s} s says when, not how near: add "
+                "position_tolerance_um or force_tolerance_mN"
+            )
+        return self
+
+
 Gain = Annotated[float, Field(ge=0, le=1e9)]
 
 
@@ -95,7 +119,7 @@ def _apart(value: object) -> object:
     raise ValueError(f'gains = {value!r:.60}: input should be "tuned", or gains by their names')
 
 
-class ContactJobRequest(PolicyRequest, frozen=True):
+class ContactJobRequest(PolicyRequest, GoalRequest, frozen=True):
     """What every job that meets a part may say; what is left out comes from the rig file."""
 
     load_s: Duration | None = None

@@ -92,6 +92,33 @@ class ErrorSources(Model):
     force_mN: ErrorCauses
 
 
+class Goal(Model):
+    """Whether a job came as near to its references as it was to, and when."""
+
+    model_config = example(
+        met=True,
+        settling_s=0.5,
+        settled_s=0.32,
+        position_tolerance_um=0.2,
+        position_error_um=0.11,
+        force_tolerance_mN=0.5,
+        force_error_mN=0.34,
+    )
+
+    met: bool
+    settling_s: float
+    """Time in which it was to settle, from the begin of hold, path or rest."""
+    settled_s: float | None
+    """Time from which on every error stays within its tolerance, from the same begin; null: none,
+    or the job did not come that far."""
+    position_tolerance_um: float | None
+    position_error_um: float | None
+    """Largest magnitude of x less x_r after the settling time; null where there is none."""
+    force_tolerance_mN: float | None
+    force_error_mN: float | None
+    """Largest magnitude of the estimate less F_r after the settling time."""
+
+
 OutcomeCode = Literal[
     "gripped",
     "tracked",
@@ -142,6 +169,8 @@ class JobResult(Model):
     """Where the arm met something on its way through free space."""
     touch_force_mN: float | None = None
     """With which force, as it turned back: by the free response, or by the slope of its way."""
+    goal: Goal | None = None
+    """Null where no tolerance was asked for."""
 
 
 class ClosedLoopResult(JobResult):

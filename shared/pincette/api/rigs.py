@@ -6,6 +6,7 @@ from pydantic import Field
 
 from pincette.api import WHOLE, Model, example
 from pincette.api.checks import Check, FaultView
+from pincette.api.claims import Claim
 from pincette.api.rig_states import RigState
 
 Certainty = Literal["known", "believed", "unknown"]
@@ -210,6 +211,7 @@ class Rig(Model):
         part="none",
         standing=STANDING | {"state": "idle", "part": "none"},
         safe_to_move={"value": True, "reasons": []},
+        claim=None,
         active_job=None,
         queue={"length": 0, "halted": "", "capacity": 16},
         can_start=True,
@@ -236,6 +238,8 @@ class Rig(Model):
     """Whether the gripper holds a part, as the actuator was last told; see ``standing``."""
     standing: Standing
     safe_to_move: SafeToMove
+    claim: Claim | None = None
+    """Who has claimed the rig; null: nobody."""
     active_job: str | None
     queue: Queue
     can_start: bool

@@ -1,6 +1,7 @@
 """Sessions of a rig file's programs, with mutual TLS by its certificates; raise SecurityError."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -83,9 +84,10 @@ def service_endpoint(rig: RigFile, name: str, services: Mapping[str, Participant
 
 def program_endpoint(rig: RigFile, name: str, *, lockstep: bool) -> SessionConfig:
     """The session of a program outside the loop, at the router."""
-    return _client(
-        rig, client_session(*rig.bus.served_by, lockstep=lockstep), program(name, rig.rig.name)
-    )
+    config = client_session(*rig.bus.served_by, lockstep=lockstep)
+    if rig.bus.served_by == (rig.bus.host, rig.bus.port):
+        config = replace(config, near=config.connect)
+    return _client(rig, config, program(name, rig.rig.name))
 
 
 def tool_endpoint(rig: RigFile) -> SessionConfig:

@@ -13,6 +13,7 @@ import zenoh
 
 from pincette.bus.guard import Guard
 from pincette.bus.handshake import diagnose_link, is_taken
+from pincette.bus.local_sockets import by_socket
 from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError
 from pincette.bus.settings import guarded, settings
@@ -64,8 +65,9 @@ class Joined:
 
 
 def open_session(config: SessionConfig, name: str) -> Joined:
-    """Join; raises BusError with what to do where that fails."""
+    """Join; raises BusError or SecurityError with what to do where that fails."""
     zenoh.init_log_from_env_or("error")
+    config, sockets = by_socket(config)
     if not config.listen:
         return Joined(_opened(config, settings(config, name), name), None)
     behind = PrivatePort.chosen()
@@ -75,7 +77,7 @@ def open_session(config: SessionConfig, name: str) -> Joined:
     except OSError as error:
         raise _not_joined(config, name, error) from error
     try:
-        session = _opened(config, guarded(config, name, behind, vouching), name)
+        session = _opened(config, guarded(config, name, behind, vouching, sockets), name)
         if not behind.close_to_others():
             log.warning(UNSIGNED, name)
     except BusError:

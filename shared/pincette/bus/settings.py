@@ -65,12 +65,19 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
 
 
 def guarded(
-    config: SessionConfig, name: str, behind: PrivatePort, vouching: Vouching | None
+    config: SessionConfig,
+    name: str,
+    behind: PrivatePort,
+    vouching: Vouching | None,
+    sockets: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Settings of a session that listens behind a guard, and believes whom that vouches for."""
+    """Settings of a session that listens behind a guard, and believes whom that vouches for.
+
+    ``sockets``: where it listens beside.
+    """
     tree = settings(config, name)
     protocol = PLAIN if vouching is None else SECURE
-    tree["listen"]["endpoints"] = [f"{protocol}{behind.host}:{behind.port}"]
+    tree["listen"]["endpoints"] = [f"{protocol}{behind.host}:{behind.port}", *sockets]
     if vouching is None:
         return tree
     tls = tree["transport"]["link"]["tls"]

@@ -34,6 +34,8 @@ class SessionConfig:
     """In lockstep: a link that stalls is waited for, so that no sample is lost on it."""
     tls: TlsIdentity | None = None
     """None: the links are neither encrypted nor closed to anybody."""
+    near: tuple[str, ...] = ()
+    """Of ``connect``: programs of the same rig; see ``local_sockets``."""
 
 
 def secured(config: SessionConfig, member: TlsIdentity) -> SessionConfig:
@@ -120,15 +122,15 @@ def peer_session(
     """The session of a program of the loop: it listens, and connects to the partners before it."""
     own = member_services(name)
     linked = partners(name, services, lockstep=lockstep)
-    before = [other for other in linked if _place(other) < _place(name)]
+    before = sorted((other for other in linked if _place(other) < _place(name)), key=_place)
+    partners_at = tuple(endpoint(host, port, other) for other in before)
+    router = endpoint(*(router_at or (host, port)), "router")
     return SessionConfig(
         "peer",
         tuple(endpoint(host, port, service) for service in own),
-        (
-            endpoint(*(router_at or (host, port)), "router"),
-            *(endpoint(host, port, other) for other in sorted(before, key=_place)),
-        ),
+        (router, *partners_at),
         patient=lockstep,
+        near=(endpoint(host, port, "router"), *partners_at),
     )
 
 

@@ -20,7 +20,10 @@ MOST_KEPT = 256
 
 
 class Vouching:
-    """TLS contexts of one guard; the authority's key is never written to a file."""
+    """TLS contexts of one guard; the authority's key is never written to a file.
+
+    Raises SecurityError where the list of revoked certificates cannot be read.
+    """
 
     def __init__(self, credentials: Credentials) -> None:
         self._authority = new_authority(datetime.now(UTC), DAYS)

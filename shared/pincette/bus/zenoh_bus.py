@@ -3,9 +3,12 @@
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
+import logging
 import threading
 from collections.abc import Callable
 from functools import partial
+from math import inf
+from time import monotonic
 from typing import Any, TypeVar, cast
 
 import zenoh
@@ -29,6 +32,13 @@ from pincette.core.topics import (
 )
 
 M = TypeVar("M", bound=Message)
+Way = Callable[["zenoh.Session"], Any]
+"""How something is declared at a session; what it returns is kept."""
+log = logging.getLogger("pincette")
+UNANSWERED_S = 3.0
+"""From a request without answer on, until the session is opened anew."""
+REOPENED_S = 30.0
+"""Between two times: a program that hangs is seen too, and no session helps against that."""
 REFUSED = zenoh.Encoding.TEXT_PLAIN
 """Of a refusal by a program; Zenoh's own errors have another."""
 
@@ -40,21 +50,31 @@ class ZenohBus:
         self, config: SessionConfig, rig: str, program: str, *, reliable: bool = False
     ) -> None:
         self._rig = rig
+        self._config, self._name = config, f"{rig}/{program}"
         self._identity = config.tls.credentials.identity.name if config.tls else ""
-        self._joined = open_session(config, f"{rig}/{program}")
+        self._joined = open_session(config, self._name)
         self._session = self._joined.session
         self._reliable = reliable
         self._outlets: dict[type[Message], _Publisher] = {}
         """By what they send, since a topic takes longer to be found by."""
-        self._declaring = threading.Lock()
+        self._declaring = threading.RLock()
+        self._ways: list[Way] = []
         self._declared: list[Any] = []
+        self._unanswered_s: dict[str, float] = {}
+        """Since when each program owes an answer."""
+        self._reopened_s = -inf
         self.refused = 0
         self.refusal = ""
 
     def announce(self, program: str) -> None:
         """Hold a liveliness token while this program runs; safety never rests on it."""
-        token = self._session.liveliness().declare_token(live_key(self._rig, program))
-        self._declared.append(token)
+        self._declare(lambda one: one.liveliness().declare_token(live_key(self._rig, program)))
+
+    def _declare(self, way: Way) -> None:
+        """Declare something here, and again wherever the session is opened anew."""
+        with self._declaring:
+            self._ways.append(way)
+            self._declared.append(way(self._session))
 
     def alive(self) -> set[str]:
         """Programs whose token is seen from here."""
@@ -82,38 +102,25 @@ class ZenohBus:
         self._watch("*", sink)
 
     def _watch(self, rig: str, sink: Callable[[str, str, bool], None]) -> None:
-        def deliver(sample: zenoh.Sample) -> None:
-            found, program = alive_of(str(sample.key_expr))
-            sink(found, program, sample.kind == zenoh.SampleKind.PUT)
+        def way(session: zenoh.Session) -> Any:
+            def deliver(sample: zenoh.Sample) -> None:
+                if session is self._session:
+                    found, program = alive_of(str(sample.key_expr))
+                    sink(found, program, sample.kind == zenoh.SampleKind.PUT)
 
-        self._declared.append(
-            self._session.liveliness().declare_subscriber(live_key(rig, "*"), deliver, history=True)
-        )
+            return session.liveliness().declare_subscriber(
+                live_key(rig, "*"), deliver, history=True
+            )
+
+        self._declare(way)
 
     def declare(self, topic: Topic) -> None:
         """Prepare to publish a topic, and to answer on its key with the newest message."""
         with self._declaring:
             if topic.message in self._outlets:
                 return
-            place = key(self._rig, topic)
-            outlet = _Publisher(
-                place,
-                self._session.declare_publisher(
-                    place,
-                    encoding=zenoh.Encoding(ENCODING),
-                    congestion_control=(
-                        zenoh.CongestionControl.BLOCK
-                        if self._reliable or topic.reliable
-                        else zenoh.CongestionControl.DROP
-                    ),
-                    priority=(
-                        zenoh.Priority.INTERACTIVE_HIGH
-                        if topic.reliable
-                        else zenoh.Priority.REAL_TIME
-                    ),
-                ),
-            )
-            self._declared.append(self._session.declare_queryable(place, outlet.reply))
+            outlet = _Publisher(key(self._rig, topic), topic, reliable=self._reliable)
+            self._declare(outlet.open)
             self._outlets[topic.message] = outlet
 
     def publish(self, message: Message) -> None:
@@ -139,16 +146,21 @@ class ZenohBus:
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         """Deliver; see Bus. What is not such a message is counted and goes no further."""
 
-        def deliver(sample: zenoh.Sample) -> None:
-            try:
-                message = _decode(topic.message, sample.payload)
-            except CodecError as error:
-                self.refused += 1
-                self.refusal = explained(error, str(sample.encoding), topic.producer)
-                return
-            sink(topic, message)
+        def way(session: zenoh.Session) -> Any:
+            def deliver(sample: zenoh.Sample) -> None:
+                if session is not self._session:
+                    return
+                try:
+                    message = _decode(topic.message, sample.payload)
+                except CodecError as error:
+                    self.refused += 1
+                    self.refusal = explained(error, str(sample.encoding), topic.producer)
+                    return
+                sink(topic, message)
 
-        self._declared.append(self._session.declare_subscriber(key(self._rig, topic), deliver))
+            return session.declare_subscriber(key(self._rig, topic), deliver)
+
+        self._declare(way)
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
         """Answer a question; see Bus."""
@@ -164,13 +176,11 @@ class ZenohBus:
                 return
             answerer(question, request, reply)
 
-        self._declared.append(
-            self._session.declare_queryable(request_key(self._rig, question), deliver)
-        )
+        self._declare(lambda one: one.declare_queryable(request_key(self._rig, question), deliver))
 
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         """Ask and wait; see Bus."""
-        place = f"{question.service}/{question.name}"
+        place, asked_s = f"{question.service}/{question.name}", monotonic()
         replies = self._session.get(
             request_key(self._rig, question),
             payload=encode(request),
@@ -182,18 +192,44 @@ class ZenohBus:
         trouble = f"is it running{allowed}?"
         for reply in cast("Any", replies):
             if reply.ok is not None:
+                self._unanswered_s.pop(question.service, None)
                 try:
                     return _decode(question.reply, reply.ok.payload)
                 except CodecError as error:
                     why = explained(error, str(reply.ok.encoding), question.service)
                     raise BusError(f"{self._rig}: {place}: {why}") from error
             if reply.err.encoding == REFUSED:
+                self._unanswered_s.pop(question.service, None)
                 raise RefusalError(reply.err.payload.to_bytes().decode(errors="replace"))
             trouble = f"no answer within {timeout_s:g} s; it may hang"
+        self._unanswered(question.service, asked_s)
         wire = self.other_wires().get(question.service)
         if wire is not None:
             trouble = update_which(question.service, wire)
         raise BusError(f"{self._rig}: nobody answers {place}: {trouble}")
+
+    def _unanswered(self, program: str, asked_s: float) -> None:
+        """Open the session anew where a program that is alive has owed an answer for too long.
+
+        After a cut a session has been seen to keep its tokens and to answer no request. A session
+        that others connect to stays: its links are the loop's.
+        """
+        since_s, now_s = self._unanswered_s.setdefault(program, asked_s), monotonic()
+        waits = now_s - max(since_s, self._reopened_s + REOPENED_S - UNANSWERED_S) < UNANSWERED_S
+        if self._config.listen or waits or program not in self.alive():
+            return
+        with self._declaring:
+            self._unanswered_s.clear()
+            self._reopened_s = now_s
+            try:
+                joined = open_session(self._config, self._name)
+            except BusError as error:
+                log.warning("%s is alive and does not answer; %s", program, error)
+                return
+            log.warning("%s is alive and does not answer: the session is opened anew", program)
+            before, self._joined, self._session = self._joined, joined, joined.session
+            self._declared = [way(self._session) for way in self._ways]
+        before.close()
 
     def close(self) -> None:
         """Leave the bus."""
@@ -203,12 +239,25 @@ class ZenohBus:
 class _Publisher:
     """Publishes one topic, and keeps the newest payload for queries."""
 
-    __slots__ = ("_newest", "_place", "_publisher")
+    __slots__ = ("_newest", "_place", "_publisher", "_reliable", "_topic")
 
-    def __init__(self, place: str, publisher: zenoh.Publisher) -> None:
-        self._place = place
-        self._publisher = publisher
+    _publisher: zenoh.Publisher
+
+    def __init__(self, place: str, topic: Topic, *, reliable: bool) -> None:
+        self._place, self._topic, self._reliable = place, topic, reliable
         self._newest: bytes | None = None
+
+    def open(self, session: zenoh.Session) -> Any:
+        """Publish at a session, and answer there."""
+        reliable, topic = self._reliable or self._topic.reliable, self._topic
+        control, priority = zenoh.CongestionControl, zenoh.Priority
+        self._publisher = session.declare_publisher(
+            self._place,
+            encoding=zenoh.Encoding(ENCODING),
+            congestion_control=control.BLOCK if reliable else control.DROP,
+            priority=priority.INTERACTIVE_HIGH if topic.reliable else priority.REAL_TIME,
+        )
+        return session.declare_queryable(self._place, self.reply)
 
     def send(self, payload: bytes) -> None:
         self._newest = payload

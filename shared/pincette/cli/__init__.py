@@ -17,6 +17,7 @@ class Exit(IntEnum):
     NO_ANSWER = 3
     NOT_READY = 4
     LIMIT = 5
+    GOAL_MISSED = 6
     INTERRUPTED = 130
 
 
@@ -27,6 +28,7 @@ MEANINGS: Mapping[Exit, str] = {
     Exit.NO_ANSWER: "no answer of a supervisor",
     Exit.NOT_READY: "the rig is latched or not ready; nothing has moved",
     Exit.LIMIT: "a limit of the rig would be broken; nothing has moved",
+    Exit.GOAL_MISSED: "a job that was followed has succeeded, but missed its tolerances",
     Exit.INTERRUPTED: "ended by Ctrl-C; a job that was followed goes on",
 }
 

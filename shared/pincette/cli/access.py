@@ -13,7 +13,7 @@ from typing import Annotated, Protocol, cast
 from typer import Argument, BadParameter, Option
 
 from pincette.api.access import KEY_NAME, MEANINGS, SCOPES, KeyView, Scope
-from pincette.cli import CliError, Exit
+from pincette.cli import PKI, CliError, Exit
 from pincette.cli.options import DATA, DataFolder, number
 from pincette.cli.terminal import Json, clock, command, emit, group, table
 from pincette.client import (
@@ -30,6 +30,8 @@ from pincette.core import plugins
 
 DEFAULT_URL = "http://127.0.0.1:8000"
 VARIABLE = "PINCETTE_KEY"
+CLAIM = "PINCETTE_CLAIM"
+"""Holds the secret of a claim, which every command then sends."""
 FILE_MARK = "@"
 """Before the name of a file in place of a key."""
 PATIENCE_S = 0.5
@@ -51,17 +53,50 @@ Key = Annotated[
 ]
 
 
+Authority = Annotated[
+    Path | None,
+    Option(
+        "--authority",
+        metavar="FILE",
+        envvar="PINCETTE_AUTHORITY",
+        show_envvar=False,
+        help="authority.crt of `security`, for a supervisor over https; $PINCETTE_AUTHORITY, else "
+        f"that in ${PKI}, if not given",
+    ),
+]
+
+
 @dataclass(frozen=True, slots=True)
 class Address(Json):
     """For a command that asks a supervisor."""
 
-    url: Annotated[str, Option("--url", help="of the supervisor")] = DEFAULT_URL
+    url: Annotated[
+        str,
+        Option(
+            "--url",
+            envvar="PINCETTE_URL",
+            show_envvar=False,
+            help="of the supervisor; $PINCETTE_URL if not given",
+        ),
+    ] = DEFAULT_URL
     key: Key = None
+    authority: Authority = None
 
     def supervisor(self) -> Supervisor:
         """The supervisor of ``--url``, with the key of ``--key``."""
         key = key_of(self.key)
-        return Supervisor(self.url, patience_s=PATIENCE_S, operator=operator(), key=key)
+        claim = os.environ.get(CLAIM) or None
+        try:
+            return Supervisor(
+                self.url,
+                patience_s=PATIENCE_S,
+                operator=operator(),
+                key=key,
+                claim=claim,
+                authority=authority_of(self.authority, os.environ.get(PKI)),
+            )
+        except ValueError as error:
+            raise CliError(f"{CLAIM}: {error}", Exit.USAGE) from error
 
     def guarded(self) -> AbstractContextManager[None]:
         """Turn a refusal or a missing answer into a CliError."""
@@ -117,6 +152,13 @@ def refusals(url: str, *, as_json: bool) -> Generator[None]:
         raise CliError(str(error)) from error
 
 
+def authority_of(given: Path | None, pki: str | None) -> Path | None:
+    """The authority whose certificates are believed: as given, else that of a folder, if any."""
+    if given is not None or not pki:
+        return given
+    return Path(pki) / "authority.crt"
+
+
 def operator() -> str | None:
     """The user of this terminal, if the environment tells it."""
     name = os.environ.get("USER", "")
@@ -169,12 +211,17 @@ class _Keys(Protocol):
 
     def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]: ...
 
-    def all(self) -> list[KeyView]: ...
+    def add_user(self, name: str, scope: Scope, password: str) -> KeyView: ...
+
+    def set_password(self, name: str, password: str) -> bool: ...
+
+    def all(self, *, users: bool = False) -> list[KeyView]: ...
 
     def revoke(self, name: str) -> bool: ...
 
 
-def _name(text: str) -> str:
+def key_name(text: str) -> str:
+    """A name of a key or a user from the command line; raises BadParameter."""
     if re.fullmatch(KEY_NAME, text) is None:
         raise BadParameter(
             f"{text!r} is no name: a-z, 0-9, and behind the first . _ and -, 40 at most"
@@ -183,7 +230,8 @@ def _name(text: str) -> str:
 
 
 @contextmanager
-def _opened(data: Path, *refused: type[Exception]) -> Generator[_Keys]:
+def opened_keys(data: Path, *refused: type[Exception]) -> Generator[_Keys]:
+    """Open the keys of a data folder; raises CliError, also for errors ``refused``."""
     try:
         keys = plugins.load(plugins.KEYS, SUPERVISOR)(data)
         with cast("AbstractContextManager[_Keys]", keys) as opened:
@@ -196,7 +244,7 @@ def _opened(data: Path, *refused: type[Exception]) -> Generator[_Keys]:
 def add_key(
     form: Json,
     name: Annotated[
-        str, Argument(metavar="NAME", parser=_name, help="whose it is; kept with each action")
+        str, Argument(metavar="NAME", parser=key_name, help="whose it is; kept with each action")
     ],
     scope: Annotated[Scope, Option("--scope", help=SCOPE_HELP)] = SCOPES[0],
     days: Annotated[
@@ -208,7 +256,7 @@ def add_key(
     """Make a key; it is shown once. From the first one on, keys are required."""
     if days is not None and not 0.0 < days <= LONGEST_DAYS:
         raise CliError(f"--days {days:g} is not above 0 and at most {LONGEST_DAYS:g}", Exit.USAGE)
-    with _opened(data, ValueError) as keys:
+    with opened_keys(data, ValueError) as keys:
         key, view = keys.add(name, scope, days)
     form.answer({**view.model_dump(mode="json"), "key": key}, key)
     if not form.json:
@@ -219,17 +267,18 @@ def add_key(
 @command(key_app, "list")
 def list_keys(form: Json, data: DataFolder = DATA) -> None:
     """List the keys, without the keys themselves."""
-    with _opened(data) as keys:
+    with opened_keys(data) as keys:
         found = keys.all()
     rows = [
-        (one.name, one.scope, clock(one.made_at), clock(one.used_at) or "never", _state(one))
+        (one.name, one.scope, clock(one.made_at), clock(one.used_at) or "never", key_state(one))
         for one in found
     ]
     none = f"no key in {data}: unless its rig file requires keys, the supervisor is open"
     form.answer(found, table("key", "scope", "made", "last used", "state", rows=rows), none)
 
 
-def _state(one: KeyView) -> str:
+def key_state(one: KeyView) -> str:
+    """Whether a key or a user is in force."""
     if one.revoked_at is not None:
         return f"revoked {clock(one.revoked_at)}"
     if one.expires_at is None:
@@ -242,7 +291,7 @@ def revoke(
     form: Json, name: Annotated[str, Argument(metavar="NAME")], data: DataFolder = DATA
 ) -> None:
     """Revoke a key, and sign out its pages."""
-    with _opened(data) as keys:
+    with opened_keys(data) as keys:
         done = keys.revoke(name)
         there = ", ".join(one.name for one in keys.all() if one.revoked_at is None) or "none"
     if not done:

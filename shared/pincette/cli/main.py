@@ -62,6 +62,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "alarms": ("safety", "list the alarms of the rigs, or acknowledge one; nothing moves"),
     "checks": ("rigs", "show every check of a rig: programs, ages, latch, disk, lease, model"),
     "queue": ("rigs", "show the jobs that wait for the one that runs; resume or clear them"),
+    "claim": ("claim", "claim a rig for a while, give it back, break the claim of another"),
     "backup": ("journal", "write journal, recipes, models and keys of a data folder to one file"),
     "restore": ("journal", "make a data folder of a backup; the folder must be empty"),
     "records": ("records", "list records of jobs, and download their files"),
@@ -83,6 +84,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "teach": ("model", "identify the free response of a rig's arm, nothing in its way"),
     "paper": (PLUGIN, "repeat the paper's experiments on a simulated rig; some minutes"),
     "key": ("access", "make, list and revoke keys of the REST interface, in a data folder"),
+    "user": ("user", "people who sign in to the page by name and password, in a data folder"),
     "audit": (
         "journal",
         "list or verify who did what over REST, and who was refused; scope admin",

@@ -41,14 +41,18 @@ app.add_typer(queue_app)
 def list_rigs(address: Address) -> None:
     """List the rigs, a line each."""
     rigs = address.supervisor().rigs()
-    shown = table("rig", "latch", "part", "job", "a job can start", right=())
+    shown = table("rig", "latch", "part", "job", "claimed by", "a job can start", right=())
     for rig in rigs:
         why = "yes" if rig.can_start else "; ".join(rig.reasons)
         stands = rig.standing
         state = _trusted(stands.state, stands.state_certainty, stands.state_age_s)
         part = _trusted(stands.part, stands.part_certainty, stands.part_age_s)
-        shown.add_row(rig.name, state, part, rig.active_job or "", escape(why))
+        shown.add_row(rig.name, state, part, rig.active_job or "", *_holder(rig), escape(why))
     address.answer(rigs, shown)
+
+
+def _holder(rig: Rig) -> tuple[str]:
+    return ("" if rig.claim is None else escape(rig.claim.by),)
 
 
 def _trusted(shown: str, certainty: Certainty, age_s: float | None) -> str:

@@ -16,7 +16,7 @@ from pincette.bus.protocol import BusError
 from pincette.bus.topology import SessionConfig, address_of
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.cli import CliError, opened
-from pincette.cli.access import Key, Target, key_of, operator
+from pincette.cli.access import Authority, Key, Target, authority_of, key_of, operator
 from pincette.cli.options import Limit
 from pincette.cli.terminal import Json, RigOption, clock, command, group, screen, table
 from pincette.client import ClientError, Supervisor
@@ -48,6 +48,7 @@ def estop(
         str | None, Option("--url", help="of the supervisor; as the rig file says if not given")
     ] = None,
     key: Key = None,
+    authority: Authority = None,
     rig_name: Annotated[
         str | None,
         Option("--rig-name", metavar="RIG", help="the only rig to stop; every one if not given"),
@@ -56,11 +57,16 @@ def estop(
     """Trip the actuators through the supervisor, else directly, else through the router."""
     file = opened(rig.path)
     begin = monotonic()
-    address = url or f"http://{file.supervisor.host}:{file.supervisor.port}"
+    address = url or file.supervisor.url
     trouble: list[str] = []
     try:
         with Supervisor(
-            address, timeout_s=REST_S, patience_s=0.0, operator=operator(), key=key_of(key)
+            address,
+            timeout_s=REST_S,
+            patience_s=0.0,
+            operator=operator(),
+            key=key_of(key),
+            authority=authority_of(authority, file.bus.pki),
         ) as supervisor:
             stopped = (
                 supervisor.estop().rigs if rig_name is None else [supervisor.rig(rig_name).estop()]

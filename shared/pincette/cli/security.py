@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import wraps
 from pathlib import Path
@@ -19,7 +19,7 @@ from pincette.security.certificates import Facts
 from pincette.security.establishing import DAYS, due, enrol, enrol_upstream, establish
 from pincette.security.folder import SOON, Folder
 from pincette.security.identity import OPERATOR, PEOPLE, Identity, SecurityError, person, program
-from pincette.security.revocation import REVOKED
+from pincette.security.revocation import REVOKED, begin_revoked, read_revoked
 
 IN_DATA = "pki"
 """Folder of certificates below ``--data``, for ``up --secure``."""
@@ -173,9 +173,20 @@ def renew(
 
 @command(security_app, "revoke")
 @_guarded
-def revoke(path: Place, name: Annotated[str, Argument(metavar="NAME", help="as shown")]) -> None:
+def revoke(
+    path: Place,
+    name: Annotated[str | None, Argument(metavar="[NAME]", help="as shown")] = None,
+    anew: Annotated[
+        bool, Option("--anew", help="begin an empty list in place of one that is lost or damaged")
+    ] = False,
+) -> None:
     """Withdraw the certificate of a person or a program; its links are ended within 2 s."""
+    if anew == (name is not None):
+        raise CliError("revoke: wanted either the NAME of a certificate or --anew")
     folder = Folder(path)
+    if name is None:
+        _begin_list_anew(folder)
+        return
     who = folder.named(name)
     rest = f"copy {path / REVOKED} to the other machines of the rig"
     if who.role in PEOPLE:
@@ -184,6 +195,18 @@ def revoke(path: Place, name: Annotated[str, Argument(metavar="NAME", help="as s
         folder.replace(who, _now(), DAYS)
         rest = f"it has another one, with which it is to be started anew; {rest}"
     _print("revoked", (who,), rest)
+
+
+def _begin_list_anew(folder: Folder) -> None:
+    """Write an empty list of revoked certificates, unless there is one that is in order."""
+    folder.authority()
+    with suppress(SecurityError):
+        raise CliError(
+            f"{folder.path / REVOKED} is in order, with {len(read_revoked(folder.path))} "
+            "certificates; it is not written over"
+        )
+    begin_revoked(folder.path)
+    print(f"{folder.path / REVOKED} is empty: whoever was on the one before it is let in again")
 
 
 @command(security_app, "show")
@@ -250,7 +273,8 @@ def temporary_certificates(rig: RigFile) -> Generator[Path]:
 
 def made_certificates(rig: RigFile, data: Path) -> Path:
     """The folder of certificates beside the records; it is made, and a rig added, where missing."""
-    folder, hosts, now = Folder(data / IN_DATA), (rig.bus.host,), datetime.now(UTC)
+    folder, now = Folder(data / IN_DATA), datetime.now(UTC)
+    hosts = tuple(dict.fromkeys((rig.bus.host, rig.supervisor.host, *rig.supervisor.names)))
     name, composed = rig.rig.name, rig.rig.composed
     try:
         if not folder.path.exists():

@@ -16,7 +16,7 @@ from rich.text import Text
 from typer import Option
 
 from pincette.cli import PKI, CliError, opened, run, security
-from pincette.cli.access import key_of, refusals
+from pincette.cli.access import authority_of, key_of, refusals
 from pincette.cli.options import DATA, DataFolder, choice, integer
 from pincette.cli.results import show_result
 from pincette.cli.terminal import (
@@ -161,7 +161,7 @@ def up(
 def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
     served = ", served" if rig.joins else ""
     console.print(
-        f"rig [bold]{rig.rig.name}[/bold] is up{served} at {_address(rig)}; Ctrl-C ends it"
+        f"rig [bold]{rig.rig.name}[/bold] is up{served} at {rig.supervisor.url}; Ctrl-C ends it"
     )
     revival = Revival(fleet)
     serving = {name: member.process.pid for name, member in fleet.members.items()}
@@ -182,10 +182,6 @@ def machine_words(rig: RigFile, data: Path) -> list[str]:
     return [words(rig, known), *(f"suits it: {one.words()}" for one in changes_of(rig, known))]
 
 
-def _address(rig: RigFile) -> str:
-    return f"http://{rig.supervisor.host}:{rig.supervisor.port}"
-
-
 @command(app, "demo")
 def demo(
     rig: RigOption,
@@ -203,8 +199,11 @@ def demo(
         if secure:
             file = file.secured(stack.enter_context(security.temporary_certificates(file)))
         stack.enter_context(running(file, path, data, console))
-        stack.enter_context(refusals(_address(file), as_json=form.json))
-        supervisor = stack.enter_context(Supervisor(_address(file), key=key_of(None)))
+        stack.enter_context(refusals(file.supervisor.url, as_json=form.json))
+        authority = authority_of(None, file.bus.pki)
+        supervisor = stack.enter_context(
+            Supervisor(file.supervisor.url, key=key_of(None), authority=authority)
+        )
         job = follow(supervisor.rig(file.rig.name).start("grip"), console)
     if form.json:
         emit(job)

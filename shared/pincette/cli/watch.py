@@ -149,7 +149,10 @@ def followed(job: JobHandle, *, machine: bool) -> int:
 
 def status_of(job: Job) -> Exit:
     """The exit status of a job that was followed."""
-    return Exit.DONE if job.state == "succeeded" else Exit.FAILED
+    if job.state != "succeeded":
+        return Exit.FAILED
+    goal = (job.result or {}).get("goal")
+    return Exit.DONE if goal is None or goal["met"] else Exit.GOAL_MISSED
 
 
 def follow(job: JobHandle, console: Console) -> Job:

@@ -5,8 +5,9 @@
         print(job.wait().state, job.result())
 
 Units are in the names: µm, mN, V, s. A refusal raises ``ProblemError``, whose text names the value,
-its unit, the limit and the remedy; ``NoAnswerError`` means that no answer has come; its
-``delivered`` says whether the request may have been taken all the same.
+its unit, the limit and the remedy, or one of the classes below it, by its code. ``NoAnswerError``
+means that no answer has come; its ``delivered`` says whether the request may have been taken all
+the same.
 """
 
 from pincette.client.blocking import JobHandle, RigHandle, Supervisor
@@ -14,8 +15,16 @@ from pincette.client.errors import (
     ClientError,
     DamagedFileError,
     ForeignAnswerError,
+    InvalidRequestError,
+    LimitViolationError,
     NoAnswerError,
+    NotPermittedError,
+    PartHeldError,
     ProblemError,
+    RequestStoppedError,
+    RigBusyError,
+    RigLatchedError,
+    RigNotReadyError,
     WaitTimeoutError,
     WhichRigError,
 )
@@ -31,11 +40,19 @@ __all__ = [
     "ClientError",
     "DamagedFileError",
     "ForeignAnswerError",
+    "InvalidRequestError",
     "JobHandle",
+    "LimitViolationError",
     "LiveSample",
     "NoAnswerError",
+    "NotPermittedError",
+    "PartHeldError",
     "ProblemError",
+    "RequestStoppedError",
+    "RigBusyError",
     "RigHandle",
+    "RigLatchedError",
+    "RigNotReadyError",
     "Supervisor",
     "WaitTimeoutError",
     "WhichRigError",

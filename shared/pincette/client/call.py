@@ -1,5 +1,6 @@
 """One call over REST as data: what to send, how to read the answer, and whether to repeat it."""
 
+import ssl
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
@@ -20,6 +21,7 @@ from pincette.core.validation_wording import refusal
 BASE = "/api/v1"
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
 OPERATOR_MAX, KEY_MAX = 80, 200
+CLAIM_MIN, CLAIM_MAX = 16, 200
 UNSENT = (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout)
 """Errors after which the supervisor cannot have seen the call."""
 
@@ -116,6 +118,8 @@ class Attempts:
         self._delivered = self._delivered or (self._look is not None and not unsent)
         if isinstance(error, httpx.UnsupportedProtocol) or not (self._repeatable or unsent):
             raise self._no_answer(error) from error
+        if _is_mistrust(error):
+            raise self._no_answer(error) from error
         now_s = self._clock()
         self._first_s = now_s if self._first_s is None else self._first_s
         left_s = self._first_s + self._patience_s - now_s
@@ -126,6 +130,8 @@ class Attempts:
 
     def _no_answer(self, error: httpx.TransportError) -> NoAnswerError:
         why = str(error) or type(error).__name__
+        if _is_mistrust(error):
+            why += "; name the certificate of the authority that has signed this supervisor's"
         if not self._delivered:
             return NoAnswerError(f"{self._what}: no answer ({why})")
         words = (
@@ -135,7 +141,18 @@ class Attempts:
         return NoAnswerError(words, delivered=True)
 
 
-def identity_headers(operator: str | None, key: str | None) -> dict[str, str]:
+def _is_mistrust(error: BaseException | None) -> bool:
+    """Whether a supervisor's certificate is not believed; that does not pass by itself."""
+    while error is not None:
+        if isinstance(error, ssl.SSLCertVerificationError):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def identity_headers(
+    operator: str | None, key: str | None, claim: str | None = None
+) -> dict[str, str]:
     """Headers that name the caller; raises ValueError if a header cannot carry a value."""
     headers: dict[str, str] = {}
     if operator is not None:
@@ -152,6 +169,12 @@ def identity_headers(operator: str | None, key: str | None) -> dict[str, str]:
                 f"the key is none: 1 to {KEY_MAX} characters without blanks are wanted"
             )
         headers["Authorization"] = f"Bearer {key}"
+    if claim is not None:
+        if not _is_printable(claim, CLAIM_MAX) or " " in claim or len(claim) < CLAIM_MIN:
+            raise ValueError(
+                f"the claim's secret is none: {CLAIM_MIN} to {CLAIM_MAX} characters without blanks"
+            )
+        headers["X-Claim"] = claim
     return headers
 
 

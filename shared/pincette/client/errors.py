@@ -87,6 +87,66 @@ class ProblemError(ClientError):
         return f"{self.title}: {self.detail}" if self.detail else self.title
 
 
+class LimitViolationError(ProblemError):
+    """The plan breaks a limit of the rig; ``violations`` name value, unit and limit."""
+
+
+class InvalidRequestError(ProblemError):
+    """The request cannot be understood, or names what there is not."""
+
+
+class RigBusyError(ProblemError):
+    """Another job has the rig, or too many wait; it may be asked for again later."""
+
+
+class PartHeldError(ProblemError):
+    """A part is held: release it, or go on holding it."""
+
+
+class RigLatchedError(ProblemError):
+    """The rig is latched: a person must look, and reset it."""
+
+
+class RigNotReadyError(ProblemError):
+    """The rig cannot move; ``reasons`` say why."""
+
+
+class NotPermittedError(ProblemError):
+    """The key is missing, unknown, or has too small a scope."""
+
+
+class RequestStoppedError(ProblemError):
+    """The request was stopped by its Idempotency-Key before it had a job."""
+
+
+RAISED: Mapping[str, type[ProblemError]] = {
+    "limit-violation": LimitViolationError,
+    "bad-json": InvalidRequestError,
+    "invalid-request": InvalidRequestError,
+    "idempotency-key-reused": InvalidRequestError,
+    "not-found": InvalidRequestError,
+    "calibration-unsupported": InvalidRequestError,
+    "impossible-model": InvalidRequestError,
+    "no-prediction": InvalidRequestError,
+    "trajectory-stale": InvalidRequestError,
+    "job-active": RigBusyError,
+    "queue-full": RigBusyError,
+    "queue-moved": RigBusyError,
+    "rig-claimed": RigBusyError,
+    "model-changed": RigBusyError,
+    "too-many-requests": RigBusyError,
+    "busy": RigBusyError,
+    "part-held": PartHeldError,
+    "estop-engaged": RigLatchedError,
+    "rig-latched": RigLatchedError,
+    "rig-not-ready": RigNotReadyError,
+    "no-key": NotPermittedError,
+    "scope-too-small": NotPermittedError,
+    "key-stopped": RequestStoppedError,
+}
+"""What a problem is raised as, by its code; any other one is a ``ProblemError`` itself."""
+
+
 def _told(entry: Any) -> Any:
     """The words of a fault, or all of it where it has none."""
     if isinstance(entry, dict):
@@ -105,4 +165,6 @@ def problem_of(response: httpx.Response) -> ProblemError:
     if not isinstance(tree, dict) or "title" not in tree:
         words = f"{place}: status {response.status_code}, and no words; is it a supervisor?"
         return ProblemError(response.status_code, {"title": words}, place)
-    return ProblemError(response.status_code, cast("dict[str, Any]", tree), place)
+    problem = cast("dict[str, Any]", tree)
+    raised = RAISED.get(str(problem.get("type", "")).removeprefix(TYPE), ProblemError)
+    return raised(response.status_code, problem, place)

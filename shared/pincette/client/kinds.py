@@ -1,18 +1,26 @@
 """Which model a plan and a result are of, by the kind of job.
 
-A kind that is installed at the supervisor alone is read by what all plans and results have.
+A kind that is installed at the supervisor alone is read by what all plans and results have; its
+other members are there as they came.
 """
+
+from collections.abc import Callable
+
+import httpx
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.jobs import Job
 from pincette.api.plans import JobPlan
 from pincette.api.results import JobResult
+from pincette.client.call import model
 
 
-def plan_model(kind: str) -> type[JobPlan]:
-    """The model of a plan."""
+def plan_of(kind: str) -> Callable[[httpx.Response], JobPlan]:
+    """Reader of a plan."""
     known = job_kinds().get(kind)
-    return JobPlan if known is None else known.plan
+    if known is None:
+        return lambda answer: JobPlan.model_validate_json(answer.content, extra="allow")
+    return model(known.plan)
 
 
 def result_of(job: Job) -> JobResult | None:

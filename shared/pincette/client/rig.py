@@ -5,8 +5,9 @@ from typing import Any, Literal
 from uuid import uuid4
 
 from pincette.api.checklist import Checklist
+from pincette.api.claims import Claim
 from pincette.api.events import Event, EventList
-from pincette.api.jobs import Job, JobList
+from pincette.api.jobs import Job, JobList, StoppedRequest
 from pincette.api.learning import Erased, LearnedList
 from pincette.api.live import LoopTiming
 from pincette.api.models import ModelView
@@ -15,7 +16,7 @@ from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
 from pincette.client.call import Call, content, get, model, post
 from pincette.client.job import AsyncJobHandle
-from pincette.client.kinds import plan_model
+from pincette.client.kinds import plan_of
 from pincette.client.live import LiveSample
 from pincette.client.transport import Transport
 
@@ -42,7 +43,7 @@ class AsyncRigHandle:
     async def plan(self, request: JobRequest | str, **fields: Any) -> JobPlan:
         """What a job would do, feasible or not; nothing moves."""
         body = self._body(request, fields)
-        read = model(plan_model(body.get("kind", "")))
+        read = plan_of(body.get("kind", ""))
         call = Call("POST", "/jobs", read, {"dry_run": "true"}, body, repeatable=True)
         return await self._transport.send(call)
 
@@ -102,6 +103,14 @@ class AsyncRigHandle:
         found = await self._transport.send(get(f"/jobs/{name}", Job))
         return AsyncJobHandle(self._transport, found)
 
+    async def stop(self, idempotency_key: str) -> Job | None:
+        """Stop what a key of ``start`` has begun, before its job is there, too.
+
+        Returns the job; None where none had come of the key. None comes of it any more: a
+        ``start`` with it that still waits for its answer raises ProblemError ``key-stopped``.
+        """
+        return await stop(self._transport, idempotency_key)
+
     async def active_job(self) -> AsyncJobHandle | None:
         """The job that has the rig."""
         rig = await self.state()
@@ -127,6 +136,26 @@ class AsyncRigHandle:
         """Clear the latch; the caller has seen the cause."""
         call = post(f"/rigs/{self.name}/reset", Stopped, {"acknowledge": True})
         return await self._transport.send(call)
+
+    async def claim(self, lease_s: float = 60.0, note: str = "") -> Claim:
+        """Claim the rig with the supervisor's ``claim``, or renew that; others begin nothing.
+
+        Raises
+        ------
+        ProblemError
+            ``rig-claimed``: it is somebody else's.
+        """
+        body = {"lease_s": lease_s, "note": note}
+        path = f"/rigs/{self.name}/claim"
+        return await self._transport.send(
+            Call("PUT", path, model(Claim), body=body, repeatable=True)
+        )
+
+    async def give_back(self, *, force: bool = False) -> Rig:
+        """End the claim on the rig; with ``force`` also somebody else's, who can read of it."""
+        query: dict[str, str | float] = {"force": "true"} if force else {}
+        path = f"/rigs/{self.name}/claim"
+        return await self._transport.send(Call("DELETE", path, model(Rig), query, repeatable=True))
 
     async def queue(self, action: Literal["resume", "clear"]) -> Rig:
         """Resume a halted queue, or clear it."""
@@ -171,6 +200,13 @@ class AsyncRigHandle:
             return {"kind": request, "rig": self.name, **fields}
         given = request.model_dump(mode="json", exclude_unset=True)
         return {**given, "rig": self.name, **fields}
+
+
+async def stop(transport: Transport, idempotency_key: str) -> Job | None:
+    """Stop what a key has begun."""
+    body = {"idempotency_key": idempotency_key}
+    call = post("/jobs/stop", StoppedRequest, body, repeatable=True)
+    return (await transport.send(call)).job
 
 
 async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[AsyncJobHandle]:

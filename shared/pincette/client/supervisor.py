@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncGenerator, Sequence
 from copy import copy
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
 
@@ -16,7 +17,7 @@ from pincette.api.rigs import Rig, RigList, StoppedList
 from pincette.client.call import Call, content, get, post
 from pincette.client.errors import WhichRigError
 from pincette.client.job import AsyncJobHandle
-from pincette.client.rig import AsyncRigHandle, events, jobs
+from pincette.client.rig import AsyncRigHandle, events, jobs, stop
 from pincette.client.transport import AsyncConnection, Transport, client_settings
 
 TIMEOUT_S, PATIENCE_S = 10.0, 10.0
@@ -37,13 +38,19 @@ class AsyncSupervisor:
         The name that is kept with every action; left out, the supervisor keeps the address.
     key
         For a supervisor that requires one; the caller is then known by the key's name.
+    authority
+        File of a certificate that is believed over ``https://``, beside those of this machine:
+        ``authority.crt`` of ``pincette security``.
+    claim
+        A secret of at least 16 characters, made up by the caller: ``rig.claim`` claims a rig with
+        it, and every call carries it.
     transport
         Replaces the network, as in tests.
 
     Raises
     ------
     ClientError
-        ``url`` is not an address.
+        ``url`` is not an address, or ``authority`` cannot be read.
     ValueError
         ``operator`` or ``key`` cannot be sent in a header.
     """
@@ -56,9 +63,11 @@ class AsyncSupervisor:
         patience_s: float = PATIENCE_S,
         operator: str | None = None,
         key: str | None = None,
+        claim: str | None = None,
+        authority: Path | None = None,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
-        settings = client_settings(url, operator, key)
+        settings = client_settings(url, operator, key, authority, claim)
         connection = AsyncConnection(httpx.AsyncClient(**settings, transport=transport))
         self.transport = Transport(url, connection, timeout_s, patience_s)
         """Sends the calls; its clock and its sleep may be replaced."""
@@ -96,6 +105,13 @@ class AsyncSupervisor:
         """A job by its id, of any rig."""
         found = await self.transport.send(get(f"/jobs/{name}", Job))
         return AsyncJobHandle(self.transport, found)
+
+    async def stop(self, idempotency_key: str) -> Job | None:
+        """Stop what a key has begun: its job, which is returned, or the request for one.
+
+        No job comes of the key any more; None: none had come of it.
+        """
+        return await stop(self.transport, idempotency_key)
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
         """Jobs of every rig, the newest first.

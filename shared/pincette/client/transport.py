@@ -1,6 +1,7 @@
 """How calls reach a supervisor: over asyncio, or blocking; both repeat what may be repeated."""
 
 import asyncio
+import ssl
 import time
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
@@ -221,11 +222,25 @@ class Transport:
         )
 
 
-def client_settings(url: str, operator: str | None, key: str | None) -> dict[str, Any]:
-    """Arguments of ``httpx.Client`` and ``httpx.AsyncClient``; raises ClientError for a bad URL."""
-    headers = identity_headers(operator, key)
+def client_settings(
+    url: str,
+    operator: str | None,
+    key: str | None,
+    authority: Path | None,
+    claim: str | None = None,
+) -> dict[str, Any]:
+    """Arguments of ``httpx.Client`` and ``httpx.AsyncClient``; raises ClientError for a bad URL,
+    and for an authority that cannot be read."""
+    headers = identity_headers(operator, key, claim)
     try:
         base_url = httpx.URL(url.rstrip("/") + BASE)
     except httpx.InvalidURL as error:
         raise ClientError(f"{url} is no address ({error})") from error
-    return {"base_url": base_url, "headers": headers, "trust_env": False}
+    verify: bool | ssl.SSLContext = True
+    if authority is not None and base_url.scheme == "https":
+        verify = ssl.create_default_context()
+        try:
+            verify.load_verify_locations(authority)
+        except OSError as error:
+            raise ClientError(f"authority {authority}: {error.strerror or error}") from error
+    return {"base_url": base_url, "headers": headers, "verify": verify, "trust_env": False}

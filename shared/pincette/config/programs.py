@@ -6,6 +6,7 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field, model_validator
 
+from pincette.config.notify import Mail, Webhook
 from pincette.config.tables import NotNegative, Positive, Table
 
 
@@ -107,6 +108,8 @@ class Supervisor(Table):
     """On an address beyond loopback it starts only if there are keys."""
     port: int = Field(default=8000, ge=1, le=65535)
     """Of REST and the page."""
+    tls: bool = False
+    """REST and page over TLS, ``https://``, with the supervisor's certificate in ``[bus] pki``."""
     names: tuple[HostName, ...] = Field(default=(), max_length=20, strict=False)
     """Names by which it is reached, beside its address; a request for another one is refused."""
     behind: Literal["nothing", "container"] = "nothing"
@@ -115,6 +118,16 @@ class Supervisor(Table):
     keys: Literal["once_made", "always"] = "once_made"
     """``once_made``: keys are required from the first ``pincette key add`` on. ``always``: also
     before it, and if the whole data folder is lost."""
+    webhooks: tuple[Webhook, ...] = Field(default=(), max_length=10, strict=False)
+    """Addresses that are posted to at ends of jobs and alarms."""
+    mail: Mail | None = None
+    """Who is mailed at ends of jobs and alarms; None: nobody."""
+
+    @property
+    def url(self) -> str:
+        """Where REST and the page are."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{'https' if self.tls else 'http'}://{host}:{self.port}"
 
 
 Ticking = Literal["router", "rig", "sensor", "estimator", "controller", "actuator"]

@@ -155,7 +155,7 @@ UNSHARED: Mapping[str, set[str] | bool] = {
     "calibration": True,
     "realtime": True,
     "recorder": True,
-    "supervisor": {"names", "behind", "keys"},
+    "supervisor": {"names", "behind", "keys", "webhooks", "mail"},
 }
 """What may differ between programs: nothing of the loop works with it."""
 

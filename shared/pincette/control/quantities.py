@@ -5,31 +5,14 @@ each service to judge what is plausible. A decoder of messages enforces them; a 
 not.
 """
 
-from collections.abc import Mapping
 from typing import Annotated, NewType, TypeVar
 
 from msgspec import Meta
 
+from pincette.control.vocabulary import LARGEST
+
 T = TypeVar("T")
 
-LARGEST: Mapping[str, float] = {
-    "µm": 1e9,
-    "mN": 1e12,
-    "V": 1e6,
-    "s": 1e12,
-    "Hz": 1e9,
-    "%": 1e6,
-    "µm/s": 1e12,
-    "µm/s²": 1e15,
-    "mN/s": 1e15,
-    "V/s": 1e12,
-    "rad/s": 1e12,
-    "mN/µm": 1e12,
-    "µm/mN": 1e9,
-    "µm/V": 1e9,
-    "": 1e15,
-}
-"""Magnitude of a number by its unit; without one for gains and shares."""
 LARGEST_INT = 2**53 - 1
 """Magnitude of a whole number: what every language keeps exactly."""
 LAST_SEQ = 10**12 - 1

@@ -16,6 +16,7 @@ from pincette.security.identity import (
     SecurityError,
     program,
 )
+from pincette.security.revocation import read_revoked
 
 
 def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]:
@@ -41,6 +42,11 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
         except SecurityError as error:
             well = False
             yield Finding(False, f"certificates: {error}", "docs/how-to/secure.md says how")
+    try:
+        read_revoked(folder.path)
+    except SecurityError as error:
+        well = False
+        yield Finding(False, f"certificates: {error}", "without it no program of the loop starts")
     if soon := [facts for facts in found if facts.ends - now < SOON]:
         yield _ending(soon, folder, now)
     elif well:
@@ -61,6 +67,10 @@ def _host(rig: RigFile, who: Identity) -> str:
     """Where others connect to it; empty where nobody does."""
     if who.role == UPSTREAM and rig.bus.upstream_at is not None:
         return rig.bus.upstream_at[0]
+    if who.role == SUPERVISOR:
+        own = rig.supervisor
+        # An address that stands for all of them is in no certificate.
+        return "" if not own.tls or own.host in ("0.0.0.0", "::") else own.host
     return rig.bus.host if who.serves else ""
 
 
@@ -71,7 +81,7 @@ def _seen(folder: Folder, who: Identity, now: datetime, host: str) -> Facts:
     facts = checked(files, now) if here or not files.certificate.exists() else folder.facts(who)
     if host and host not in facts.hosts:
         raise SecurityError(
-            f"{who.name} is reached at {host} ([bus] host), its certificate is for "
+            f"{who.name} is reached at {host}, its certificate is for "
             f"{', '.join(facts.hosts) or 'no host'}: make a folder with `--host {host}`"
         )
     return facts

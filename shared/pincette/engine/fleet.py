@@ -2,10 +2,12 @@
 
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -13,6 +15,7 @@ from pathlib import Path
 from time import monotonic
 from urllib.parse import urlsplit
 
+from pincette.bus import local_sockets
 from pincette.config import RigFile
 from pincette.core.topics import LOOP
 from pincette.engine import logs
@@ -120,6 +123,8 @@ class Fleet:
         self._logs = rig.home(data) / "logs"
         self._logs.mkdir(parents=True, exist_ok=True)
         self._say = say
+        self._sockets = ""
+        """Folder in which they meet; see ``pincette.bus.local_sockets``."""
 
     def names(self) -> list[str]:
         """What `pincette up` starts for this rig on this machine."""
@@ -155,6 +160,9 @@ class Fleet:
 
     def _spawn(self, name: str, extra: Iterable[str]) -> Child:
         log, extra = self._logs / f"{name}.log", tuple(extra)
+        if not self._sockets:
+            parent = os.environ.get("XDG_RUNTIME_DIR") or None
+            self._sockets = tempfile.mkdtemp(prefix="pincette-", dir=parent)
         with log.open("a" if name in self.members else "w", encoding="utf-8") as stream:
             process = subprocess.Popen(
                 [sys.executable, "-m", "pincette", "run", name, *self._arguments, *extra],
@@ -163,6 +171,7 @@ class Fleet:
                 stderr=stream,
                 text=True,
                 start_new_session=True,
+                env={**os.environ, local_sockets.VARIABLE: self._sockets},
             )
         member = Child(name, process, log, extra)
         self.members[name] = member
@@ -204,6 +213,8 @@ class Fleet:
         others = [name for name in self.members if not any(name in stage for stage in first)]
         for stage in (*first, others):
             _end([self.members[name] for name in stage if name in self.members])
+        shutil.rmtree(self._sockets, ignore_errors=True)
+        self._sockets = ""
 
 
 def _end(members: list[Child]) -> None:

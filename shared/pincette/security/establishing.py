@@ -32,9 +32,11 @@ supervisor.*      the supervisor
 RIG/PROGRAM.*     the programs of a rig
 viewer.*          for tools that look on: reads all, writes nothing
 operator.*        for tools that may also trip a rig, and operate a simulated one
+revoked           certificates that were withdrawn; each machine needs a copy
 
 The router lets in whom it finds here when it starts, so it needs every .crt, and the actuator
-those of the operators; a program needs authority.crt, its own .crt and its own .key, nothing else.
+those of the operators; a program needs authority.crt, its own .crt and its own .key, and revoked
+where others connect to it.
 """
 
 

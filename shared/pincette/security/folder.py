@@ -9,7 +9,7 @@ from pathlib import Path
 from pincette.security import certificates
 from pincette.security.certificates import Facts, Pair
 from pincette.security.identity import AUTHORITY, Credentials, Identity, SecurityError
-from pincette.security.revocation import note_revoked
+from pincette.security.revocation import begin_revoked, note_revoked, read_revoked
 
 SOON = timedelta(days=30)
 """Within this before its end a certificate should be renewed."""
@@ -36,6 +36,7 @@ class Folder:
                 "one, or use `pincette security add`, `issue` and `renew` with this one"
             )
         self.path.chmod(OWNED)
+        begin_revoked(self.path)
         self._write(AUTHORITY, certificates.new_authority(now, days))
 
     def issue(
@@ -59,6 +60,7 @@ class Folder:
     def replace(self, identity: Identity, now: datetime, days: float) -> Credentials:
         """Withdraw a program's certificate, and make it another one; raises SecurityError."""
         serial = self.facts(identity).serial
+        read_revoked(self.path)  # or it has another one, and the old one is not withdrawn
         credentials = self.renew(identity, now, days)
         note_revoked(self.path, serial, identity.name)
         return credentials

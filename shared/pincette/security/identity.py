@@ -42,8 +42,8 @@ class Identity:
 
     @property
     def serves(self) -> bool:
-        """Whether others connect to it."""
-        return self.role in ROUTERS or bool(member_services(self.role))
+        """Whether others connect to it, on the bus or over REST."""
+        return self.role in SHARED or bool(member_services(self.role))
 
 
 @dataclass(frozen=True, slots=True)

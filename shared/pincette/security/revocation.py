@@ -1,62 +1,112 @@
-"""Certificates that were withdrawn before their end: a file of their serial numbers."""
+"""Certificates that were withdrawn before their end: a file of their serial numbers.
 
-# A list that whoever can write the folder can write, as everything that the folder says. The
-# guard of each program reads it where it has changed.
+The list ends with the SHA-256 of what is before it, so that one that was cut is no shorter list. It
+begins with the folder, so that one that is lost is not taken for one that was never needed.
+"""
 
+import hashlib
+import logging
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from pincette.security.identity import SecurityError
 
+log = logging.getLogger("pincette")
 REVOKED = "revoked"
-"""In a folder of certificates: one serial number a line, in hex, then whose it was."""
-HEX = 16
+"""In a folder of certificates: one serial number a line, in hex, and whose it was; then the sum."""
+HEX, SUM = 16, "sha256"
+REMEDY = (
+    "copy it from another machine of the rig, or from a backup; where nobody was ever revoked, "
+    "`pincette security revoke --anew {folder}` begins an empty one; else make a new folder"
+)
+
+
+def begin_revoked(folder: Path) -> None:
+    """Write an empty list; raises SecurityError."""
+    _write(folder, ())
 
 
 def note_revoked(folder: Path, serial: int, name: str) -> None:
-    """Add a certificate to the list; raises SecurityError."""
-    place = folder / REVOKED
+    """Add a certificate to the list; raises SecurityError, also for a list that is damaged."""
+    _write(folder, [*_rows(folder), f"{serial:x} {name}"])
+
+
+def read_revoked(folder: Path) -> frozenset[int]:
+    """Serial numbers on the list; SecurityError where it is missing, damaged or cannot be read."""
+    return frozenset(int(row.split()[0], HEX) for row in _rows(folder))
+
+
+def _rows(folder: Path) -> list[str]:
+    place, remedy = folder / REVOKED, REMEDY.format(folder=folder)
     try:
-        with place.open("a", encoding="ascii") as file:
-            file.write(f"{serial:x} {name}\n")
+        text = place.read_text(encoding="ascii")
+    except OSError as error:
+        why = f"list of revoked certificates {place}: {error.strerror}"
+        raise SecurityError(f"{why}: {remedy}") from error
+    except ValueError as error:
+        raise SecurityError(f"{place} is damaged: {remedy}") from error
+    *rows, last = text.splitlines() or [""]
+    if last != _sum(rows) or not text.endswith("\n"):
+        raise SecurityError(f"{place} is damaged: its last line is not the sum of it: {remedy}")
+    return rows
+
+
+def _sum(rows: Sequence[str]) -> str:
+    return f"{SUM} {hashlib.sha256(chr(10).join(rows).encode()).hexdigest()}"
+
+
+def _write(folder: Path, rows: Sequence[str]) -> None:
+    """Write the list whole or not at all."""
+    place = folder / REVOKED
+    draft = place.with_name(REVOKED + ".part")
+    try:
+        with draft.open("w", encoding="ascii") as file:
+            file.write("".join(f"{row}\n" for row in (*rows, _sum(rows))))
             file.flush()
             os.fsync(file.fileno())
+        draft.replace(place)
     except OSError as error:
         raise SecurityError(f"{place}: {error.strerror}") from error
 
 
-def read_revoked(folder: Path) -> frozenset[int]:
-    """Serial numbers on the list; ValueError for a line that is none, OSError but for no list."""
-    place = folder / REVOKED
-    try:
-        lines = place.read_text(encoding="ascii").splitlines()
-    except FileNotFoundError:
-        return frozenset()
-    return frozenset(int(line.split()[0], HEX) for line in lines if line.strip())
-
-
 @dataclass(slots=True)
 class RevocationList:
-    """The list as it is on the disk; what cannot be read keeps what was known."""
+    """The list as a running program knows it: it grows, and never shrinks.
+
+    What cannot be read at the start is a SecurityError. Later it keeps what was known.
+    """
 
     folder: Path
-    _serials: frozenset[int] = frozenset()
-    _seen: tuple[int, int] | None = field(default=None)
+    _serials: frozenset[int] = field(init=False)
+    _seen: tuple[int, int] | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._seen = self._stamp()
+        self._serials = read_revoked(self.folder)
 
     def changed(self) -> bool:
-        """Read the list where it is another one than before; whether it was."""
-        try:
-            found = (self.folder / REVOKED).stat()
-            seen = found.st_mtime_ns, found.st_size
-            if seen == self._seen:
-                return False
-            self._serials, self._seen = read_revoked(self.folder), seen
-        except (OSError, ValueError):
+        """Read the list where it is another one than before; whether it has more on it."""
+        seen = self._stamp()
+        if seen == self._seen:
             return False
-        return True
+        self._seen, before = seen, self._serials
+        try:
+            self._serials = before | read_revoked(self.folder)
+        except SecurityError as error:
+            log.warning("those who were revoked before stay so, others are not known: %s", error)
+        return self._serials != before
 
     def holds(self, serial: int) -> bool:
         """Whether a certificate is on the list."""
         self.changed()
         return serial in self._serials
+
+    def _stamp(self) -> tuple[int, int] | None:
+        """What tells one list from another; None where there is none."""
+        try:
+            found = (self.folder / REVOKED).stat()
+        except OSError:
+            return None
+        return found.st_mtime_ns, found.st_size

@@ -19,8 +19,8 @@ def at(monkeypatch: pytest.MonkeyPatch) -> At:
     def place(*answers: Any) -> Desk:
         supervisor = Desk(*answers)
 
-        def reached(_url: str, **_settings: Any) -> Supervisor:
-            return supervisor.supervisor(0.0)
+        def reached(_url: str, **settings: Any) -> Supervisor:
+            return supervisor.supervisor(0.0, settings.get("claim"))
 
         monkeypatch.setattr(access, "Supervisor", reached)
         return supervisor

@@ -71,6 +71,22 @@ def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_anew(
     assert read_revoked(folder.path) == {otto.serial, sensor.serial}
 
 
+def test_a_lost_list_of_the_revoked_is_begun_anew_by_a_person_alone(
+    said: Said, tmp_path: Path
+) -> None:
+    folder = folder_for(tmp_path / "pki", "left")
+    revoked = folder.path / "revoked"
+    said("revoke", folder.path, "viewer")
+    assert "in order, with 1 certificates" in said("revoke", folder.path, "--anew", status=1)
+    revoked.write_text("cut\n")
+    assert "is damaged" in said("revoke", folder.path, "operator", status=1)
+    assert folder.named("operator"), "what could not be revoked is still there"
+    assert "is let in again" in said("revoke", folder.path, "--anew")
+    assert read_revoked(folder.path) == frozenset()
+    for words in ((), ("operator", "--anew")):
+        assert "either the NAME" in said("revoke", folder.path, *words, status=1)
+
+
 def test_renew_takes_those_that_are_named_or_end_soon(said: Said, tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "left", days=90.0)
     assert "none ends within 30 days" in said("renew", folder.path)
@@ -177,6 +193,13 @@ class TestDoctor:
         assert ("missing", "192.0.2.1") in {
             (mark, "192.0.2.1") for mark, what in said if "is reached at 192.0.2.1" in what
         }
+
+    def test_that_the_list_of_the_revoked_is_lost(self, tmp_path: Path) -> None:
+        folder = folder_for(tmp_path / "pki", "demo", days=90.0)
+        (folder.path / "revoked").unlink()
+        ((mark, what),) = self.says(self.rig(folder))
+        assert mark == "missing"
+        assert f"{folder.path}/revoked: No such file" in what
 
     def test_a_program_that_runs_elsewhere_has_its_key_there(self, tmp_path: Path) -> None:
         folder = folder_for(tmp_path / "pki", "demo", days=90.0)

@@ -90,8 +90,8 @@ class Desk(httpx.MockTransport):
     async def _sleep(self, duration_s: float) -> None:
         self.sleep(duration_s)
 
-    def supervisor(self, patience_s: float = 10.0) -> Supervisor:
-        made = Supervisor(URL, patience_s=patience_s, transport=self)
+    def supervisor(self, patience_s: float = 10.0, claim: str | None = None) -> Supervisor:
+        made = Supervisor(URL, patience_s=patience_s, claim=claim, transport=self)
         made.transport.sleep, made.transport.clock = self._sleep, lambda: self.now_s
         return made
 

@@ -6,8 +6,11 @@ import json
 import httpx
 import pytest
 
+from pincette.api.jobs import Job
 from pincette.api.plans import Plan
+from pincette.api.problems import REMEDIES
 from pincette.client import ForeignAnswerError, NoAnswerError, ProblemError, WaitTimeoutError
+from pincette.client.errors import RAISED
 from pincette_supervisor.kinds.grip import GripJobRequest
 
 from . import desk
@@ -200,3 +203,30 @@ def test_the_other_client_asks_the_same() -> None:
     assert asyncio.run(run()) == "succeeded"
     assert supervisor.paths()[:2] == ["POST /api/v1/jobs"] * 2
     assert len({request.headers["Idempotency-Key"] for request in supervisor.asked[:2]}) == 1
+
+
+def test_a_refusal_is_raised_by_its_code() -> None:
+    assert RAISED.keys() <= REMEDIES.keys()
+    for code, raised in RAISED.items():
+        supervisor = Desk(desk.problem(409, code))
+        with pytest.raises(ProblemError) as caught:
+            supervisor.supervisor().rig("demo").start("grip")
+        assert type(caught.value) is raised
+        assert caught.value.code == code
+    with pytest.raises(ProblemError) as caught:
+        Desk(desk.problem(409, "record-kept")).supervisor().rig("demo").start("grip")
+    assert type(caught.value) is ProblemError
+
+
+def test_what_a_key_has_begun_is_stopped() -> None:
+    stopped = {**desk.example(Job, state="stopping")}
+    supervisor = Desk(
+        httpx.Response(200, json={"job": None}), LOST, httpx.Response(200, json={"job": stopped})
+    )
+    rig = supervisor.supervisor().rig("demo")
+    assert rig.stop("execution 7") is None
+    job = rig.stop("execution 7")
+    assert job is not None
+    assert job.state == "stopping"
+    assert supervisor.paths() == ["POST /api/v1/jobs/stop"] * 3
+    assert json.loads(supervisor.asked[0].content) == {"idempotency_key": "execution 7"}

@@ -10,6 +10,7 @@ from datetime import datetime, timedelta
 from typing import Literal, TypeVar
 
 from pincette.api.access import MEANINGS, SCOPES, Scope, covers
+from pincette_supervisor.access.passwords import NOBODY, Tries, fits
 from pincette_supervisor.journal.access_rows import KeyRepository, SessionRow
 from pincette_supervisor.journal.key_file import KeyRow
 from pincette_supervisor.journal.tables import utc_now, utc_text
@@ -106,6 +107,7 @@ class Authenticator:
         self._always, self._now = always, now
         self._snapshot = KeySnapshot()
         self._turn = threading.Lock()
+        self.tries = Tries()
         self._keys_used: dict[str, str] = {}
         self._sessions_used: dict[str, str] = {}
 
@@ -157,6 +159,21 @@ class Authenticator:
     def _note_use(self, key: KeyRow, now: str) -> None:
         if not _same_minute(key.used_at, now):
             self._keys_used[key.name] = now
+
+    def by_password(self, address: str, name: str, password: str) -> Caller:
+        """The user of a name and a password; raises ProblemError where it is tried too often."""
+        self.tries.require(name)
+        now = self._now()
+        rows = [row for row in self._snapshot.keys if row.name == name and row.usable(now)]
+        user = rows[0] if rows and rows[0].password is not None else None
+        with self.tries.turn:
+            right = fits(password, NOBODY if user is None else user.password or NOBODY)
+        right = right and user is not None
+        self.tries.note(name, right=right)
+        if not right or user is None:
+            return Caller(address, showed=True)
+        self._note_use(user, now)
+        return Caller(address, user.name, user.scope, "key", showed=True)
 
     def sign_in(self, repository: KeyRepository, caller: Caller, cookie: str) -> None:
         """Let a cookie stand for the key that a caller has shown."""

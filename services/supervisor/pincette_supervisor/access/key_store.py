@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pincette.api.access import KeyView, Scope
 from pincette_supervisor.access.authentication import digest_of, new_key
+from pincette_supervisor.access.passwords import hashed
 from pincette_supervisor.config import STORE
 from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.database import columns
@@ -34,9 +35,24 @@ class KeyStore:
             ) from error
         return key, _view(row)
 
-    def all(self) -> list[KeyView]:
-        """Every key there is or was."""
-        return [_view(row) for row in self._repository.all()]
+    def add_user(self, name: str, scope: Scope, password: str) -> KeyView:
+        """Keep a person who signs in by name and password; raises ValueError as ``add``."""
+        try:
+            # Of a key that nobody has been told.
+            row = self._repository.add(name, digest_of(new_key()), scope, password=hashed(password))
+        except KeyNameTakenError as error:
+            raise ValueError(
+                f"there is, or was, a user or a key {name!r}: take another name"
+            ) from error
+        return _view(row)
+
+    def set_password(self, name: str, password: str) -> bool:
+        """Give a user another password; false where there is no such user in force."""
+        return self._repository.set_password(name, hashed(password))
+
+    def all(self, *, users: bool = False) -> list[KeyView]:
+        """Every key there is or was; or every user."""
+        return [_view(row) for row in self._repository.all() if (row.password is not None) == users]
 
     def revoke(self, name: str) -> bool:
         """Take a key out of force; false where there is none to be."""
@@ -44,7 +60,7 @@ class KeyStore:
 
 
 def _view(row: KeyRow) -> KeyView:
-    return KeyView(**columns(row, "digest"), usable=row.usable(utc_now()))
+    return KeyView(**columns(row, "digest", "password"), usable=row.usable(utc_now()))
 
 
 @contextmanager

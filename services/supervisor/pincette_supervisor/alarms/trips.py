@@ -3,23 +3,35 @@
 # The actuator knows only that no command came. Which program was silent is seen from outside, by
 # the numbers of the programs' newest samples at the moment of the trip.
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
 
-from pincette.api.checks import fault_views
+from pincette.api.checks import FaultView
 from pincette.api.endings import Ending
 from pincette.config import RigFile
 from pincette.core.faults import TRIPPED, Cause, Fault, FaultCode
 from pincette.core.messages import Applied, Command, Estimate, Message, Position, Telemetry
 from pincette.core.topics import Topic
-from pincette.core.wording import cause_text
+from pincette.core.wording import cause_text, fault_text
 
 LATE_PERIODS = 1.5
 """A sensor without a sample for so long is silent; its samples come one a period."""
 IN_FLIGHT = 1
 """By so many samples a program may lag behind the one before it."""
+
+
+def fault_views(faults: Iterable[Fault]) -> list[FaultView]:
+    """Faults as REST has them."""
+    return [
+        FaultView(
+            code=fault.code,
+            values={item.name: item.value for item in fault.values},
+            text=fault_text(fault),
+        )
+        for fault in faults
+    ]
 
 
 class TripReason(NamedTuple):

@@ -2,18 +2,17 @@
 
 import logging
 import threading
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 
-from pincette.api.calibrations import Proposal
 from pincette.api.jobs import Job
-from pincette.api.models import ModelView
 from pincette.api.requests import JobRequest
 from pincette.api.rigs import QueueOrder
 from pincette.api.states import ActionType
 from pincette_supervisor.alarms.alarm_monitor import AlarmMonitor
 from pincette_supervisor.jobs import planner, refusals
 from pincette_supervisor.jobs.actions import JobActions, await_end, hand_over
+from pincette_supervisor.jobs.claims import Claims
 from pincette_supervisor.jobs.crash_recovery import recover_from_crash
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_queue import CAPACITY, JobQueue
@@ -21,7 +20,6 @@ from pincette_supervisor.jobs.job_view import fingerprint_of, job_view, new_row
 from pincette_supervisor.jobs.key_turns import KeyTurns
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.journal.store import JobRow, KeyTakenError, StoreError
-from pincette_supervisor.model.model_view import use_model
 from pincette_supervisor.model.proposals import Calibrations
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import played
@@ -45,9 +43,10 @@ class JobManager:
         self.alarm_monitor = AlarmMonitor(context, lambda: self.active)
         self.predictions = PredictionCache(play)
         self.queue = JobQueue(context.store, context.events)
+        self.claims = Claims(context.store, context.events, context.clock)
         self._lock = threading.RLock()
         self._acting = JobActions(context)
-        self._turns = KeyTurns()
+        self.turns = KeyTurns()
         self._live: LiveJob | None = None
         self._thread: threading.Thread | None = None
         self._closing = False
@@ -87,13 +86,15 @@ class JobManager:
         predict: bool = True,
         by: str | None = None,
         gone: Callable[[], bool] = lambda: False,
+        claim: str | None = None,
     ) -> tuple[Job, bool]:
         """Take a job, unless its caller is ``gone``; the flag: its key has created it already."""
         fingerprint = fingerprint_of(request)
-        with self._turns.of(key):
+        with self.turns.of(key):
             known = None if key is None else self.context.store.created(key)
             if known is not None:
                 return self.job(refusals.require_same(known, fingerprint)), True
+            self.claims.require(claim)
             request = planner.with_version(self.context, request)
             planned = refusals.require_feasible(self.plan(request))
             if predict and (self.active is None or request.queue):
@@ -103,7 +104,8 @@ class JobManager:
                 raise refusals.caller_gone()
             hand_over(self.context, self.active, planned)
             try:
-                with self._lock:
+                with self._lock, self.turns.accepting(key):
+                    self.claims.require(claim)
                     name = self._accept(request, planned, key, fingerprint, by)
             except KeyTakenError as error:
                 return self.job(refusals.require_same(error, fingerprint)), True
@@ -219,19 +221,13 @@ class JobManager:
             holds = self._acting.on_live(live, action, by)
         return self.job(name), holds
 
-    def decide_proposal(self, name: str, action: Literal["accept", "discard"]) -> Proposal:
-        """Accept or discard the proposal of a calibration; raises ProblemError."""
+    @contextmanager
+    def free(self) -> Generator[None]:
+        """Nothing runs and nothing begins within the block; raises ProblemError where one runs."""
         await_end(self.active)
         with self._lock:
             refusals.require_free(self.active)
-            return self.calibrations.act(name, action)
-
-    def use_model(self, version: int) -> ModelView:
-        """Use a version of the model; raises ProblemError."""
-        await_end(self.active)
-        with self._lock:
-            refusals.require_free(self.active)
-            return use_model(self.context.model, version)
+            yield
 
     def job(self, name: str) -> Job:
         """One job; raises ProblemError if there is none of this name."""

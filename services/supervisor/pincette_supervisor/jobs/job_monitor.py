@@ -46,7 +46,11 @@ class JobMonitor:
         self._collection = collection
         self._rig = planned.model.rig
         self._tracker = Tracker(
-            job.epoch, self._rig.rig.period_s, planned.planned_s, lockstep=self._rig.lockstep
+            job.epoch,
+            self._rig.rig.period_s,
+            planned.planned_s,
+            lockstep=self._rig.lockstep,
+            hold_at_s=planned.hold_at_s,
         )
         lease_s = policies.lease_s(job.request, self._rig)
         self._silence = Silence(context, self._tracker, job.epoch, lease_s)

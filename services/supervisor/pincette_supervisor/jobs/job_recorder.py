@@ -86,6 +86,8 @@ class JobRecorder:
         except OSError as error:
             job.note_cause(f"the record is incomplete: {error}")
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}
+        if record.result.goal is not None:
+            self._figures["goal_met"] = record.result.goal.met
         return record.fault
 
     def _keep_learned(self, record: Gathered) -> None:

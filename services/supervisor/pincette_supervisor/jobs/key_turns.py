@@ -3,9 +3,12 @@
 A key counts from the moment it is seen. While the first request is being planned a second one
 waits, and then gets the same job; where the first was refused, or its caller hung up, the next one
 is planned in its place. Across a restart the journal knows the keys that have created a job.
+
+A key may be stopped before its job is there, as long as this supervisor runs: no job comes of it.
 """
 
 import threading
+from collections import deque
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,6 +17,8 @@ from pincette_supervisor.problems import ProblemError
 
 WAITING = 12
 """Requests that wait for another one with their key, at most: each keeps a thread."""
+STOPPED = 1000
+"""Keys that are known as stopped, the newest of them."""
 
 
 @dataclass(slots=True)
@@ -28,6 +33,26 @@ class KeyTurns:
     def __init__(self) -> None:
         self._guard = threading.Lock()
         self._turns: dict[str, _Turn] = {}
+        self._accepting = threading.Lock()
+        self._stopped: deque[str] = deque(maxlen=STOPPED)
+
+    def stop(self, key: str) -> None:
+        """Let no job come of a key; one that is being accepted is in the journal on return."""
+        with self._accepting:
+            self._stopped.append(key)
+
+    @contextmanager
+    def accepting(self, key: str | None) -> Generator[None]:
+        """While a job is written to the journal; raises ProblemError where its key is stopped."""
+        with self._accepting:
+            if key in self._stopped:
+                raise ProblemError(
+                    409,
+                    "key-stopped",
+                    "The request was stopped before its job began",
+                    "its Idempotency-Key has been stopped: nothing has moved",
+                )
+            yield
 
     @contextmanager
     def of(self, key: str | None) -> Generator[None]:

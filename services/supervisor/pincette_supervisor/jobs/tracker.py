@@ -6,7 +6,7 @@ from typing import cast
 from pincette.api.jobs import Progress
 from pincette.api.states import OUTCOMES
 from pincette.config import RigFile
-from pincette.core.faults import TRIPPED, Acted, Outcome
+from pincette.core.faults import TRIPPED, Acted, Outcome, Phase
 from pincette.core.messages import (
     Applied,
     Estimate,
@@ -26,14 +26,23 @@ PROGRAMS = (*LOOP, "rig")
 STALE_S, STALE_PERIODS = 1.0, 10.0
 GONE_S = 1.0
 """Lockstep: how long the loop may stand still once a program's token has vanished."""
+SETTLE_S = 0.5
+"""Begin of a hold that is left out of the force held."""
 
 
 class Tracker:
     """Takes the messages of one epoch in order of arrival."""
 
     def __init__(
-        self, epoch: int, period_s: float, planned_s: float | None, *, lockstep: bool
+        self,
+        epoch: int,
+        period_s: float,
+        planned_s: float | None,
+        *,
+        lockstep: bool,
+        hold_at_s: float | None = None,
     ) -> None:
+        """``hold_at_s``: when the hold is to begin; None where none is planned."""
         self.messages: list[Message] = []
         self.trip: TripReason | None = None
         self.outcome = Outcome.NONE
@@ -54,6 +63,10 @@ class Tracker:
         """Samples that were paused."""
         self._lockstep = lockstep
         self._epoch, self._period_s, self._planned_s = epoch, period_s, planned_s
+        self._hold_at_s = hold_at_s
+        self._hold_seq: int | None = None
+        """Number of the sample that began the hold."""
+        self._held_sum_mN, self._held_count = 0.0, 0
         self._seqs: dict[Topic, int] = dict.fromkeys(EVERY_TICK, -1)
         self._position: Position | None = None
         self._estimate: Estimate | None = None
@@ -81,6 +94,7 @@ class Tracker:
             self._position = sample
         elif isinstance(sample, Estimate):
             self._estimate = sample
+            self._follow_hold(sample)
         elif isinstance(sample, Applied):
             self._applied = sample
             if sample.state in TRIPPED and self.trip is None:
@@ -96,10 +110,26 @@ class Tracker:
         self.paused, self.telemetry_seq = sample.paused, sample.seq
         self._paused_ticks += sample.paused
         self.outcome = sample.outcome or self.outcome
+        if self._hold_seq is None and self.phase == Phase.HOLD:
+            self._hold_seq = sample.seq
         for acted in sample.acted:
             self.effects.append((acted, sample.seq))
             self.stop_took_effect = self.stop_took_effect or acted == Acted.STOP
             self.released = self.released or acted == Acted.RELEASE
+
+    def _follow_hold(self, sample: Estimate) -> None:
+        force_mN, _ = self._force()
+        if self.phase != Phase.HOLD or self._hold_seq is None or force_mN is None:
+            return
+        if (sample.seq - self._hold_seq) * self._period_s >= SETTLE_S:
+            self._held_sum_mN, self._held_count = self._held_sum_mN + force_mN, self._held_count + 1
+
+    def _hold_in_s(self) -> float | None:
+        if self.phase == Phase.HOLD:
+            return 0.0
+        if self._hold_at_s is None or self._hold_seq is not None:
+            return None
+        return max(0.0, self._hold_at_s - self.played_s)
 
     @property
     def played_s(self) -> float:
@@ -165,6 +195,8 @@ class Tracker:
             force_uncertainty_mN=uncertainty_mN,
             voltage_V=None if applied is None else applied.voltage_V,
             held=self.held,
+            hold_in_s=self._hold_in_s(),
+            force_held_mN=self._held_sum_mN / self._held_count if self._held_count else None,
             target=force_r_mN if pressing else x_r_um,
             current=force_mN if pressing else x_um,
             unit="mN" if pressing else "µm",

@@ -44,10 +44,17 @@ class KeyRepository:
         self._copied: list[KeyRow] | None = None
         """What the journal's copy holds; None before it was looked at."""
 
-    def add(self, name: str, digest: str, scope: Scope, expires_at: str | None = None) -> KeyRow:
+    def add(
+        self,
+        name: str,
+        digest: str,
+        scope: Scope,
+        expires_at: str | None = None,
+        password: str | None = None,
+    ) -> KeyRow:
         """Keep a key; raises KeyNameTakenError: what the audit log names stays the same key."""
         self.all()
-        row = self._file.add(name, digest, scope, expires_at)
+        row = self._file.add(name, digest, scope, expires_at, password)
         self.copy(self.all())
         return row
 
@@ -81,6 +88,16 @@ class KeyRepository:
         revoked = self._file.revoke(name)
         self.copy(self.all())
         return revoked
+
+    def set_password(self, name: str, password: str) -> bool:
+        """Give a user another password, and sign the user out everywhere."""
+        self.all()
+        changed = self._file.set_password(name, password)
+        if changed:
+            with self._store.writing() as connection:
+                connection.execute(delete(SESSIONS).where(SESSIONS.c.key == name))
+            self.copy(self.all())
+        return changed
 
     def sessions(self) -> list[SessionRow]:
         """Pages that are signed in."""

@@ -24,7 +24,7 @@ class KeyNameTakenError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class KeyRow:
-    """A key without itself: its name, what it may, and its times in UTC."""
+    """A key without itself, or a user: name, what it may, and its times in UTC."""
 
     name: str
     digest: Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
@@ -33,6 +33,8 @@ class KeyRow:
     expires_at: str | None = None
     revoked_at: str | None = None
     used_at: str | None = None
+    password: str | None = None
+    """Of a user, as ``access.passwords`` keeps it; the digest is then of a key that nobody has."""
 
     def usable(self, now: str) -> bool:
         """Whether it opens anything at a time."""
@@ -71,9 +73,16 @@ class KeyFile:
         """Every key there is or was, by name; none without a file."""
         return self.read() or []
 
-    def add(self, name: str, digest: str, scope: Scope, expires_at: str | None = None) -> KeyRow:
+    def add(
+        self,
+        name: str,
+        digest: str,
+        scope: Scope,
+        expires_at: str | None = None,
+        password: str | None = None,
+    ) -> KeyRow:
         """Keep a key; raises KeyNameTakenError: what the audit log names stays the same key."""
-        row = KeyRow(name, digest, scope, utc_now(), expires_at)
+        row = KeyRow(name, digest, scope, utc_now(), expires_at, password=password)
         with self._changed() as keys:
             if name in keys:
                 raise KeyNameTakenError(name)
@@ -87,6 +96,15 @@ class KeyFile:
             if row is None or row.revoked_at is not None:
                 return False
             keys[name] = replace(row, revoked_at=utc_now())
+        return True
+
+    def set_password(self, name: str, password: str) -> bool:
+        """Give a user another password; false where there is no such user in force."""
+        with self._changed() as keys:
+            row = keys.get(name)
+            if row is None or row.revoked_at is not None or row.password is None:
+                return False
+            keys[name] = replace(row, password=password)
         return True
 
     def note_use(self, used_at: dict[str, str]) -> None:

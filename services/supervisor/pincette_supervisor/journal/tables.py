@@ -122,6 +122,7 @@ KEYS = Table(
     Column("expires_at", String),
     Column("revoked_at", String),
     Column("used_at", String),
+    Column("password", String),
 )
 """Keys of the REST interface; the digest is all that is kept of one."""
 

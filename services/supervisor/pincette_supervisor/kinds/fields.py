@@ -23,6 +23,23 @@ POLICIES = (
         advanced=True,
     ),
 )
+SETTLING = FieldSpec(name="settling_s", label="Settled within", placeholder="0.5", advanced=True)
+TOLERANCES = (
+    FieldSpec(name="position_tolerance_um", label="Position within", advanced=True),
+    FieldSpec(name="force_tolerance_mN", label="Force within", advanced=True),
+    SETTLING,
+)
+GOAL: tuple[ResultField, ...] = (
+    ResultField(name="goal.met", label="goal met", optional=True),
+    number("goal.settled_s", "settled after", optional=True),
+    number(
+        "goal.position_error_um", "largest error of the settled position", digits=3, optional=True
+    ),
+    number("goal.position_tolerance_um", "its tolerance", digits=3, optional=True),
+    number("goal.force_error_mN", "largest error of the settled force", digits=3, optional=True),
+    number("goal.force_tolerance_mN", "its tolerance", digits=3, optional=True),
+)
+"""How near a job came to its references."""
 ERROR_SOURCES = tuple(
     figure
     for member, quantity, unit in (
@@ -112,6 +129,7 @@ MOTION: tuple[ResultField, ...] = (
     number("target_um", "target", optional=True),
     number("target_error_um", "target error", digits=3, optional=True),
     number("drift_um", "drift while held", digits=3, optional=True),
+    *GOAL[:4],
     ResultField(name="teach", label="taught as", optional=True),
     ResultField(name="held_at_end", label="part still held"),
 )

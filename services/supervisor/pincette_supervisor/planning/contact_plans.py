@@ -17,6 +17,7 @@ from pincette.control.planning.contact_plan import Violation as Broken
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.laws import choose_law
 from pincette_supervisor.planning.planned import Planned, decimated
+from pincette_supervisor.results.goal import tolerances
 
 CONTACT_FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
 
@@ -72,7 +73,8 @@ def contact_job(
         warnings=unidentified(rig),
     )
     program = replace(made.program, laws=(law.settings.spec(),))
-    return Planned(plan, program, {**values, "law": plan.law.model_dump()}, model)
+    values = {**values, **tolerances(request), "law": plan.law.model_dump()}
+    return Planned(plan, program, values, model)
 
 
 def unidentified(rig: RigFile) -> list[str]:

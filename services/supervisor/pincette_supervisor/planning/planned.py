@@ -9,6 +9,7 @@ from pincette.api.plans import Curves, JobPlan
 from pincette.control.planning.course import Course
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
+from pincette.core.faults import Phase
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.present import Present
 
@@ -53,6 +54,12 @@ class Planned:
         """How long it takes; None where a hold or a wait has no end."""
         endless = any(segment.duration_s is None for segment in self.program.segments)
         return None if endless else self.plan.duration_s
+
+    @property
+    def hold_at_s(self) -> float | None:
+        """When its hold is to begin; None where it has none."""
+        starts_s = (phase.start_s for phase in self.plan.phases if phase.phase == Phase.HOLD)
+        return next(starts_s, None)
 
     @property
     def begins_held(self) -> bool:

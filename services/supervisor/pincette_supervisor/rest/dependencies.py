@@ -7,6 +7,7 @@ import asyncio
 import re
 from collections.abc import Callable, Collection
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Annotated, Any
 from urllib.parse import unquote
 
@@ -188,6 +189,33 @@ async def _hung_up(request: Request) -> Callable[[], bool]:
 HungUp = Annotated[Callable[[], bool], Depends(_hung_up)]
 """Whether the caller has closed the connection; to be asked in a thread of the pool."""
 
+CLAIM_TOKEN = r"^[!-~]{16,200}$"
+ClaimToken = Annotated[
+    str | None,
+    Header(
+        alias="X-Claim",
+        description="secret of the caller's claim on a rig, which the caller has made up",
+        pattern=CLAIM_TOKEN,
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Asker:
+    """Who asks for something to be begun, and whether they are still there."""
+
+    by: str
+    claim: str | None
+    note: Callable[[str], None]
+    gone: Callable[[], bool]
+
+
+async def _asker(by: Operator, note: Note, gone: HungUp, claim: ClaimToken = None) -> Asker:
+    return Asker(by, claim, note, gone)
+
+
+Asking = Annotated[Asker, Depends(_asker)]
+"""The sender of a request that begins something."""
 IdempotencyKey = Annotated[
     str | None,
     Header(

@@ -5,11 +5,19 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from pincette.api.access import AuditChain, AuditEntry, AuditList, Session
+from pincette.api.access import AuditChain, AuditEntry, AuditList, Session, SignIn
 from pincette.api.problems import responses
 from pincette_supervisor.access.authentication import Caller, new_cookie, require_scope
 from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
-from pincette_supervisor.rest.dependencies import ADMIN, COOKIE, AccessState, AnyCaller, Journal
+from pincette_supervisor.rest.dependencies import (
+    ADMIN,
+    CALLER,
+    COOKIE,
+    AccessState,
+    AnyCaller,
+    Journal,
+    Note,
+)
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 LARGEST = 2**63 - 1
@@ -23,15 +31,29 @@ async def session(caller: AnyCaller, access: AccessState) -> Session:
     return _view(caller, keys=access.authenticator.keys_wanted)
 
 
-@router.post("/session", responses=responses(401))
+@router.post("/session", responses=responses(401, 422, 429))
 async def sign_in(
-    request: Request, response: Response, caller: AnyCaller, access: AccessState, store: Journal
+    request: Request,
+    response: Response,
+    caller: AnyCaller,
+    access: AccessState,
+    store: Journal,
+    note: Note,
+    body: SignIn | None = None,
 ) -> Session:
-    """Sign a page in with the key of ``Authorization``; a cookie stands for it from here on.
+    """Sign a page in with the key of ``Authorization``, or with a user's name and password.
+
+    A cookie stands for it from here on.
 
     Scripts cannot read the cookie, and no page of elsewhere can have it sent.
     """
     authenticator = access.authenticator
+    if body is not None and authenticator.keys_wanted:
+        note(f"as {body.user}")
+        caller = await run_in_threadpool(
+            authenticator.by_password, caller.address, body.user, body.password
+        )
+        request.scope[CALLER] = caller
     require_scope(caller, "observe")
     if caller.way == "key":
         cookie = new_cookie()

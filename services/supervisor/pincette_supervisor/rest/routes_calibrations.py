@@ -13,10 +13,8 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     AllRigs,
-    HungUp,
+    Asking,
     IdempotencyKey,
-    Note,
-    Operator,
 )
 from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
 from pincette_supervisor.rest.routes_jobs import CREATED, Predict
@@ -37,15 +35,13 @@ def create(
     body: CalibrationBody,
     rigs: AllRigs,
     response: Response,
-    by: Operator,
-    note: Note,
-    gone: HungUp,
+    asker: Asking,
     dry_run: Annotated[bool, Query(description="plan only")] = False,
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
 ) -> object:
     """Take a calibration: the same as a job of the kind ``calibrate``."""
-    return create_job(body, rigs, response, by, note, gone, dry_run, predict, idempotency_key)
+    return create_job(body, rigs, response, asker, dry_run, predict, idempotency_key)
 
 
 @router.get("", responses=responses(404, 422, 503), dependencies=[OBSERVE])
@@ -72,7 +68,10 @@ def proposal(calibration: str, rigs: AllRigs) -> Proposal:
     responses=responses(404, 409, 422, 503),
     dependencies=[ADMIN],
 )
-def act(calibration: str, body: ProposalAction, rigs: AllRigs, note: Note) -> Proposal:
+def act(calibration: str, body: ProposalAction, rigs: AllRigs, asker: Asking) -> Proposal:
     """Accept a proposal, which makes a version of the model and uses it, or discard it."""
-    note(body.type)
-    return rigs.of_job(calibration).decide_proposal(calibration, body.type)
+    asker.note(body.type)
+    manager = rigs.of_job(calibration)
+    manager.claims.require(asker.claim)
+    with manager.free():
+        return manager.calibrations.act(calibration, body.type)

@@ -9,10 +9,12 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query, Response
 from fastapi.concurrency import run_in_threadpool
 
-from pincette.api.jobs import ActionRequest, Job
+from pincette.api.jobs import ActionRequest, Job, StoppedRequest, StopRequest
 from pincette.api.plans import JobPlan
 from pincette.api.problems import responses
 from pincette.api.requests import JobRequest
+from pincette.api.states import STATES
+from pincette_supervisor.jobs.claims import ALWAYS
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.kinds.bodies import AnyPlan, Body
 from pincette_supervisor.problems import ProblemError
@@ -20,11 +22,10 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     AllRigs,
-    HungUp,
+    Asker,
+    Asking,
     IdempotencyKey,
     IfNoneMatch,
-    Note,
-    Operator,
     etag,
     matched_revision,
 )
@@ -61,23 +62,23 @@ def take(
     response: Response,
     *,
     dry_run: bool,
-    by: str,
-    note: Note,
-    gone: HungUp,
+    asker: Asker,
     predict: bool = True,
     key: str | None = None,
 ) -> Job | JobPlan:
     """Take a job, or plan it only, and predict what playing the plan would come to."""
-    note(DRY_RUN if dry_run or body.dry_run else body.kind)
+    asker.note(DRY_RUN if dry_run or body.dry_run else body.kind)
     if dry_run or body.dry_run:
         response.status_code = 200
         planned = manager.plan(body)
         return (manager.predictions.predicted(planned) if predict else planned).plan
     try:
-        job, replayed = manager.create(body, key, predict=predict, by=by, gone=gone)
+        job, replayed = manager.create(
+            body, key, predict=predict, by=asker.by, gone=asker.gone, claim=asker.claim
+        )
     except ProblemError as error:
         if error.code == "caller-gone":
-            note(f"{body.kind}: the caller hung up, nothing was begun")
+            asker.note(f"{body.kind}: the caller hung up, nothing was begun")
         raise
     response.headers["Location"] = f"/api/v1/jobs/{job.id}"
     response.headers["ETag"] = etag(job.id, job.revision)
@@ -101,9 +102,7 @@ def create(
     body: Body,
     rigs: AllRigs,
     response: Response,
-    by: Operator,
-    note: Note,
-    gone: HungUp,
+    asker: Asking,
     dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
@@ -118,12 +117,29 @@ def create(
         body,
         response,
         dry_run=dry_run,
-        by=by,
-        note=note,
-        gone=gone,
+        asker=asker,
         predict=predict,
         key=idempotency_key,
     )
+
+
+@router.post("/stop", dependencies=[OPERATE], responses=responses(422, 503))
+def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedRequest:
+    """Stop what an Idempotency-Key has begun: its job, or a request that is still being planned.
+
+    A request that comes with this key later is refused (409), as long as the supervisor runs.
+    """
+    asker.note(f"stop {body.idempotency_key}")
+    for manager in rigs.all():
+        manager.turns.stop(body.idempotency_key)
+    known = rigs.store.created(body.idempotency_key)
+    if known is None:
+        return StoppedRequest(job=None)
+    manager = rigs.of_job(known.job)
+    job = manager.job(known.job)
+    if not STATES[job.state].terminal:
+        job, _ = manager.perform(job.id, "stop", asker.by)
+    return StoppedRequest(job=job)
 
 
 @router.get(
@@ -189,12 +205,14 @@ def act(
     body: ActionRequest,
     rigs: AllRigs,
     response: Response,
-    by: Operator,
-    note: Note,
+    asker: Asking,
 ) -> Job:
     """Start, pause, resume, stop, abort, release the part, or continue after a wait."""
-    note(body.type)
-    changed, holds = rigs.of_job(job).perform(job, body.type, by)
+    asker.note(body.type)
+    manager = rigs.of_job(job)
+    if body.type not in ALWAYS:
+        manager.claims.require(asker.claim)
+    changed, holds = manager.perform(job, body.type, asker.by)
     response.headers["ETag"] = etag(changed.id, changed.revision)
     if holds:
         response.status_code = 200

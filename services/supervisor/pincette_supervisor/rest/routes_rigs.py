@@ -4,23 +4,34 @@ import asyncio
 from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Header, Query
 from fastapi.sse import EventSourceResponse
 
 from pincette.api.checklist import Checklist
+from pincette.api.claims import Claim, ClaimRequest
 from pincette.api.live import LiveBatch, LoopTiming
 from pincette.api.models import ModelAction, ModelView
 from pincette.api.problems import responses
-from pincette.api.rigs import QueueRequest, ResetRequest, Rig, RigList, Stopped, StoppedList
+from pincette.api.rigs import (
+    QueueRequest,
+    ResetRequest,
+    Rig,
+    RigList,
+    Stopped,
+    StoppedList,
+)
 from pincette_supervisor.journal.listeners import TooManyListenersError
 from pincette_supervisor.model.checklist import checklist
 from pincette_supervisor.model.model_view import model_view
+from pincette_supervisor.model.model_view import use_model as change_model
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
+    CLAIM_TOKEN,
     OBSERVE,
     OPERATE,
     AllRigs,
+    Asking,
     Manager,
     Note,
     Operator,
@@ -79,9 +90,42 @@ async def estop(manager: Manager, by: Sender) -> Stopped:
 
 
 @router.post("/rigs/{rig}/reset", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
-def reset(manager: Manager, _body: ResetRequest, by: Operator) -> Stopped:
+def reset(manager: Manager, _body: ResetRequest, asker: Asking) -> Stopped:
     """Clear the latch, once a person has seen the cause; a held part stays held."""
-    return manager.latch.reset(by)
+    manager.claims.require(asker.claim)
+    return manager.latch.reset(asker.by)
+
+
+@router.put("/rigs/{rig}/claim", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
+def claim(
+    manager: Manager,
+    body: ClaimRequest,
+    by: Operator,
+    note: Note,
+    x_claim: Annotated[
+        str,
+        Header(
+            description="a secret of at least 16 characters that the caller has made up; sent "
+            "again it renews the claim, and sent with other requests it lets them pass",
+            pattern=CLAIM_TOKEN,
+        ),
+    ],
+) -> Claim:
+    """Claim the rig, or renew the claim: others begin nothing there, and everybody may stop."""
+    note(f"{body.lease_s:g} s {body.note}".strip())
+    return manager.claims.take(x_claim, by=by, note=body.note, lease_s=body.lease_s)
+
+
+@router.delete("/rigs/{rig}/claim", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
+def give_back(
+    manager: Manager,
+    asker: Asking,
+    force: Annotated[bool, Query(description="break the claim of somebody else")] = False,
+) -> Rig:
+    """End the caller's claim, or with ``force`` break another's; all see who did."""
+    asker.note("broken" if force else "given back")
+    manager.claims.give_back(asker.claim, by=asker.by, force=force)
+    return rig_view(manager)
 
 
 @router.post(
@@ -89,10 +133,12 @@ def reset(manager: Manager, _body: ResetRequest, by: Operator) -> Stopped:
     responses=responses(404, 409, 422, 503),
     dependencies=[OPERATE],
 )
-def order_queue(manager: Manager, body: QueueRequest, by: Operator, note: Note) -> Rig:
+def order_queue(manager: Manager, body: QueueRequest, asker: Asking) -> Rig:
     """Let a halted queue go on, stop all jobs that wait, or move one of them."""
-    note(body.type if body.job is None else f"{body.type} {body.job} to {body.position}")
-    manager.control_queue(body.type, by, (body.job or "", body.position))
+    asker.note(body.type if body.job is None else f"{body.type} {body.job} to {body.position}")
+    if body.type != "clear":
+        manager.claims.require(asker.claim)
+    manager.control_queue(body.type, asker.by, (body.job or "", body.position))
     return rig_view(manager)
 
 
@@ -119,10 +165,12 @@ def calibration_checklist(manager: Manager) -> Checklist:
     responses=responses(404, 409, 422, 503),
     dependencies=[ADMIN],
 )
-def use_model(manager: Manager, body: ModelAction, note: Note) -> ModelView:
+def use_model(manager: Manager, body: ModelAction, asker: Asking) -> ModelView:
     """Go back to a version of the model, or with 0 to the rig file alone."""
-    note(f"{body.type} {body.version}")
-    return manager.use_model(body.version)
+    asker.note(f"{body.type} {body.version}")
+    manager.claims.require(asker.claim)
+    with manager.free():
+        return change_model(manager.context.model, body.version)
 
 
 async def _live_cursor(manager: Manager) -> AsyncIterator[LiveCursor]:

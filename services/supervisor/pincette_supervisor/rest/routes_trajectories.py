@@ -26,10 +26,9 @@ from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
     AllRigs,
-    HungUp,
+    Asking,
     IdempotencyKey,
     Note,
-    Operator,
 )
 from pincette_supervisor.rest.middleware import DRY_RUN
 from pincette_supervisor.rest.routes_jobs import take
@@ -212,9 +211,7 @@ def plot(stored: StoredTrajectory) -> Response:
 def start(
     stored: StoredTrajectory,
     response: Response,
-    by: Operator,
-    note: Note,
-    gone: HungUp,
+    asker: Asking,
     body: TrajectoryStart | None = None,
     idempotency_key: IdempotencyKey = None,
 ) -> object:
@@ -225,9 +222,7 @@ def start(
         request,
         response,
         dry_run=False,
-        by=by,
-        note=note,
-        gone=gone,
+        asker=asker,
         key=idempotency_key,
     )
 

@@ -1,11 +1,15 @@
 """The HTTP server: its connections, and which of them make room for others."""
 
 import asyncio
-from typing import cast
+import ssl
+from functools import partial
+from typing import Any, cast
 
 import uvicorn
 from starlette.types import ASGIApp, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
+
+from pincette_supervisor.rest.tls import Doorway
 
 MOST = 384
 """Connections; each is an open file, of which a process usually has 1024."""
@@ -106,12 +110,18 @@ class UnambiguousLength:
         await send({"type": "http.response.body", "body": text})
 
 
-def server_of(app: ASGIApp) -> uvicorn.Server:
+def _doorway(tls: ssl.SSLContext, pending: dict[Doorway, None], **given: Any) -> Doorway:
+    """What takes the part of a connection until its handshake is done."""
+    return Doorway(tls, pending, partial(Connection, **given))
+
+
+def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server:
     """The server of an application; nothing of a request is logged, least of all its head."""
+    door: Any = Connection if tls is None else partial(_doorway, tls, {})
     return uvicorn.Server(
         uvicorn.Config(
             UnambiguousLength(app),
-            http=Connection,
+            http=door,
             ws="none",
             log_config=None,
             log_level="warning",

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.functions import Evaluation, Run, functions_of
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
+from pincette_supervisor.results.goal import goal_of
 
 
 def archivist() -> ThreadPoolExecutor:
@@ -98,5 +99,10 @@ def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
     """Join the samples and work out the result."""
     table = columns(take.messages, rig.rig.period_s)
     run = Run(rig, planned, table, take.messages, take.dropped)
-    evaluation = functions_of(job_kinds()[planned.plan.kind]).evaluate(run)
+    kind = job_kinds()[planned.plan.kind]
+    evaluation = functions_of(kind).evaluate(run)
+    goal = goal_of(table, planned.values, kind.goal_phase, rig.rig.period_s)
+    if goal is not None:
+        result = evaluation.result.model_copy(update={"goal": goal})
+        evaluation = replace(evaluation, result=result)
     return Record(job, run, evaluation, take.epoch)

@@ -42,7 +42,8 @@ TO_DO: Mapping[Cause, str] = {
     ),
     "contact_line": (
         "estimate and position leave the contact line that the load has shown: calibrate residual, "
-        "load more slowly, and look whether the part slips or yields"
+        "or free_response where other motions show it too; load more slowly, and look whether the "
+        "part slips or yields"
     ),
     "lag": "the error goes with the speed: go more slowly, or learn from cycle to cycle",
     "limits": "a limit of the voltage acts: see the limits that acted; ask for less, or raise it",

@@ -109,6 +109,9 @@ def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
             digits = figure.digits
             more = f" ± {spread:.{digits}f}" if isinstance(spread, float) else ""
             told.append(f"{figure.label} {value:.{digits}f}{more} {figure.unit}".rstrip())
+    goal = result.get("goal")
+    if goal is not None:
+        told.append("goal met" if goal["met"] else "goal missed")
     return "; ".join(told)
 
 

@@ -2,7 +2,6 @@
 
 from datetime import UTC, datetime
 
-from pincette.api.checks import fault_views
 from pincette.api.job_kinds import job_kinds
 from pincette.api.rig_states import RIG_STATES
 from pincette.api.rigs import (
@@ -22,7 +21,7 @@ from pincette.core.messages import Applied, Estimate, Position, Telemetry
 from pincette.core.topics import LOOP, TOPICS
 from pincette.core.wording import status_text
 from pincette_supervisor.alarms.checks import of_rig
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms.trips import TripReason, fault_views
 from pincette_supervisor.jobs import job_queue
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_manager import JobManager
@@ -75,6 +74,7 @@ def rig_view(manager: JobManager) -> Rig:
         part=stands.part,
         standing=stands,
         safe_to_move=SafeToMove(value=not unsafe, reasons=[unsafe] if unsafe else []),
+        claim=manager.claims.current(),
         active_job=None if active is None else active.id,
         queue=Queue(length=len(queue), halted=queue.halted, capacity=job_queue.CAPACITY),
         can_start=not reasons,

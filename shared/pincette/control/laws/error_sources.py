@@ -12,18 +12,20 @@ d is what the law itself misses. d falls apart further:
 
 The first two, by least squares, go with the speed of the reference: lag. Of the rest, what comes
 back in each cycle (or, where nothing swings, what is slow) is the response r that the model of the
-free arm misses; the contact line has what comes back of g. The remainder of both is noise.
+free arm misses. Of g, what goes with ẋ_r is lag too, of the estimate, since no line goes with the
+speed; the contact line has the rest that comes back. The remainder of both is noise.
 Samples at which a limit acted, and those just after, count for the limits alone.
 
 Of the true force, which no instrument shows, the causes are
 
     noise         K_e·√(n² - σ²): what the arm moves; the sensor's own noise σ moves nothing
     response      u: by how much F̂ may be off, as the estimator states it
-    contact line  F̂ - F_r - K_e·d, its repeating part
+    contact line  F̂ - F_r - K_e·d, what comes back of it and does not go with ẋ_r
     lag           K_e times that of the position
 
-The causes of a mean square N⁻¹·Σ(·)² count over all N samples, so that their squares can be added
-up; where two of them cancel in part the error is less than that sum.
+The causes count over all N samples, so that their squares can be added up. Of the position, each of
+those that come back has the share N⁻¹·Σ c·(r + g + lag) of the square of their sum, 0 at least: an
+estimate that is wrong makes the impedance give way and the law miss by the same, which is no error.
 """
 
 from collections.abc import Mapping
@@ -117,23 +119,30 @@ def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
     gives_um = seen.x_d_um - seen.x_r_um - seen.learned_um
     own_um = error_um - gives_um
     free = ~limited
-    lag_um = _with_speed(own_um, seen.x_r_um, free)
-    rest_um = own_um - lag_um
+    own_lag_um = _with_speed(own_um, seen.x_r_um, free)
+    rest_um = own_um - own_lag_um
+    # No line goes with the speed, but an estimate does that is late.
+    late_um = _with_speed(gives_um, seen.x_r_um, free, derivatives=1)
+    gives_um = gives_um - late_um
+    lag_um = own_lag_um + late_um
     repeats_um, scatter = _repeating(rest_um, free, seen.cycle_ticks)
     off_um, _ = _repeating(gives_um, free, seen.cycle_ticks)
     # The noise of the estimate moves the target, and the law follows: both parts have a share.
     noise_um = scatter * _rms(rest_um - repeats_um + gives_um - off_um, free)
+    returns_um = repeats_um + off_um + lag_um
     # A mean over few cycles still has its share of the noise.
-    response_um = sqrt(max(0.0, _rms(repeats_um, free) ** 2 - noise_um**2 * (1.0 - scatter**-2.0)))
+    shared_um2 = noise_um**2 * (1.0 - scatter**-2.0)
     position: dict[Cause, float] = {
         "noise": noise_um,
-        "response": response_um,
-        "contact_line": _rms(off_um, free),
-        "lag": _rms(lag_um, free),
+        "response": sqrt(max(0.0, _product(repeats_um, returns_um, free) - shared_um2)),
+        "contact_line": sqrt(max(0.0, _product(off_um, returns_um, free))),
+        "lag": sqrt(max(0.0, _product(lag_um, returns_um, free))),
         "limits": _rms(error_um, limited),
     }
     force_error_mN = seen.force_mN - seen.force_r_mN
-    off_line_mN, _ = _repeating(force_error_mN - K_e * own_um, free, seen.cycle_ticks)
+    beside_mN = force_error_mN - K_e * own_um
+    beside_mN = beside_mN - _with_speed(beside_mN, seen.x_r_um, free, derivatives=1)
+    off_line_mN, _ = _repeating(beside_mN, free, seen.cycle_ticks)
     moved_um = sqrt(max(0.0, noise_um**2 - seen.noise_um**2))
     force: dict[Cause, float] = {
         "noise": K_e * moved_um,
@@ -147,9 +156,14 @@ def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
     return Sources(_rms(error_um, every), position), Sources(total_mN, force)
 
 
+def _product(one: Series, other: Series, there: NDArray[np.bool_]) -> float:
+    """Sum of the products where it counts, over the number of all samples."""
+    return float(one[there] @ other[there]) / len(one)
+
+
 def _rms(values: Series, there: NDArray[np.bool_]) -> float:
     """Root of the sum of squares where it counts, over the number of all samples."""
-    return sqrt(float(np.sum(values[there] ** 2)) / len(values))
+    return sqrt(_product(values, values, there))
 
 
 def _spread(limited: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -159,15 +173,17 @@ def _spread(limited: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return found
 
 
-def _with_speed(error_um: Series, x_r_um: Series, there: NDArray[np.bool_]) -> Series:
-    """The part of an error that goes with speed and acceleration of the reference."""
+def _with_speed(
+    error: Series, x_r_um: Series, there: NDArray[np.bool_], *, derivatives: int = 2
+) -> Series:
+    """The part of an error that goes with the speed of the reference, and its acceleration."""
     speed = np.gradient(x_r_um)
-    moving = np.column_stack((speed, np.gradient(speed)))
+    moving = np.column_stack((speed, np.gradient(speed))[:derivatives])
     # Of a reference that rests, or has no second derivative to speak of, nothing can be told.
     moving = moving[:, np.ptp(moving, axis=0) > 1e-6]
     if not moving.shape[1] or there.sum() <= moving.shape[1]:
-        return np.zeros_like(error_um)
-    factors, *_ = np.linalg.lstsq(moving[there], error_um[there], rcond=None)
+        return np.zeros_like(error)
+    factors, *_ = np.linalg.lstsq(moving[there], error[there], rcond=None)
     along: Series = moving @ factors
     return along
 

@@ -4,14 +4,11 @@ Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.quantities import Items, Number, Text
 from pincette.control.record import FrozenRecord
-
-ParameterSet = Literal["consistent", "printed", "identified"]
-ForceAge = Literal["planned", "newest"]
+from pincette.control.vocabulary import ForceAge, ParameterSet
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from pincette.api import WHOLE, example
 from pincette.api.job_kinds import FieldSpec, JobKind, choices
 from pincette.api.plans import MotionPlan
-from pincette.api.requests import JobRequest, Positive, Speed
+from pincette.api.requests import GoalRequest, Positive, Speed
 from pincette.api.results import MotionResult
 from pincette_supervisor.kinds import fields
 
@@ -16,7 +16,7 @@ CYCLES_MAX = 20
 POSE_NAME = r"^[A-Za-z0-9_.-]{1,40}$"
 
 
-class MoveJobRequest(JobRequest, frozen=True):
+class MoveJobRequest(GoalRequest, frozen=True):
     """Move the free arm, and let it rest there; the voltage is kept.
 
     A position is gone to by the law, a voltage without one. Before that the hysteresis may be
@@ -59,6 +59,16 @@ class MoveJobRequest(JobRequest, frozen=True):
             raise ValueError(f"a move wants exactly one of {', '.join(TARGETS)}; there is {found}")
         if self.low_V is not None and self.high_V is not None and self.low_V >= self.high_V:
             raise ValueError(f"low_V = {self.low_V} V is not below high_V = {self.high_V} V")
+        led = self.to_um is not None or self.by_um is not None
+        if self.position_tolerance_um is not None and not led:
+            raise ValueError(
+                "position_tolerance_um is held against the reference of the law, which a voltage "
+                "does without: ask for to_um or by_um"
+            )
+        if self.force_tolerance_mN is not None:
+            raise ValueError(
+                "force_tolerance_mN: a move has no reference of the force; leave it out"
+            )
         cycled = self.conditioning_cycles or self.warm_up_s
         for name in ("low_V", "high_V", "rate_V_per_s"):
             if getattr(self, name) is not None and not cycled:
@@ -91,6 +101,13 @@ KIND = JobKind(
         ),
         FieldSpec(name="value", label="Value", widget="number", required=True, named_by="target"),
         FieldSpec(name="speed_um_per_s", label="Peak speed"),
+        FieldSpec(
+            name="position_tolerance_um",
+            label="Position within",
+            when={"target": ("to_um", "by_um")},
+            advanced=True,
+        ),
+        fields.SETTLING.model_copy(update={"when": {"target": ("to_um", "by_um")}}),
         FieldSpec(name="conditioning_cycles", label="Conditioning cycles", placeholder="none"),
         FieldSpec(name="warm_up_s", label="Warm up for", placeholder="not"),
         FieldSpec(name="low_V", label="Cycles from", advanced=True),
@@ -100,6 +117,7 @@ KIND = JobKind(
     figures=fields.MOTION,
     from_present=True,
     predicted=True,
+    goal_phase="rest",
     relative=("by_um", "by_V"),
     jogs=True,
     place=30,

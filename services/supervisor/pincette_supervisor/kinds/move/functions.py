@@ -20,6 +20,7 @@ from pincette_supervisor.planning.motion_plans import (
 )
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
+from pincette_supervisor.results.goal import tolerances
 from pincette_supervisor.results.motion import evaluate, plot
 
 
@@ -49,6 +50,7 @@ def plan(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planne
         "zero_s": move.zero_s,
         "cycles": None if cycles is None else asdict(cycles),
         "teach": request.teach,
+        **tolerances(request),
     }
     warnings = _warnings(made, model, present, by_um)
     return motion_job(request, model, present, made, values, warnings, meets_part=False)

@@ -197,6 +197,7 @@ FIGURES: tuple[ResultField, ...] = (
     ),
     number("learned.cycles", "cycles learned from", "", digits=0, optional=True),
     number("learned.largest_um", "largest correction", "µm", digits=3, optional=True),
+    *fields.GOAL,
     *fields.ERROR_SOURCES,
 )
 KIND = JobKind(
@@ -238,11 +239,13 @@ KIND = JobKind(
             placeholder="0 5\n2 10\n4 5",
         ),
         FieldSpec(name="rate_um_per_s", label="Path at most at", advanced=True),
+        *fields.TOLERANCES,
         *fields.LAW,
         *fields.POLICIES,
     ),
     figures=FIGURES,
     predicted=True,
+    goal_phase="track",
     recipe=RecipeRules(exclusive=(("force_pp_mN", "x_pp_um"),), dependent={"shape": PATH}),
     place=20,
 )

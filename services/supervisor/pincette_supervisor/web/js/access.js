@@ -19,14 +19,14 @@ let waiting = [];
 export const may = (needed) => session.scope !== null
   && SCOPES.indexOf(session.scope) >= SCOPES.indexOf(needed);
 
-async function ask(method, headers = {}) {
-  const response = await fetch(`${BASE}/session`, { method, headers, cache: "no-store" });
+async function ask(method, headers = {}, body = undefined) {
+  const response = await fetch(`${BASE}/session`, { method, headers, body, cache: "no-store" });
   const body = await response.json();
   if (!response.ok) throw new Error(body.detail ?? body.title);
   return body;
 }
 
-const reason = (needed) => `needs scope ${needed}; key ${session.name} has ${session.scope}`;
+const reason = (needed) => `needs scope ${needed}; ${session.name} has ${session.scope}`;
 
 /** Bar what the scope does not hold, and say why at each control. */
 function bar() {
@@ -56,7 +56,7 @@ function take(found) {
   byId("may").hidden = !known || may("admin");
   if (known) {
     setText(byId("who-name"), `${session.name} · ${session.scope}`);
-    setText(byId("may"), `Key ${session.name} has scope ${session.scope}: it may `
+    setText(byId("may"), `${session.name} has scope ${session.scope}: it may `
       + `${MAY[session.scope]}. What needs more is switched off.`);
   }
   watcher.disconnect();
@@ -91,7 +91,11 @@ async function signIn(event) {
   const key = byId("sign-in-key");
   setText(byId("sign-in-said"), "");
   try {
-    await ask("POST", { Authorization: `Bearer ${key.value.trim()}` });
+    const user = byId("sign-in-user").value.trim();
+    if (user) {
+      await ask("POST", { "Content-Type": "application/json" },
+        JSON.stringify({ user, password: key.value }));
+    } else await ask("POST", { Authorization: `Bearer ${key.value.trim()}` });
     key.value = "";
     take(await ask("GET"));
   } catch (error) {

@@ -76,10 +76,18 @@ async function send(lane, path, options) {
   }
 }
 
+/** The secret of this tab's claim on the rig; made where it is wanted, else null without one. */
+export function claimSecret(make) {
+  const place = `pincette-claim-${RIG}`;
+  if (make && sessionStorage.getItem(place) === null) sessionStorage.setItem(place, freshKey());
+  return sessionStorage.getItem(place);
+}
+
 function written(body, headers = {}) {
+  const claim = claimSecret(false);
   return {
     method: "POST",
-    headers: { "Content-Type": "application/json", ...headers },
+    headers: { "Content-Type": "application/json", ...(claim ? { "X-Claim": claim } : {}), ...headers },
     body: JSON.stringify(body),
   };
 }
@@ -91,6 +99,13 @@ export const post = (path, body, headers) => send(ordering, path, written(body, 
 
 /** Change something in part. */
 export const patch = (path, body) => send(ordering, path, { ...written(body), method: "PATCH" });
+
+/** Claim, renew or give back; a claim that is given back needs its secret no more. */
+export async function sendClaim(method, path, body) {
+  const answer = await send(ordering, path, { ...written(body), method });
+  if (method === "DELETE") sessionStorage.removeItem(`pincette-claim-${RIG}`);
+  return answer;
+}
 
 /** Jobs of this rig, as `query` narrows them down; and what its calibrations propose. */
 export const jobsOfRig = (query) => get(`/jobs?${OF_RIG}&${query}`);

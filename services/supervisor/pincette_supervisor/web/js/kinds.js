@@ -20,6 +20,7 @@ const memberOf = (result, name) => name.split(".").reduce((part, each) => part?.
 
 function shown(result, figure, brief = false) {
   const value = memberOf(result, figure.name);
+  if (typeof value === "boolean") return value ? "yes" : "no";
   if (typeof value !== "number") return value === null || value === undefined ? "–" : plain(value);
   const spread = figure.uncertainty ? memberOf(result, figure.uncertainty) : null;
   const more = typeof spread === "number" ? ` ± ${withUnit(spread, "", figure.digits).trim()}` : "";

@@ -1,6 +1,7 @@
 // The rig in the bar at the top: whether it answers, may start, holds a part, is latched.
 
 import { post, RIG_PATH, told } from "./api.js";
+import { claimedBy } from "./claim.js";
 import { alarm } from "./connection.js";
 import { byId, chip, h, setText, show } from "./dom.js";
 import { duration, plain } from "./words.js";
@@ -62,6 +63,7 @@ function notices(rig) {
     [rig.startable.length ? "Not every job can start" : "No job can start",
       running || (latched && rig.reasons.length === 1) ? [] : rig.reasons],
     ["The stage must wait", running ? [] : rig.safe_to_move?.reasons ?? []],
+    ["Claimed by somebody else", claimedBy(rig)],
     ["See to it", rig.warnings ?? []],
   ];
   return groups.filter(([, reasons]) => reasons.length);

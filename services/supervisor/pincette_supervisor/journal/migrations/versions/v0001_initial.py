@@ -112,6 +112,7 @@ def _access() -> None:
         _text("expires_at", null=True),
         _text("revoked_at", null=True),
         _text("used_at", null=True),
+        _text("password", null=True),
     )
     op.create_table(
         "sessions",

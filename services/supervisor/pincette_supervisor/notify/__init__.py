@@ -1,0 +1,1 @@
+"""Tells people and programs elsewhere of ends of jobs and of alarms."""

@@ -1,0 +1,168 @@
+"""Sends a notice: by a signed POST (Standard Webhooks 1.0), or by mail over SMTP."""
+
+import base64
+import binascii
+import hashlib
+import hmac
+import json
+import smtplib
+import ssl
+import stat
+import time
+from email.message import EmailMessage
+from email.policy import SMTP
+from pathlib import Path
+from typing import Protocol
+
+import httpx
+
+from pincette.config.notify import Mail, Told, Webhook
+from pincette.config.programs import Supervisor
+from pincette_supervisor.notify.notices import Notice
+
+PREFIX = "whsec_"
+SECRET_BYTES = (24, 64)
+TIMEOUT_S = 15.0
+GONE = 410
+"""By this status a receiver says that it wants no more."""
+
+
+class SecretError(OSError):
+    """A file with a secret cannot be used; the text names it and the remedy."""
+
+
+class RefusedError(Exception):
+    """A receiver has not taken a notice; the text says why."""
+
+
+class NotWantedError(Exception):
+    """A receiver wants no more notices."""
+
+
+class Sender(Protocol):
+    """One way to one receiver."""
+
+    @property
+    def name(self) -> str:
+        """Under which the journal keeps how far it is."""
+        ...
+
+    @property
+    def events(self) -> tuple[Told, ...]:
+        """What it is told of."""
+        ...
+
+    def send(self, notice: Notice) -> None:
+        """Send; raises RefusedError where it may be tried again, and NotWantedError."""
+        ...
+
+
+def read_secret(path: Path) -> str:
+    """The secret of a file that its owner alone can read; raises SecretError."""
+    try:
+        mode, text = path.stat().st_mode, path.read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SecretError(f"the secret {path} cannot be read: {error}") from error
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise SecretError(f"others may read the secret {path}: chmod 600 {path}")
+    if not text:
+        raise SecretError(f"the secret {path} is empty: write it there")
+    return text
+
+
+def signature(secret: bytes, message: str, sent_s: int, body: bytes) -> str:
+    """HMAC-SHA256 of ``id.timestamp.body`` in base64, as Standard Webhooks has it."""
+    signed = f"{message}.{sent_s}.".encode() + body
+    return "v1," + base64.b64encode(hmac.digest(secret, signed, hashlib.sha256)).decode()
+
+
+class WebhookSender:
+    """Posts notices to an address."""
+
+    def __init__(self, webhook: Webhook, secret: str) -> None:
+        self._url, self.events = webhook.url, webhook.events
+        self.name = f"webhook {webhook.url}"
+        try:
+            self._secret = base64.b64decode(secret.removeprefix(PREFIX), validate=True)
+        except binascii.Error as error:
+            raise SecretError(f"the secret of {self.name} is no base64: {error}") from error
+        least, most = SECRET_BYTES
+        if not secret.startswith(PREFIX) or not least <= len(self._secret) <= most:
+            raise SecretError(
+                f"the secret of {self.name} is not {PREFIX} and the base64 of {least} to {most} "
+                "bytes"
+            )
+
+    def send(self, notice: Notice) -> None:
+        """Post a notice, with the same id each time it is tried."""
+        body = json.dumps(notice.body, ensure_ascii=False, separators=(",", ":")).encode()
+        message, sent_s = f"msg_{notice.data['rig']}_{notice.number}", int(time.time())
+        headers = {
+            "Content-Type": "application/json",
+            "User-Agent": "pincette",
+            "webhook-id": message,
+            "webhook-timestamp": str(sent_s),
+            "webhook-signature": signature(self._secret, message, sent_s, body),
+        }
+        try:
+            with httpx.Client(timeout=TIMEOUT_S, trust_env=False) as client:
+                status = client.post(self._url, content=body, headers=headers).status_code
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            raise RefusedError(str(error) or type(error).__name__) from error
+        if status == GONE:
+            raise NotWantedError(f"status {GONE}")
+        if not 200 <= status < 300:
+            raise RefusedError(f"status {status}")
+
+
+class MailSender:
+    """Mails notices through an SMTP server."""
+
+    def __init__(self, mail: Mail, password: str) -> None:
+        self._mail, self._password, self.events = mail, password, mail.events
+        self.name = f"mail {mail.host}:{mail.port} {','.join(mail.to)}"
+
+    def message(self, notice: Notice) -> EmailMessage:
+        """A notice as a mail; its Message-ID is the same each time it is tried."""
+        mail = self._mail
+        message = EmailMessage(policy=SMTP)
+        message["From"], message["To"] = mail.sender, ", ".join(mail.to)
+        message["Subject"] = " ".join(f"[pincette] {notice.title}"[:200].split())
+        domain = mail.sender.rpartition("@")[2]
+        message["Message-ID"] = f"<{notice.data['rig']}.{notice.number}@{domain}>"
+        message["Auto-Submitted"] = "auto-generated"
+        told = [f"{name}: {value}" for name, value in notice.data.items() if value is not None]
+        message.set_content("\n".join([notice.title, "", f"at: {notice.at}", *told]) + "\n")
+        return message
+
+    def send(self, notice: Notice) -> None:
+        """Hand a mail over to the server."""
+        mail = self._mail
+        try:
+            with self._opened() as server:
+                if mail.security == "starttls":
+                    server.starttls(context=ssl.create_default_context())
+                if mail.user:
+                    server.login(mail.user, self._password)
+                server.send_message(self.message(notice))
+        except (OSError, smtplib.SMTPException) as error:
+            raise RefusedError(str(error) or type(error).__name__) from error
+
+    def _opened(self) -> smtplib.SMTP:
+        host, port = self._mail.host, self._mail.port
+        if self._mail.security == "tls":
+            context = ssl.create_default_context()
+            return smtplib.SMTP_SSL(host, port, timeout=TIMEOUT_S, context=context)
+        return smtplib.SMTP(host, port, timeout=TIMEOUT_S)
+
+
+def senders_of(supervisor: Supervisor, data: Path) -> list[Sender]:
+    """Who is told, by a rig file; raises SecretError."""
+    found: list[Sender] = [
+        WebhookSender(webhook, read_secret(data / webhook.secret_file))
+        for webhook in supervisor.webhooks
+    ]
+    if supervisor.mail is not None:
+        file = supervisor.mail.password_file
+        found.append(MailSender(supervisor.mail, read_secret(data / file) if file else ""))
+    return found

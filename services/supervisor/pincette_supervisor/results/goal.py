@@ -1,0 +1,97 @@
+"""Whether a job came as near to its references as it was to; pure."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pincette.api.requests import GoalRequest
+from pincette.api.results import Goal
+from pincette.records.columns import Columns
+from pincette_supervisor.results.figures import Series, within
+from pincette_supervisor.results.result import force_error, position_error
+
+SETTLING_S = 0.5
+"""Where a request names no time."""
+TOLERANCES = ("position_tolerance_um", "force_tolerance_mN")
+
+
+def tolerances(request: GoalRequest) -> dict[str, Any]:
+    """What a request asks for, as values of its plan; empty where it names no tolerance."""
+    named = {name: value for name in TOLERANCES if (value := getattr(request, name)) is not None}
+    if not named:
+        return {}
+    settling_s = SETTLING_S if request.settling_s is None else request.settling_s
+    return {**named, "settling_s": settling_s}
+
+
+def goal_of(table: Columns, values: Mapping[str, Any], phase: str, period_s: float) -> Goal | None:
+    """Hold the errors of a phase against the tolerances of a plan's values.
+
+    With t from the begin of the phase, e = x - x_r and e = F̂ - F_r have settled at the least t_s
+    with |e(t)| <= tolerance for every t >= t_s; the goal is met where t_s <= ``settling_s``.
+
+    Parameters
+    ----------
+    table
+        Columns of the job.
+    values
+        Of the plan; see ``tolerances``.
+    phase
+        Its goal phase; of several stretches of that name the last one counts.
+    period_s
+        Control period.
+
+    Returns
+    -------
+    Goal or None
+        None where the values name no tolerance.
+    """
+    limits: list[float | None] = [values.get(name) for name in TOLERANCES]
+    if limits == [None, None]:
+        return None
+    settling_s = float(values["settling_s"])
+    stretch = _last_stretch(np.flatnonzero(within(table, [phase])))
+    skipped = int(np.ceil(settling_s / period_s - 1e-9))
+    errors: list[float | None] = []
+    settled: list[int | None] = []
+    for limit, error in zip(limits, (position_error(table), force_error(table)), strict=True):
+        if limit is None:
+            errors.append(None)
+            continue
+        size = np.abs(error[stretch])
+        after = size[skipped:]
+        known = after[~np.isnan(after)]
+        errors.append(float(known.max()) if known.size else None)
+        settled.append(_settled(size, limit))
+    last = None if None in settled else max(index for index in settled if index is not None)
+    settled_s = None if last is None else last * period_s
+    return Goal(
+        met=last is not None and last <= skipped < len(stretch),
+        settling_s=settling_s,
+        settled_s=settled_s,
+        position_tolerance_um=limits[0],
+        position_error_um=errors[0],
+        force_tolerance_mN=limits[1],
+        force_error_mN=errors[1],
+    )
+
+
+def _last_stretch(
+    places: "np.ndarray[Any, np.dtype[np.intp]]",
+) -> "np.ndarray[Any, np.dtype[np.intp]]":
+    """The places after the last gap."""
+    gaps = np.flatnonzero(np.diff(places) > 1)
+    return places[gaps[-1] + 1 :] if gaps.size else places
+
+
+def _settled(size: Series, limit: float) -> int | None:
+    """Index from which on a magnitude stays within its limit; None where it does not.
+
+    A sample that is missing says nothing; without any sample nothing has settled.
+    """
+    if not np.any(~np.isnan(size)):
+        return None
+    beyond = np.flatnonzero(size > limit)
+    first = int(beyond[-1]) + 1 if beyond.size else 0
+    return first if first < len(size) and np.any(~np.isnan(size[first:])) else None

@@ -1,0 +1,95 @@
+"""Codes, choices and limits that REST names too: what a client knows of control.
+
+It needs the standard library alone, as the distribution ``pincette-client`` does.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum, auto
+from typing import Literal
+
+ParameterSet = Literal["consistent", "printed", "identified"]
+ForceAge = Literal["planned", "newest"]
+
+LARGEST: Mapping[str, float] = {
+    "µm": 1e9,
+    "mN": 1e12,
+    "V": 1e6,
+    "s": 1e12,
+    "Hz": 1e9,
+    "%": 1e6,
+    "µm/s": 1e12,
+    "µm/s²": 1e15,
+    "mN/s": 1e15,
+    "V/s": 1e12,
+    "rad/s": 1e12,
+    "mN/µm": 1e12,
+    "µm/mN": 1e9,
+    "µm/V": 1e9,
+    "": 1e15,
+}
+"""Magnitude of a number by its unit; without one for gains and shares."""
+
+
+class FaultCode(StrEnum):
+    """Everything that a program can find wrong; ``core.wording`` has a text for each."""
+
+    # An instrument, by the cause of its driver's error, whose words go with it.
+    INSTRUMENT_CANNOT_OPEN = auto()
+    INSTRUMENT_HUNG_UP = auto()
+    INSTRUMENT_SILENT = auto()
+    INSTRUMENT_GARBLED = auto()
+    INSTRUMENT_REFUSED = auto()
+    INSTRUMENT_OUT_OF_RANGE = auto()
+    INSTRUMENT_INVALID = auto()
+    INSTRUMENT_TRIPPED = auto()
+    INSTRUMENT_MISUSED = auto()
+    # The sensor.
+    NO_ACQUISITION = auto()
+    READING_NOT_FINITE = auto()
+    READING_OUT_OF_RANGE = auto()
+    # The estimator.
+    POSITION_OUT_OF_RANGE = auto()
+    SENSOR_STUCK = auto()
+    MEMORY_UNKNOWN = auto()
+    NO_APPLIED_VOLTAGE = auto()
+    ZERO_PART_HELD = auto()
+    ZERO_TOO_FEW_SAMPLES = auto()
+    ZERO_NOT_SETTLED = auto()
+    ZERO_BEYOND_FIRST_TOUCH = auto()
+    ZERO_TOUCHED = auto()
+    ZERO_OFFSET = auto()
+    ZERO_FIRST_OFFSET = auto()
+    # A command, by controller and actuator.
+    VOLTAGE_NOT_FINITE = auto()
+    VOLTAGE_ABSURD = auto()
+    FORCE_NOT_FINITE = auto()
+    TARGET_NOT_FINITE = auto()
+    OTHER_EPOCH = auto()
+    OTHER_OWNER = auto()
+    COMMAND_AHEAD = auto()
+    COMMAND_REPEATED = auto()
+    SAMPLE_NOT_SEEN = auto()
+    COMMAND_TOO_LATE = auto()
+    COMMAND_SAMPLES_TOO_OLD = auto()
+    NOT_ARMED = auto()
+    SWEEP_TOO_WIDE = auto()
+    SWEEP_OUT_OF_RANGE = auto()
+    # A hard limit, by controller and actuator.
+    FORCE_BEYOND_LIMIT = auto()
+    FOLLOWING_BEYOND_LIMIT = auto()
+    POSITION_BEYOND_LIMITS = auto()
+    # The actuator.
+    NO_COMMAND = auto()
+    FREEZE_RELEASED = auto()
+    OUTPUT_UNCONFIRMED = auto()
+    REQUESTED = auto()
+    SECOND_CONTROLLER = auto()
+    STANDSTILLS = auto()
+    SUSPENDED = auto()
+    # The controller.
+    LAW_NUMBER = auto()
+    ACTUATOR_TRIPPED = auto()
+    LEASE_ENDED = auto()
+    # The recorder.
+    RECORDER_STATE = auto()
+    RECORD_TROUBLE = auto()

@@ -1,0 +1,131 @@
+"""A program that is seen and answers nothing: the session is opened anew, and all goes on."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+from collections.abc import Callable, Generator
+from time import monotonic, sleep
+
+import pytest
+import zenoh
+
+from pincette.bus import zenoh_bus
+from pincette.bus.protocol import BusError
+from pincette.bus.session import open_session
+from pincette.bus.topology import SessionConfig, client_session, router_session
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.core.messages import Message, Position, StatusRequest
+from pincette.core.topics import POSITION, STATUS, Topic, live_key, request_key
+from tests.support.rigs import free_ports
+
+pytestmark = pytest.mark.usefixtures("stalls")
+
+RIG = "contract"
+ASK_S = 0.2
+WAIT_S = 5.0
+
+
+@pytest.fixture
+def ends(monkeypatch: pytest.MonkeyPatch) -> Generator[SessionConfig]:
+    """Of a client; what is waited for takes a fifth of its time."""
+    monkeypatch.setattr(zenoh_bus, "UNANSWERED_S", 0.6)
+    port = free_ports(1)
+    with open_session(router_session("127.0.0.1", port), "router"):
+        yield client_session("127.0.0.1", port)
+
+
+@pytest.fixture
+def mute(ends: SessionConfig) -> Generator[zenoh.Session]:
+    """An estimator that is alive, and keeps every request."""
+    kept: list[zenoh.Query] = []
+    with open_session(ends, "mute") as session:
+        token = session.liveliness().declare_token(live_key(RIG, "estimator"))
+        place = request_key(RIG, STATUS["estimator"])
+        queryable = session.declare_queryable(place, kept.append)
+        yield session
+        queryable.undeclare()
+        token.undeclare()
+        for query in kept:
+            query.drop()
+
+
+def until(done: Callable[[], bool]) -> None:
+    deadline = monotonic() + WAIT_S
+    while not done():
+        assert monotonic() < deadline
+        sleep(0.01)
+
+
+def unanswered(bus: ZenohBus, times: int) -> None:
+    for _ in range(times):
+        with pytest.raises(BusError, match="no answer within"):
+            bus.call(STATUS["estimator"], StatusRequest(), ASK_S)
+
+
+def sessions(bus: ZenohBus) -> str:
+    return str(bus._session.info.zid())  # pyright: ignore[reportPrivateUsage]  it is what changes
+
+
+@pytest.mark.usefixtures("mute")
+def test_all_that_was_declared_goes_on_in_another_session(
+    ends: SessionConfig, caplog: pytest.LogCaptureFixture
+) -> None:
+    bus, other = ZenohBus(ends, RIG, "supervisor"), ZenohBus(ends, RIG, "sensor")
+    try:
+        heard: list[int] = []
+        seen: list[tuple[str, bool]] = []
+        bus.announce("supervisor")
+        bus.watch(lambda program, alive: seen.append((program, alive)))
+
+        def hear(_topic: Topic, one: Message) -> None:
+            assert isinstance(one, Position)
+            heard.append(one.seq)
+
+        bus.subscribe(POSITION, hear)
+        bus.serve(STATUS["controller"], lambda _question, _request, reply: reply("not now"))
+        before = sessions(bus)
+        unanswered(bus, 2)
+        assert sessions(bus) == before, "0.4 s are no reason"
+        unanswered(bus, 2)
+        after = sessions(bus)
+        assert after != before
+        assert "estimator is alive and does not answer" in caplog.text
+        unanswered(bus, 5)
+        assert sessions(bus) == after, "once, and then not for 30 s"
+        until(lambda: "supervisor" in other.alive())
+        number = 0
+
+        def told() -> bool:
+            nonlocal number
+            number += 1
+            other.publish(Position(epoch=1, seq=number, t_s=0.0, x_um=0.0, valid=True))
+            return bool(heard)
+
+        until(told)
+        sleep(0.1)
+        assert len(heard) == len(set(heard)), "each sample once"
+        with pytest.raises(BusError, match="not now"):
+            other.call(STATUS["controller"], StatusRequest(), 1.0)
+        other.announce("sensor")
+        until(lambda: ("sensor", True) in seen)
+    finally:
+        bus.close()
+        other.close()
+
+
+@pytest.mark.usefixtures("mute")
+def test_who_answers_or_is_gone_costs_no_session(ends: SessionConfig) -> None:
+    bus, other = ZenohBus(ends, RIG, "supervisor"), ZenohBus(ends, RIG, "controller")
+    try:
+        other.serve(STATUS["controller"], lambda _question, _request, reply: reply("not now"))
+        before = sessions(bus)
+        deadline = monotonic() + 1.5
+        while monotonic() < deadline:
+            with pytest.raises(BusError):
+                bus.call(STATUS["controller"], StatusRequest(), ASK_S)
+            with pytest.raises(BusError, match="is it running"):
+                bus.call(STATUS["sensor"], StatusRequest(), ASK_S)
+        assert sessions(bus) == before
+    finally:
+        bus.close()
+        other.close()

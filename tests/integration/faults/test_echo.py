@@ -1,0 +1,97 @@
+"""Row 12, one way: the actuator's echo is cut, or one is lost, in whatever pattern messages arrive.
+
+After the last echo that has arrived, that of the next tick is missed with the sample after it, and
+only the sample after that one tells a cut from one echo that was lost: three periods, and what the
+messages take. So no reaction within 60 ms of a cut can leave a lost echo without one. What is held
+is a period more, 80 ms, and 120 ms to the safe voltage.
+"""
+
+import random
+from itertools import pairwise
+
+import pytest
+
+from tests.support.reactions import REACTION_S, SAFE_S, TRIPPED
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_catalogue import ECHO_LATE_S, LINKS
+from tests.support.virtual_loop_faults import LinkFault
+from tests.support.virtual_loop_places import FREEZE_S, STATES, T, place
+
+SEED = 20130503
+MOVING = tuple(state for state in STATES if state != "idle")
+MOST_LATE_S = 0.2 * T
+"""More than this on a way that takes half a period as a whole is a fault of its own, row 5."""
+SETTLES_S = 5.0 * T
+FEW, MANY = 3, 60
+"""Patterns for each state."""
+
+
+def hurried(state: str, seed: int) -> tuple[VirtualLoop, random.Random]:
+    """A loop whose messages come late by chance, on every way, at some place of a period."""
+    chance = random.Random(f"{SEED} {state} {seed}")
+    loop = place(state).loop.fork(chance.getrandbits(32))
+    loop.links += [
+        LinkFault("late", *link, late_s=chance.uniform(0.0, MOST_LATE_S), share=chance.random())
+        for link in LINKS
+    ]
+    loop.run(loop.now_s + (chance.random() + 1.0) * T)
+    return loop, chance
+
+
+def check_cut(state: str, seed: int) -> float:
+    """Cut the echo; how long until the reaction."""
+    loop, _ = hurried(state, seed)
+    cut_s = loop.now_s
+    loop.links.append(LinkFault("lost", "actuator", "estimator", begin_s=cut_s))
+    loop.run(cut_s + FREEZE_S + 0.2, lambda: loop.newest.state == "latched")
+    tripped = [(at_s, one) for at_s, one in loop.applied if one.state in TRIPPED]
+    said = f"{state}, pattern {seed}"
+    assert tripped, f"{said}: no trip"
+    reacted_s, first = tripped[0]
+    assert reacted_s - cut_s <= REACTION_S + ECHO_LATE_S, said
+    frozen_s = FREEZE_S + T if first.state == "frozen" else 0.0
+    safe_s = next(
+        at_s
+        for at_s, put_V in loop.put_out
+        if at_s >= reacted_s and put_V == loop.rig.safety.safe_V
+    )
+    assert safe_s - cut_s <= SAFE_S + ECHO_LATE_S + frozen_s, said
+    return reacted_s - cut_s
+
+
+def check_lost_once(state: str, seed: int) -> None:
+    """Lose one echo, and after some ticks another one: the loop goes on."""
+    loop, chance = hurried(state, seed)
+    for _ in range(2):
+        begin_s = loop.now_s + chance.random() * T
+        # As wide as a period, less what an echo may vary by: one is lost, and no two.
+        ends_s = begin_s + T - MOST_LATE_S
+        loop.links.append(LinkFault("lost", "actuator", "estimator", begin_s=begin_s, end_s=ends_s))
+        loop.run(begin_s + SETTLES_S)
+    said = f"{state}, pattern {seed}"
+    assert not any(one.state in TRIPPED for _, one in loop.applied), said
+    taken_s = [at_s for at_s, one in loop.applied if one.answered]
+    if loop.newest.state == "armed":
+        assert max(after - before for before, after in pairwise(taken_s)) <= 2.5 * T, said
+
+
+def test_an_echo_that_is_cut_trips_in_time_in_whatever_pattern() -> None:
+    for state in MOVING:
+        for seed in range(FEW):
+            check_cut(state, seed)
+
+
+def test_one_echo_that_is_lost_trips_nothing_in_whatever_pattern() -> None:
+    for state in MOVING:
+        for seed in range(FEW):
+            check_lost_once(state, seed)
+
+
+@pytest.mark.full
+def test_in_many_patterns_a_cut_trips_in_time_and_a_lost_echo_does_not() -> None:
+    longest_s = max(check_cut(state, seed) for state in MOVING for seed in range(MANY))
+    for state in MOVING:
+        for seed in range(MANY):
+            check_lost_once(state, seed)
+    print(f"the longest of {MANY * len(MOVING)} cuts: {1e3 * longest_s:.1f} ms, seed {SEED}")
+    assert longest_s > REACTION_S, "60 ms are held: promise them"

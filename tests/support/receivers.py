@@ -1,0 +1,100 @@
+"""Receivers of notices on this machine: an HTTP server, and an SMTP server that takes mail."""
+
+import socketserver
+import threading
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+
+@dataclass
+class Received:
+    """What has come, in order."""
+
+    port: int = 0
+    statuses: list[int] = field(default_factory=list[int])
+    """Of the next answers; 204 where none is left."""
+    posts: list[tuple[dict[str, str], bytes]] = field(
+        default_factory=list[tuple[dict[str, str], bytes]]
+    )
+    mails: list[tuple[str, list[str], bytes]] = field(
+        default_factory=list[tuple[str, list[str], bytes]]
+    )
+
+
+@contextmanager
+def _serving(server: socketserver.BaseServer) -> Generator[None]:
+    thread = threading.Thread(target=server.serve_forever, args=[0.02], daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+@contextmanager
+def http_receiver(statuses: Sequence[int] = ()) -> Generator[Received]:
+    """An HTTP server that answers with these statuses, then with 204."""
+    received = Received(statuses=list(statuses))
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            body = self.rfile.read(int(self.headers["Content-Length"]))
+            headers = {name.lower(): value for name, value in self.headers.items()}
+            received.posts.append((headers, body))
+            self.send_response(received.statuses.pop(0) if received.statuses else 204)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+
+        def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    received.port = server.server_port
+    with _serving(server):
+        yield received
+
+
+@contextmanager
+def smtp_receiver(refusals: int = 0) -> Generator[Received]:
+    """An SMTP server (RFC 5321) that first refuses some mails for a while."""
+    received = Received(statuses=[451] * refusals)
+
+    class Handler(socketserver.StreamRequestHandler):
+        def say(self, text: str) -> None:
+            self.wfile.write(f"{text}\r\n".encode())
+
+        def handle(self) -> None:
+            self.say("220 receiver")
+            sender, to = "", list[str]()
+            while line := self.rfile.readline():
+                words = line.decode().strip()
+                verb = words[:4].upper()
+                if verb == "MAIL":
+                    sender = words[10:].strip("<>").partition(">")[0]
+                    self.say("451 not now" if received.statuses else "250 ok")
+                    received.statuses = received.statuses[1:]
+                elif verb == "RCPT":
+                    to.append(words[8:].strip("<>").partition(">")[0])
+                    self.say("250 ok")
+                elif verb == "DATA":
+                    self.say("354 go on")
+                    content = b""
+                    while (part := self.rfile.readline()) != b".\r\n":
+                        content += part.removeprefix(b".")
+                    received.mails.append((sender, to, content))
+                    self.say("250 taken")
+                elif verb == "QUIT":
+                    self.say("221 bye")
+                    return
+                else:
+                    self.say("250 receiver")
+
+    server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Handler)
+    received.port = server.server_address[1]
+    with _serving(server):
+        yield received

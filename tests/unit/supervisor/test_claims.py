@@ -1,0 +1,143 @@
+"""A claim on a rig: whom it bars, whom it never bars, how it ends, and that all see it."""
+
+from typing import Any
+
+import httpx
+import pytest
+
+from pincette_supervisor.jobs.claims import Claims
+from pincette_supervisor.journal.events import EventLog
+
+from .harness import Harness
+
+MINE, YOURS = "my-secret-of-a-claim", "your-secret-of-a-claim"
+CLAIM = "/rigs/demo/claim"
+
+
+def claim(harness: Harness, token: str = MINE, lease_s: float = 60.0) -> httpx.Response:
+    headers = {"X-Claim": token, "X-Operator": token.partition("-")[0]}
+    return harness.call("PUT", f"/api/v1{CLAIM}", json={"lease_s": lease_s}, headers=headers)
+
+
+def drop(harness: Harness, token: str | None = None, **query: Any) -> httpx.Response:
+    headers = {} if token is None else {"X-Claim": token}
+    return harness.call("DELETE", f"/api/v1{CLAIM}", headers=headers, params=query)
+
+
+def grip(harness: Harness, token: str | None = None, **more: Any) -> httpx.Response:
+    headers = {} if token is None else {"X-Claim": token}
+    body = {"kind": "grip", "autostart": True, **more}
+    return harness.call("POST", "/api/v1/jobs", json=body, headers=headers)
+
+
+def test_all_see_who_has_claimed_a_rig(harness: Harness) -> None:
+    taken = claim(harness)
+    assert taken.status_code == 200, taken.text
+    seen = harness.get("/rigs/demo")["claim"]
+    assert (seen["by"], seen["since"]) == ("my", taken.json()["since"])
+    assert 0.0 < seen["left_s"] <= 60.0
+    assert MINE not in str(harness.get("/rigs/demo"))
+    assert [event.body["change"] for event in harness.told("claim")] == ["taken"]
+
+
+def test_others_begin_nothing_and_are_told_whose_it_is(harness: Harness) -> None:
+    claim(harness)
+    for refused in (
+        grip(harness),
+        grip(harness, YOURS),
+        claim(harness, YOURS),
+        harness.post("/rigs/demo/reset", {"acknowledge": True}),
+        harness.post("/rigs/demo/queue/actions", {"type": "resume"}),
+        harness.post("/rigs/demo/model/actions", {"type": "use", "version": 0}),
+        drop(harness),
+    ):
+        assert refused.status_code == 409, refused.text
+        assert refused.json()["type"].endswith("rig-claimed")
+        assert refused.json()["claim"]["by"] == "my"
+    assert harness.get("/jobs")["jobs"] == []
+
+
+def test_what_moves_nothing_is_open_to_all(harness: Harness) -> None:
+    claim(harness)
+    assert grip(harness, dry_run=True).status_code == 200
+    assert harness.post("/rigs/demo/queue/actions", {"type": "clear"}).status_code == 200
+
+
+def test_the_holder_works_on(harness: Harness) -> None:
+    claim(harness)
+    taken = grip(harness, MINE)
+    assert taken.status_code == 201, taken.text
+    assert harness.ended(taken.json()["id"])["state"] == "succeeded"
+
+
+@pytest.mark.parametrize("action", ["stop", "abort"])
+def test_a_stop_is_everybodys(harness: Harness, action: str) -> None:
+    harness.bus.pause_at = 100
+    job = grip(harness).json()["id"]
+    harness.reach(job, "running")
+    claim(harness)
+    refused = harness.act(job, "pause")
+    assert refused.status_code == 409
+    assert refused.json()["type"].endswith("rig-claimed")
+    assert harness.act(job, action).status_code == 202
+
+
+def test_an_emergency_stop_is_everybodys(harness: Harness) -> None:
+    claim(harness)
+    assert harness.post("/rigs/demo/estop").status_code == 200
+    assert len(harness.bus.trips) == 1
+
+
+def test_it_is_renewed_given_back_and_broken(harness: Harness) -> None:
+    since = claim(harness, lease_s=10.0).json()["since"]
+    renewed = claim(harness, lease_s=100.0).json()
+    assert renewed["since"] == since
+    assert renewed["left_s"] > 90.0
+    assert drop(harness, MINE).json()["claim"] is None
+    assert drop(harness).status_code == 200  # there is none: nothing is to be done
+    claim(harness, YOURS)
+    assert drop(harness, MINE, force=True).json()["claim"] is None
+    assert [event.body["change"] for event in harness.told("claim")] == [
+        "taken",
+        "returned",
+        "taken",
+        "broken",
+    ]
+    assert harness.told("claim")[-1].body["holder"] == "your"
+    assert grip(harness).status_code == 201
+
+
+def test_a_key_that_made_a_job_answers_with_it_whoever_has_the_rig(harness: Harness) -> None:
+    headers = {"Idempotency-Key": "once"}
+    body = {"kind": "grip", "autostart": True}
+    first = harness.call("POST", "/api/v1/jobs", json=body, headers=headers)
+    claim(harness)
+    again = harness.call("POST", "/api/v1/jobs", json=body, headers=headers)
+    assert again.status_code == 200
+    assert again.json()["id"] == first.json()["id"]
+
+
+def test_a_lease_ends_by_itself_and_lives_on_over_a_restart(harness: Harness) -> None:
+    now_s = 1000.0
+
+    def clock() -> float:
+        return now_s
+
+    events = EventLog(harness.store, "demo")
+    claims = Claims(harness.store, events, clock)
+    claims.take(MINE, by="me", note="night run", lease_s=30.0)
+    now_s += 10.0
+    later = Claims(harness.store, events, clock)  # the wall clock says when it ends
+    found = later.current()
+    assert found is not None
+    assert (found.by, found.note) == ("me", "night run")
+    later.require(MINE)
+    now_s += 30.0
+    assert later.current() is None
+    later.require(YOURS)
+    later.take(YOURS, by="you", note="", lease_s=1.0)
+
+
+@pytest.mark.parametrize(("token", "lease_s"), [("short", 60.0), (MINE, 0.5), (MINE, 4000.0)])
+def test_an_odd_claim_is_refused(harness: Harness, token: str, lease_s: float) -> None:
+    assert claim(harness, token, lease_s).status_code == 422
