@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import exp, pi
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def from_the_closed_loop(loop: Loop, case: LoopCase) -> float:
     eye = np.eye(len(closed))
     peaks = list[float]()
     for angle in angles():
-        resolved = np.linalg.solve(np.exp(1j * angle) * eye - closed, disturbed)
+        resolved: Any = np.linalg.solve(np.exp(1j * angle) * eye - closed, disturbed)
         peaks.append(abs(1.0 + complex(resolved[0])))
     return max(peaks)
 
