@@ -8,6 +8,7 @@ from math import cos, pi, sin, sqrt
 from pathlib import Path
 
 import numpy as np
+from draw_laws import laws_picture
 from draw_response import following_picture, repeating_picture, response_picture
 from draw_step import step_picture
 
@@ -229,6 +230,7 @@ PICTURES = {
     "method-following": following_picture,
     "method-repeating": repeating_picture,
     "method-stability": stability_picture,
+    "method-laws": laws_picture,
 }
 
 

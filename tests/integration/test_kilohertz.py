@@ -1,4 +1,4 @@
-"""The rig at T = 1 ms: it grips in a second and a half, without a clock, as it is delivered."""
+"""The rig at T = 1 ms as it is delivered, without a clock: a grip in a second and a half, 10 Hz."""
 
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from pincette.core.faults import Mode
 from pincette.core.messages import Applied, GroundTruth, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
 from pincette.engine.timing_budget import budget
+from pincette_study.closed_loop import errors, tracked, tracking_plan
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 
@@ -37,6 +38,17 @@ def test_a_grip_is_short_and_its_force_is_held(said: list[Message]) -> None:
     assert len(held) > 0.5 * hold_s / T
     late = held[len(held) // 2 :]
     assert abs(sum(late) / len(late) - wanted_mN) <= HELD * wanted_mN
+
+
+def test_a_path_of_10_hz_is_followed_in_position_and_force() -> None:
+    program = tracking_plan(RIG, frequency_hz=10.0, cycles=6).program
+    path = next(one.path for one in program.segments if one.path is not None)
+    said = ComposedLoop(RIG).play(program)
+    assert [one for one in said if isinstance(one, Telemetry)][-1].outcome == "tracked"
+    found = errors(tracked(said, path, RIG.rig.period_s))
+    assert found.position_percent <= 0.6
+    # The arm has not been stroked: its first load shows what the model does not know of it.
+    assert found.force_percent <= 4.0
 
 
 def test_the_instruments_fit_into_the_period() -> None:

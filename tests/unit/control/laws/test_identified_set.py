@@ -155,7 +155,7 @@ def test_with_a_straight_line_it_is_the_law_of_the_line(
     for way_um in ways_um:
         x_r_um += way_um
         # Both see the arm of the law of the line, so that errors do not add up.
-        same = {"x_um": today.arm.x_um, "force_mN": today.arm.force_mN}
+        same: dict[str, Any] = {"x_um": today.arm.x_um, "force_mN": today.arm.force_mN}
         memory = hysteresis.step(LINE, memory, today.arm.voltage_V, PERIOD_S)
         state, output = step(
             line,

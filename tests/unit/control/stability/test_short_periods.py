@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import exp, pi
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,10 +39,10 @@ def from_the_closed_loop(loop: Loop, case: LoopCase) -> float:
     disturbed = closed[:, 0].copy()
     disturbed[:4] -= transition[0, :, 0]
     eye = np.eye(len(closed))
+    solve: Any = np.linalg.solve
     peaks = list[float]()
-    for angle in angles():
-        resolved = np.linalg.solve(np.exp(1j * angle) * eye - closed, disturbed)
-        peaks.append(abs(1.0 + complex(resolved[0])))
+    for angle in angles().tolist():
+        peaks.append(abs(1.0 + complex(solve(np.exp(1j * angle) * eye - closed, disturbed)[0])))
     return max(peaks)
 
 
