@@ -61,18 +61,21 @@ exit 1
 endef
 
 # tested MARKS COMMAND: first the parallel tests of these marks, then those that run alone, and between
-# them the command. One of the two may have no test under ARGS, but not both. Sets $$status.
+# them the command. The package of SiLA makes all of a process use another protobuf: its tests have a
+# process of their own. Some may have no test under ARGS, but not all. Sets $$status.
 define tested
 echo "== pytest, on every core: $(1)"; \
 $(BIN)/pytest -m "($(1)) and not real_time" $(PARALLEL) $(UNTIL_HALF) $(ARGS) $(TESTS); parallel=$$?; \
 $(2) \
+echo "== pytest, SiLA: $(1)"; \
+$(BIN)/pytest -m "$(1)" $(UNTIL) $(ARGS) tests/sila; sila=$$?; \
 echo "== pytest, in real time, one after another: $(1)"; \
 $(BIN)/pytest -m "($(1)) and real_time" $(UNTIL) $(ARGS) $(TIMED); alone=$$?; \
 status=0; \
-for one in $$parallel $$alone; do \
+for one in $$parallel $$sila $$alone; do \
   test $$one -eq 0 -o $$one -eq $(NO_TEST) || status=$$one; \
 done; \
-if test $$parallel -eq $(NO_TEST) -a $$alone -eq $(NO_TEST); then \
+if test $$parallel$$sila$$alone = $(NO_TEST)$(NO_TEST)$(NO_TEST); then \
   echo "ARGS='$(ARGS)' leave no test" >&2; status=$(NO_TEST); \
 fi
 endef

@@ -5,10 +5,6 @@ from pathlib import Path
 
 import pytest
 
-# Before whatever imports google.protobuf.descriptor_pb2, after which sila2 0.14 cannot be imported:
-# it has one file of definitions twice, and they are then compared by another rule.
-import sila2.framework  # noqa: F401  # pyright: ignore[reportUnusedImport]
-
 pytest_plugins = ["tests.support.reruns"]
 
 FULL = Path(__file__).parent / "full.txt"

@@ -53,7 +53,8 @@ def test_the_rig_is_free_for_the_next_job_which_waits_for_the_recorder_alone(
     harness.get(f"/jobs/{first}", wait="terminal", timeout_s=30)
     harness.until(lambda: harness.get("/rigs/demo")["active_job"] is None)
     second = harness.grip()["id"]
-    assert harness.get(f"/jobs/{second}")["state"] in ("preparing", "ready", "running")
+    begun = ("preparing", "ready", "running")
+    harness.until(lambda: harness.get(f"/jobs/{second}")["state"] in begun)
     gate.set()
     assert harness.ended(second)["state"] == "succeeded"
     for job in (first, second):

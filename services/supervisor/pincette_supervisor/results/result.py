@@ -74,6 +74,7 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
             for word in (words or "").split()
             if word in ACTIONS
         ],
+        "goal": None,  # held against the request's tolerances by ``goal_of``
         "samples": len(table["seq"]),
         "missed_ticks": missed(table),
         "unanswered_ticks": answered.count(False),
