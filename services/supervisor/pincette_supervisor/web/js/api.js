@@ -82,6 +82,7 @@ export function claimSecret(make) {
   if (make && sessionStorage.getItem(place) === null) sessionStorage.setItem(place, freshKey());
   return sessionStorage.getItem(place);
 }
+export const forgetClaim = () => sessionStorage.removeItem(`pincette-claim-${RIG}`);
 
 function written(body, headers = {}) {
   const claim = claimSecret(false);
@@ -103,7 +104,7 @@ export const patch = (path, body) => send(ordering, path, { ...written(body), me
 /** Claim, renew or give back; a claim that is given back needs its secret no more. */
 export async function sendClaim(method, path, body) {
   const answer = await send(ordering, path, { ...written(body), method });
-  if (method === "DELETE") sessionStorage.removeItem(`pincette-claim-${RIG}`);
+  if (method === "DELETE") forgetClaim();
   return answer;
 }
 
