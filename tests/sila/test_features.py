@@ -18,6 +18,8 @@ from pincette_sila.motion import Sample
 FILES = sorted(Path(pincette_sila.features.__file__).parent.glob("*.sila.xml"))
 SPACE = "{http://www.sila-standard.org}"
 WORDS_MIN = 6
+DETAIL = "7 mN, limit 5 mN"
+"""Reaches the user of a SiLA client as it is."""
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -80,8 +82,8 @@ def test_every_refusal_of_the_client_has_an_error_of_the_feature() -> None:
     there = feature(MICROGRIPPER).defined_execution_errors
     assert set(NAMES.values()) <= there.keys()
     for code, raised in RAISED.items():
-        problem = {"type": f"urn:pincette:problem:{code}", "title": "Title", "detail": "7 mN"}
+        problem = {"type": f"urn:pincette:problem:{code}", "title": "Title", "detail": DETAIL}
         error = command_error(raised(409, problem))
         assert isinstance(error, CommandError)
         assert error.identifier == NAMES[raised]
-        assert "7 mN" in str(error)
+        assert DETAIL in str(error)

@@ -50,7 +50,7 @@ def http_receiver(statuses: Sequence[int] = ()) -> Generator[Received]:
             self.send_header("Content-Length", "0")
             self.end_headers()
 
-        def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
+        def log_message(self, format: str, *args: Any) -> None:  # noqa: A002  the library names it
             pass
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)

@@ -78,7 +78,7 @@ def test_the_thin_client_grips(rig: RunningRig, wheel: Path, tmp_path: Path, ver
         check=False,
     )
     if found.returncode:
-        pytest.skip(found.stderr.strip())
+        pytest.skip(found.stderr.strip())  # names the Python that is missing
     run([found.stdout.strip(), "-m", "venv", str(tmp_path / "venv")])
     python = str(tmp_path / "venv/bin/python")
     run([python, "-m", "pip", "install", "--quiet", str(wheel), "pydantic==2.12.0"])

@@ -21,11 +21,18 @@ def gate(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Iterator[threadin
     def slow(request: object, message: object, timeout_s: float = 1.0) -> object:
         if isinstance(message, Finish):
             assert opened.wait(20.0)
-        return call(request, message, timeout_s)  # pyright: ignore[reportArgumentType]
+        return call(request, message, timeout_s)  # pyright: ignore[reportArgumentType]  as it came
 
     monkeypatch.setattr(harness.bus, "call", slow)
     yield opened
     opened.set()
+
+
+def over(harness: Harness) -> str:
+    """A job that has ended, whose record is being written."""
+    job: str = harness.grip()["id"]
+    harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+    return job
 
 
 def test_the_end_is_told_while_the_record_is_written(
@@ -49,8 +56,7 @@ def test_the_end_is_told_while_the_record_is_written(
 def test_the_rig_is_free_for_the_next_job_which_waits_for_the_recorder_alone(
     harness: Harness, gate: threading.Event
 ) -> None:
-    first = harness.grip()["id"]
-    harness.get(f"/jobs/{first}", wait="terminal", timeout_s=30)
+    first = over(harness)
     harness.until(lambda: harness.get("/rigs/demo")["active_job"] is None)
     second = harness.grip()["id"]
     begun = ("preparing", "ready", "running")
@@ -64,8 +70,7 @@ def test_the_rig_is_free_for_the_next_job_which_waits_for_the_recorder_alone(
 def test_files_that_are_being_written_are_waited_for(
     harness: Harness, gate: threading.Event
 ) -> None:
-    job = harness.grip()["id"]
-    harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+    job = over(harness)
     threading.Timer(0.3, gate.set).start()
     names = {one["name"] for one in harness.get(f"/jobs/{job}/artifacts")["artifacts"]}
     assert {"grip.png", folder.REPORT, folder.RESULT} <= names
@@ -74,8 +79,7 @@ def test_files_that_are_being_written_are_waited_for(
 def test_what_is_being_written_is_not_deleted_under_it(
     harness: Harness, gate: threading.Event
 ) -> None:
-    job = harness.grip()["id"]
-    harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+    job = over(harness)
     threading.Timer(0.3, gate.set).start()
     deleted = harness.call("DELETE", f"/api/v1/jobs/{job}/record")
     assert deleted.status_code == 200, deleted.text
@@ -86,8 +90,7 @@ def test_what_is_being_written_is_not_deleted_under_it(
 def test_what_is_said_meanwhile_is_in_the_documents(
     harness: Harness, gate: threading.Event
 ) -> None:
-    job = harness.grip()["id"]
-    harness.get(f"/jobs/{job}", wait="terminal", timeout_s=30)
+    job = over(harness)
     threading.Timer(0.3, gate.set).start()
     edited = harness.call("PATCH", f"/api/v1/jobs/{job}", json={"sample": "B7", "pinned": True})
     assert edited.status_code == 200, edited.text
@@ -105,7 +108,7 @@ def test_a_recorder_that_does_not_answer_is_told_of_a_job_that_has_ended(
     def deaf(request: object, message: object, timeout_s: float = 1.0) -> object:
         if isinstance(message, Finish):
             raise BusError("the recorder does not answer")
-        return call(request, message, timeout_s)  # pyright: ignore[reportArgumentType]
+        return call(request, message, timeout_s)  # pyright: ignore[reportArgumentType]  as it came
 
     monkeypatch.setattr(harness.bus, "call", deaf)
     ended = harness.ended(harness.grip()["id"])

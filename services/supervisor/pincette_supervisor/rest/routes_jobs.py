@@ -175,9 +175,9 @@ async def job_state(
     """One job.
 
     With ``wait`` the answer comes when it has ended (``terminal``), when its record is written as
-    well (``recorded``), or when it is not as it
-    was at the revision of ``since`` or of ``If-None-Match``, or without both as it is now
-    (``change``), or in time as it is then. Progress alone is no change.
+    well (``recorded``), or when it is not as it was (``change``) at the revision of ``since`` or
+    of ``If-None-Match``, or without both as it is now; or in time as it is then. Progress alone is
+    no change.
     """
     known = matched_revision(job, if_none_match) if since is None else since
     manager = rigs.with_live_job(job)
