@@ -1,6 +1,5 @@
 """A whole rig as processes, for the tests that need the real thing."""
 
-import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +12,6 @@ import httpx
 from pincette.config import RigFile
 from pincette.core.topics import LOOP
 from pincette.engine.fleet import Fleet
-from tests.support.namespaces import INSIDE
 from tests.support.rigs import rig_toml
 
 Json = dict[str, Any]
@@ -83,8 +81,7 @@ def running_rig(
     path = folder / "rig.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
     data = folder / "data"
-    # What is cut in a network of its own are links over TCP.
-    fleet = Fleet(rig, path, data, lambda _name, _line: None, local=INSIDE not in os.environ)
+    fleet = Fleet(rig, path, data, lambda _name, _line: None)
     url = f"{rig.supervisor.url}/api/v1"
     try:
         if delays is None:

@@ -1,4 +1,4 @@
-"""Programs of one rig that were started together meet at local sockets, past their guards.
+"""Programs of one rig and one account may meet at local sockets, past their guards.
 
 The sockets are in a folder that only this account may open. Links with certificates stay on TLS,
 which their access lists go by; so do links to other machines and to programs started apart.

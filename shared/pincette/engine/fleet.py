@@ -2,12 +2,10 @@
 
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -15,7 +13,6 @@ from pathlib import Path
 from time import monotonic
 from urllib.parse import urlsplit
 
-from pincette.bus import local_sockets
 from pincette.config import RigFile
 from pincette.core.topics import LOOP
 from pincette.engine import logs
@@ -110,11 +107,8 @@ class Fleet:
         *,
         server: bool = False,
         log_format: logs.Form | None = None,
-        local: bool = True,
     ) -> None:
-        """``server``: of a rig with a router upstream, the programs that are beside that one;
-        ``local``: programs may meet at local sockets in place of their ports."""
-        self._local = local
+        """``server``: of a rig with a router upstream, the programs that are beside that one."""
         self._server = server
         self.members: dict[str, Child] = {}
         self._rig = rig
@@ -126,8 +120,6 @@ class Fleet:
         self._logs = rig.home(data) / "logs"
         self._logs.mkdir(parents=True, exist_ok=True)
         self._say = say
-        self._sockets = ""
-        """Folder in which they meet; see ``pincette.bus.local_sockets``."""
 
     def names(self) -> list[str]:
         """What `pincette up` starts for this rig on this machine."""
@@ -163,9 +155,6 @@ class Fleet:
 
     def _spawn(self, name: str, extra: Iterable[str]) -> Child:
         log, extra = self._logs / f"{name}.log", tuple(extra)
-        if self._local and not self._sockets:
-            parent = os.environ.get("XDG_RUNTIME_DIR") or None
-            self._sockets = tempfile.mkdtemp(prefix="pincette-", dir=parent)
         with log.open("a" if name in self.members else "w", encoding="utf-8") as stream:
             process = subprocess.Popen(
                 [sys.executable, "-m", "pincette", "run", name, *self._arguments, *extra],
@@ -174,7 +163,6 @@ class Fleet:
                 stderr=stream,
                 text=True,
                 start_new_session=True,
-                env={**os.environ, local_sockets.VARIABLE: self._sockets},
             )
         member = Child(name, process, log, extra)
         self.members[name] = member
@@ -216,8 +204,6 @@ class Fleet:
         others = [name for name in self.members if not any(name in stage for stage in first)]
         for stage in (*first, others):
             _end([self.members[name] for name in stage if name in self.members])
-        shutil.rmtree(self._sockets, ignore_errors=True)
-        self._sockets = ""
 
 
 def _end(members: list[Child]) -> None:
