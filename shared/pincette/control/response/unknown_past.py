@@ -168,7 +168,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         """Follow it no longer where it does not matter any more."""
         return self if self.matters(response) else replace(self, known=True)
 
-    def _spread(self, response: FreeResponse) -> Spread | None:
+    def _spread(self, response: FreeResponse) -> Spread:
         return spread_of(response, self.lowest, self.highest)
 
     def _parted_um(self, response: FreeResponse) -> tuple[float, float]:
