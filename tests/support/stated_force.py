@@ -13,8 +13,9 @@ from statistics import median
 import numpy as np
 
 from pincette.api.calibrations import CalibrationResult
-from pincette.config import Calibration, RigFile
+from pincette.config import Calibration, RigFile, derived
 from pincette.config import calibrated as laid
+from pincette.control.force.estimation import uncertainty_of_mean
 from pincette.core.messages import Estimate, GroundTruth, Telemetry
 from pincette_study.desk import REST_S
 from pincette_supervisor.kinds.grip import GripJobRequest
@@ -48,6 +49,8 @@ class Stated:
     """R.m.s."""
     mean_mN: float
     """Mean error."""
+    mean_uncertainty_mN: float
+    """U of the mean force."""
 
 
 @cache
@@ -80,6 +83,8 @@ def gripped(rig: RigFile, force_mN: float, hold_s: float, rest_s: float = REST_S
     phase_of = {m.seq: m.phase for m in published if isinstance(m, Telemetry)}
     told = [m for m in published if isinstance(m, Estimate) and m.valid and m.seq in true_mN]
     found: list[Stated] = []
+    reading_mN = rig.sensor.noise_um / rig.model.compliance_um_per_mN
+    noise_mN = reading_mN * derived.force_observer(rig).noise_gain
     for phase in PHASES:
         of = [m for m in told if phase_of.get(m.seq) == phase and m.zero_age_s is not None]
         error_mN = np.array([m.force_mN - true_mN[m.seq] for m in of])
@@ -92,6 +97,9 @@ def gripped(rig: RigFile, force_mN: float, hold_s: float, rest_s: float = REST_S
                 uncertainty_mN=float(np.mean(u_mN)),
                 error_mN=float(np.sqrt(np.mean(error_mN**2))),
                 mean_mN=float(np.mean(error_mN)),
+                mean_uncertainty_mN=uncertainty_of_mean(
+                    u_mN, noise_mN=noise_mN, reading_mN=reading_mN
+                ),
             )
         )
     return found
@@ -108,7 +116,7 @@ class Held:
     error_mN: float
     """Of the mean over the hold."""
     uncertainty_mN: float
-    """Mean U over the hold."""
+    """U of that mean."""
 
 
 def held(pair: str, seed: int, *, relays: bool, hold_s: float, rest_s: float = REST_S) -> Held:
@@ -116,7 +124,7 @@ def held(pair: str, seed: int, *, relays: bool, hold_s: float, rest_s: float = R
     rig = known_rig(pair, seed, relays=relays)
     force_mN = float(np.random.default_rng((FORCES_SEED, seed, relays)).uniform(*FORCES_MN))
     (stated,) = [one for one in gripped(rig, force_mN, hold_s, rest_s) if one.phase == "hold"]
-    return Held(pair, seed, relays, force_mN, stated.mean_mN, stated.uncertainty_mN)
+    return Held(pair, seed, relays, force_mN, stated.mean_mN, stated.mean_uncertainty_mN)
 
 
 def judged(rows: Sequence[Held]) -> tuple[float, float]:

@@ -183,7 +183,8 @@ class ClosedLoopResult(JobResult):
     contact_stiffness_error_mN_per_um: float | None
     """Its standard error, by what the load leaves of a straight line."""
     force_uncertainty_mN: float | None
-    """Mean over the hold or the path."""
+    """Of the mean force that a grip has held, in which noise is averaged; else that of single
+    samples, as a mean over the path."""
     force_assumed: list[str]
     """Quantities that it is worked out from and no calibration has found."""
     zero_age_s: float | None

@@ -6,12 +6,15 @@ from math import sqrt
 import pytest
 from msgspec.structs import fields
 
+from pincette.config import derived, read_rig
+from pincette.control.force.estimation import COVERAGE
 from pincette.control.record import replace
 from pincette.core.faults import Acted, Cause, Mode, Outcome
 from pincette.core.messages import Applied, Message
 from pincette.records.columns import COLUMNS, columns, missed
 from pincette_supervisor.kinds.grip import GripResult
-from pincette_supervisor.kinds.grip.functions import grip_result
+from pincette_supervisor.kinds.grip.functions import grip_result, held_uncertainty_mN
+from tests.support.rigs import DEMO
 
 from . import samples
 from .samples import PERIOD_S, PLANT, Tick
@@ -20,6 +23,20 @@ from .samples import PERIOD_S, PLANT, Tick
 def result_of(ticks: list[Tick]) -> GripResult:
     table = columns([m for tick in ticks for m in tick.messages()], PERIOD_S)
     return grip_result(table, plant=PLANT, period_s=PERIOD_S, target_mN=20.0, dropped=0)
+
+
+def test_the_force_held_is_a_mean_in_which_noise_is_averaged() -> None:
+    rig = read_rig(DEMO)
+    reading_mN = rig.sensor.noise_um / rig.model.compliance_um_per_mN
+    table = columns([m for tick in samples.grip() for m in tick.messages()], PERIOD_S)
+    u_mN = held_uncertainty_mN(table, rig, PERIOD_S)
+    assert u_mN is not None
+    g = derived.force_observer(rig).noise_gain
+    without_mN = sqrt(samples.UNCERTAINTY_MN**2 - (COVERAGE * g * reading_mN) ** 2)
+    assert without_mN < u_mN < 0.5 * (without_mN + samples.UNCERTAINTY_MN)
+    assert (
+        held_uncertainty_mN({**table, "phase": ["load"] * len(table["phase"])}, rig, 0.02) is None
+    )
 
 
 def test_a_grip_has_the_figures_it_was_made_with() -> None:

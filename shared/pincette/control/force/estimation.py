@@ -6,6 +6,9 @@ the object; (53) as printed gives the opposite sign.
 
 from math import exp, log10, sqrt
 
+import numpy as np
+from numpy.typing import NDArray
+
 COVERAGE = 2.0
 """Coverage factor of the uncertainty: about 95 % where the parts are normal."""
 
@@ -53,3 +56,27 @@ def uncertainty(
     return COVERAGE * sqrt(
         noise_mN * noise_mN + free_mN * free_mN + creep_mN * creep_mN + forgotten_mN * forgotten_mN
     )
+
+
+def uncertainty_of_mean(
+    stated_mN: NDArray[np.float64], *, noise_mN: float, reading_mN: float
+) -> float:
+    """Expanded uncertainty in mN of the mean force over n samples.
+
+        U = ⟨√(U_k² - (2·σ_F)² + (2·σ)²/n)⟩
+
+    What the free response, creep and forgetting make of the force is common to all samples; only
+    noise is averaged.
+
+    Parameters
+    ----------
+    stated_mN
+        U_k, by ``uncertainty``; n of them, at least 1.
+    noise_mN
+        Standard deviation σ_F that U_k has of noise.
+    reading_mN
+        That of a single reading, σ, over s_p: a low-pass makes σ_F smaller, but not the mean's.
+    """
+    left_mN2 = np.square(stated_mN) - (COVERAGE * noise_mN) ** 2
+    mean_mN2 = (COVERAGE * reading_mN) ** 2 / len(stated_mN)
+    return float(np.mean(np.sqrt(np.maximum(0.0, left_mN2) + mean_mN2)))

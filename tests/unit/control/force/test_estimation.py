@@ -2,9 +2,16 @@
 
 from math import exp, log10, sqrt
 
+import numpy as np
 import pytest
 
-from pincette.control.force.estimation import force, smoothing, uncertainty
+from pincette.control.force.estimation import (
+    COVERAGE,
+    force,
+    smoothing,
+    uncertainty,
+    uncertainty_of_mean,
+)
 
 S_P = 0.46
 
@@ -48,3 +55,33 @@ def test_the_low_pass_follows_a_step_by_its_time_constant() -> None:
         force_mN += share * (1.0 - force_mN)
     assert force_mN == pytest.approx(1.0 - exp(-1.0))
     assert smoothing(0.02, 0.0) == 1.0
+
+
+def test_noise_is_averaged_in_a_mean_and_nothing_else_is() -> None:
+    stated = uncertainty(
+        noise_um=0.03,
+        free_error_um=0.04,
+        compliance_um_per_mN=0.5,
+        creep_mN_per_decade=0.0,
+        zero_age_s=1.0,
+        forgotten_mN=0.0,
+    )
+    stated_mN = np.full(25, stated)
+    mean_mN = uncertainty_of_mean(stated_mN, noise_mN=0.06, reading_mN=0.06)
+    assert mean_mN == pytest.approx(COVERAGE * sqrt(0.08**2 + (0.06 / 5.0) ** 2))
+    one_mN = uncertainty_of_mean(stated_mN[:1], noise_mN=0.06, reading_mN=0.06)
+    assert one_mN == pytest.approx(stated)
+
+
+def test_a_mean_of_filtered_noise_is_as_uncertain_as_one_of_readings() -> None:
+    """2000 means over a hold, whose force is low-passed and errs by 0.05 mN beside noise."""
+    rng, share, count = np.random.default_rng(6), 0.5, 100
+    readings = rng.normal(0.0, 0.3, (2000, count + 20))
+    filtered = np.zeros_like(readings)
+    for k in range(1, readings.shape[1]):
+        filtered[:, k] = filtered[:, k - 1] + share * (readings[:, k] - filtered[:, k - 1])
+    means_mN = filtered[:, 20:].mean(axis=1) + rng.normal(0.0, 0.05, 2000)
+    noise_mN = 0.3 * sqrt(share / (2.0 - share))
+    stated_mN = np.full(count, COVERAGE * sqrt(noise_mN**2 + 0.05**2))
+    u_mN = uncertainty_of_mean(stated_mN, noise_mN=noise_mN, reading_mN=0.3)
+    assert u_mN == pytest.approx(COVERAGE * float(np.std(means_mN)), rel=0.05)

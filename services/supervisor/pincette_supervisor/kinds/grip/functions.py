@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pincette.config import derived
+from pincette.config import RigFile, derived
 from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.force.estimation import uncertainty_of_mean
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
@@ -25,7 +26,7 @@ from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results import drawing, error_sources, figures
 from pincette_supervisor.results.drawing import FAINT, MEASURED, Sheet
 from pincette_supervisor.results.error_sources import sources_of
-from pincette_supervisor.results.figures import Mask, series
+from pincette_supervisor.results.figures import Mask, chosen, series
 from pincette_supervisor.results.result import common, force_error, position_error
 
 PRESSING = ("load", "hold", "unload")
@@ -66,9 +67,23 @@ def evaluate(run: Run) -> Evaluation:
         dropped=run.dropped,
         force_assumed=run.force_assumed,
     )
-    hold = _settled_hold(run.table["phase"], run.period_s)
-    found = sources_of(run.table, hold, run.planned.armed.rig)
-    return Evaluation(result.model_copy(update={"error_sources": found}))
+    hold, rig = _settled_hold(run.table["phase"], run.period_s), run.planned.armed.rig
+    found = {
+        "error_sources": sources_of(run.table, hold, rig),
+        "force_uncertainty_mN": held_uncertainty_mN(run.table, rig, run.period_s),
+    }
+    return Evaluation(result.model_copy(update=found))
+
+
+def held_uncertainty_mN(table: Columns, rig: RigFile, period_s: float) -> float | None:
+    """Uncertainty of the force held, which is a mean over the settled hold; None without one."""
+    hold = _settled_hold(table["phase"], period_s)
+    stated_mN = chosen(series(table, "force_uncertainty_mN"), hold)
+    if not stated_mN.size:
+        return None
+    reading_mN = rig.sensor.noise_um / rig.model.compliance_um_per_mN
+    noise_mN = reading_mN * derived.force_observer(rig).noise_gain
+    return uncertainty_of_mean(stated_mN, noise_mN=noise_mN, reading_mN=reading_mN)
 
 
 def grip_result(
