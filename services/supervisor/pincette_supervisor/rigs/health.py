@@ -104,8 +104,8 @@ class Health:
         with self._turn:
             if number < self._round:
                 return  # another thread has asked later, and has its answers already
-            self._round, self.statuses = number, dict(zip(PROGRAMS, answers, strict=True))
-            self._asked_at, self._asked_of = self.clock(), there
+            self.statuses = dict(zip(PROGRAMS, answers, strict=True))
+            self._round, self._asked_at, self._asked_of = number, self.clock(), there
         actuator = self.status("actuator")
         if actuator is not None and self._trusted is None:
             self._meet(actuator)
