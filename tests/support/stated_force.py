@@ -26,7 +26,7 @@ from tests.support.twenty_rigs import unknown_rig
 FORCES_MN = (5.0, 20.0)
 CREPT_S = 180.0
 """Rest of the empty arm after which creep from before the start is over."""
-HOLDS_S = ((4.0, REST_S), (60.0, REST_S), (60.0, CREPT_S))
+HOLDS_S = ((4.0, REST_S), (4.0, CREPT_S), (60.0, REST_S), (60.0, CREPT_S))
 """Holds, and the rests before the grip: at once after the arm has been moved, and later."""
 RIGS = 20
 """Of each class of hysteresis, by the first seeds."""
