@@ -8,7 +8,7 @@ from sila2.framework import DefinedExecutionError, SilaAnyType
 
 from pincette.client import Supervisor
 from tests.support.commands import pincette
-from tests.support.running import RunningRig
+from tests.support.running import Json, RunningRig
 from tests.support.sila import refusal, responses, stock_client, until
 
 FORCE_MN = 9.0
@@ -66,7 +66,8 @@ def test_a_calibration_proposes_values_or_says_why_not(rig: RunningRig, client: 
         assert pincette("rig", "part", "place", "--rig", rig.path).returncode == 0
     assert calibration.progress > 0.5
     assert rig.job(done.Job)["request"]["calibration"] == "noise"
-    assert done.Proposes is bool((rig.job(done.Job)["result"] or {}).get("values"))
+    result: Json = rig.job(done.Job)["result"]
+    assert done.Proposes is bool(result.get("values"))
     assert done.Statement
     assert refusal(client.Microgripper.Calibrate("tea leaves")).identifier == "InvalidRequest"
 
@@ -137,9 +138,9 @@ def test_a_grip_that_meets_no_part_is_tried_again_or_given_up(rig: RunningRig, c
         misses.recovery.SetErrorHandlingTimeout(60)
         grip, one = misses.missed()
         execution = str(grip.execution_uuid)
-        assert one.RecoverableError.CommandExecutionUUID == execution
-        assert one.RecoverableError.ErrorIdentifier.endswith("/JobFailed")
-        assert "no part" in one.RecoverableError.ErrorMessage
+        assert one.CommandExecutionUUID == execution
+        assert one.ErrorIdentifier.endswith("/JobFailed")
+        assert "no part" in one.ErrorMessage
         for odd, option, refused in (
             (execution, "Pray", "UnknownContinuationOption"),
             (UNKNOWN, "Retry", "InvalidCommandExecutionUUID"),
@@ -162,7 +163,7 @@ def test_a_grip_that_meets_no_part_is_tried_again_or_given_up(rig: RunningRig, c
     misses.recovery.ExecuteContinuationOption(str(grip.execution_uuid), "Retry", NOTHING)
     held = responses(grip)
     assert held.Outcome == "held"
-    assert held.Job not in one.RecoverableError.ErrorMessage
+    assert held.Job not in one.ErrorMessage
     assert len(rig.get("/jobs", label=f"sila=Grip {grip.execution_uuid}")["jobs"]) == 2
     responses(client.Microgripper.Release())
 
