@@ -158,6 +158,15 @@ SITTINGS: dict[str, Sitting] = {
         ),
         up=DEMO,
     ),
+    "docs/how-to/foxglove.md": Sitting(
+        (
+            Told("pip install 'pincette[foxglove]'", "requirements/dev.txt has the extra already"),
+            Typed(".venv/bin/pincette run foxglove", r"ready: Foxglove at ws://127", stays=True),
+            Typed(".venv/bin/pincette job grip", r"outcome +gripped"),
+            Typed("import json", r"estimate pincette\.Estimate[^$]*services: estop"),
+        ),
+        up=DEMO,
+    ),
     "docs/how-to/several-rigs.md": Sitting(
         (
             Typed("pincette up --rig deploy/rigs/left.toml", r"is up at", stays=True),
@@ -283,6 +292,9 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "services/rig/README.md": Sitting(
         (Told("pincette run rig", "`pincette up` starts it, in every sitting with a rig"),)
+    ),
+    "services/foxglove/README.md": Sitting(
+        (Told("pincette run foxglove", "docs/how-to/foxglove.md types it"),)
     ),
     "services/sila/README.md": Sitting(
         (Told("pincette run sila", "docs/how-to/sila.md types it"),)
