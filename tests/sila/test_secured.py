@@ -8,12 +8,13 @@ import pytest
 from sila2.client import SilaClient
 from sila2.framework import DefinedExecutionError, InvalidMetadata, SilaConnectionError
 
+from pincette.client import Supervisor
 from pincette.security.folder import Folder
 from tests.support.certificates import folder_for
 from tests.support.commands import pincette
 from tests.support.rigs import Tree
 from tests.support.running import RunningRig
-from tests.support.sila import refusal, responses, sila_rig, stock_client
+from tests.support.sila import refusal, responses, sila_rig, stock_client, until
 
 # sila2 looks for a server's UUID in its certificate, which one of an authority need not have.
 pytestmark = pytest.mark.filterwarnings("ignore:Server certificate is missing the extension")
@@ -90,24 +91,29 @@ def test_a_motion_wants_a_login_with_a_key_that_may_operate(
             logged_in(client, "nobody", "pk_nothing")
         assert caught.value.identifier == "AuthenticationFailed"
         seeing = logged_in(client, "ada", keys["observe"])
-        assert gripper.Plan(FORCE_MN, 0.3, "", metadata=seeing).Feasible is True
+        with pytest.raises(DefinedExecutionError) as caught:
+            gripper.Plan(FORCE_MN, 0.3, "", metadata=seeing)
+        assert caught.value.identifier == "NotPermitted"
         told = refusal(gripper.Grip(FORCE_MN, 0.3, "", metadata=seeing))
         assert told.identifier == "NotPermitted"
         acting = logged_in(client, "ada", keys["operate"])
         done = responses(gripper.Grip(FORCE_MN, 0.3, "", metadata=acting))
         assert done.Outcome == "gripped"
         grip = gripper.Grip(FORCE_MN, 0.0, "", metadata=acting)
-        client.CancelController.CancelCommand(str(grip.execution_uuid), metadata=acting)
+        client.CancelController.CancelCommand(str(grip.execution_uuid))
         assert refusal(grip).identifier == "Cancelled"
 
 
 def test_an_emergency_stop_wants_no_login(
-    rig: RunningRig, keys: dict[str, str], believed: dict[str, Any]
+    rig: RunningRig, folder: Folder, keys: dict[str, str], believed: dict[str, Any]
 ) -> None:
     with stock_client(rig, **believed) as client:
         assert client.Microgripper.EmergencyStop().Cause == "estop"
-    done = pincette("reset", "--rig", rig.path, "--key", keys["admin"])
-    assert done.returncode == 0, done.stderr
+    url, authority = rig.rig.supervisor.url, folder.path / "authority.crt"
+    with Supervisor(url, key=keys["admin"], authority=authority) as supervisor:
+        view = supervisor.rig("demo")
+        until(lambda: view.state().latch.state == "latched", "it never came to rest")
+        view.reset()
 
 
 def test_it_is_found_by_discovery(rig: RunningRig, believed: dict[str, Any]) -> None:

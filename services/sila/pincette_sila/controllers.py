@@ -62,8 +62,9 @@ class Cancelling(FeatureImplementationBase):
                 return
             job = self._gripper.jobs.get(execution)
             key = self._gripper.keys.get(execution, str(execution))
+            rig = self._gripper.rigs.get(execution) or self._callers.rig(metadata)
             # By its key first, which also stops a request that has no job yet.
-            if await self._callers.rig(metadata).stop(key) is None and job is not None:
+            if await rig.stop(key) is None and job is not None:
                 await job.stop()
 
         try:
@@ -111,7 +112,9 @@ class Pausing(FeatureImplementationBase):
             raise _paused("InvalidCommandState", f"{name} has no motion yet that could {action}")
 
         async def act() -> None:
-            found = await self._callers.rig(metadata).job(job.id)
+            # A pause asks for no token, since it only lets a motion rest; a resume does.
+            own = self._gripper.rigs.get(execution) if action == "pause" else None
+            found = await (own or self._callers.rig(metadata)).job(job.id)
             if action not in found.job.allowed_actions:
                 raise _paused("InvalidCommandState", f"job {job.id} is {found.state}")
             await found.act(action)

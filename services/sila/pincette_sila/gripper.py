@@ -52,6 +52,8 @@ class Gripper(FeatureImplementationBase):
         self._ContactForce_producer_queue: Queue[Sample] = Queue()
         self.jobs: dict[UUID, AsyncJobHandle] = {}
         """Jobs of the commands that run."""
+        self.rigs: dict[UUID, AsyncRigHandle] = {}
+        """The rig, as the callers of the commands that run reach it; a cancel takes their right."""
         self.keys: dict[UUID, str] = {}
         """Idempotency keys of the commands that run, where they have begun a job again."""
 
@@ -123,7 +125,7 @@ class Gripper(FeatureImplementationBase):
 
     def Release(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
         """Let go of the part."""
-        rig = self._callers.rig(metadata)
+        rig = self.rigs[instance.execution_uuid] = self._callers.rig(metadata)
         instance.begin_execution()
         job = self._call(motion.let_go(rig, instance))
         with self._noted(instance.execution_uuid, job):
@@ -211,7 +213,7 @@ class Gripper(FeatureImplementationBase):
         **fields: Any,
     ) -> Responses:
         instance.begin_execution()
-        rig = self._callers.rig(metadata)
+        rig = self.rigs[instance.execution_uuid] = self._callers.rig(metadata)
         job = self._call(motion.start(rig, command, instance.execution_uuid, kind, **fields))
         return self.resume(command, instance, job, instance.execution_uuid, rig)
 
@@ -223,6 +225,9 @@ class Gripper(FeatureImplementationBase):
         finally:
             del self.jobs[execution]
             self.keys.pop(execution, None)
+            self.rigs.pop(execution, None)
+            for one in set(self.rigs) - set(self.running()):  # of commands that had no job
+                del self.rigs[one]
             for managers in self.managers().values():
                 ended = [one for one, manager in managers.items() if not manager.is_running()]
                 for one in ended[:-KEPT]:
