@@ -37,13 +37,6 @@ def stock_client(rig: RunningRig, **details: Any) -> Generator[Any]:
         yield client
 
 
-@contextmanager
-def client_at(port: int) -> Generator[Any]:
-    """The same, at a port of this machine."""
-    with SilaClient("127.0.0.1", port, insecure=True) as client:
-        yield client
-
-
 def responses(command: Any) -> Any:
     """Responses of an observable command, once it has ended; raises its error."""
     deadline = monotonic() + WAIT_S
