@@ -2,9 +2,7 @@
 
 import asyncio
 import signal
-from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from time import sleep
 from typing import Any, cast
 
@@ -23,36 +21,10 @@ from sila2.framework import (
 
 from tests.support.grips import restart
 from tests.support.running import RunningRig
-from tests.support.sila import refusal, responses, sila_rig, stock_client, until
+from tests.support.sila import refusal, responses, stock_client, until
 
 FORCE_MN = 9.0
 NEAR_MN = 1.0
-
-
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    with sila_rig(tmp_path_factory.mktemp("sila")) as running:
-        yield running
-
-
-@pytest.fixture
-def client(rig: RunningRig) -> Generator[Any]:
-    with stock_client(rig) as found:
-        yield found
-
-
-@pytest.fixture(autouse=True)
-def cleared(rig: RunningRig) -> Generator[None]:
-    """A rig that holds nothing and is not latched, whatever the test before has left."""
-    yield
-    with stock_client(rig) as found, suppress(DefinedExecutionError):
-        found.LockController.UnlockServer("cell 7")
-    view = rig.view()
-    if view["latch"]["state"] in ("frozen", "ramping", "latched"):
-        until(lambda: rig.view()["latch"]["state"] == "latched", "it never came to rest")
-        rig.post("/rigs/demo/reset", {"acknowledge": True}).raise_for_status()
-    until(lambda: rig.view()["active_job"] is None, "a job is left")
-    assert rig.view()["part"] != "held"
 
 
 def test_a_grip_is_followed_to_its_hold_and_released(client: Any) -> None:
@@ -167,6 +139,7 @@ def test_a_lock_stops_grips_and_never_a_stop(rig: RunningRig, client: Any) -> No
     assert refusal(gripper.Grip(FORCE_MN, 0.0, "")).identifier == "RigLatched"
 
 
+@pytest.mark.usefixtures("cleared")
 def test_a_killed_server_leaves_the_part_held_and_comes_back_to_the_job(rig: RunningRig) -> None:
     with stock_client(rig) as first:
         uuid = first.SiLAService.ServerUUID.get()
@@ -208,6 +181,7 @@ def gripper_of(rig: RunningRig) -> str:
         return client.Microgripper.RigState.get()
 
 
+@pytest.mark.usefixtures("cleared")
 def test_the_client_of_unitelabs_grips(rig: RunningRig) -> None:
     async def grip() -> tuple[Any, list[str], Any]:
         config = ClientConfig(hostname=rig.rig.sila.host, port=rig.rig.sila.port, tls=False)

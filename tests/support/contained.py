@@ -2,8 +2,8 @@
 
 from pincette.engine.process import programs
 
-BEYOND = ("sila", "upstream")
-"""A program of an extra that the images have not, and one of another host."""
+BEYOND = ("foxglove", "sila", "upstream")
+"""Programs of extras, which run where they are asked for, and one of another host."""
 
 
 def contained() -> list[str]:

@@ -152,9 +152,16 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "docs/how-to/sila.md": Sitting(
         (
-            Told("pip install 'pincette[sila]'", "requirements/dev.txt has the extra already"),
             Typed(".venv/bin/pincette run sila", r"ready: SiLA 2 at 127.0.0.1:50052", stays=True),
             Typed("from sila2.client import SilaClient", r"held with 1[45]\.\d\d mN[^$]*released"),
+        ),
+        up=DEMO,
+    ),
+    "docs/how-to/foxglove.md": Sitting(
+        (
+            Typed(".venv/bin/pincette run foxglove", r"ready: Foxglove at ws://127", stays=True),
+            Typed(".venv/bin/pincette job grip", r"outcome +gripped"),
+            Typed("import json", r"estimate pincette\.Estimate[^$]*services: estop"),
         ),
         up=DEMO,
     ),
@@ -278,13 +285,16 @@ SITTINGS: dict[str, Sitting] = {
             Told("systemctl status", "it asks systemd about the units"),
         )
     ),
-    "services/recorder/README.md": Sitting(
-        (Told("pincette run recorder", "`pincette up` starts it, in every sitting with a rig"),)
-    ),
-    "services/rig/README.md": Sitting(
-        (Told("pincette run rig", "`pincette up` starts it, in every sitting with a rig"),)
-    ),
-    "services/sila/README.md": Sitting(
-        (Told("pincette run sila", "docs/how-to/sila.md types it"),)
-    ),
+    **{
+        f"services/{name}/README.md": Sitting(
+            (Told(f"pincette run {name}", "`pincette up` starts it, in every sitting with a rig"),)
+        )
+        for name in ("recorder", "rig")
+    },
+    **{
+        f"services/{name}/README.md": Sitting(
+            (Told(f"pincette run {name}", f"docs/how-to/{name}.md types it"),)
+        )
+        for name in ("foxglove", "sila")
+    },
 }

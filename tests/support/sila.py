@@ -15,14 +15,14 @@ from tests.support.grips import SHORT
 from tests.support.rigs import Tree, free_ports, paced_rig
 from tests.support.running import RunningRig, running_rig
 
-WAIT_S = 60.0
+WAIT_S = 30.0
 LOOK_S = 0.02
 
 
 @contextmanager
 def sila_rig(folder: Path, changes: Tree | None = None) -> Generator[RunningRig]:
     """A rig in lockstep at the pace of real time, and its SiLA server."""
-    own: Tree = {"sila": {"port": free_ports(1)}}
+    own: Tree = {"sila": {"port": free_ports(1)}, "simulation": {"scripts": True}}
     rig = paced_rig(laid_over(laid_over(SHORT, own), changes or {}))
     with running_rig(rig, folder) as running:
         running.fleet.start(["sila"])

@@ -1,105 +1,19 @@
 """Two rigs on one router under one supervisor, in lockstep: on both at once, each on its own."""
 
 import signal
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Generator
 from pathlib import Path
-from time import monotonic, sleep
-from typing import Any
 
 import pytest
 
-from pincette.config import RigFile
-from pincette.core.topics import LOOP
 from pincette.engine.fleet import Fleet, FleetError
 from tests.support.commands import pincette
 from tests.support.grips import restart
-from tests.support.rigs import demo_rig, rig_toml
-from tests.support.running import RunningRig, running_rig
+from tests.support.laboratory import Json, Laboratory, laboratory
+from tests.support.rigs import demo_rig
 
-Json = dict[str, Any]
 SHORT: Json = {"hold_s": 0.5, "load_s": 1.0}
 HELD: Json = {"load_s": 1.0, "until_released": True}
-DELAYS = {name: 7 + place for place, name in enumerate(LOOP)}
-"""Seeds of waits of up to 3 ms, so that two loops in lockstep leave the machine to others."""
-PATIENCE_S = 60.0
-
-
-@dataclass
-class Laboratory:
-    """The rig that has the router and the supervisor, and one that joins it."""
-
-    left: RunningRig
-    right: RigFile
-    fleet: Fleet | None = None
-
-    def start_right(self, right: RigFile | None = None) -> None:
-        self.right = right or self.right
-        path = self.left.path.with_name("right.toml")
-        path.write_text(rig_toml(self.right), encoding="utf-8")
-        self.fleet = Fleet(self.right, path, self.left.data, lambda _name, _line: None)
-        self.fleet.start(["rig"])
-        delays = {name: ("--delay-ms", "3", "--delay-seed", str(DELAYS[name])) for name in LOOP}
-        self.fleet.start_each(delays)
-        self.fleet.start(["recorder"])
-
-    def kill_right(self) -> None:
-        assert self.fleet is not None
-        for name in self.fleet.members:
-            self.fleet.signal(name, signal.SIGKILL)
-        self.fleet.down()
-
-    def rigs(self) -> dict[str, Json]:
-        return {rig["name"]: rig for rig in self.left.get("/rigs")["rigs"]}
-
-    def grip(self, rig: str, **wishes: object) -> str:
-        return self.left.start_grip(rig=rig, **wishes)
-
-    def reset(self, rig: str) -> None:
-        self.left.post(f"/rigs/{rig}/reset", {"acknowledge": True}).raise_for_status()
-
-    def until(self, there: Callable[[], object]) -> None:
-        deadline = monotonic() + PATIENCE_S
-        while not there():
-            assert monotonic() < deadline, self.rigs()
-            sleep(0.05)
-
-    def let_go(self, rig: str) -> None:
-        """Let go of the part, once it may, unless the rig has done so 10 s after a trip."""
-        self.until(lambda: self.rigs()[rig]["startable"])
-        if self.rigs()[rig]["part"] != "held":
-            return
-        body = {"kind": "release", "rig": rig, "autostart": True}
-        job = self.left.post("/jobs", body).raise_for_status().json()["id"]
-        assert self.left.ended(job)["state"] == "succeeded"
-
-    def gripped(self, job: str) -> None:
-        """Wait for the end of a grip, which succeeds."""
-        ended = self.left.ended(job)
-        assert (ended["state"], ended["cause"]) == ("succeeded", "")
-        assert ended["result"]["outcome"] == "gripped"
-
-
-@contextmanager
-def laboratory(folder: Path) -> Generator[Laboratory]:
-    left = demo_rig({"rig": {"name": "left"}}, time="lockstep")
-    joins = {
-        "rig": {"name": "right"},
-        "bus": {"router": f"127.0.0.1:{left.bus.port}"},
-        "supervisor": {"port": left.supervisor.port},
-    }
-    with running_rig(left, folder, DELAYS) as running:
-        made = Laboratory(running, demo_rig(joins, time="lockstep"))
-        try:
-            made.start_right()
-            made.until(lambda: made.rigs().get("right", {}).get("can_start"))
-            for rig in ("left", "right"):
-                made.reset(rig)
-            yield made
-        finally:
-            if made.fleet is not None:
-                made.fleet.down()
 
 
 @pytest.fixture(scope="module")

@@ -1,31 +1,48 @@
-"""Features of the standard: cancel a command, and say whether the rig is simulated."""
+"""Features of the standard: cancel or pause a command, and say whether the rig is simulated."""
 
+from queue import Queue
 from uuid import UUID
 
 from sila2.framework import DefinedExecutionError
 from sila2.server import FeatureImplementationBase, MetadataDict, SilaServer
 
-from pincette.client import ClientError
+from pincette.api.states import ActionType
+from pincette.client import ClientError, ProblemError
 from pincette_sila.background import Background
 from pincette_sila.callers import Callers
 from pincette_sila.errors import CommandError
-from pincette_sila.features import CANCEL_CONTROLLER, SIMULATION_CONTROLLER, feature
+from pincette_sila.features import (
+    CANCEL_CONTROLLER,
+    PAUSE_CONTROLLER,
+    SIMULATION_CONTROLLER,
+    feature,
+)
 from pincette_sila.gripper import Gripper
+from pincette_sila.recovery import ErrorRecovery
+
+UNPAUSED = ("Release",)
+"""Commands that go to their end."""
 
 
 class Cancelling(FeatureImplementationBase):
     """Cancels by a stop: the motion comes to rest, and what is held stays held."""
 
     def __init__(
-        self, parent_server: SilaServer, gripper: Gripper, callers: Callers, background: Background
+        self,
+        parent_server: SilaServer,
+        gripper: Gripper,
+        callers: Callers,
+        background: Background,
+        recovery: ErrorRecovery,
     ) -> None:
         super().__init__(parent_server)
         self._gripper, self._callers, self._background = gripper, callers, background
+        self._recovery = recovery
 
     def CancelCommand(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
         """Stop what a command has begun, also while its job is being planned."""
         execution = UUID(CommandExecutionUUID)
-        if execution not in self._running():
+        if execution not in self._gripper.running():
             node = feature(CANCEL_CONTROLLER).defined_execution_errors[
                 "InvalidCommandExecutionUUID"
             ]
@@ -35,15 +52,19 @@ class Cancelling(FeatureImplementationBase):
 
     def CancelAll(self, *, metadata: MetadataDict) -> tuple[()]:
         """Stop what every command has begun."""
-        for execution in self._running():
+        for execution in self._gripper.running():
             self._cancel(execution, metadata)
         return ()
 
     def _cancel(self, execution: UUID, metadata: MetadataDict) -> None:
         async def stop() -> None:
+            if self._recovery.cancel(execution):
+                return
             job = self._gripper.jobs.get(execution)
+            key = self._gripper.keys.get(execution, str(execution))
+            rig = self._gripper.rigs.get(execution) or self._callers.rig(metadata)
             # By its key first, which also stops a request that has no job yet.
-            if await self._callers.rig(metadata).stop(str(execution)) is None and job is not None:
+            if await rig.stop(key) is None and job is not None:
                 await job.stop()
 
         try:
@@ -51,13 +72,66 @@ class Cancelling(FeatureImplementationBase):
         except (ClientError, CommandError) as error:
             raise RuntimeError(f"{execution} is not cancelled: {error}") from error
 
-    def _running(self) -> list[UUID]:
-        return [
-            execution
-            for managers in self._gripper.managers().values()
-            for execution, manager in list(managers.items())
-            if manager.is_running()
-        ]
+
+class Pausing(FeatureImplementationBase):
+    """Pauses at the next safe point of a motion; force and position are controlled meanwhile."""
+
+    def __init__(
+        self, parent_server: SilaServer, gripper: Gripper, callers: Callers, background: Background
+    ) -> None:
+        super().__init__(parent_server)
+        self._gripper, self._callers, self._background = gripper, callers, background
+        self._PausedCommands_producer_queue: Queue[list[str]] = Queue()
+        self._told: list[str] | None = None
+
+    def PausedCommands_on_subscription(self, *, metadata: MetadataDict) -> None:
+        """Everybody listens to one queue."""
+
+    def tell(self, paused: list[str]) -> None:
+        """Tell those who listen which commands rest, where that has changed."""
+        if paused != self._told:
+            self._told = paused
+            self._PausedCommands_producer_queue.put(paused)
+
+    def Pause(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
+        """Ask the motion of a command to rest."""
+        return self._act(UUID(CommandExecutionUUID), "pause", metadata)
+
+    def Resume(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
+        """Let it go on."""
+        return self._act(UUID(CommandExecutionUUID), "resume", metadata)
+
+    def _act(self, execution: UUID, action: ActionType, metadata: MetadataDict) -> tuple[()]:
+        name = self._gripper.running().get(execution)
+        if name is None:
+            raise _paused("InvalidCommandExecutionUUID", f"no command {execution} is executed")
+        if name in UNPAUSED:
+            raise _paused("OperationNotSupported", f"{name} goes to its end, and is not paused")
+        job = self._gripper.jobs.get(execution)
+        if job is None:
+            raise _paused("InvalidCommandState", f"{name} has no motion yet that could {action}")
+
+        async def act() -> None:
+            # A pause asks for no token, since it only lets a motion rest; a resume does.
+            own = self._gripper.rigs.get(execution) if action == "pause" else None
+            found = await (own or self._callers.rig(metadata)).job(job.id)
+            if action not in found.job.allowed_actions:
+                raise _paused("InvalidCommandState", f"job {job.id} is {found.state}")
+            await found.act(action)
+
+        try:
+            self._background.call(act())
+        except ProblemError as error:
+            raise _paused("InvalidCommandState", str(error)) from error
+        except (ClientError, CommandError) as error:
+            raise RuntimeError(f"{execution} cannot {action}: {error}") from error
+        return ()
+
+
+def _paused(identifier: str, words: str) -> DefinedExecutionError:
+    return DefinedExecutionError(
+        feature(PAUSE_CONTROLLER).defined_execution_errors[identifier], words
+    )
 
 
 class Simulation(FeatureImplementationBase):

@@ -34,14 +34,18 @@ NAMES: Mapping[type[ClientError], str] = {
 }
 """Identifiers in the feature definition; any other refusal is ``RigNotReady``."""
 UNCONFIRMED = "estop-unconfirmed"
+RECOVERABLE = ("no_contact",)
+"""Outcomes after which the arm is back, and nothing is held."""
 
 
 class CommandError(Exception):
     """A command that has not come to its end, by the identifier of its error."""
 
-    def __init__(self, identifier: str, text: str) -> None:
+    def __init__(self, identifier: str, text: str, *, recoverable: bool = False) -> None:
         super().__init__(text)
         self.identifier = identifier
+        self.recoverable = recoverable
+        """Whether the same motion may be begun again, as where no part was met."""
 
 
 def command_error(error: ClientError) -> CommandError:
@@ -67,4 +71,5 @@ def require_success(job: Job) -> Job:
         raise CommandError("RigLatched", words)
     if job.state == "stopped" and code == "requested":
         raise CommandError("Cancelled", words)
-    raise CommandError("JobFailed", words)
+    recoverable = (job.result or {}).get("outcome") in RECOVERABLE
+    raise CommandError("JobFailed", words, recoverable=recoverable)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Coroutine, Generator
 from contextlib import contextmanager
 from queue import Queue
 from typing import Any, TypeVar
-from uuid import UUID
+from uuid import UUID, uuid4
 
 from sila2.framework import Command
 from sila2.server import FeatureImplementationBase, MetadataDict, SilaServer
@@ -17,6 +17,7 @@ from pincette_sila.callers import Callers
 from pincette_sila.errors import CommandError, defined
 from pincette_sila.features import MICROGRIPPER, command, feature
 from pincette_sila.motion import UNKNOWN, Execution, Sample
+from pincette_sila.recovery import ErrorRecovery
 
 T = TypeVar("T")
 KEPT = 100
@@ -35,16 +36,26 @@ class Gripper(FeatureImplementationBase):
     """One rig; methods have the names of the feature definition, and are called in threads."""
 
     def __init__(
-        self, parent_server: SilaServer, rig: str, callers: Callers, background: Background
+        self,
+        parent_server: SilaServer,
+        rig: str,
+        callers: Callers,
+        background: Background,
+        recovery: ErrorRecovery,
     ) -> None:
         super().__init__(parent_server)
         self._rig, self._callers, self._background = rig, callers, background
+        self._recovery = recovery
         self._RigState_producer_queue: Queue[str] = Queue()
         self._Reasons_producer_queue: Queue[list[str]] = Queue()
         self._Part_producer_queue: Queue[str] = Queue()
         self._ContactForce_producer_queue: Queue[Sample] = Queue()
         self.jobs: dict[UUID, AsyncJobHandle] = {}
         """Jobs of the commands that run."""
+        self.rigs: dict[UUID, AsyncRigHandle] = {}
+        """The rig, as the callers of the commands that run reach it; a cancel takes their right."""
+        self.keys: dict[UUID, str] = {}
+        """Idempotency keys of the commands that run, where they have begun a job again."""
 
     def tell(self, state: str, reasons: list[str], part: str) -> None:
         """Tell those who listen how the rig is."""
@@ -114,7 +125,7 @@ class Gripper(FeatureImplementationBase):
 
     def Release(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
         """Let go of the part."""
-        rig = self._callers.rig(metadata)
+        rig = self.rigs[instance.execution_uuid] = self._callers.rig(metadata)
         instance.begin_execution()
         job = self._call(motion.let_go(rig, instance))
         with self._noted(instance.execution_uuid, job):
@@ -158,13 +169,40 @@ class Gripper(FeatureImplementationBase):
         """Commands by name and execution UUID, those that have ended too."""
         return self.parent_server.feature_servicers["Microgripper"].observable_command_managers
 
+    def running(self) -> dict[UUID, str]:
+        """Names of the commands that are being executed."""
+        return {
+            execution: name
+            for name, managers in self.managers().items()
+            for execution, manager in list(managers.items())
+            if manager.is_running()
+        }
+
     def resume(
-        self, command: str, instance: Execution, job: AsyncJobHandle, execution: UUID
+        self,
+        command: str,
+        instance: Execution,
+        job: AsyncJobHandle,
+        execution: UUID,
+        rig: AsyncRigHandle | None = None,
     ) -> Responses:
-        """Follow the job of a command to its responses."""
+        """Follow the job of a command to its responses, and begin it again where that is wanted."""
+        rig = rig or self._callers.rig()
+
+        async def follow() -> Responses:
+            current = job
+            while True:
+                try:
+                    followed = FOLLOWERS[command](current, instance)
+                    return await motion.or_latched(rig, followed)
+                except CommandError as error:
+                    if not await self._recovery.wants_retry(execution, command, error):
+                        raise
+                key = self.keys[execution] = str(uuid4())
+                current = self.jobs[execution] = await motion.again(rig, current, key)
+
         with self._noted(execution, job):
-            followed = FOLLOWERS[command](job, instance)
-            return self._call(motion.or_latched(self._callers.rig(), followed))
+            return self._call(follow())
 
     def _begin(
         self,
@@ -175,9 +213,9 @@ class Gripper(FeatureImplementationBase):
         **fields: Any,
     ) -> Responses:
         instance.begin_execution()
-        rig = self._callers.rig(metadata)
+        rig = self.rigs[instance.execution_uuid] = self._callers.rig(metadata)
         job = self._call(motion.start(rig, command, instance.execution_uuid, kind, **fields))
-        return self.resume(command, instance, job, instance.execution_uuid)
+        return self.resume(command, instance, job, instance.execution_uuid, rig)
 
     @contextmanager
     def _noted(self, execution: UUID, job: AsyncJobHandle) -> Generator[None]:
@@ -186,6 +224,10 @@ class Gripper(FeatureImplementationBase):
             yield
         finally:
             del self.jobs[execution]
+            self.keys.pop(execution, None)
+            self.rigs.pop(execution, None)
+            for one in set(self.rigs) - set(self.running()):  # of commands that had no job
+                del self.rigs[one]
             for managers in self.managers().values():
                 ended = [one for one, manager in managers.items() if not manager.is_running()]
                 for one in ended[:-KEPT]:

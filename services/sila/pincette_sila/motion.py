@@ -57,6 +57,12 @@ async def start(
     return await rig.start(kind, idempotency_key=str(execution), labels=labels, **given(**fields))
 
 
+async def again(rig: AsyncRigHandle, job: AsyncJobHandle, key: str) -> AsyncJobHandle:
+    """Start the same job again, as the next try of the same command."""
+    asked: dict[str, Any] = {**job.job.request, "kind": job.job.kind}
+    return await rig.start(asked.pop("kind"), idempotency_key=key, **asked)
+
+
 async def held(job: AsyncJobHandle, execution: Execution, *, settled: bool) -> Progress:
     """Follow a job until it holds, and with ``settled`` until the force has settled.
 

@@ -15,16 +15,19 @@ from pincette import __version__
 from pincette.engine.program import Context
 from pincette_sila.background import Background
 from pincette_sila.callers import Authentication, Authorization, Callers
-from pincette_sila.controllers import Cancelling, Simulation
+from pincette_sila.controllers import Cancelling, Pausing, Simulation
 from pincette_sila.features import (
     CANCEL_CONTROLLER,
+    ERROR_RECOVERY,
     MICROGRIPPER,
+    PAUSE_CONTROLLER,
     SIMULATION_CONTROLLER,
     command,
     feature,
 )
 from pincette_sila.gripper import Gripper, moving_commands
 from pincette_sila.lock import Lock
+from pincette_sila.recovery import ErrorRecovery
 from pincette_sila.watching import watch_rig, watch_samples
 
 KEY = "PINCETTE_KEY"
@@ -49,25 +52,34 @@ def run(context: Context) -> None:
         server_vendor_url=VENDOR,
         server_uuid=identity(context.data / f"{IDENTITY}-{rig}"),
     )
-    gripper = Gripper(server, rig, callers, background)
+    recovery = ErrorRecovery(server, background)
+    gripper = Gripper(server, rig, callers, background, recovery)
+    pausing = Pausing(server, gripper, callers, background)
+    moving = [
+        *moving_commands(),
+        command("Resume", PAUSE_CONTROLLER),
+        command("ExecuteContinuationOption", ERROR_RECOVERY),
+    ]
     features: list[tuple[Feature, FeatureImplementationBase]] = [
         (feature(MICROGRIPPER), gripper),
-        (feature(CANCEL_CONTROLLER), Cancelling(server, gripper, callers, background)),
+        (feature(CANCEL_CONTROLLER), Cancelling(server, gripper, callers, background, recovery)),
+        (feature(PAUSE_CONTROLLER), pausing),
+        (feature(ERROR_RECOVERY), recovery),
         (
             feature(SIMULATION_CONTROLLER),
             Simulation(server, simulated=context.rig.simulation is not None),
         ),
-        (LockControllerFeature, Lock(server, moving_commands())),
+        (LockControllerFeature, Lock(server, moving)),
     ]
     if settings.login:
-        wants_token = [*moving_commands(), command("Plan")]
+        wants_token = [*moving, command("Plan")]
         features.append((AuthenticationServiceFeature, Authentication(server, callers)))
         features.append((AuthorizationServiceFeature, Authorization(server, callers, wants_token)))
     for one, implementation in features:
         server.set_feature_implementation(one, implementation)
     _quieten()
     _listen(server, context)
-    background.begin(watch_rig(server, gripper, callers))
+    background.begin(watch_rig(server, gripper, callers, pausing))
     background.begin(watch_samples(gripper, callers))
     try:
         context.ready(f"SiLA 2 at {settings.host}:{settings.port}, for the supervisor at {url}")

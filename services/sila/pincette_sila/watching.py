@@ -11,6 +11,7 @@ from sila2.server.observables.observable_command_manager import ObservableComman
 
 from pincette.client import AsyncJobHandle, ClientError
 from pincette_sila.callers import Callers
+from pincette_sila.controllers import Pausing
 from pincette_sila.features import command
 from pincette_sila.gripper import FOLLOWERS, Gripper, known
 from pincette_sila.motion import LABEL, Sample
@@ -25,7 +26,9 @@ REMEMBERED = 20
 UNREACHABLE, UNKNOWN_PART = "unreachable", "unknown"
 
 
-async def watch_rig(server: SilaServer, gripper: Gripper, callers: Callers) -> None:
+async def watch_rig(
+    server: SilaServer, gripper: Gripper, callers: Callers, pausing: Pausing
+) -> None:
     """Tell how the rig is whenever that changes, and resume commands once it answers."""
     told: tuple[str, list[str], str] | None = None
     resumed = False
@@ -36,6 +39,13 @@ async def watch_rig(server: SilaServer, gripper: Gripper, callers: Callers) -> N
             if not resumed:
                 await resume(server, gripper, callers)
                 resumed = True
+            pausing.tell(
+                [
+                    str(execution)
+                    for execution, job in list(gripper.jobs.items())
+                    if (await job.refresh()).state == "paused"
+                ]
+            )
         except ClientError as error:
             now = (UNREACHABLE, [str(error)], UNKNOWN_PART)
         if now != told:
@@ -67,12 +77,14 @@ async def watch_samples(gripper: Gripper, callers: Callers) -> None:
 
 async def resume(server: SilaServer, gripper: Gripper, callers: Callers) -> None:
     """Make the commands of an earlier server known again, by the labels of their jobs."""
-    for job in reversed(await callers.rig().jobs(REMEMBERED)):
+    found: dict[UUID, tuple[str, AsyncJobHandle]] = {}
+    for job in await callers.rig().jobs(REMEMBERED):
         name, _, text = job.job.labels.get(LABEL, "").partition(" ")
         try:
-            execution = UUID(text)
+            found.setdefault(UUID(text), (name, job))  # the newest of those that it has begun
         except ValueError:
             continue
+    for execution, (name, job) in reversed(found.items()):
         if name in FOLLOWERS and execution not in gripper.managers()[name]:
             _resume(server, gripper, name, execution, job)
 

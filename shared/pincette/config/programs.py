@@ -157,12 +157,36 @@ class Sila(Table):
 
     @model_validator(mode="after")
     def _secure(self) -> "Sila":
-        if self.certificate is None and not _is_loopback(self.host):
-            raise ValueError(
-                f"host = {self.host!r} without a certificate: others could move the arm; state "
-                "`certificate`, or listen on 127.0.0.1"
-            )
+        require_certificate(self.host, self.certificate, "others could move the arm")
         return self
+
+
+class Foxglove(Table):
+    """Where the Foxglove WebSocket server listens."""
+
+    host: str = "127.0.0.1"
+    """Beyond loopback it starts only with a certificate."""
+    port: int = Field(default=8765, ge=1, le=65535)
+    """That viewers offer by default."""
+    certificate: str | None = None
+    """File of its certificate (PEM), relative to the rig file, with the private key in the file
+    beside it that ends with .key. None: it speaks without TLS."""
+    supervisor: str | None = None
+    """Address of the supervisor, which makes an emergency stop. None: by ``[supervisor]``."""
+
+    @model_validator(mode="after")
+    def _secure(self) -> "Foxglove":
+        require_certificate(self.host, self.certificate, "others could read along and stop the rig")
+        return self
+
+
+def require_certificate(host: str, certificate: str | None, why: str) -> None:
+    """Raise ValueError where a server would be heard by others and has no certificate."""
+    if certificate is None and not _is_loopback(host):
+        raise ValueError(
+            f"host = {host!r} without a certificate: {why}; state `certificate`, or listen on "
+            "127.0.0.1"
+        )
 
 
 def _is_loopback(host: str) -> bool:

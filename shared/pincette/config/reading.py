@@ -40,9 +40,10 @@ def read_rig(path: Path) -> RigFile:
         rig = parse_rig(tables)
     except ConfigError as error:
         raise ConfigError(f"rig file {path}:\n{error}") from error
-    if rig.sila.certificate is not None:
-        certificate = {"certificate": str(path.parent / rig.sila.certificate)}
-        rig = rig.model_copy(update={"sila": rig.sila.model_copy(update=certificate)})
+    for name, table in {"sila": rig.sila, "foxglove": rig.foxglove}.items():
+        if table.certificate is not None:
+            certificate = {"certificate": str(path.parent / table.certificate)}
+            rig = rig.model_copy(update={name: table.model_copy(update=certificate)})
     return rig if rig.bus.pki is None else rig.secured(path.parent / rig.bus.pki)
 
 

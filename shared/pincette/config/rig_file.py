@@ -12,7 +12,7 @@ from pincette.config.instruments import Output, Sensor
 from pincette.config.laws import Law, default_set
 from pincette.config.limits import Limits, Safety
 from pincette.config.model import Model
-from pincette.config.programs import Bus, RealTime, Recorder, Sila, Supervisor
+from pincette.config.programs import Bus, Foxglove, RealTime, Recorder, Sila, Supervisor
 from pincette.config.simulation import Simulation
 from pincette.config.tables import Positive, Table
 from pincette.control.laws.definition import LawSettings
@@ -156,6 +156,7 @@ UNSHARED: Mapping[str, set[str] | bool] = {
     "realtime": True,
     "recorder": True,
     "sila": True,
+    "foxglove": True,
     "supervisor": {"names", "behind", "keys", "webhooks", "mail"},
 }
 """What may differ between programs: nothing of the loop works with it."""
@@ -179,6 +180,7 @@ class RigFile(Table):
     supervisor: Supervisor = Supervisor()
     recorder: Recorder = Recorder()
     sila: Sila = Sila()
+    foxglove: Foxglove = Foxglove()
     realtime: RealTime = RealTime()
     simulation: Simulation | None = None
 

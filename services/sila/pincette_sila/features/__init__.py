@@ -9,11 +9,13 @@ from sila2.framework import Feature
 MICROGRIPPER = "Microgripper-v1_0"
 CANCEL_CONTROLLER = "CancelController-v1_0"
 SIMULATION_CONTROLLER = "SimulationController-v1_0"
+PAUSE_CONTROLLER = "PauseController-v2_0"
+ERROR_RECOVERY = "ErrorRecoveryService-v2_0"
 
 
-def command(name: str) -> Any:
-    """A command of the feature Microgripper, which the library does not tell from a property."""
-    return cast("Any", feature(MICROGRIPPER))[name]
+def command(name: str, of: str = MICROGRIPPER) -> Any:
+    """A command of a feature, which the library does not tell from a property."""
+    return cast("Any", feature(of))[name]
 
 
 @cache

@@ -1,0 +1,1 @@
+"""A rig's samples in Foxglove, as they are in a record; never part of the loop."""

@@ -1,0 +1,126 @@
+"""The Foxglove WebSocket server of one rig: its topics, and an emergency stop over REST."""
+
+import json
+import logging
+import os
+from pathlib import Path
+from time import time_ns
+from typing import Any
+
+from foxglove import Channel, Context, MessageSchema, Schema, Service, ServiceRequest, ServiceSchema
+from foxglove import start_server as start
+from foxglove.websocket import Capability, WebSocketServer
+
+from pincette.client import ClientError, Supervisor
+from pincette.core.messages import Message
+from pincette.core.topics import TOPICS, Topic, key
+from pincette.engine.program import Context as Started
+from pincette.records.schemas import SCHEMAS
+
+log = logging.getLogger("pincette.foxglove")
+KEY = "PINCETTE_KEY"
+"""Variable with the key by which this program reaches a supervisor; `observe` is enough."""
+BACKLOG = 1024
+"""Messages that wait for a slow viewer; the oldest are dropped."""
+ESTOP = "estop"
+ANSWER = {
+    "type": "object",
+    "properties": {
+        "stopped": {"type": "boolean", "description": "the actuator has confirmed it"},
+        "detail": {"type": "string"},
+    },
+}
+
+
+def run(context: Started) -> None:
+    """Serve until the program is stopped."""
+    settings, rig = context.rig.foxglove, context.rig.rig.name
+    viewers = Context()
+    channels = {topic.name: channel(rig, topic, viewers) for topic in TOPICS}
+
+    def send(topic: Topic, message: Message) -> None:
+        one = channels[topic.name]
+        if one.has_sinks():  # nobody pays for what nobody looks at
+            one.log(SCHEMAS[topic.name].pack(message), log_time=time_ns())
+
+    bus = context.open_bus()
+    server: WebSocketServer | None = None
+    try:
+        for topic in TOPICS:
+            bus.subscribe(topic, send)
+        server = start(
+            name=f"pincette {rig}",
+            host=settings.host,
+            port=settings.port,
+            capabilities=[Capability.Services],
+            supported_encodings=["json"],
+            services=[estop_service(context)],
+            context=viewers,
+            message_backlog_size=BACKLOG,
+            **certificate(settings.certificate),
+        )
+        scheme = "ws" if settings.certificate is None else "wss"
+        context.ready(f"Foxglove at {scheme}://{settings.host}:{settings.port}")
+        context.stop.wait()
+    finally:
+        bus.close()
+        if server is not None:
+            server.stop()
+
+
+def channel(rig: str, topic: Topic, viewers: Context) -> Channel:
+    """The channel of a topic, with the name and the schema that it has in a record."""
+    known = SCHEMAS[topic.name]
+    return Channel(
+        topic.name,
+        schema=Schema(name=known.name, encoding="protobuf", data=known.descriptor),
+        message_encoding="protobuf",
+        metadata={"key": key(rig, topic), "summary": topic.summary},
+        context=viewers,
+    )
+
+
+def certificate(name: str | None) -> dict[str, Any]:
+    """What the server proves itself with; the private key lies beside the certificate."""
+    if name is None:
+        return {}
+    path = Path(name)
+    return {"tls_cert": path.read_bytes(), "tls_key": path.with_suffix(".key").read_bytes()}
+
+
+def estop_service(context: Started) -> Service:
+    """The one thing that a viewer may ask for; the supervisor does it, as for everybody."""
+    settings, pki = context.rig.foxglove, context.rig.bus.pki
+    url = settings.supervisor or context.rig.supervisor.url
+    authority = None if pki is None else Path(pki) / "authority.crt"
+    rig = context.rig.rig.name
+
+    def stop(_request: ServiceRequest) -> bytes:
+        own_key = os.environ.get(KEY) or None
+        try:
+            with Supervisor(url, key=own_key, operator="foxglove", authority=authority) as found:
+                done = found.patient(0.0).rig(rig).estop()
+        except ClientError as error:
+            log.error("emergency stop: %s", error)
+            return answer(False, f"{error}; use `pincette estop`, or the switch of the amplifier")
+        return answer(done.acknowledged, done.detail or done.cause)
+
+    schema = ServiceSchema(
+        "pincette.EmergencyStop",
+        request=described("pincette.Nothing", {"type": "object"}),
+        response=described("pincette.Stopped", ANSWER),
+    )
+    return Service(ESTOP, schema=schema, handler=stop)
+
+
+def described(name: str, tree: dict[str, Any]) -> MessageSchema:
+    """A schema of a service, in JSON."""
+    data = json.dumps(tree).encode()
+    return MessageSchema(
+        encoding="json", schema=Schema(name=name, encoding="jsonschema", data=data)
+    )
+
+
+def answer(stopped: bool, detail: str) -> bytes:
+    """What the viewer shows."""
+    return json.dumps({"stopped": stopped, "detail": detail}).encode()

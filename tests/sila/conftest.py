@@ -1,0 +1,39 @@
+"""What the tests of the SiLA server share: a rig for each module, a client for each test."""
+
+from collections.abc import Generator
+from contextlib import suppress
+from typing import Any
+
+import pytest
+from sila2.framework import DefinedExecutionError
+
+from tests.support.running import RunningRig
+from tests.support.sila import sila_rig, stock_client, until
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    with sila_rig(tmp_path_factory.mktemp("sila")) as running:
+        yield running
+
+
+@pytest.fixture
+def client(rig: RunningRig, cleared: None) -> Generator[Any]:  # noqa: ARG001
+    with stock_client(rig) as found:
+        yield found
+
+
+@pytest.fixture
+def cleared(rig: RunningRig) -> Generator[None]:
+    """A rig that holds nothing and is not latched, whatever the test has left."""
+    yield
+    with stock_client(rig) as found, suppress(DefinedExecutionError):
+        found.LockController.UnlockServer("cell 7")
+    if (job := rig.view()["active_job"]) is not None:
+        rig.post(f"/jobs/{job}/actions", {"type": "abort"})
+    view = rig.view()
+    if view["latch"]["state"] in ("frozen", "ramping", "latched"):
+        until(lambda: rig.view()["latch"]["state"] == "latched", "it never came to rest")
+        rig.post("/rigs/demo/reset", {"acknowledge": True}).raise_for_status()
+    until(lambda: rig.view()["active_job"] is None, "a job is left")
+    assert rig.view()["part"] != "held"
