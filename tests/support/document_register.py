@@ -158,6 +158,14 @@ SITTINGS: dict[str, Sitting] = {
         ),
         up=DEMO,
     ),
+    "docs/how-to/bluesky.md": Sitting(
+        (
+            Told("pip install 'pincette[bluesky]'", "requirements/dev.txt has the extra already"),
+            Typed("import bluesky.plan_stubs", r"held with 1[45]\.\d\d mN\s+part: none"),
+            Typed("import bluesky.plan_stubs", r"\d+ samples"),
+        ),
+        up=DEMO,
+    ),
     "docs/how-to/several-rigs.md": Sitting(
         (
             Typed("pincette up --rig deploy/rigs/left.toml", r"is up at", stays=True),
