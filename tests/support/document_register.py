@@ -166,6 +166,13 @@ SITTINGS: dict[str, Sitting] = {
         ),
         up=DEMO,
     ),
+    "docs/how-to/agents.md": Sitting(
+        (
+            Told("pip install 'pincette[mcp]'", "requirements/dev.txt has the extra already"),
+            Typed("import asyncio", r"'grip'[^$]*held with 1[45]\.\d\d mN\s+part: none"),
+        ),
+        up=DEMO,
+    ),
     "docs/how-to/several-rigs.md": Sitting(
         (
             Typed("pincette up --rig deploy/rigs/left.toml", r"is up at", stays=True),
