@@ -173,6 +173,13 @@ SITTINGS: dict[str, Sitting] = {
         ),
         up=DEMO,
     ),
+    "docs/how-to/web-of-things.md": Sitting(
+        (
+            Typed("curl -s --fail-with-body http://127.0.0.1:8000/.well-known/wot"),
+            Told("npm install", "tests/orchestrators/test_thing_description.py installs it"),
+        ),
+        up=DEMO,
+    ),
     "docs/how-to/several-rigs.md": Sitting(
         (
             Typed("pincette up --rig deploy/rigs/left.toml", r"is up at", stays=True),
