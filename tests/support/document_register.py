@@ -6,8 +6,8 @@ not. tests/project/test_documents.py compares the two.
 """
 
 from tests.support.documents import Sitting, Told, Typed
+from tests.support.orchestrator_register import DEMO, ORCHESTRATORS
 
-DEMO = "deploy/rigs/demo.toml"
 HANDS = "deploy/rigs/bring-up.toml"
 ELSEWHERE = {"README.md": "tests/system/test_readme.py"}
 """Pages of which another test types every block, and says so if one escapes."""
@@ -16,6 +16,7 @@ ANOTHER_HOST = "it is for another host"
 DOCKER = "it needs Docker; tests/project/test_containers.py holds the file to the rig's"
 
 SITTINGS: dict[str, Sitting] = {
+    **ORCHESTRATORS,
     "docs/tutorials/first-grip.md": Sitting(
         (
             Typed(".venv/bin/pincette job grip --force-mN 10", r"outcome +gripped"),
@@ -51,19 +52,6 @@ SITTINGS: dict[str, Sitting] = {
             Typed("pincette doctor --rig", r"position sensor at socket://127.0.0.1:7471", status=1),
             Typed("sed 's/head = 1", r"option head = 9", status=1),
         ),
-    ),
-    "docs/tutorials/orchestrator.md": Sitting(
-        (
-            Typed(
-                ".venv/bin/python docs/examples/orchestrator.py", "part-3: released", seconds=200.0
-            ),
-            Typed("from pincette.client import Supervisor", r"True \[\]"),
-            Typed("job = rig.start("),
-            Typed("for event in job.events()", r"the part is held\nsucceeded"),
-            Typed("for file in job.artifacts()", r"samples\.parquet \d+ [0-9a-f]{64}"),
-        ),
-        up=DEMO,
-        slow=True,
     ),
     "docs/how-to/plan.md": Sitting(
         (
@@ -149,36 +137,6 @@ SITTINGS: dict[str, Sitting] = {
             Told("pincette run loop", "tests/system/test_composed.py runs both, each in its rig"),
             Told("pincette security add", "tests/system/test_composed.py adds it to its folder"),
         )
-    ),
-    "docs/how-to/sila.md": Sitting(
-        (
-            Told("pip install 'pincette[sila]'", "requirements/dev.txt has the extra already"),
-            Typed(".venv/bin/pincette run sila", r"ready: SiLA 2 at 127.0.0.1:50052", stays=True),
-            Typed("from sila2.client import SilaClient", r"held with 1[45]\.\d\d mN[^$]*released"),
-        ),
-        up=DEMO,
-    ),
-    "docs/how-to/bluesky.md": Sitting(
-        (
-            Told("pip install 'pincette[bluesky]'", "requirements/dev.txt has the extra already"),
-            Typed("import bluesky.plan_stubs", r"held with 1[45]\.\d\d mN\s+part: none"),
-            Typed("import bluesky.plan_stubs", r"\d+ samples"),
-        ),
-        up=DEMO,
-    ),
-    "docs/how-to/agents.md": Sitting(
-        (
-            Told("pip install 'pincette[mcp]'", "requirements/dev.txt has the extra already"),
-            Typed("import asyncio", r"'grip'[^$]*held with 1[45]\.\d\d mN\s+part: none"),
-        ),
-        up=DEMO,
-    ),
-    "docs/how-to/web-of-things.md": Sitting(
-        (
-            Typed("curl -s --fail-with-body http://127.0.0.1:8000/.well-known/wot"),
-            Told("npm install", "tests/orchestrators/test_thing_description.py installs it"),
-        ),
-        up=DEMO,
     ),
     "docs/how-to/several-rigs.md": Sitting(
         (
