@@ -3,6 +3,7 @@
 from tests.support.documents import Sitting, Told, Typed
 
 DEMO = "deploy/rigs/demo.toml"
+IN_ITS_OWN = "tests/orchestrators/test_madsci.py does so, in an environment of its own"
 EXTRA = "requirements/dev.txt has the extra already"
 
 ORCHESTRATORS: dict[str, Sitting] = {
@@ -28,6 +29,13 @@ ORCHESTRATORS: dict[str, Sitting] = {
             Typed("import asyncio", r"'grip'[^$]*held with 1[45]\.\d\d mN\s+part: none"),
         ),
         up=DEMO,
+    ),
+    "docs/how-to/madsci.md": Sitting(
+        (
+            Told("python3 -m venv data/madsci", IN_ITS_OWN),
+            Told("NODE_URL=", IN_ITS_OWN),
+            Told("data/madsci/bin/python -", IN_ITS_OWN),
+        )
     ),
     "docs/how-to/web-of-things.md": Sitting(
         (

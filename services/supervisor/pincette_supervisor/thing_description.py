@@ -29,7 +29,8 @@ ACTIONS: Mapping[str, str] = {
     "estop": f"{RIG}/estop",
 }
 """No reset: it says that a person has looked."""
-EVENTS: Mapping[str, str] = {"live": f"{RIG}/live", "events": f"{RIG}/events"}
+EVENTS: Mapping[str, str] = {"live": f"{RIG}/live"}
+"""The events of jobs are server-sent with names, which a form cannot ask for."""
 DEEPEST = 1
 """Models within a model that are told whole: a client checks what it sends by them, and the
 supervisor what it gets. What lies deeper is in the OpenAPI document."""
@@ -108,8 +109,7 @@ class _Described:
         operation = self._operation(EVENTS[name], "get")
         form = self._form(name, EVENTS[name], "GET", "subscribeevent")
         form["subprotocol"] = "sse"
-        data = self.schema({"live": "LiveBatch", "events": "Event"}[name])
-        return {**self._words(operation), "data": data, "forms": [form]}
+        return {**self._words(operation), "data": self.schema("LiveBatch"), "forms": [form]}
 
     def schema(self, name: str) -> dict[str, Any]:
         """A model as a data schema, with all that it refers to."""

@@ -21,12 +21,10 @@ async function main(url, forceMN) {
     () => null,
     (error) => error.message,
   );
-  const events = await thing.subscribeEvent("events", async (data) => {
-    const event = await data.value();
-    if (event.kind === "progress") said.phases.push(event.body.phase);
-  });
   const live = await thing.subscribeEvent("live", async (data) => {
-    said.live += (await data.value()).seq.length;
+    const batch = await data.value();
+    said.live += batch.seq.length;
+    said.phases.push(batch.phase);
   });
 
   const grip = { kind: "grip", force_mN: forceMN, until_released: true, autostart: true };
@@ -38,7 +36,6 @@ async function main(url, forceMN) {
   said.held_mN = held;
   await call("act", { type: "release" }, job);
   said.state = (await read("result", job)).state;
-  await events.stop();
   await live.stop();
 
   const stopped = { uriVariables: { job: (await call("start", grip)).id } };
