@@ -15,7 +15,7 @@ TEST := not full and not slow and not engine
 FULL := full and not slow and not engine
 # What keeps no clock runs on every core; what keeps one runs alone, afterwards.
 PARALLEL := -n logical --dist worksteal
-OTHERS := tests/contract tests/integration tests/project tests/replay tests/unit
+OTHERS := tests/contract tests/integration tests/orchestrators tests/project tests/replay tests/unit
 TESTS := tests/system $(OTHERS)
 # those of them that have tests that keep a clock
 TIMED = $(filter tests/system tests/contract,$(TESTS))

@@ -135,6 +135,9 @@ class JobHandle(Blocking[AsyncJobHandle]):
     describe = blocking(AsyncJobHandle.describe)
     delete_record = blocking(AsyncJobHandle.delete_record)
     events = iterator(AsyncJobHandle.events)
+    to_hold = iterator(AsyncJobHandle.to_hold)
+    to_success = iterator(AsyncJobHandle.to_success)
+    to_release = iterator(AsyncJobHandle.to_release)
     artifacts = blocking(AsyncJobHandle.artifacts)
     download = blocking(AsyncJobHandle.download)
 
@@ -167,6 +170,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
     jobs = blocking(AsyncRigHandle.jobs, _all)
     job = blocking(AsyncRigHandle.job, JobHandle)
     stop = blocking(AsyncRigHandle.stop)
+    let_go = blocking(AsyncRigHandle.let_go, JobHandle)
     active_job = blocking(AsyncRigHandle.active_job, _optional)
     events = iterator(AsyncRigHandle.events)
     live = iterator(AsyncRigHandle.live)

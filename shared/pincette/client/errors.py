@@ -5,6 +5,7 @@ from typing import Any, cast
 
 import httpx
 
+from pincette.api.jobs import Job
 from pincette.api.problems import TYPE
 
 
@@ -35,6 +36,38 @@ class ForeignAnswerError(ClientError):
 
 class WaitTimeoutError(ClientError, TimeoutError):
     """The job has not ended within the time that was given; it goes on."""
+
+
+class InfeasiblePlanError(ClientError):
+    """A plan breaks limits; nothing has been asked to move."""
+
+    def __init__(self, violations: Sequence[str]) -> None:
+        super().__init__(
+            "\n".join(["the plan breaks a limit:", *(f"  {one}" for one in violations)])
+        )
+        self.violations = violations
+        """Each in words, with value, unit and limit."""
+
+
+class JobEndedError(ClientError):
+    """A job has ended before it was where the caller waits for it."""
+
+    def __init__(self, words: str, job: Job) -> None:
+        super().__init__(words)
+        self.job = job
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it was stopped because somebody asked for that."""
+        return self.job.state == "stopped"
+
+
+class RigLatchedEndError(JobEndedError):
+    """It has ended because the rig was latched, as by an emergency stop."""
+
+
+class NothingHeldError(ClientError):
+    """A release is asked for, and nothing is held."""
 
 
 class DamagedFileError(ClientError):

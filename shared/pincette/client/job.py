@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from pincette.api.events import Event
-from pincette.api.jobs import Artifact, ArtifactList, Job
+from pincette.api.jobs import Artifact, ArtifactList, Job, Progress
 from pincette.api.results import JobResult
 from pincette.api.states import STATES, ActionType, JobState
+from pincette.client import following
 from pincette.client.call import Call, content, get, model, post
 from pincette.client.errors import WaitTimeoutError
 from pincette.client.kinds import result_of
@@ -126,6 +127,24 @@ class AsyncJobHandle:
             return self.ended
 
         return self._transport.events(f"/jobs/{self.id}/events", after, ended)
+
+    def to_hold(self) -> AsyncGenerator[Progress]:
+        """Progress until the part is held and its force has settled.
+
+        Raises
+        ------
+        JobEndedError
+            It has ended before; RigLatchedEndError where the rig was latched.
+        """
+        return following.to_hold(self._transport, self)
+
+    def to_success(self) -> AsyncGenerator[Progress]:
+        """Progress until it has succeeded; raises as ``to_hold``."""
+        return following.to_success(self._transport, self)
+
+    def to_release(self) -> AsyncGenerator[Progress]:
+        """Progress until nothing is held and the arm rests; raises as ``to_hold``."""
+        return following.to_release(self._transport, self)
 
     def result(self) -> JobResult | None:
         """Its result; None if it has not moved."""

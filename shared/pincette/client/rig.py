@@ -15,6 +15,7 @@ from pincette.api.plans import JobPlan
 from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
 from pincette.client.call import Call, content, get, model, post
+from pincette.client.errors import NothingHeldError
 from pincette.client.job import AsyncJobHandle
 from pincette.client.kinds import plan_of
 from pincette.client.live import LiveSample
@@ -115,6 +116,24 @@ class AsyncRigHandle:
         """The job that has the rig."""
         rig = await self.state()
         return None if rig.active_job is None else await self.job(rig.active_job)
+
+    async def let_go(self, idempotency_key: str | None = None, **fields: Any) -> AsyncJobHandle:
+        """Ask for the release of what is held, of the job that holds it or of a job for that.
+
+        Raises
+        ------
+        NothingHeldError
+            Nothing is held.
+        """
+        state = await self.state()
+        if state.active_job is not None:
+            job = await self.job(state.active_job)
+            if "release" in job.job.allowed_actions:
+                await job.release()
+                return job
+        if state.part == "none":
+            raise NothingHeldError(f"rig {self.name} holds no part")
+        return await self.start("release", idempotency_key=idempotency_key, **fields)
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:
         """Events of the rig as they come, after a number; new ones only if it is left out."""

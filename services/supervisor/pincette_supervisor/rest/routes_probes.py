@@ -1,10 +1,11 @@
-"""What programs ask of the supervisor: probes, version, metrics, and the AsyncAPI document."""
+"""What programs ask of the supervisor: probes, version, metrics, AsyncAPI, Thing Description."""
 
 import asyncio
 from time import monotonic
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Response
+from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi.responses import JSONResponse
 from prometheus_client.exposition import choose_encoder
 
 from pincette import __version__
@@ -14,8 +15,9 @@ from pincette.asyncapi.document import document
 from pincette_supervisor.alarms.checks import of_rig, of_supervisor, words_of
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.metrics.collector import RigCollector
-from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs
+from pincette_supervisor.rest.dependencies import OBSERVE, AccessState, AllRigs
 from pincette_supervisor.rest.strict_route import StrictRoute
+from pincette_supervisor.thing_description import THING_TYPE, WELL_KNOWN, thing
 
 TURN_S = 1.0
 """The event loop is expected to come round at least this often."""
@@ -94,6 +96,22 @@ async def version(rigs: AllRigs) -> dict[str, str | dict[str, str]]:
 def asyncapi() -> Response:
     """Every key and message of the bus, as an AsyncAPI document."""
     return Response(document(), media_type="application/json")
+
+
+@documents.get(WELL_KNOWN, include_in_schema=False)
+async def thing_description(
+    request: Request,
+    rigs: AllRigs,
+    access: AccessState,
+    rig: Annotated[str | None, Query(max_length=200)] = None,
+) -> JSONResponse:
+    """The Thing Description of a rig; of the supervisor's own where none is named."""
+    name = rigs.own.name if rig is None else rigs.get(rig).name
+    base = str(request.base_url).rstrip("/")
+    others = [one.name for one in rigs.all() if one.name != name]
+    keys = access.authenticator.keys_wanted
+    found = thing(request.app.openapi(), name, base, keys=keys, others=others)
+    return JSONResponse(found, media_type=THING_TYPE)
 
 
 def _turn(turn_s: float) -> Check:

@@ -1,0 +1,66 @@
+"""What is read of a rig, and of what kind and unit each of it is."""
+
+import math
+import time
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from bluesky.protocols import Reading
+from event_model import DataKey
+
+from pincette.api.rigs import Rig
+from pincette.core.units import unit_of
+
+NUMBERS = ("force_mN", "force_uncertainty_mN", "x_um", "voltage_V")
+"""Of the newest sample; NaN where nothing is known."""
+TEXTS = ("part", "job")
+STANDING = ("rig", "rig_digest", "model_digest", "period_s")
+"""What is read once of a run."""
+COLUMNS = (
+    "seq",
+    "t_s",
+    "phase",
+    "x_um",
+    "x_r_um",
+    "force_mN",
+    "force_r_mN",
+    "force_uncertainty_mN",
+    "voltage_V",
+    "sliding_um",
+)
+"""Of a record, which has more."""
+SAID = (*TEXTS, "phase", "rig", "rig_digest", "model_digest")
+COUNTED = ("seq",)
+
+
+def data_keys(name: str, source: str, fields: Iterable[str]) -> dict[str, DataKey]:
+    """What fields of a device are; the unit is that of the name."""
+    return {f"{name}-{field}": _data_key(source, field) for field in fields}
+
+
+def readings(name: str, found: Mapping[str, Any]) -> dict[str, Reading[Any]]:
+    """What was found by this moment."""
+    at_s = time.time()
+    return {f"{name}-{field}": Reading(value=one, timestamp=at_s) for field, one in found.items()}
+
+
+def newest(rig: Rig) -> dict[str, Any]:
+    """The newest sample of a rig, whether a part is held, and which job has it."""
+    now = rig.newest
+    values = {field: None if now is None else getattr(now, field) for field in NUMBERS}
+    known = {field: math.nan if value is None else value for field, value in values.items()}
+    return {**known, "part": rig.part, "job": rig.active_job or ""}
+
+
+def standing(rig: Rig) -> dict[str, Any]:
+    """Which rig, rig file and model there are."""
+    found = (rig.name, rig.digest, rig.model.digest, rig.period_s)
+    return dict(zip(STANDING, found, strict=True))
+
+
+def _data_key(source: str, field: str) -> DataKey:
+    if field in SAID:
+        return DataKey(source=source, dtype="string", shape=[])
+    if field in COUNTED:
+        return DataKey(source=source, dtype="integer", shape=[])
+    return DataKey(source=source, dtype="number", shape=[], units=unit_of(field))

@@ -1,0 +1,50 @@
+"""The samples of a record as pages of events."""
+
+import asyncio
+import math
+from collections.abc import AsyncGenerator
+from datetime import datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from event_model.documents.event_page import PartialEventPage
+
+from pincette.bluesky.readings import COLUMNS, SAID
+from pincette.client import AsyncJobHandle
+
+ROWS = 1000
+"""Of a page, at most."""
+RECORD = "samples.parquet"
+
+
+async def pages(job: AsyncJobHandle, name: str) -> AsyncGenerator[PartialEventPage]:
+    """The samples of a job, whose times are counted from its start."""
+    started = job.job.started_at
+    begin_s = 0.0 if started is None else datetime.fromisoformat(started).timestamp()
+    with TemporaryDirectory(prefix="pincette-") as folder:
+        path = await job.download(RECORD, folder)
+        columns = await asyncio.to_thread(_columns, path)
+    times = [begin_s + t_s for t_s in columns["t_s"]]
+    for first in range(0, len(times), ROWS):
+        part = slice(first, first + ROWS)
+        data = {f"{name}-{field}": columns[field][part] for field in COLUMNS}
+        stamps = dict.fromkeys(data, times[part])
+        yield PartialEventPage(data=data, timestamps=stamps, time=times[part])
+
+
+def _columns(path: Path) -> dict[str, list[Any]]:
+    # Loaded with the first record; the package carries no types.
+    import pyarrow.parquet
+
+    parquet: Any = pyarrow.parquet
+    table = parquet.read_table(path, columns=list(COLUMNS))
+    return {
+        field: [_known(value, field) for value in table[field].to_pylist()] for field in COLUMNS
+    }
+
+
+def _known(value: Any, field: str) -> Any:
+    if value is None:
+        return "" if field in SAID else math.nan
+    return value
