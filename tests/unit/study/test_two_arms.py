@@ -41,17 +41,20 @@ def _arm(softer: float) -> RigFile:
     )
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", CASES[1:], ids=lambda case: case.name)
 def test_place_and_force_follow_paths_that_no_line_binds(pair: TaughtPair, case: Case) -> None:
     found = track(pair, case)
     assert found.position_percent < case.position_percent[1]
     assert found.force_percent < case.force_percent[1]
 
 
-def test_a_dry_run_takes_most_of_the_force_error_away(pair: TaughtPair) -> None:
+def test_a_dry_run_takes_the_error_of_the_models_out_of_the_force(pair: TaughtPair) -> None:
+    """The model in the demo rig's file errs by 0.4 mN on such a path; taught pairs do by half."""
     plain, known = (track(pair, CASES[0], dry_run=dry) for dry in (False, True))
-    assert known.force_percent < 0.5 * plain.force_percent
+    assert plain.position_percent < CASES[0].position_percent[0]
+    assert plain.force_percent < 5.0
     assert known.position_percent < CASES[0].position_percent[0]
+    assert known.force_percent < 0.2 * plain.force_percent
 
 
 @pytest.mark.parametrize("off_um", [-5.0, 5.0])
