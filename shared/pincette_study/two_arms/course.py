@@ -16,7 +16,6 @@ TOUCH_MN, TOUCH_S = 0.8, 0.06
 """Force that is taken for a touch, in the mean over this time, three samples at least."""
 SETTLE_S = 0.2
 LOAD_S, HOLD_S = 2.0, 1.0
-MOST_SEEK_S = 20.0
 
 
 def prepare(bench: PairBench) -> None:
@@ -63,7 +62,7 @@ def close(bench: PairBench, place_um: float) -> None:
     opening = bench.plant.gap_um - STAND_OFF_UM
     if sum(tips(bench)) < opening - 1.0:
         go(bench, (0.5 * opening + place_um, 0.5 * opening - place_um))
-    seek(bench, _about(place_um, sum(tips(bench))), (0.5, 0.5), (0, 1))
+    seek(bench, _about(place_um, sum(tips(bench))), (0.5, 0.5), (0, 1), 3.0 * STAND_OFF_UM)
 
 
 def press(bench: PairBench, place_um: float, force_mN: float) -> None:
@@ -83,11 +82,16 @@ def press(bench: PairBench, place_um: float, force_mN: float) -> None:
         )
 
 
-def seek(bench: PairBench, begin: Pair, slope: Pair, sides: tuple[int, ...]) -> Pair:
-    """Go on slowly until each of these sides has touched; where the tips then are, in the mean."""
+def seek(
+    bench: PairBench, begin: Pair, slope: Pair, sides: tuple[int, ...], most_um: float
+) -> Pair:
+    """Go on slowly until each of these sides has touched; where the tips then are, in the mean.
+
+    Raises StudyError where ``most_um`` are gone and nothing is touched.
+    """
     period_s = bench.instruments.period_s
     several = max(3, round(TOUCH_S / period_s))
-    for index in range(round(MOST_SEEK_S / period_s)):
+    for index in range(round(most_um / (SEEK_UM_PER_S * period_s))):
         way_um = SEEK_UM_PER_S * (index + 1) * period_s
         goal = begin[0] + slope[0] * way_um, begin[1] + slope[1] * way_um
         bench.lead(

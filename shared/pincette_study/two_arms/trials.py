@@ -16,7 +16,7 @@ from pincette.sim.plant.parameters import PartParameters
 from pincette_study import printed
 from pincette_study.closed_loop import rms
 from pincette_study.two_arms.bench import PairBench
-from pincette_study.two_arms.course import STAND_OFF_UM, close, go, prepare, press, seek, tips
+from pincette_study.two_arms.course import close, go, prepare, press, seek, tips
 from pincette_study.two_arms.pairs import FAST, SLOW, Instruments, TaughtPair
 
 FORCE_MN, FORCE_PP_MN = 15.0, 10.0
@@ -156,10 +156,10 @@ def centre(pair: TaughtPair, off_um: float, slip_mN: float = GROUND_SLIP_MN) -> 
     for side in (0, 1):
         away = tips(bench)
         slope = (1.0, 0.0) if side == 0 else (0.0, 1.0)
-        near = bench.plant.gap_um / 2.0 - STAND_OFF_UM - 2.0
+        near = 0.5 * bench.plant.gap_um - MOST_OFF_UM - BACK_UM
         ready = (near, away[1]) if side == 0 else (away[0], near)
         go(bench, ready)
-        touched = seek(bench, ready, slope, (side,))
+        touched = seek(bench, ready, slope, (side,), 2.0 * (MOST_OFF_UM + BACK_UM))
         found.append(touched[side])
         at = tips(bench)
         back_um = touched[side] - BACK_UM
