@@ -18,11 +18,10 @@ of both by itself; δT is from a sample until its voltages are put out, φ = max
     b_k   = S·F_r + l_1 - l_2 - Ŵ_b  pressed,   d_r - Ŵ_b  free
     X_1   = b_k/2 + a_k,   X_2 = b_k/2 - a_k,   u_i = H_i⁻¹[X_i]
 
-at t = (k + δ + 1/2)T, further ahead by T·κ/(1 - κ) where an output lags, with
-F(z) = [(1-p)/(1-p·z⁻¹)]ⁿ and p = e^(-2πfT); d_r is the sum x_1 + x_2
-that free arms are led along. The offset between x_i and H_i, and g, are part of W. With n = 1 and
-p = K_P/(K_P + K_I) each of both is the reaching law of PBSMIC; see ``fpbsmic``. Neither has a share
-in the other: no line binds place and force, and no gain trades them.
+at t = (k + δ + 1/2)T, further ahead by T·κ/(1 - κ) where an output lags, with F(z) as in
+``fpbsmic``; d_r is the sum x_1 + x_2 that free arms are led along. The offset between x_i and H_i,
+and g, are part of W. With n = 1 and p = K_P/(K_P + K_I) each of both is the reaching law of PBSMIC.
+Neither has a share in the other: no line binds place and force, and no gain trades them.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013, of which two arms are the future work.
 """
@@ -238,8 +237,7 @@ def step(
     place_um = 0.5 * (tips_um[0] - tips_um[1])
     uneven = 0.5 * (s_1 - s_2)
     taken_mN = r.force_mN if r.pressed else 0.0
-    met_mN = taken_mN if state.fresh else state.force_r_mN
-    place_missed = place_um - a_um + uneven * met_mN
+    place_missed = place_um - a_um + uneven * (taken_mN if state.fresh else state.force_r_mN)
     sum_missed = (k.joint_um_per_mN * force_mN if r.pressed else tips_um[0] + tips_um[1]) - b_um
     place_before, sum_before = state.place_um.four, state.sum_um.four
     if state.fresh:
@@ -255,10 +253,8 @@ def step(
     speed, acceleration = r.place_speed_um_per_s, r.place_acceleration_um_per_s2
     later_um = r.place_um + k.ahead_s * (speed + 0.5 * k.ahead_s * acceleration)
     later_speed = speed + k.ahead_s * acceleration
-    lead_1, lead_2 = (
-        (lead + k.lag_ahead_s) * later_speed + lead_2 * acceleration
-        for lead, lead_2 in zip(k.leads_s, k.leads_s2, strict=True)
-    )
+    lead_1, lead_2 = _leads(k, later_speed, acceleration)
+    later_um += k.lag_ahead_s * later_speed
     wanted_a = later_um + uneven * taken_mN + 0.5 * (lead_1 + lead_2) - place.four
     ahead_s = k.ahead_s + k.lag_ahead_s
     if r.pressed:
@@ -266,19 +262,8 @@ def step(
         wanted_b = k.joint_um_per_mN * later_mN + lead_1 - lead_2 - total.four
     else:
         wanted_b = r.opening_um + ahead_s * r.opening_speed_um_per_s + lead_1 - lead_2 - total.four
-    after = TwoArmState(
-        fresh=False,
-        pressed=r.pressed,
-        older_um=free_um,
-        lagging_um=bar_um,
-        leads_um=(
-            k.leads_s[0] * speed + k.leads_s2[0] * acceleration,
-            k.leads_s[1] * speed + k.leads_s2[1] * acceleration,
-        ),
-        force_r_mN=taken_mN,
-        place_um=place,
-        sum_um=total,
-    )
+    leads_um = _leads(k, speed, acceleration)
+    after = TwoArmState(False, r.pressed, free_um, bar_um, leads_um, taken_mN, place, total)
     return after, TwoArmOutput(
         free_um=(0.5 * wanted_b + wanted_a, 0.5 * wanted_b - wanted_a),
         place_um=place_um,
@@ -293,9 +278,18 @@ def aged(k: TwoArmParameters, state: TwoArmState, free_um: Pair) -> Pair:
     """x̄_i of the age of the sample."""
     if state.fresh:
         return free_um
-    kept_share, older = k.lag_kept, k.older
+    older = k.older
     one, two = (
-        (1.0 - kept_share) * ((1.0 - older) * now + older * before) + kept_share * lagging
+        (1.0 - k.lag_kept) * ((1.0 - older) * now + older * before) + k.lag_kept * lagging
         for now, before, lagging in zip(free_um, state.older_um, state.lagging_um, strict=True)
+    )
+    return one, two
+
+
+def _leads(k: TwoArmParameters, speed: float, acceleration: float) -> Pair:
+    """l_1 and l_2 of a motion of the place."""
+    one, two = (
+        of_speed * speed + of_acceleration * acceleration
+        for of_speed, of_acceleration in zip(k.leads_s, k.leads_s2, strict=True)
     )
     return one, two

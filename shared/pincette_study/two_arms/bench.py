@@ -1,10 +1,12 @@
 """Two simulated arms under the law of two arms, tick by tick, as they are read and driven."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from pincette.config import RigFile, derived
-from pincette.control.arm.plant import ArmParameters, OutputTiming, consistent_arm
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.arm.plant import OutputTiming
 from pincette.control.force.observers import QuasiStatic, QuasiStaticParameters
 from pincette.control.laws import two_arms
 from pincette.control.laws.two_arms import Pair, TwoArmReferences
@@ -16,6 +18,7 @@ from pincette.control.response.hysteresis import (
 )
 from pincette.control.response.hysteresis import start as at_rest
 from pincette.control.response.inverse import voltage_for
+from pincette.control.stability.two_arms import TwoArmLoop
 from pincette.sim.plant.noise import GaussianNoise
 from pincette.sim.plant.pair import advance_pair
 from pincette.sim.plant.pair_state import (
@@ -27,30 +30,15 @@ from pincette.sim.plant.pair_state import (
     set_pair_voltages,
     start_pair,
 )
-from pincette.sim.plant.plant import plant_parameters
 from pincette.sim.rig.sensor_view import reading_um
-from pincette_study.pairs import TaughtPair
 from pincette_study.rigs import simulation_of
+from pincette_study.two_arms.pairs import Instruments, TaughtPair, arm_of, model_of, plant_of
 
-
-@dataclass(frozen=True, slots=True)
-class Instruments:
-    """What reads and drives both arms."""
-
-    period_s: float
-    delay_s: float
-    """From a sample to its voltages."""
-    lag_s: float
-    output_step_V: float
-    sensor_step_um: float
-    substep_s: float
-    slew_V_per_s: float
-
-
-SLOW = Instruments(0.02, 0.005, 0.0033, 0.001220703125, 0.025, 0.001, 50.0)
-"""Those of ``demo.toml``."""
-FAST = Instruments(0.001, 0.00065, 0.0, 0.00030517578125, 0.003, 0.00025, 60.0)
-"""Those of ``kilohertz.toml``."""
+Series = NDArray[np.float64]
+Table = list[Pair]
+"""Of a phase, by tick: what both models miss in µm."""
+SMOOTH_S = {0.02: 0.1, 0.001: 0.015}
+"""σ by which it is smoothed, by period in s: five samples of a slow pair, fifteen of a fast one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,41 +66,46 @@ class PairBench:
         pair: TaughtPair,
         instruments: Instruments,
         part: Callable[[PairParameters], PairParameters],
-        gains: dict[str, float] | None = None,
+        known: Mapping[str, Table] | None = None,
+        run: int = 1,
     ) -> None:
         self.instruments, self.pair = instruments, pair
-        self.plant = part(_plant(pair, instruments))
+        self.begun: dict[str, int] = {}
+        self._part, self._run = part, run
+        self._known = known or {}
+        self._missed: Table = []
+        self._phase_index = 0
+        self.plant = part(plant_of(pair, instruments))
         self.state: PairState = start_pair(self.plant)
         self.ticks: list[Tick] = []
-        self._noise = [GaussianNoise(pair.number, stream) for stream in (1, 2)]
-        self._models: list[HysteresisModel] = [_model(rig) for rig in pair.arms]
+        self.free_um: list[Pair] = []
+        """Where both models stand at each sample."""
+        self._noise = [GaussianNoise(pair.number, 2 * run + arm) for arm in (0, 1)]
+        self._models: list[HysteresisModel] = [model_of(rig) for rig in pair.arms]
         self._memories: list[HysteresisState] = [at_rest(model) for model in self._models]
         self._voltages_V: Pair = (0.0, 0.0)
         self._wanted: TwoArmReferences | None = None
         output = OutputTiming(instruments.delay_s, instruments.lag_s)
-        first, second = (arm_of(rig) for rig in pair.arms)
-        omega_n = (first.k / first.m) ** 0.5
-        self.law = two_arms.build(
-            (first, second),
-            gains or two_arms.default_gains(omega_n, instruments.period_s),
-            instruments.period_s,
-            2.0 / self.plant.face_mN_per_um,
-            output,
+        arms = arm_of(pair.arms[0]), arm_of(pair.arms[1])
+        part_um_per_mN = 2.0 / self.plant.face_mN_per_um
+        gains = two_arms.default_gains((arms[0].k / arms[0].m) ** 0.5, instruments.period_s)
+        self.loop = TwoArmLoop(
+            arms, tuple(gains.items()), instruments.period_s, part_um_per_mN, output
         )
+        self.law = two_arms.build(arms, gains, instruments.period_s, part_um_per_mN, output)
         self._law_state = two_arms.start()
         self.offsets_um: list[float] = [0.0, 0.0]
         self._observers = [
             QuasiStatic(
                 QuasiStaticParameters(1.0 / arm.k, older=self.law.older, lag=self.law.lag_kept)
             )
-            for arm in (first, second)
+            for arm in arms
         ]
 
-    @property
-    def disagreement_mN(self) -> float:
-        """F̂_1 - F̂_2 of the newest sample."""
-        force_1, force_2 = self.ticks[-1].forces_mN
-        return force_1 - force_2
+    def begin(self, phase: str) -> None:
+        """Begin a phase, of which it may be known what the models miss."""
+        self.begun[phase] = len(self.ticks)
+        self._missed, self._phase_index = self._known.get(phase, []), len(self.ticks)
 
     def drive(self, voltages_V: Callable[[], Pair]) -> None:
         """One tick without a law; the voltages are asked for after the sample."""
@@ -123,29 +116,25 @@ class PairBench:
     def lead(self, references: TwoArmReferences) -> two_arms.TwoArmOutput:
         """One tick under the law."""
         tick = self._sample()
-        free_1, free_2 = (
-            displacement_um(model, memory)
-            for model, memory in zip(self._models, self._memories, strict=True)
-        )
         self._law_state, output = two_arms.step(
             self.law,
             self._law_state,
             tips_um=tick.tips_um,
-            free_um=(free_1, free_2),
+            free_um=self.free_um[-1],
             forces_mN=tick.forces_mN,
             references=references,
         )
+        # The response a period ahead is H and what is then missed of it.
+        missed = self._missed_um()
         V_1, V_2 = (
             voltage_for(
-                model,
-                memory,
-                free_um,
-                um_per_V=rig.model.piezo_um_per_V,
+                self._models[arm],
+                self._memories[arm],
+                output.free_um[arm] - missed[arm],
+                um_per_V=self.pair.arms[arm].model.piezo_um_per_V,
                 period_s=self.instruments.period_s,
             )
-            for rig, model, memory, free_um in zip(
-                self.pair.arms, self._models, self._memories, output.free_um, strict=True
-            )
+            for arm in (0, 1)
         )
         self._put((V_1, V_2))
         self._wanted = references
@@ -153,20 +142,13 @@ class PairBench:
 
     def zero(self, ticks: int) -> None:
         """Rest free of the part, and take both forces for 0."""
-        begin = len(self.ticks)
-        away: list[Pair] = []
+        self.begin("zero")
         for _ in range(ticks):
             self.drive(lambda: self._voltages_V)
-            one, two = (
-                displacement_um(model, memory)
-                for model, memory in zip(self._models, self._memories, strict=True)
-            )
-            away.append((one, two))
-        for arm in range(2):
-            seen = [tick.tips_um[arm] for tick in self.ticks[begin:]]
-            # The memory is led on after the sample: each reading belongs to the one before.
-            known = [pair[arm] for pair in away]
-            self.offsets_um[arm] = (sum(seen[1:]) - sum(known[:-1])) / (ticks - 1)
+        for arm in (0, 1):
+            seen = sum(tick.tips_um[arm] for tick in self.ticks[-ticks:])
+            self.offsets_um[arm] = (seen - sum(pair[arm] for pair in self.free_um[-ticks:])) / ticks
+        self.begin("close")
 
     def without_part(self) -> None:
         """Take the part away."""
@@ -179,9 +161,40 @@ class PairBench:
             self.state, part="there", contact=APART, part_um=at_um, anchor_um=at_um
         )
 
+    def replayed(self) -> dict[str, Table]:
+        """Play the voltages once more, from a new start and without the part: what H misses.
+
+        By phase and tick, against its mean over the zero, smoothed.
+        """
+        other = PairBench(self.pair, self.instruments, self._part, run=self._run + 10)
+        other.without_part()
+        voltages = [tick.voltages_V for tick in self.ticks[1:]] + [self._voltages_V]
+        missed: list[Pair] = []
+        for voltages_V in voltages:
+            other.drive(lambda: voltages_V)  # noqa: B023  asked for at once
+        for tick, free_um in zip(other.ticks, other.free_um, strict=True):
+            missed.append((tick.tips_um[0] - free_um[0], tick.tips_um[1] - free_um[1]))
+        values = np.array(missed)
+        zero = slice(self.begun["zero"], self.begun["close"])
+        smooth = _smoothed(
+            values - np.mean(values[zero], axis=0),
+            SMOOTH_S[self.instruments.period_s] / self.instruments.period_s,
+        )
+        ends = [*self.begun.values(), len(values)]
+        return {
+            phase: [(float(one), float(two)) for one, two in smooth[begin : ends[place + 1]]]
+            for place, (phase, begin) in enumerate(self.begun.items())
+            if phase in ("press", "track")
+        }
+
     def _sample(self) -> Tick:
         index, state = len(self.ticks), self.state
         now_s = index * self.instruments.period_s
+        missed = self._missed_um()
+        one, two = (
+            displacement_um(self._models[arm], self._memories[arm]) + missed[arm] for arm in (0, 1)
+        )
+        self.free_um.append((one, two))
         tips: list[float] = []
         forces: list[float] = []
         for arm, (rig, x_um) in enumerate(zip(self.pair.arms, state.tips_um, strict=True)):
@@ -189,7 +202,7 @@ class PairBench:
                 update={"sensor_step_um": self.instruments.sensor_step_um}
             )
             tips.append(reading_um(simulation, x_um, now_s, self._noise[arm].at, index))
-            free_um = self.offsets_um[arm] + displacement_um(self._models[arm], self._memories[arm])
+            free_um = self.offsets_um[arm] + self.free_um[index][arm]
             voltage_V = self._voltages_V[arm]
             if not index:
                 self._observers[arm] = self._observers[arm].restart(tips[arm], free_um, voltage_V)
@@ -208,6 +221,13 @@ class PairBench:
         )
         self.ticks.append(tick)
         return tick
+
+    def _missed_um(self) -> Pair:
+        """What is known to be missed of the sample to come."""
+        if not self._missed:
+            return 0.0, 0.0
+        place = len(self.ticks) - self._phase_index
+        return self._missed[min(place, len(self._missed) - 1)]
 
     def _put(self, wanted_V: Pair) -> None:
         """Put both voltages out within the limits, and let the period pass."""
@@ -229,37 +249,10 @@ class PairBench:
         ]
 
 
-def arm_of(rig: RigFile) -> ArmParameters:
-    """m, b, k, d of an arm as its rig file has them."""
-    model = rig.model
-    return consistent_arm(
-        model.natural_frequency_rad_per_s,
-        model.damping_ratio,
-        model.piezo_um_per_V,
-        model.compliance_um_per_mN,
-    )
-
-
-def _model(rig: RigFile) -> HysteresisModel:
-    response = derived.free_response(rig.model)
-    model = getattr(response, "model", None)
-    if not isinstance(model, HysteresisModel):
-        raise TypeError("an arm of a pair needs an identified free response: teach it")
-    return model
-
-
-def _plant(pair: TaughtPair, made: Instruments) -> PairParameters:
-    first, second = (
-        plant_parameters(
-            simulation_of(rig).model_copy(
-                update={
-                    "output_step_V": made.output_step_V,
-                    "output_lag_s": made.lag_s,
-                    "substep_s": made.substep_s,
-                }
-            )
-        )
-        for rig in pair.arms
-    )
-    near_um, far_um = pair.contacts_um
-    return PairParameters(first, second, near_um + far_um, near_um)
+def _smoothed(values: Series, ticks: float) -> Series:
+    """Columns under a Gaussian of so many ticks, the ends as if they went on."""
+    reach = round(4.0 * ticks)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / ticks) ** 2)
+    padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
+    columns = [np.convolve(column, weights / np.sum(weights), mode="valid") for column in padded.T]
+    return np.array(columns).T

@@ -4,7 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pincette.config import RigFile
+from pincette.config import RigFile, derived
+from pincette.control.arm.plant import ArmParameters, consistent_arm
+from pincette.control.response.hysteresis import HysteresisModel
+from pincette.sim.plant.pair_state import PairParameters
+from pincette.sim.plant.plant import plant_parameters
 from pincette_study.beyond import CLASSES, REACH_UM
 from pincette_study.calibrated_free import with_calibrated_response
 from pincette_study.rigs import simulation_of
@@ -13,6 +17,26 @@ FIRST_SEED = 501
 """Seeds of single rigs and of the search for gains are below."""
 SPREAD = 0.05
 """By which mode and compliance of an arm differ from those printed; the law knows s_p alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """What reads and drives both arms."""
+
+    period_s: float
+    delay_s: float
+    """From a sample to its voltages."""
+    lag_s: float
+    output_step_V: float
+    sensor_step_um: float
+    substep_s: float
+    slew_V_per_s: float
+
+
+SLOW = Instruments(0.02, 0.005, 0.0033, 0.001220703125, 0.025, 0.001, 50.0)
+"""Those of ``demo.toml``."""
+FAST = Instruments(0.001, 0.00065, 0.0, 0.00030517578125, 0.003, 0.00025, 60.0)
+"""Those of ``kilohertz.toml``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,3 +79,41 @@ def taught_arm(base: RigFile, hysteresis: str, seed: int) -> RigFile:
         ),
     }
     return with_calibrated_response(rig.model_copy(update=update))
+
+
+def arm_of(rig: RigFile) -> ArmParameters:
+    """m, b, k, d of an arm as its rig file has them."""
+    model = rig.model
+    return consistent_arm(
+        model.natural_frequency_rad_per_s,
+        model.damping_ratio,
+        model.piezo_um_per_V,
+        model.compliance_um_per_mN,
+    )
+
+
+def model_of(rig: RigFile) -> HysteresisModel:
+    """The identified free response; raises TypeError where there is none."""
+    response = derived.free_response(rig.model)
+    model = getattr(response, "model", None)
+    if not isinstance(model, HysteresisModel):
+        raise TypeError("an arm of a pair needs an identified free response: teach it")
+    return model
+
+
+def plant_of(pair: TaughtPair, made: Instruments) -> PairParameters:
+    """Both arms as simulated, with the part in the middle."""
+    first, second = (
+        plant_parameters(
+            simulation_of(rig).model_copy(
+                update={
+                    "output_step_V": made.output_step_V,
+                    "output_lag_s": made.lag_s,
+                    "substep_s": made.substep_s,
+                }
+            )
+        )
+        for rig in pair.arms
+    )
+    near_um, far_um = pair.contacts_um
+    return PairParameters(first, second, near_um + far_um, near_um)

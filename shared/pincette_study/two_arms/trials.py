@@ -1,0 +1,198 @@
+"""Place and force of one part, each along a path of its own, and a part that is centred.
+
+A pair strokes over its range with the part away, takes both zeros, closes, presses, and follows two
+sinusoids at once that no line binds; ``centre`` looks for the part from both sides first.
+"""
+
+from dataclasses import dataclass, replace
+from math import pi, sin
+
+import numpy as np
+
+from pincette.control.laws.two_arms import TwoArmReferences
+from pincette.control.planning.profiles import quintic
+from pincette.sim.plant.pair_state import PairParameters
+from pincette.sim.plant.parameters import PartParameters
+from pincette_study import printed
+from pincette_study.closed_loop import rms
+from pincette_study.two_arms.bench import PairBench
+from pincette_study.two_arms.course import close, go, prepare, press, seek, tips
+from pincette_study.two_arms.pairs import FAST, SLOW, Instruments, TaughtPair
+
+FORCE_MN, FORCE_PP_MN = 15.0, 10.0
+BACK_UM = 3.0
+"""By which an arm stands back from where it has touched."""
+FIRM_MN = 2.0
+"""Force at which a part counts as held, and its way until then as what centring did to it."""
+MOST_OFF_UM = 5.0
+"""By which a part may lie off the middle."""
+GROUND_SLIP_MN = 1.5
+"""What the ground holds a part by in the study; see ``centre``."""
+FADE_S = 1.0
+"""Over which both sinusoids grow to their size."""
+DISAGREEMENT_S = 0.1
+"""Over which the difference of both forces is averaged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Two sinusoids on instruments of a rate."""
+
+    name: str
+    instruments: Instruments
+    place_hz: float
+    force_hz: float
+    seconds: float
+    """Whole cycles of both."""
+    position_percent: tuple[float, float]
+    force_percent: tuple[float, float]
+    """What is to be reached, median and worst."""
+
+
+CASES = (
+    Case("0.5 Hz and 0.3 Hz at 20 ms", SLOW, 0.5, 0.3, 10.0, (0.3, 0.6), (1.5, 3.0)),
+    Case("2 Hz and 1.3 Hz at 20 ms", SLOW, 2.0, 1.3, 10.0, (0.5, 1.0), (2.0, 4.0)),
+    Case("10 Hz and 7 Hz at 1 ms", FAST, 10.0, 7.0, 2.0, (1.0, 2.0), (2.5, 5.0)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PairTrial:
+    """How a pair followed both paths, as it truly was."""
+
+    hysteresis: str
+    number: int
+    case: str
+    position_percent: float
+    """R.m.s. of q - q_r, of the peak to peak of its path, and"""
+    force_percent: float
+    """of F - F_r, likewise."""
+    disagreement_mN: float
+    """R.m.s. of F̂_1 - F̂_2, low-passed as the law's force."""
+
+
+@dataclass(frozen=True, slots=True)
+class CentreTrial:
+    """How far centring moved a part before it was held."""
+
+    hysteresis: str
+    number: int
+    off_um: float
+    """By which the part lay off the middle between both arms."""
+    moved_um: float
+    """The furthest, until ``FIRM_MN`` were reached."""
+    held_mN: float
+    """At the end; the force asked for is ``FORCE_MN``."""
+
+
+def track(pair: TaughtPair, case: Case, *, dry_run: bool = False) -> PairTrial:
+    """Press the part and follow both paths; raises StudyError where it may not or cannot.
+
+    With ``dry_run`` the voltages of a first run are played once more with the part away, and what
+    the models miss of them is known to a second run, of which the errors are.
+    """
+    bench = PairBench(pair, case.instruments, _lifted)
+    _follow(bench, case)
+    if dry_run:
+        known = bench.replayed()
+        bench = PairBench(pair, case.instruments, _lifted, known, run=2)
+        _follow(bench, case)
+    period_s = case.instruments.period_s
+    begin = bench.begun["track"] + round(FADE_S / period_s) + 1
+    seen = [tick for tick in bench.ticks[begin:] if tick.wanted is not None]
+    places = np.array([0.5 * (t.true_tips_um[0] - t.true_tips_um[1]) for t in seen])
+    forces = np.array([0.5 * (t.true_forces_mN[0] + t.true_forces_mN[1]) for t in seen])
+    wanted = [t.wanted for t in seen if t.wanted is not None]
+    apart = np.array([t.forces_mN[0] - t.forces_mN[1] for t in seen])
+    several = max(1, round(DISAGREEMENT_S / period_s))
+    means = np.convolve(apart, np.full(several, 1.0 / several), mode="valid")
+    return PairTrial(
+        pair.hysteresis,
+        pair.number,
+        case.name,
+        100.0 * rms(places - np.array([r.place_um for r in wanted])) / printed.X_PP_UM,
+        100.0 * rms(forces - np.array([r.force_mN for r in wanted])) / FORCE_PP_MN,
+        rms(means),
+    )
+
+
+def _follow(bench: PairBench, case: Case) -> None:
+    """Grip in the middle, and follow both sinusoids over whole cycles."""
+    prepare(bench)
+    place_um = bench.plant.part_um - 0.5 * bench.plant.gap_um
+    close(bench, place_um)
+    press(bench, place_um, FORCE_MN)
+    bench.begin("track")
+    period_s = case.instruments.period_s
+    for index in range(round((FADE_S + case.seconds) / period_s)):
+        at_s = (index + 1) * period_s
+        place, speed, acceleration = _wave(place_um, printed.X_PP_UM, case.place_hz, at_s)
+        force, rate, _ = _wave(FORCE_MN, FORCE_PP_MN, case.force_hz, at_s)
+        bench.lead(
+            TwoArmReferences(
+                place_um=place,
+                force_mN=force,
+                place_speed_um_per_s=speed,
+                place_acceleration_um_per_s2=acceleration,
+                force_rate_mN_per_s=rate,
+            )
+        )
+    bench.drive(lambda: bench.ticks[-1].voltages_V)
+
+
+def centre(pair: TaughtPair, off_um: float, slip_mN: float = GROUND_SLIP_MN) -> CentreTrial:
+    """Find the part from both sides, one after the other, and close without moving it.
+
+    The ground must hold the part by more than ``TOUCH_MN``: a loose one gives way to the first arm
+    without a force that any estimator sees. It is off the middle by ``off_um``.
+    """
+
+    def lying(plant: PairParameters) -> PairParameters:
+        return replace(plant, part_um=plant.part_um + off_um, ground_slip_mN=slip_mN)
+
+    bench = PairBench(pair, SLOW, lying)
+    prepare(bench)
+    found: list[float] = []
+    for side in (0, 1):
+        away = tips(bench)
+        slope = (1.0, 0.0) if side == 0 else (0.0, 1.0)
+        near = 0.5 * bench.plant.gap_um - MOST_OFF_UM - BACK_UM
+        ready = (near, away[1]) if side == 0 else (away[0], near)
+        go(bench, ready)
+        touched = seek(bench, ready, slope, (side,), 2.0 * (MOST_OFF_UM + BACK_UM))
+        found.append(touched[side])
+        at = tips(bench)
+        back_um = touched[side] - BACK_UM
+        go(bench, (back_um, at[1]) if side == 0 else (at[0], back_um))
+    place_um = 0.5 * (found[0] - found[1])
+    go(bench, (found[0] - BACK_UM, found[1] - BACK_UM))
+    close(bench, place_um)
+    press(bench, place_um, FORCE_MN)
+    lay_um, furthest = bench.plant.part_um, 0.0
+    for tick in bench.ticks:
+        furthest = max(furthest, abs(tick.part_um - lay_um))
+        if min(tick.true_forces_mN) >= FIRM_MN:
+            break
+    held_mN = sum(0.5 * sum(t.true_forces_mN) for t in bench.ticks[-10:]) / 10
+    return CentreTrial(pair.hysteresis, pair.number, off_um, furthest, held_mN)
+
+
+def _wave(middle: float, pp: float, hz: float, t_s: float) -> tuple[float, float, float]:
+    """A sinusoid about a middle that grows to its size, with its first two derivatives."""
+    step_s = 1e-4
+    values = [
+        0.5 * pp * quintic(at_s / FADE_S) * sin(2.0 * pi * hz * at_s)
+        for at_s in (t_s - step_s, t_s, t_s + step_s)
+    ]
+    before, at, after = values
+    return (
+        middle + at,
+        (after - before) / (2.0 * step_s),
+        (after - 2.0 * at + before) / step_s**2,
+    )
+
+
+def _lifted(plant: PairParameters) -> PairParameters:
+    """A part that lies on the ground and is lifted once it is held."""
+    part = PartParameters(hold_mN=0.02, lift_after_s=0.5)
+    return replace(plant, ground_slip_mN=GROUND_SLIP_MN, part=part)
