@@ -79,6 +79,10 @@ RULES = """\
   one that waits another place; its action `stop` takes it out.
 - An ended job says why, in `ending`: a code, with the numbers of what was found. `cause` has the
   same in words. An interrupted job has the result that its record gives.
+- The end of a job is told with its result, before its files are written: `artifacts` says what
+  becomes of them. It is `none` before anything is recorded, `being_written`, then `ready`, and
+  `deleted` once the record has been. `wait=recorded` waits for the files, and so does a request
+  for one of them, up to 30 s. The rig is free meanwhile.
 - A calibration with the arm free that a stall of the machine has tripped is `failed`, and begins
   again as a new job that its `cause` names, as often as its `tries` say.
 - A supervisor that is killed leaves its job `interrupted` and the program playing, in real time
