@@ -18,7 +18,7 @@ import httpx
 import pyarrow.parquet as parquet
 import pytest
 
-from pincette.client import ProblemError, RigHandle, Supervisor
+from pincette.client import NoAnswerError, ProblemError, RigHandle, Supervisor
 from pincette.core.faults import TRIPPED
 from pincette.core.messages import Applied, Telemetry
 from tests.support.grips import SHORT, kill, make_ready, restart
@@ -86,6 +86,8 @@ def one_grip(rig: RigHandle, number: int, told: Told) -> None:
                 job.release()
             except ProblemError as problem:  # it has ended meanwhile
                 told.refusals[problem.code] += 1
+            except NoAnswerError:  # it is looked at before it is asked for again
+                told.refusals["no answer to a release"] += 1
         sleep(0.1)
         job.refresh()
     told.ended(job)
