@@ -58,8 +58,7 @@ RULES = """\
 - A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which leads
   to `aborting`, and from there to `failed`: no job hangs.
 - `pause` acts at the next safe point, where the references are at rest. From then on they stay,
-  the law continues to hold force and position, and the guards stay active. No deadline runs in
-  `paused`.
+  the law holds force and position, and the guards stay active. `paused` has no deadline.
 - `stop` from `paused` does not go through `running`: the controller is asked for the stop alone,
   and nothing moves.
 - A stop keeps a held part, unless the request says `"on_stop": "release"` (unload, and rest there)
@@ -79,10 +78,8 @@ RULES = """\
   one that waits another place; its action `stop` takes it out.
 - An ended job says why, in `ending`: a code, with the numbers of what was found. `cause` has the
   same in words. An interrupted job has the result that its record gives.
-- The end of a job is told with its result, before its files are written: `artifacts` says what
-  becomes of them. It is `none` before anything is recorded, `being_written`, then `ready`, and
-  `deleted` once the record has been. `wait=recorded` waits for the files, and so does a request
-  for one of them, up to 30 s. The rig is free meanwhile.
+- The end of a job is told before its files are written: `artifacts` is `none`, `being_written`,
+  `ready` or `deleted`. `wait=recorded` waits for the files. The rig is free meanwhile.
 - A calibration with the arm free that a stall of the machine has tripped is `failed`, and begins
   again as a new job that its `cause` names, as often as its `tries` say.
 - A supervisor that is killed leaves its job `interrupted` and the program playing, in real time
