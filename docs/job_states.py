@@ -32,8 +32,7 @@ FRAMES: Mapping[str, tuple[int, int, int, int]] = {
     "nothing has moved": (20, 135, 140, 300),
     "the program plays": (205, 40, 430, 268),
 }
-EVERYWHERE: tuple[JobState, ...] = ("failed", "interrupted")
-"""Ends that are told in words, since they follow from nearly every state."""
+EVERYWHERE: tuple[JobState, ...] = ("failed", "interrupted")  # told in words
 INK, FAINT, END, LABEL = "#1f2a33", "#8a97a3", "#eef3f6", "#47545f"
 
 HEAD = """\
