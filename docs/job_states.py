@@ -32,8 +32,7 @@ FRAMES: Mapping[str, tuple[int, int, int, int]] = {
     "nothing has moved": (20, 135, 140, 300),
     "the program plays": (205, 40, 430, 268),
 }
-EVERYWHERE: tuple[JobState, ...] = ("failed", "interrupted")
-"""Ends that are told in words, since they follow from nearly every state."""
+EVERYWHERE: tuple[JobState, ...] = ("failed", "interrupted")  # told in words
 INK, FAINT, END, LABEL = "#1f2a33", "#8a97a3", "#eef3f6", "#47545f"
 
 HEAD = """\
@@ -55,30 +54,31 @@ RULES = """\
 - `POST /api/v1/jobs/stop` with the key stops its job, or the request while it is planned.
 - A request whose caller hangs up before the job is planned begins nothing: nobody would know of
   the motion. The audit log says so. With its key it can be sent again.
-- A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which
-  leads to `aborting`, and from there to `failed`: no job hangs.
+- A state that ends in -ing has a deadline. When it has passed, the event is `overdue`, which leads
+  to `aborting`, and from there to `failed`: no job hangs.
 - `pause` acts at the next safe point, where the references are at rest. From then on they stay,
-  the law continues to hold force and position, and the guards stay active. No deadline runs in
-  `paused`.
-- `stop` from `paused` does not go through `running`: the controller is asked for the stop
-  alone, and nothing moves.
-- A stop keeps a held part, unless the request says `"on_stop": "release"` (unload, and rest
-  there) or `"retract"` (unload, and go back). A calibration presses to measure: its stop is always
-  a `retract`. An abort freezes the voltage for the rig file's
-  `freeze_s`, unless the request says `"on_abort": "ramp"`.
+  the law holds force and position, and the guards stay active. `paused` has no deadline.
+- `stop` from `paused` does not go through `running`: the controller is asked for the stop alone,
+  and nothing moves.
+- A stop keeps a held part, unless the request says `"on_stop": "release"` (unload, and rest there)
+  or `"retract"` (unload, and go back). A calibration presses to measure: its stop is always a
+  `retract`. An abort freezes the voltage for the rig file's `freeze_s`, unless the request says
+  `"on_abort": "ramp"`.
 - A stopped job that holds a part keeps the rig. Its action `release` lets the part go; a job of
   the kind `hold` or `release` takes the part over.
 - After a trip with a part held, the actuator is frozen. A reset then keeps the voltage and the
   part, and only jobs of the kinds `hold` and `release` can start.
 - With `"queue": true` a job waits while another has the rig. The next one is planned again with
-  the model in use when its turn comes. A job that ends otherwise than `succeeded`, and a
-  restart of the supervisor, halt the queue until a person resumes it: `POST
-  /api/v1/rigs/{rig}/queue/actions` with `{"type": "resume"}` or `{"type": "clear"}`. A held
-  part, or an emergency stop between two jobs, halts it as well, and uses up no job.
+  the model in use when its turn comes. A job that ends otherwise than `succeeded`, and a restart
+  of the supervisor, halt the queue until a person resumes it: `POST
+  /api/v1/rigs/{rig}/queue/actions` with `{"type": "resume"}` or `{"type": "clear"}`. A held part,
+  or an emergency stop between two jobs, halts it as well, and uses up no job.
 - Jobs with more `priority` wait further ahead. `{"type": "move", "job": …, "position": 1}` gives
   one that waits another place; its action `stop` takes it out.
 - An ended job says why, in `ending`: a code, with the numbers of what was found. `cause` has the
   same in words. An interrupted job has the result that its record gives.
+- The end of a job is told before its files are written: `artifacts` is `none`, `being_written`,
+  `ready` or `deleted`. `wait=recorded` waits for the files. The rig is free meanwhile.
 - A calibration with the arm free that a stall of the machine has tripped is `failed`, and begins
   again as a new job that its `cause` names, as often as its `tries` say.
 - A supervisor that is killed leaves its job `interrupted` and the program playing, in real time

@@ -4,9 +4,6 @@ from collections.abc import Callable
 from io import BytesIO
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
 # Matplotlib's keyword arguments carry no types.
 Axis = Any
 
@@ -24,6 +21,10 @@ def picture(
     sharex: bool = False,
 ) -> bytes:
     """Draw into rows × columns of axes, handed over row by row; returns a PNG."""
+    # Loaded with the first picture: half a second that a help text does without.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     figure: Any = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if sharex else "none")

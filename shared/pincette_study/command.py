@@ -2,17 +2,16 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, cast
+from typing import TYPE_CHECKING, Annotated, cast
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from typer import Option
 
 from pincette.cli import CliError, Exit, opened
 from pincette.cli.options import integer
 from pincette.cli.terminal import RigOption, command, group
-from pincette_study.closed_loop import StudyError
-from pincette_study.study import run_study
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 MOST_WORKERS = 8
 """Processes; each holds some 300 MB."""
@@ -42,6 +41,13 @@ def paper(
     ] = BEYOND_RIGS,
 ) -> int:
     """Run the whole study with its progress shown, and print its summary."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    # Loaded here: a help text does without two seconds of imports.
+    from pincette_study.closed_loop import StudyError
+    from pincette_study.study import run_study
+
     console = Console(highlight=False)
     path, folder = rig.path, out
     file = opened(path)
@@ -75,7 +81,7 @@ def paper(
     return Exit.DONE
 
 
-def _print(summary: dict[str, object], console: Console) -> None:
+def _print(summary: dict[str, object], console: "Console") -> None:
     for name, value in summary.items():
         console.print(f"  {name}: {_text(value)}", markup=False)
 

@@ -15,7 +15,8 @@ from pincette.cli.main import main
 from pincette.config import ConfigError, calibrated, parse_calibration, parse_rig_json, read_rig
 from pincette.config.calibration import CALIBRATED, EXPECTED
 from pincette.config.reading import MOST_BYTES
-from pincette.engine.process import Options, programs, run_program
+from pincette.core.service import programs
+from pincette.engine.process import Options, run_program
 from tests.support.rigs import DEMO, demo_rig, rig_toml
 
 SEED = 20135

@@ -16,12 +16,13 @@ from tests.support.stalls import StallRecorder
 pytestmark = pytest.mark.usefixtures("stalls")
 
 CLIENTS = 50
-OLD_JOBS = 5
-HOLD_S = 20.0
+SHORT_S, LONG_S = 3.0, 20.0
+"""For how long the grips hold that are compared."""
 AGE_PERIODS = 0.25
 ESTOP_S = 0.2
-ESTOPS = 5
-LEAST_ASKED = 500
+FEW, MANY = 20, 100
+"""Emergency stops, of whose answers the 99th percentile counts."""
+ASKED_PER_S = 10.0
 """Questions below which nobody would speak of hammering."""
 
 
@@ -35,9 +36,9 @@ class Loop:
     age_p99_s: float
 
 
-def grip(rig: RunningRig) -> Loop:
+def grip(rig: RunningRig, hold_s: float) -> Loop:
     """Grip for a while and look at the record."""
-    ended = rig.ended(rig.start_grip(hold_s=HOLD_S), HOLD_S + 30.0)
+    ended = rig.ended(rig.start_grip(hold_s=hold_s), hold_s + 60.0)
     assert ended["state"] == "succeeded", ended["cause"]
     result = cast(Json, ended["result"])
     path = rig.data / "jobs" / ended["id"] / "samples.parquet"
@@ -54,21 +55,33 @@ def estop_s(rig: RunningRig) -> float:
     return monotonic() - asked_s
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hold_s", "old_jobs", "estops"),
+    [(SHORT_S, 1, FEW), pytest.param(LONG_S, 5, MANY, marks=pytest.mark.slow)],
+)
 def test_the_loop_does_not_notice_fifty_clients(
-    rig: RunningRig, stalls: StallRecorder, figures: list[str]
+    rig: RunningRig,
+    stalls: StallRecorder,
+    figures: list[str],
+    hold_s: float,
+    old_jobs: int,
+    estops: int,
 ) -> None:
+    make_ready(rig)
     begun_s = monotonic()
-    for _ in range(OLD_JOBS):
+    for _ in range(old_jobs):
         assert rig.ended(rig.start_grip())["state"] == "succeeded"
-    idle = grip(rig)
+    idle = grip(rig, hold_s)
     with hammered(rig, CLIENTS) as asked:
-        busy = grip(rig)
+        hammered_s = monotonic()
+        busy = grip(rig, hold_s)
         rig.until_phase(rig.start_grip(until_released=True), "hold")
         answers_s = [estop_s(rig)]
-        for _ in range(ESTOPS - 1):
-            sleep(0.5)
+        for _ in range(estops - 1):
+            sleep(0.1)
             answers_s.append(estop_s(rig))
+        hammered_s = monotonic() - hammered_s
+    p99_s = float(np.percentile(answers_s, 99.0))
     make_ready(rig)
     period_s = rig.rig.rig.period_s
     for name, loop in (("idle", idle), (f"{CLIENTS} clients", busy)):
@@ -78,12 +91,13 @@ def test_the_loop_does_not_notice_fifty_clients(
         )
     figures.append(
         f"{asked['asked']} questions, p50 {1e3 * asked['p50_s']:.0f} ms, p99 "
-        f"{1e3 * asked['p99_s']:.0f} ms, answers {asked['answers']}; estop answered within "
-        f"{1e3 * max(answers_s):.0f} ms; the machine stood still for "
+        f"{1e3 * asked['p99_s']:.0f} ms, answers {asked['answers']}; {estops} emergency stops "
+        f"answered within {1e3 * p99_s:.0f} ms at p99, the first of them, which trips, within "
+        f"{1e3 * answers_s[0]:.0f} ms; the machine stood still for "
         f"{1e3 * stalls.between(begun_s, monotonic()):.0f} ms in all"
     )
-    assert asked["asked"] >= LEAST_ASKED
+    assert asked["asked"] >= ASKED_PER_S * hammered_s
     assert asked["answers"].keys() == {"200"}
     assert busy.missed <= idle.missed
     assert busy.age_p99_s <= AGE_PERIODS * period_s
-    assert max(answers_s) <= ESTOP_S
+    assert p99_s <= ESTOP_S

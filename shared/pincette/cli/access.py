@@ -8,7 +8,7 @@ from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Protocol, cast
+from typing import TYPE_CHECKING, Annotated, Protocol, cast
 
 from typer import Argument, BadParameter, Option
 
@@ -16,17 +16,10 @@ from pincette.api.access import KEY_NAME, MEANINGS, SCOPES, KeyView, Scope
 from pincette.cli import PKI, CliError, Exit
 from pincette.cli.options import DATA, DataFolder, number
 from pincette.cli.terminal import Json, clock, command, emit, group, table
-from pincette.client import (
-    ClientError,
-    JobHandle,
-    NoAnswerError,
-    ProblemError,
-    RigHandle,
-    Supervisor,
-    WhichRigError,
-)
-from pincette.client.call import OPERATOR_MAX, identity_headers
 from pincette.core import plugins
+
+if TYPE_CHECKING:
+    from pincette.client import JobHandle, RigHandle, Supervisor
 
 DEFAULT_URL = "http://127.0.0.1:8000"
 VARIABLE = "PINCETTE_KEY"
@@ -51,7 +44,6 @@ Key = Annotated[
         "~/.config/pincette/key, if not given",
     ),
 ]
-
 
 Authority = Annotated[
     Path | None,
@@ -82,17 +74,18 @@ class Address(Json):
     key: Key = None
     authority: Authority = None
 
-    def supervisor(self) -> Supervisor:
+    def supervisor(self) -> "Supervisor":
         """The supervisor of ``--url``, with the key of ``--key``."""
+        from pincette.client import Supervisor
+
         key = key_of(self.key)
-        claim = os.environ.get(CLAIM) or None
         try:
             return Supervisor(
                 self.url,
                 patience_s=PATIENCE_S,
                 operator=operator(),
                 key=key,
-                claim=claim,
+                claim=os.environ.get(CLAIM) or None,
                 authority=authority_of(self.authority, os.environ.get(PKI)),
             )
         except ValueError as error:
@@ -112,14 +105,16 @@ class Target(Address):
         Option("--rig-name", metavar="RIG", help="name of the rig, if there are several"),
     ] = None
 
-    def rig(self) -> RigHandle:
+    def rig(self) -> "RigHandle":
         """The rig of ``--rig-name``, else the only one; raises CliError if there are several."""
+        from pincette.client import WhichRigError
+
         try:
             return self.supervisor().rig(self.rig_name)
         except WhichRigError as error:
             raise CliError(f"{error} with --rig-name", Exit.USAGE) from error
 
-    def job(self, name: str) -> JobHandle:
+    def job(self, name: str) -> "JobHandle":
         """A job by its id; ``last`` is the newest of the rig."""
         if name != "last":
             return self.supervisor().job(name)
@@ -132,6 +127,8 @@ class Target(Address):
 @contextmanager
 def refusals(url: str, *, as_json: bool) -> Generator[None]:
     """Turn a refusal or a missing answer into a CliError; the problem goes to JSON if wanted."""
+    from pincette.client import ClientError, NoAnswerError, ProblemError
+
     try:
         yield
     except NoAnswerError as error:
@@ -161,12 +158,16 @@ def authority_of(given: Path | None, pki: str | None) -> Path | None:
 
 def operator() -> str | None:
     """The user of this terminal, if the environment tells it."""
+    from pincette.client.call import OPERATOR_MAX
+
     name = os.environ.get("USER", "")
     return name if name.isascii() and name.isprintable() and 0 < len(name) <= OPERATOR_MAX else None
 
 
 def key_of(given: str | None) -> str | None:
     """The key of ``--key``, else of the environment, else of the user's file, else None."""
+    from pincette.client.call import identity_headers
+
     config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
     usual = Path(config) / "pincette" / "key"
     key = given or os.environ.get(VARIABLE) or None

@@ -1,20 +1,25 @@
 """``pincette bring-up``: through the calibrations of a rig, in the order of its checklist."""
 
 import sys
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.console import Console
 from typer import Option
 
-from pincette.api.calibrations import Proposal
-from pincette.api.checklist import BenchNeed, Checklist, ChecklistStep, StepState
+from pincette.api.checklist import StepState
 from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
 from pincette.cli.model import show_proposal
 from pincette.cli.results import measured
 from pincette.cli.terminal import command, group, screen, table, tree
 from pincette.cli.watch import follow
-from pincette.client import JobHandle, Supervisor
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pincette.api.calibrations import Proposal
+    from pincette.api.checklist import BenchNeed, Checklist, ChecklistStep
+    from pincette.client import JobHandle, Supervisor
+
 
 COLOURS: dict[StepState, str] = {"done": "green", "next": "cyan", "unsupported": "yellow"}
 GRIP = "`pincette job grip --dry-run` predicts a grip, `pincette job grip` grips"
@@ -66,7 +71,7 @@ def bring_up(
     return Exit.DONE
 
 
-def _next(found: Checklist, left_out: set[str]) -> ChecklistStep | None:
+def _next(found: "Checklist", left_out: set[str]) -> "ChecklistStep | None":
     """The first step that is to be made and not left out."""
     return next(
         (
@@ -78,7 +83,7 @@ def _next(found: Checklist, left_out: set[str]) -> ChecklistStep | None:
     )
 
 
-def _made(target: Target, step: ChecklistStep, console: Console, *, yes: bool) -> bool:
+def _made(target: Target, step: "ChecklistStep", console: "Console", *, yes: bool) -> bool:
     """Make a step, or decide about what it has proposed; false where a person leaves it out."""
     console.print(f"\n[bold]{step.label}[/bold]: {step.summary}", soft_wrap=True)
     for reason in step.reasons:
@@ -99,14 +104,16 @@ def _made(target: Target, step: ChecklistStep, console: Console, *, yes: bool) -
     return _decided(supervisor, supervisor.proposal(name), console, yes=yes)
 
 
-def _run(job: JobHandle, console: Console) -> None:
+def _run(job: "JobHandle", console: "Console") -> None:
     """Follow the job of a calibration; raises CliError where it does not succeed."""
     ended = follow(job, console)
     if ended.state != "succeeded":
         raise CliError(f"job {job.id} {ended.state}: {ended.cause}\n`pincette bring-up` tries anew")
 
 
-def _decided(supervisor: Supervisor, proposal: Proposal, console: Console, *, yes: bool) -> bool:
+def _decided(
+    supervisor: "Supervisor", proposal: "Proposal", console: "Console", *, yes: bool
+) -> bool:
     """Show what was found, and accept it if a person agrees; else it is discarded."""
     shown = tree(proposal)
     show_proposal(shown, console)
@@ -128,11 +135,11 @@ def _agreed(words: str) -> bool:
         raise CliError("the terminal has gone; `pincette bring-up` goes on from here") from error
 
 
-def _needs(needs: list[BenchNeed]) -> str:
+def _needs(needs: "list[BenchNeed]") -> str:
     return "; ".join(need.text for need in needs)
 
 
-def show_checklist(found: Checklist, console: Console) -> None:
+def show_checklist(found: "Checklist", console: "Console") -> None:
     """Print the calibrations in their order: how far each is, and what it found or needs."""
     rows: list[tuple[Any, ...]] = []
     for place, step in enumerate(found.steps, 1):
@@ -141,7 +148,7 @@ def show_checklist(found: Checklist, console: Console) -> None:
     console.print(table("", "calibration", "state", "found, or needed", rows=rows, right=()))
 
 
-def _said(step: ChecklistStep) -> str:
+def _said(step: "ChecklistStep") -> str:
     if step.state == "done":
         return "; ".join(f"{one.quantity} {measured(tree(one))}" for one in step.gained)
     if step.state == "unsupported":

@@ -2,21 +2,24 @@
 
 import os
 import secrets
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from pincette.api.claims import Claim
 from pincette.cli.access import CLAIM, Target
 from pincette.cli.options import number
 from pincette.cli.terminal import command, group
+
+if TYPE_CHECKING:
+    from pincette.api.claims import Claim
+
 
 app = group()
 claim_app = group("claim", "claim a rig for a while, give it back, break the claim of another")
 app.add_typer(claim_app)
 
 
-def claimed(claim: Claim | None) -> str:
+def claimed(claim: "Claim | None") -> str:
     """Who has a rig, for how long, and what for."""
     if claim is None:
         return "nobody has claimed the rig"

@@ -9,41 +9,23 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, cast
+from typing import TYPE_CHECKING, Annotated, cast
 
-from pydantic.fields import FieldInfo
-from rich.console import Console
 from typer import Option
 
-from pincette.api.plans import InstalledLaw
 from pincette.cli import CliError, Exit, opened
 from pincette.cli.options import DATA, DataFolder
 from pincette.cli.terminal import Json, RigOption, command, emit, group, screen
-from pincette.config import RigFile, Table
-from pincette.config.laws import installed_laws, law_definition
 from pincette.core import plugins
-from pincette.diagnostics import Finding, Mark
-from pincette.diagnostics.certificates import certificates
-from pincette.diagnostics.instruments import (
-    INSTRUMENTS_HELP,
-    MOVE_STEPS,
-    MOVE_V,
-    STEP_S,
-    direction,
-    instruments,
-    opened_device,
-)
-from pincette.diagnostics.machine import (
-    PORTS_FREE,
-    machine,
-    measured,
-    os_requests,
-    port_finding,
-    shared_ports,
-)
-from pincette.diagnostics.rig_file import rig_findings
-from pincette.engine.process import loop_services
-from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
+from pincette.diagnostics import Mark
+
+if TYPE_CHECKING:
+    from pydantic.fields import FieldInfo
+    from rich.console import Console
+
+    from pincette.config import RigFile
+    from pincette.diagnostics import Finding
+
 
 COLOURS: dict[Mark, str] = {"well": "green", "missing": "red", "note": "yellow"}
 Consent = Callable[[str], bool]
@@ -91,7 +73,7 @@ def _findings_alone() -> Generator[None]:
         logging.getLogger().removeHandler(handler)
 
 
-def _show(finding: Finding, console: Console) -> None:
+def _show(finding: "Finding", console: "Console") -> None:
     mark = finding.mark
     console.print(f"[{COLOURS[mark]}]{mark:<7}[/{COLOURS[mark]}]", end=" ")
     console.print(finding.what, markup=False, soft_wrap=True)
@@ -105,8 +87,21 @@ def consent(question: str) -> bool:
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
-def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> Iterator[Finding]:
+def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Iterator[Finding]":
     """Machine, rig file, ports, instruments, and with a person's consent a small motion."""
+    from pincette.diagnostics import Finding
+    from pincette.diagnostics.certificates import certificates
+    from pincette.diagnostics.instruments import INSTRUMENTS_HELP, instruments
+    from pincette.diagnostics.machine import (
+        PORTS_FREE,
+        machine,
+        measured,
+        os_requests,
+        port_finding,
+        shared_ports,
+    )
+    from pincette.diagnostics.rig_file import rig_findings
+
     yield from machine(data)
     try:
         rig = opened(rig_path)
@@ -136,8 +131,19 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> Iter
             yield Finding(False, "direction: a rig is up, which moves the arm", "end it first")
 
 
-def moved(rig: RigFile, consent: Consent) -> Finding:
+def moved(rig: "RigFile", consent: Consent) -> "Finding":
     """Ask a person, then find the direction of the motion."""
+    from pincette.diagnostics import Finding
+    from pincette.diagnostics.instruments import (
+        MOVE_STEPS,
+        MOVE_V,
+        STEP_S,
+        direction,
+        opened_device,
+    )
+    from pincette.engine.process import loop_services
+    from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
+
     question = (
         f"The output will be raised by {MOVE_V:g} V within "
         f"{MOVE_STEPS * STEP_S:g} s and brought back; the arm moves by some µm. Nothing must be "
@@ -179,6 +185,9 @@ class Driver:
 @command(app, "drivers")
 def drivers(form: Json) -> None:
     """List the drivers and laws that a rig file can name, and why one cannot be used."""
+    from pincette.api.plans import InstalledLaw
+    from pincette.config.laws import installed_laws
+
     if form.json:
         found = {kind: [asdict(one) for one in installed(name)] for name, kind in TABLES.items()}
         laws = [InstalledLaw.of(law).model_dump() for law in installed_laws().values()]
@@ -194,6 +203,8 @@ def drivers(form: Json) -> None:
 
 
 def _law_lines(entry: EntryPoint) -> Iterator[str]:
+    from pincette.config.laws import law_definition
+
     yield f"{entry.name}, from {plugins.origin(entry)}"
     try:
         law = law_definition(entry.name)
@@ -224,6 +235,8 @@ def _described(group: str, entry: EntryPoint) -> Driver:
 
 def _options(module: ModuleType) -> Iterator[str]:
     """The fields of the table of options, which is a class of the module named …Options."""
+    from pincette.config import Table
+
     for name, thing in vars(module).items():
         own = isinstance(thing, type) and thing.__module__ == module.__name__
         if own and issubclass(thing, Table) and name.endswith("Options"):
@@ -231,7 +244,7 @@ def _options(module: ModuleType) -> Iterator[str]:
                 yield f"{option} {_default(field)}"
 
 
-def _default(field: FieldInfo) -> str:
+def _default(field: "FieldInfo") -> str:
     if field.is_required():
         return "(must be given)"
     if field.default_factory is not None:

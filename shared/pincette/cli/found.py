@@ -3,18 +3,20 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from rich.markup import escape
 from typer import Argument, BadParameter, Option, Typer
 
-from pincette.api.jobs import Job
 from pincette.api.states import STATES
 from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
 from pincette.cli.options import MOMENTS, Limit, choice, moment
 from pincette.cli.results import outcome
 from pincette.cli.terminal import STATE_COLOURS, clock, command, patience, table
+
+if TYPE_CHECKING:
+    from pincette.api.jobs import Job
+
 
 FORMATS: Mapping[str, Literal["csv", "parquet"]] = {".csv": "csv", ".parquet": "parquet"}
 
@@ -84,6 +86,8 @@ class Wanted(Target):
 
 def list_jobs(wanted: Wanted, limit: Limit = 20) -> None:
     """List jobs, the newest first."""
+    from rich.markup import escape
+
     jobs = [handle.job for handle in wanted.supervisor().jobs(limit, **wanted.filters)]
     rig = ["rig"] if len({job.rig for job in jobs}) > 1 else []
     said = ["said"] if any(map(_said, jobs)) else []
@@ -99,7 +103,7 @@ def list_jobs(wanted: Wanted, limit: Limit = 20) -> None:
     wanted.answer(jobs, rows, none)
 
 
-def _said(job: Job) -> str:
+def _said(job: "Job") -> str:
     parts = [job.sample, job.batch, *(f"{name}={text}" for name, text in job.labels.items())]
     return " ".join(part for part in parts if part)
 

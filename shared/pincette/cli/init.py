@@ -8,25 +8,19 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from textwrap import dedent
 from types import ModuleType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, BadParameter, Option
 
 from pincette.cli import CliError, Exit
 from pincette.cli.options import number
 from pincette.cli.terminal import command, group, named
-from pincette.config import ConfigError, Table
-from pincette.config.bench_form import (
-    ARM,
-    NUMBERED,
-    PART,
-    RIG,
-    SENSOR,
-    Question,
-    Value,
-    bench_file,
-)
+from pincette.config.bench_form import NUMBERED, Question, Value
 from pincette.core import plugins
+
+if TYPE_CHECKING:
+    from pincette.config import Table
+
 
 FIRST_PORT = "/dev/ttyUSB0"
 """Where an instrument is if its driver names no usual place."""
@@ -59,6 +53,9 @@ def _value(text: str) -> Value:
 
 
 def _init(path: Path, yes: bool, **given: Any) -> int:
+    from pincette.config import ConfigError
+    from pincette.config.bench_form import ARM, PART, RIG, bench_file
+
     if path.exists():
         raise CliError(f"{path} is there already: name another file, or move it away")
     if not yes and not sys.stdin.isatty():
@@ -119,6 +116,8 @@ def _value_like(asked: Question, text: str) -> Value:
 
 def _side(side: str, answer: Answer, given: dict[str, Any], values: dict[str, Value]) -> list[str]:
     """Ask for an instrument: driver, place, and the driver's own options, which are returned."""
+    from pincette.config.bench_form import SENSOR
+
     group_name, words = SIDES[side]
     there = plugins.names(group_name)
     choices = f"one of {', '.join(there)}; `pincette drivers` describes them"
@@ -147,6 +146,8 @@ def _options(
     module: ModuleType, answer: Answer, own: dict[str, Value]
 ) -> Iterator[tuple[str, Value]]:
     """The options of a driver; its table of them is a class of its module named …Options."""
+    from pincette.config import Table
+
     for name, thing in vars(module).items():
         mine = isinstance(thing, type) and thing.__module__ == module.__name__
         if not (mine and issubclass(thing, Table) and name.endswith("Options")):
@@ -170,7 +171,7 @@ def _options(
             yield option, _value(str(asked)) if required else asked
 
 
-def _docstrings(table: type[Table]) -> dict[str, str]:
+def _docstrings(table: "type[Table]") -> dict[str, str]:
     """What a table says of each of its fields."""
     (body,) = ast.parse(dedent(inspect.getsource(table))).body
     assert isinstance(body, ast.ClassDef)

@@ -2,13 +2,10 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
-from rich.console import Console
 from typer import Argument, Option, Typer
 
-from pincette.api.job_kinds import JobKind, job_kinds
-from pincette.api.jobs import Job
 from pincette.api.states import ActionType
 from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
@@ -22,7 +19,14 @@ from pincette.cli.options import (
 from pincette.cli.results import show_plan, show_result
 from pincette.cli.terminal import clock, command, group, patience, screen, table
 from pincette.cli.watch import followed
-from pincette.client import RigHandle, WaitTimeoutError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pincette.api.job_kinds import JobKind
+    from pincette.api.jobs import Job
+    from pincette.client import RigHandle
+
 
 ACTIONS: Mapping[ActionType, str] = {
     "pause": "pause a job at its next safe point; a held part stays held with its force",
@@ -49,7 +53,7 @@ for one in (job_app, plan_app, learning_app):
     app.add_typer(one)
 
 
-def _add_start(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[str, Any]) -> None:
+def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[str, Any]) -> None:
     """Add the command that starts a job of a kind, or of a variant of it."""
     request = kind.request_of(fixed.get(kind.variant_field, ""))
     more = request_parameters(request, tuple(fixed))
@@ -97,7 +101,7 @@ def _add_start(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[s
     command(below, name, more, help=about)(act_or_start if is_action else start)
 
 
-def _add_plan(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[str, Any]) -> None:
+def _add_plan(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[str, Any]) -> None:
     request = kind.request_of(fixed.get(kind.variant_field, ""))
     more = request_parameters(request, tuple(fixed))
 
@@ -117,7 +121,7 @@ def _add_plan(below: Typer, name: str, about: str, kind: JobKind, fixed: dict[st
     command(below, name, more, help=about)(plan if kind.predicted else plan_alone)
 
 
-def _planned(target: Target, rig: RigHandle, kind: JobKind, fields: dict[str, Any]) -> int:
+def _planned(target: Target, rig: "RigHandle", kind: "JobKind", fields: dict[str, Any]) -> int:
     """Show what a job would do; the exit status says whether it may."""
     with patience("planning and predicting"):
         plan = rig.plan(kind.name, **fields)
@@ -134,6 +138,8 @@ def written(path: Path, content: bytes) -> None:
 
 
 def _add_kinds() -> None:
+    from pincette.api.job_kinds import job_kinds
+
     for kind in job_kinds().values():
         about = help_text(kind.summary)
         if not kind.variants:
@@ -171,6 +177,8 @@ def stop(
     ] = None,
 ) -> None:
     """Stop a job, and wait for its end."""
+    from pincette.client import WaitTimeoutError
+
     job = target.job(name) if name else target.rig().active_job()
     if job is None:
         target.answer(None, "no job runs")
@@ -187,7 +195,7 @@ def stop(
     target.answer(job.job, text)
 
 
-def show_job(job: Job, console: Console) -> None:
+def show_job(job: "Job", console: "Console") -> None:
     """Print a job: its result, its request, its actions."""
     show_result(job, console)
     said = {name: str(getattr(job, name)) for name in SAID} | job.labels

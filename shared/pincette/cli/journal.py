@@ -14,17 +14,19 @@ from collections.abc import Iterator
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.markup import escape
 from typer import Argument, BadParameter, Option
 
 from pincette import __version__
-from pincette.api.access import AuditChain, AuditEntry
 from pincette.cli import CliError
 from pincette.cli.access import Address
 from pincette.cli.options import DATA, DataFolder, Limit, integer
 from pincette.cli.terminal import Json, clock, command, emit, group, patience, table
+
+if TYPE_CHECKING:
+    from pincette.api.access import AuditChain, AuditEntry
+
 
 JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
     "supervisor.sqlite",
@@ -208,7 +210,7 @@ def audit(
     address.answer(found, table(*names, rows=map(_audit_row, found), right=("number", "answer")))
 
 
-def _chain_words(chain: AuditChain) -> str:
+def _chain_words(chain: "AuditChain") -> str:
     if chain.newest is None:
         return "the audit log is empty"
     if chain.broken is not None:
@@ -222,7 +224,9 @@ def _chain_words(chain: AuditChain) -> str:
     )
 
 
-def _audit_row(one: AuditEntry) -> tuple[str, ...]:
+def _audit_row(one: "AuditEntry") -> tuple[str, ...]:
+    from rich.markup import escape
+
     what = " ".join([one.action.replace("/api/v1", "", 1), one.detail]).strip()
     times = f" ({one.count} times)" if one.count > 1 else ""
     cells = (clock(one.at), escape(one.who), one.address, escape(what + times))

@@ -7,51 +7,30 @@ from datetime import UTC, datetime
 from math import log10
 from pathlib import Path
 from time import monotonic
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec.structs import asdict
-from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn
 from typer import BadParameter, Option
 
-from pincette.api.live import Spread
-from pincette.bus.protocol import BusError
 from pincette.cli import CliError, Exit, chosen, opened
 from pincette.cli.options import DATA, DataFolder, Picture
 from pincette.cli.rigs import milliseconds
 from pincette.cli.terminal import Json, command, emit, group, screen, table
-from pincette.config import RigFile
-from pincette.config.programs import Scheduling
-from pincette.engine.measuring.kept import changes_of, keep
-from pincette.engine.measuring.machine import PERIODS_S, Findings, MeasuringError, measure
-from pincette.engine.measuring.machine import Progress as Report
-from pincette.latency.advice import recommended
 from pincette.latency.histogram import NS_PER_S, Distribution, first_ns
-from pincette.latency.rule import (
-    FEWEST,
-    HOPS,
-    HOPS_SHARE,
-    LATE_SHARE,
-    LATEST_SHARE,
-    TAIL,
-    Measured,
-    objections,
-    shortest_supported_s,
-)
-from pincette.plotting import (
-    BLUE,
-    FAINT,
-    GREEN,
-    INK,
-    ORANGE,
-    RED,
-    Axis,
-    label,
-    legend,
-    picture,
-)
-from pincette.records.timings import spread
+from pincette.latency.rule import FEWEST, HOPS, HOPS_SHARE, LATE_SHARE, LATEST_SHARE
+from pincette.plotting import BLUE, GREEN, ORANGE, RED
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pincette.api.live import Spread
+    from pincette.config import RigFile
+    from pincette.engine.measuring.machine import Findings
+    from pincette.engine.measuring.machine import Progress as Report
+    from pincette.latency.rule import Measured
+    from pincette.plotting import Axis
+
 
 LOOK_S = 0.5
 
@@ -104,8 +83,16 @@ def latency(
     data: DataFolder = DATA,
 ) -> int:
     """Measure, keep it, and print what is supported; the exit status is 1 if no period is."""
+    from pincette.bus.protocol import BusError
+    from pincette.engine.measuring.kept import changes_of, keep
+    from pincette.engine.measuring.machine import PERIODS_S, MeasuringError, measure
+    from pincette.latency.advice import recommended
+    from pincette.latency.rule import shortest_supported_s
+
     file = _rig_file(rig)
     periods_s = PERIODS_S if period_s is None else (period_s,)
+    from pincette.config.programs import Scheduling
+
     scheduling = Scheduling() if file is None else file.realtime.of("sensor")
     try:
         with progress(seconds) as report:
@@ -134,7 +121,7 @@ def latency(
     return Exit.FAILED if supported_s is None else Exit.DONE
 
 
-def _rig_file(path: Path | None) -> RigFile | None:
+def _rig_file(path: Path | None) -> "RigFile | None":
     """The rig file that is chosen; None if there is none."""
     try:
         path = chosen(path)
@@ -144,8 +131,10 @@ def _rig_file(path: Path | None) -> RigFile | None:
 
 
 @contextmanager
-def progress(for_s: float) -> Generator[Report]:
+def progress(for_s: float) -> "Generator[Report]":
     """Show on standard error what is measured, for about so long in all."""
+    from rich.progress import BarColumn, Progress, TextColumn
+
     console = screen(machine=True)
     if not console.is_terminal:
         yield lambda what, part_s: console.print(f"{what}: {part_s:.1f} s")
@@ -180,7 +169,7 @@ RULE = (
 )
 
 
-def tree(found: Findings, supported_s: float | None) -> dict[str, Any]:
+def tree(found: "Findings", supported_s: float | None) -> dict[str, Any]:
     """What was measured and what follows from it, as plain data."""
     return {
         "shortest_supported_s": supported_s,
@@ -195,7 +184,9 @@ def tree(found: Findings, supported_s: float | None) -> dict[str, Any]:
     }
 
 
-def _period(measured: Measured, hop: Distribution) -> dict[str, Any]:
+def _period(measured: "Measured", hop: Distribution) -> dict[str, Any]:
+    from pincette.latency.rule import objections
+
     why = objections(measured, hop)
     return {
         "period_s": measured.period_s,
@@ -207,11 +198,15 @@ def _period(measured: Measured, hop: Distribution) -> dict[str, Any]:
 
 
 def _spread(lateness: Distribution) -> dict[str, Any]:
+    from pincette.records.timings import spread
+
     return spread(lateness).model_dump()
 
 
-def print_report(found: Findings, supported_s: float | None, console: Console) -> None:
+def print_report(found: "Findings", supported_s: float | None, console: "Console") -> None:
     """Print it."""
+    from pincette.latency.rule import objections
+
     load = "under load" if found.loaded else "as it is"
     console.print(f"{found.kernel}, {found.processors} processors, {load}", markup=False)
     if found.refused:
@@ -239,6 +234,8 @@ def print_report(found: Findings, supported_s: float | None, console: Console) -
 
 
 def _cells(lateness: Distribution) -> list[str]:
+    from pincette.records.timings import spread
+
     found: Spread = spread(lateness)
     shown = (found.p50_s, found.p99_s, found.p999_s, found.max_s)
     return [str(found.count), *map(milliseconds, shown)]
@@ -267,10 +264,12 @@ COLOURS = (BLUE, ORANGE, GREEN, RED, "#6b5b95")
 HEIGHT_IN = 4.6
 
 
-def plot(found: Findings) -> bytes:
+def plot(found: "Findings") -> bytes:
     """Draw every period, the hops, and the limits of the rule for the shortest; a PNG."""
+    from pincette.latency.rule import TAIL
+    from pincette.plotting import FAINT, INK, label, legend, picture
 
-    def lines(axes: list[Axis]) -> None:
+    def lines(axes: "list[Axis]") -> None:
         (axis,) = axes
         for measured, colour in zip(found.wake_ups, COLOURS, strict=False):
             name = f"wake-ups each {1e3 * measured.period_s:g} ms"
@@ -289,7 +288,7 @@ def plot(found: Findings) -> bytes:
     return picture(1, 1, HEIGHT_IN, lines)
 
 
-def _draw(axis: Axis, lateness: Distribution, colour: str, name: str) -> None:
+def _draw(axis: "Axis", lateness: Distribution, colour: str, name: str) -> None:
     ends_ms: list[float] = []
     shares: list[float] = []
     left = lateness.count

@@ -3,23 +3,25 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from rich.console import Console
-from rich.table import Table
 from typer import Argument, BadParameter, Option
 
-from pincette.api.models import ModelView
-from pincette.api.requests import Recipe
 from pincette.cli import CliError, opened
 from pincette.cli.access import Target
 from pincette.cli.options import integer
 from pincette.cli.results import Tree, measured, quantity
 from pincette.cli.terminal import RigOption, clock, command, figures, group, screen, table, tree
-from pincette.config import RecordedFreeResponse
-from pincette.control.response.identification import Identification
-from pincette.control.response.recording import Recording
-from pincette.engine import teaching
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from pincette.api.models import ModelView
+    from pincette.api.requests import Recipe
+    from pincette.control.response.identification import Identification
+    from pincette.control.response.recording import Recording
+
 
 Calibration = Annotated[
     str, Argument(metavar="CALIBRATION", help="its id, that of its job, or `last`")
@@ -73,7 +75,7 @@ def use(
     _answer(target, target.rig().use_model(version))
 
 
-def _answer(target: Target, model: ModelView) -> None:
+def _answer(target: Target, model: "ModelView") -> None:
     target.answer(model, lambda: show_model(tree(model), screen()))
 
 
@@ -89,7 +91,7 @@ def _decide(target: Target, name: str, decision: Literal["accept", "discard"]) -
     target.answer(found, lambda: show_proposal(tree(found), screen()))
 
 
-def show_proposal(proposal: Tree, console: Console) -> None:
+def show_proposal(proposal: Tree, console: "Console") -> None:
     """Print a proposal beside what was in use."""
     version = proposal["model_version"]
     of_model = "" if version is None else f", model {version}"
@@ -103,7 +105,7 @@ def show_proposal(proposal: Tree, console: Console) -> None:
     figures(lines, console)
 
 
-def show_model(model: Tree, console: Console) -> None:
+def show_model(model: Tree, console: "Console") -> None:
     """Print the model in use."""
     console.print(f"rig {model['rig']}: model {model['version']} {model['digest']}".rstrip())
     if model["trouble"]:
@@ -175,7 +177,7 @@ def show_recipe(
     target.answer(one if wanted else history, lambda: _show_recipe(one, others, screen()))
 
 
-def _show_recipe(one: Recipe, versions: list[Recipe], console: Console) -> None:
+def _show_recipe(one: "Recipe", versions: "list[Recipe]", console: "Console") -> None:
     console.print(f"recipe {one.name}@{one.version} of {clock(one.created_at)}, {one.digest}")
     if one.note:
         console.print(one.note, markup=False)
@@ -205,7 +207,7 @@ def save(
     target.answer(saved, f"recipe {saved.name}@{saved.version} saved")
 
 
-def _table(found: list[Recipe]) -> Table:
+def _table(found: "list[Recipe]") -> "Table":
     rows = [(one.name, str(one.version), clock(one.created_at), one.note) for one in found]
     return table("recipe", "version", "made", "note", rows=rows, right=("version",))
 
@@ -222,6 +224,9 @@ def teach(
     ] = "identified",
 ) -> None:
     """Print the table of a free response, and write it to a file if asked."""
+    from pincette.control.response.identification import Identification
+    from pincette.engine import teaching
+
     path = rig.path
     file = opened(path)
     if file.simulation is None:
@@ -243,7 +248,7 @@ def teach(
         write.write_text(table, encoding="utf-8")
 
 
-def as_toml(found: Identification) -> str:
+def as_toml(found: "Identification") -> str:
     """Return the table ``[model.free_response]``, rounded to what the residual bears."""
     model = found.model
     parts = ""
@@ -265,8 +270,10 @@ def as_toml(found: Identification) -> str:
     )
 
 
-def recorded_as_toml(found: Recording) -> str:
+def recorded_as_toml(found: "Recording") -> str:
     """Return the table ``[model.recorded_response]``, which stands in the other's place."""
+    from pincette.config import RecordedFreeResponse
+
     table = RecordedFreeResponse.from_branches(found.branches, found.residual_um)
     return (
         "[model.recorded_response]       # by `pincette teach --source recorded`\n"

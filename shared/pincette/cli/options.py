@@ -7,13 +7,16 @@ from difflib import get_close_matches
 from inspect import Parameter
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, cast, get_args, get_origin
 
-from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 from typer import BadParameter, Option
 
 from pincette.cli.terminal import named
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+    from pydantic.fields import FieldInfo
+
 
 UNITS = {
     "_um_per_s": "µm/s",
@@ -107,7 +110,7 @@ def moment_at(text: str, now: datetime) -> str:
     return found.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def request_parameters(request: type[BaseModel], without: Sequence[str] = ()) -> list[Parameter]:
+def request_parameters(request: "type[BaseModel]", without: Sequence[str] = ()) -> list[Parameter]:
     """Parameters of a command, from which Typer makes an option for each field of a request."""
     return [
         named(PREFIX + name, _option(name, field))
@@ -135,7 +138,7 @@ def unit_of(name: str) -> str:
     return next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), "")
 
 
-def _option(name: str, field: FieldInfo) -> Any:
+def _option(name: str, field: "FieldInfo") -> Any:
     kind, unit = _bare(field.annotation), unit_of(name)
     about = help_text(field.description or name.replace("_", " "))
     text = f"{about}, in {unit}" if unit else about
@@ -203,6 +206,8 @@ def _reader(kind: Any, unit: str) -> tuple[Reader, str]:
 
 
 def _list_reader(item: Any, unit: str) -> tuple[Reader, str]:
+    from pydantic import BaseModel
+
     if isinstance(item, type) and issubclass(item, BaseModel):
         fields = [(name, unit_of(name)) for name in item.model_fields]
         shape = ":".join(unit for _, unit in fields)
@@ -235,6 +240,8 @@ def _named_or_values(kinds: tuple[Any, ...]) -> tuple[Reader, str]:
 
     Of a model that takes other members as well, these are numbers.
     """
+    from pydantic import BaseModel
+
     words = [value for kind in kinds for value in _values(kind)]
     models = [one for one in kinds if isinstance(one, type) and issubclass(one, BaseModel)]
     fields = {name: field for one in models for name, field in one.model_fields.items()}

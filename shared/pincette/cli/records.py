@@ -4,12 +4,11 @@ import json
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
 from pincette import __version__
-from pincette.api.live import LoopTiming
 from pincette.cli import CliError, Exit, opened
 from pincette.cli.access import Target
 from pincette.cli.options import Limit, choice
@@ -26,16 +25,17 @@ from pincette.cli.terminal import (
     screen,
     table,
 )
-from pincette.client import JobHandle
-from pincette.config import ConfigError, RigFile, parse_rig
 from pincette.core import plugins
-from pincette.core.messages import Message, RequestLog, Sample
-from pincette.core.topics import REQUESTS, TOPICS, key, request_key
-from pincette.engine.replay.comparison import Difference, Findings
-from pincette.engine.replay.service_alone import replay as repeat
 from pincette.engine.replay.steps import STEPS
-from pincette.records.folder import TIMING
-from pincette.records.mcap_reading import Recording, read
+
+if TYPE_CHECKING:
+    from pincette.api.live import LoopTiming
+    from pincette.client import JobHandle
+    from pincette.config import RigFile
+    from pincette.core.messages import Message
+    from pincette.engine.replay.comparison import Difference, Findings
+    from pincette.records.mcap_reading import Recording
+
 
 SAMPLES = "samples.csv"
 JobName = Annotated[str, Argument(metavar="JOB", help="its id, or `last`")]
@@ -65,6 +65,8 @@ def list_records(target: Target, limit: Limit = 20) -> None:
 @command(records_app, "show")
 def show(target: Target, name: JobName) -> None:
     """List the files of a record, and how punctual the loop was."""
+    from pincette.records.folder import TIMING
+
     job = target.job(name)
     files = job.artifacts()
     rows = [(file.name, size(file.bytes), file.sha256[:16]) for file in files]
@@ -77,7 +79,10 @@ def show(target: Target, name: JobName) -> None:
         print(job.job.record_detail)
 
 
-def _timing(job: JobHandle) -> LoopTiming:
+def _timing(job: "JobHandle") -> "LoopTiming":
+    from pincette.api.live import LoopTiming
+    from pincette.records.folder import TIMING
+
     with tempfile.TemporaryDirectory() as folder:
         return LoopTiming.model_validate_json(job.download(TIMING, Path(folder)).read_bytes())
 
@@ -120,7 +125,7 @@ def delete(target: Target, name: JobName) -> None:
     target.answer(job.delete_record(), f"job {job.id}: its record is deleted")
 
 
-def _download(target: Target, job: JobHandle, names: list[str], out: Path | None) -> None:
+def _download(target: Target, job: "JobHandle", names: list[str], out: Path | None) -> None:
     with patience(f"downloading {len(names)} files"):
         paths = [str(job.download(name, out or Path(job.id))) for name in names]
     target.answer(paths, "\n".join(paths))
@@ -146,6 +151,8 @@ def replay(
     ] = None,
 ) -> int:
     """Repeat records; the exit status is 1 if an output differs, or cannot be repeated."""
+    from pincette.engine.replay.service_alone import replay as repeat
+
     names = [service] if service else list(STEPS)
     found: dict[str, list[Findings]] = {}
     for path in records:
@@ -166,8 +173,10 @@ def replay(
     return Exit.DONE if same else Exit.FAILED
 
 
-def opened_record(path: Path) -> Recording:
+def opened_record(path: Path) -> "Recording":
     """Read a record; raises CliError where it cannot be."""
+    from pincette.records.mcap_reading import read
+
     file = path / RECORD if path.is_dir() else path
     try:
         return read(file)
@@ -175,8 +184,10 @@ def opened_record(path: Path) -> Recording:
         raise CliError(f"{file} cannot be read: {error}") from error
 
 
-def rig_of(recording: Recording, path: Path) -> RigFile:
+def rig_of(recording: "Recording", path: Path) -> "RigFile":
     """The rig file that a record was made with; raises CliError where it holds none."""
+    from pincette.config import ConfigError, parse_rig
+
     if RIG not in recording.attachments:
         raise CliError(f"{path} holds no {RIG}: what it was made with is not known")
     try:
@@ -185,14 +196,16 @@ def rig_of(recording: Recording, path: Path) -> RigFile:
         raise CliError(f"{path}: {RIG} in it: {error}") from error
 
 
-def epoch_of(recording: Recording) -> list[Message]:
+def epoch_of(recording: "Recording") -> "list[Message]":
     """Messages of the epoch that was recorded."""
+    from pincette.core.messages import RequestLog, Sample
+
     epoch = recording.about.get("epoch")
     messages = [item for item in recording.messages if isinstance(item, Sample | RequestLog)]
     return [item for item in messages if epoch is None or str(item.epoch) == epoch]
 
 
-def show_findings(path: Path, recording: Recording, found: list[Findings]) -> None:
+def show_findings(path: Path, recording: "Recording", found: "list[Findings]") -> None:
     """Print a table of services, and why one was not repeated."""
     console = screen()
     console.print(str(path), markup=False, soft_wrap=True)
@@ -218,7 +231,7 @@ def show_findings(path: Path, recording: Recording, found: list[Findings]) -> No
         _say(f"recorded by pincette {made}, repeated by {__version__}")
 
 
-def _difference(difference: Difference | None) -> str:
+def _difference(difference: "Difference | None") -> str:
     if difference is None:
         return ""
     where = f"{difference.topic} {difference.seq}"
@@ -242,6 +255,8 @@ def topics(rig: RigOption, form: Json) -> None:
 
 
 def _print_topics(name: str) -> None:
+    from pincette.core.topics import REQUESTS, TOPICS, key, request_key
+
     print("published, a MessagePack map a sample, units in the field names:")
     _print([(key(name, one), one.message.__name__, one.summary) for one in TOPICS])
     print("\nrequested, with request and reply:")
@@ -252,6 +267,8 @@ def _print_topics(name: str) -> None:
 
 def topics_tree(name: str) -> dict[str, list[dict[str, str]]]:
     """Topics and requests of a rig as plain data."""
+    from pincette.core.topics import REQUESTS, TOPICS, key, request_key
+
     return {
         "published": [
             {

@@ -1,20 +1,26 @@
 """Plans and results of jobs, as text."""
 
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
-from rich.console import Console
-
-from pincette.api.calibrations import CalibrationPlan
-from pincette.api.job_kinds import ResultField, job_kinds
-from pincette.api.jobs import Job
-from pincette.api.plans import JobPlan, Law, MotionPlan, Plan, SteadyErrors
-from pincette.api.predictions import Prediction
 from pincette.cli.terminal import figures, table
 
+if TYPE_CHECKING:
+    from rich.console import Console
 
-def show_plan(plan: JobPlan, console: Console) -> None:
+    from pincette.api.calibrations import CalibrationPlan
+    from pincette.api.job_kinds import ResultField
+    from pincette.api.jobs import Job
+    from pincette.api.plans import JobPlan, Law, MotionPlan, Plan, SteadyErrors
+    from pincette.api.predictions import Prediction
+
+
+def show_plan(plan: "JobPlan", console: "Console") -> None:
     """Print what a job would do, and each limit that it would break."""
+    from pincette.api.calibrations import CalibrationPlan
+    from pincette.api.plans import MotionPlan, Plan
+    from pincette.api.predictions import Prediction
+
     if isinstance(plan, CalibrationPlan):
         _calibration(plan, console)
     elif isinstance(plan, Plan | MotionPlan):
@@ -37,7 +43,7 @@ def show_plan(plan: JobPlan, console: Console) -> None:
         console.print(f"  {message}", markup=False, soft_wrap=True)
 
 
-def predicted_lines(prediction: Prediction) -> list[tuple[str, str]]:
+def predicted_lines(prediction: "Prediction") -> list[tuple[str, str]]:
     """The course that the model in use predicts, and the nearest limits."""
     peaks = prediction.peaks
     lines = [
@@ -56,7 +62,9 @@ def predicted_lines(prediction: Prediction) -> list[tuple[str, str]]:
     return lines
 
 
-def _motion(plan: Plan | MotionPlan, console: Console) -> None:
+def _motion(plan: "Plan | MotionPlan", console: "Console") -> None:
+    from pincette.api.plans import Plan
+
     rows = [
         (
             phase.phase,
@@ -82,7 +90,7 @@ def _or_dash(value: float | None, unit: str) -> str:
     return "–" if value is None else f"{value:.2f} {unit}"
 
 
-def _law(law: Law) -> list[tuple[str, str]]:
+def _law(law: "Law") -> list[tuple[str, str]]:
     """Which law a job runs with, and how stable its loop is at the worst."""
     gains = ", ".join(f"{name} = {value:g}" for name, value in law.gains.items())
     radius, limit = law.spectral_radius, law.spectral_radius_limit
@@ -93,7 +101,7 @@ def _law(law: Law) -> list[tuple[str, str]]:
     ]
 
 
-def _peak(law: Law) -> list[tuple[str, str]]:
+def _peak(law: "Law") -> list[tuple[str, str]]:
     """The peak of sensitivity, where it is limited."""
     peak, limit = law.sensitivity_peak, law.sensitivity_peak_limit
     if peak is None or limit is None:
@@ -101,7 +109,7 @@ def _peak(law: Law) -> list[tuple[str, str]]:
     return [("peak of sensitivity", f"{peak:.3g} at the worst, limit {limit:g}")]
 
 
-def _steady(errors: SteadyErrors) -> list[tuple[str, str]]:
+def _steady(errors: "SteadyErrors") -> list[tuple[str, str]]:
     """Where the arm would rest if the part differed from the plan within its tolerances."""
     lowest_um, highest_um = errors.position_min_um, errors.position_max_um
     lowest_mN, highest_mN = errors.force_min_mN, errors.force_max_mN
@@ -112,7 +120,7 @@ def _steady(errors: SteadyErrors) -> list[tuple[str, str]]:
     ]
 
 
-def _calibration(plan: CalibrationPlan, console: Console) -> None:
+def _calibration(plan: "CalibrationPlan", console: "Console") -> None:
     phases = table("phase", "begins", "lasts", "voltage")
     for phase in plan.phases:
         lasts = "waits for you" if phase.duration_s is None else f"{phase.duration_s:.2f} s"
@@ -125,12 +133,12 @@ def _calibration(plan: CalibrationPlan, console: Console) -> None:
 Tree = dict[str, Any]
 
 
-def outcome(job: Job) -> str:
+def outcome(job: "Job") -> str:
     """How a job's program ended; empty where it has no result."""
     return str((job.result or {}).get("outcome", ""))
 
 
-def show_result(job: Job, console: Console) -> None:
+def show_result(job: "Job", console: "Console") -> None:
     """Print the result of a job."""
     colour = "green" if job.state == "succeeded" else "red"
     console.print(f"\njob {job.id} [bold {colour}]{job.state}[/]")
@@ -172,7 +180,7 @@ def measured(value: Tree) -> str:
     return text if uncertainty is None else f"{text} ± {uncertainty:.2g}"
 
 
-def _show_findings(result: Tree, name: str, console: Console) -> None:
+def _show_findings(result: Tree, name: str, console: "Console") -> None:
     """Print what a calibration has found, and what to do with it."""
     lines = [(value["quantity"], measured(value)) for value in result["values"]]
     lines += [(one["name"], quantity(one["value"], one["unit"])) for one in result["figures"]]
@@ -186,6 +194,8 @@ def _show_findings(result: Tree, name: str, console: Console) -> None:
 
 def result_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
     """The outcome, and the figures that the kind names; a kind that is not installed has none."""
+    from pincette.api.job_kinds import job_kinds
+
     known = job_kinds().get(kind)
     lines = [("outcome", str(result.get("outcome", "")))]
     for field in () if known is None else known.figures:
@@ -203,7 +213,7 @@ def result_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
     return lines
 
 
-def _figure(value: Any, field: ResultField) -> str:
+def _figure(value: Any, field: "ResultField") -> str:
     if value is None:
         return "not known"
     if isinstance(value, bool):
@@ -222,6 +232,8 @@ def _member(tree: Tree, path: str) -> Any:
 
 def record_lines(record: str | None) -> list[tuple[str, str]]:
     """Where a job's record is, and its plot if the folder is on this machine."""
+    from pincette.api.job_kinds import job_kinds
+
     if not record:
         return []
     folder = Path(record)

@@ -1,31 +1,30 @@
 """The state of rigs: `rigs`, `timing`, `checks`, `queue`; and events at a simulated one: `rig`."""
 
 import math
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec.structs import asdict
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from typer import Argument, Option
 
 from pincette.api.checks import Check
-from pincette.api.live import LoopTiming
-from pincette.api.rigs import Certainty, Rig
-from pincette.bus.endpoints import tool_endpoint
-from pincette.bus.protocol import BusError
-from pincette.bus.zenoh_bus import ZenohBus
+from pincette.api.rigs import Certainty
 from pincette.cli import CliError, Exit, opened
 from pincette.cli.access import Address, Target
 from pincette.cli.options import integer, number
 from pincette.cli.terminal import Json, RigOption, clock, command, group, screen, table
-from pincette.client import RigHandle
-from pincette.config import RigFile
-from pincette.config.script import OPERATIONS, Operation, objection
-from pincette.core.messages import SimCommand
-from pincette.core.topics import SIM_COMMAND
 from pincette.records.timings import rows
-from pincette.security.identity import SecurityError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pincette.api.live import LoopTiming
+    from pincette.api.rigs import Rig
+    from pincette.client import RigHandle
+    from pincette.config import RigFile
+    from pincette.config.script import Operation
+    from pincette.core.messages import SimCommand
 
 NO_DECIMALS_FROM = 1000.0
 QUANTILES = ("p50_s", "p99_s", "p999_s", "max_s")
@@ -51,7 +50,7 @@ def list_rigs(address: Address) -> None:
     address.answer(rigs, shown)
 
 
-def _holder(rig: Rig) -> tuple[str]:
+def _holder(rig: "Rig") -> tuple[str]:
     return ("" if rig.claim is None else escape(rig.claim.by),)
 
 
@@ -70,14 +69,14 @@ def show_timing(target: Target) -> int:
     return Exit.DONE if timing.programs or target.json else Exit.FAILED
 
 
-def _show_timing(timing: LoopTiming, console: Console) -> None:
+def _show_timing(timing: "LoopTiming", console: "Console") -> None:
     if timing.programs:
         console.print(timing_table(timing))
     for name, why in timing.silent.items():
         console.print(f"{name}: {why}", markup=False, soft_wrap=True)
 
 
-def timing_table(timing: LoopTiming) -> Table:
+def timing_table(timing: "LoopTiming") -> Table:
     """A line for each program and quantity, in ms."""
     names = ("program", "quantity", "count", "p50 ms", "p99 ms", "p99.9 ms", "max ms", "missed")
     shown = table(*names, right=names[2:])
@@ -157,11 +156,11 @@ def clear_queue(target: Target) -> None:
     _queue(target, handle, handle.queue("clear"))
 
 
-def _queue(target: Target, handle: RigHandle, rig: Rig) -> None:
+def _queue(target: Target, handle: "RigHandle", rig: "Rig") -> None:
     target.answer(rig.queue, lambda: _show_queue(handle, rig, screen()))
 
 
-def _show_queue(handle: RigHandle, rig: Rig, console: Console) -> None:
+def _show_queue(handle: "RigHandle", rig: "Rig", console: "Console") -> None:
     if rig.queue.halted:
         console.print(f"[yellow]halted[/yellow]: {rig.queue.halted}")
         console.print("`pincette queue resume` goes on, `pincette queue clear` stops all that wait")
@@ -191,8 +190,14 @@ NEGATIVES = {"ignore_unknown_options": True}
 """A negative value begins as an option does."""
 
 
-def send(rig: RigFile, wanted: SimCommand, words: list[str]) -> None:
+def send(rig: "RigFile", wanted: "SimCommand", words: list[str]) -> None:
     """Send a command to a rig that is up."""
+    from pincette.bus.endpoints import tool_endpoint
+    from pincette.bus.protocol import BusError
+    from pincette.bus.zenoh_bus import ZenohBus
+    from pincette.core.topics import SIM_COMMAND
+    from pincette.security.identity import SecurityError
+
     if rig.simulation is None:
         raise CliError(f"rig {rig.rig.name!r} is real: do at its bench what you want done")
     try:
@@ -209,8 +214,11 @@ def send(rig: RigFile, wanted: SimCommand, words: list[str]) -> None:
         bus.close()
 
 
-def read(words: list[str], after_s: float, for_s: float | None) -> SimCommand:
+def read(words: list[str], after_s: float, for_s: float | None) -> "SimCommand":
     """The command of some words; a target that knows one thing needs no name for it."""
+    from pincette.config.script import OPERATIONS, objection
+    from pincette.core.messages import SimCommand
+
     if unknown := [word for word in words if word.startswith("--")]:
         raise CliError(f"no such option: {unknown[0]}; --help lists them", Exit.USAGE)
     target, *rest = words
@@ -238,6 +246,8 @@ def _value(text: str) -> float:
 
 def operation_rows() -> list[tuple[str, str, str, str]]:
     """Target, what, value and meaning of everything there is."""
+    from pincette.config.script import OPERATIONS
+
     return [
         (target, operation.what, value_text(operation), operation.meaning)
         for target, operations in OPERATIONS.items()
@@ -245,7 +255,7 @@ def operation_rows() -> list[tuple[str, str, str, str]]:
     ]
 
 
-def value_text(operation: Operation) -> str:
+def value_text(operation: "Operation") -> str:
     """What the value of a operation is, and its bounds; empty where it takes none."""
     if not operation.valued:
         return ""

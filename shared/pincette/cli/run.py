@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pincette.cli import PKI, CliError, Exit, chosen
-from pincette.core.service import LOOP_PROGRAM, SEPARATOR, canonical_name
+from pincette.core.service import LOOP_PROGRAM, SEPARATOR, canonical_name, programs
 from pincette.engine import logs
-from pincette.engine.process import Options, programs, run_program
 
 ABOUT = "run one program of a rig in the foreground"
 COMPOSED = "or what [rig] composed of the rig file names, as loop or estimator+controller"
@@ -59,6 +58,8 @@ def name_help() -> str:
 
 def main(arguments: Sequence[str]) -> int:
     """Run a program until it is told to stop; returns the exit status."""
+    from pincette.engine.process import Options, run_program
+
     given = _read(arguments)
     try:
         options = Options(

@@ -1,30 +1,24 @@
 """``pincette estop``, ``reset`` and ``alarms``; an estop goes to the actuator if REST fails."""
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from socket import create_connection
 from time import monotonic, sleep
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from rich.markup import escape
 from typer import Argument, Option
 
-from pincette.api.events import Alarm, AlarmList
-from pincette.bus.endpoints import direct_endpoint, tool_endpoint
-from pincette.bus.protocol import BusError
-from pincette.bus.topology import SessionConfig, address_of
-from pincette.bus.zenoh_bus import ZenohBus
 from pincette.cli import CliError, opened
 from pincette.cli.access import Authority, Key, Target, authority_of, key_of, operator
 from pincette.cli.options import Limit
 from pincette.cli.terminal import Json, RigOption, clock, command, group, screen, table
-from pincette.client import ClientError, Supervisor
-from pincette.config import RigFile
-from pincette.core.faults import Cause
-from pincette.core.messages import Trip
-from pincette.core.topics import TRIP
-from pincette.security.identity import SecurityError
+
+if TYPE_CHECKING:
+    from pincette.api.events import Alarm, AlarmList
+    from pincette.bus.topology import SessionConfig
+    from pincette.bus.zenoh_bus import ZenohBus
+    from pincette.config import RigFile
+
 
 REST_S = 2.0
 """How long the supervisor may take to answer."""
@@ -55,6 +49,8 @@ def estop(
     ] = None,
 ) -> None:
     """Trip the actuators through the supervisor, else directly, else through the router."""
+    from pincette.client import ClientError, Supervisor
+
     file = opened(rig.path)
     begin = monotonic()
     address = url or file.supervisor.url
@@ -123,8 +119,13 @@ class Tripped:
     trouble: list[str] = field(default_factory=list[str])
 
 
-def trip_past_supervisor(file: RigFile, only: str | None) -> Tripped:
+def trip_past_supervisor(file: "RigFile", only: str | None) -> Tripped:
     """Stop a rig, or without a name that of the file and every other one on its router."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from pincette.bus.endpoints import direct_endpoint, tool_endpoint
+    from pincette.security.identity import SecurityError
+
     tripped, own = Tripped(), file.rig.name
     try:
         beside, ends = direct_endpoint(file, ACTUATOR), tool_endpoint(file)
@@ -144,19 +145,23 @@ def trip_past_supervisor(file: RigFile, only: str | None) -> Tripped:
     return tripped
 
 
-def _on_router(rig: str, ends: SessionConfig, tripped: Tripped) -> set[str]:
+def _on_router(rig: str, ends: "SessionConfig", tripped: Tripped) -> set[str]:
     """Names of the rigs on the router whose actuator is there."""
     found: set[str] = set()
 
-    def look(bus: ZenohBus) -> None:
+    def look(bus: "ZenohBus") -> None:
         found.update(name for name, program in bus.alive_everywhere() if program == ACTUATOR)
 
     _on_bus(rig, ends, tripped, look)
     return found
 
 
-def _ask(rig: str, way: str, ends: SessionConfig, tripped: Tripped) -> None:
-    def ask(bus: ZenohBus) -> None:
+def _ask(rig: str, way: str, ends: "SessionConfig", tripped: Tripped) -> None:
+    from pincette.core.faults import Cause
+    from pincette.core.messages import Trip
+    from pincette.core.topics import TRIP
+
+    def ask(bus: "ZenohBus") -> None:
         bus.call(TRIP, Trip(Cause.ESTOP), ASK_S)
         tripped.ways[rig] = way
 
@@ -164,9 +169,13 @@ def _ask(rig: str, way: str, ends: SessionConfig, tripped: Tripped) -> None:
 
 
 def _on_bus(
-    rig: str, ends: SessionConfig, tripped: Tripped, what: Callable[[ZenohBus], None]
+    rig: str, ends: "SessionConfig", tripped: Tripped, what: "Callable[[ZenohBus], None]"
 ) -> None:
     """Do something on a bus, and note if it cannot be joined or nothing answers."""
+    from pincette.bus.protocol import BusError
+    from pincette.bus.topology import address_of
+    from pincette.bus.zenoh_bus import ZenohBus
+
     place = ends.connect[0]
     try:
         # A port that nobody has refuses at once; the bus would go on trying for seconds.
@@ -209,7 +218,9 @@ def list_alarms(
     target.answer(found, (lambda: _show_alarms(found)) if found.alarms else none)
 
 
-def _show_alarms(found: AlarmList) -> None:
+def _show_alarms(found: "AlarmList") -> None:
+    from rich.markup import escape
+
     rows = table("id", "came", "rig", "what", "times", "state", right=("times",))
     for one in found.alarms:
         colour = COLOURS[one.severity] if one.open else "dim"
@@ -237,7 +248,7 @@ def acknowledge(
     target.answer(seen, lines, "no alarm waits to be acknowledged")
 
 
-def state(one: Alarm) -> str:
+def state(one: "Alarm") -> str:
     """What an alarm still waits for, or who has seen it."""
     seen = f"seen by {one.acknowledged_by}" if one.acknowledged_at else "not acknowledged"
     ends = ENDS[one.clears] if one.cleared_at is None else ""

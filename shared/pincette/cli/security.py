@@ -6,20 +6,23 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, BadParameter, Option
 
 from pincette.cli import CliError, Exit, chosen, opened
 from pincette.cli.options import number
 from pincette.cli.terminal import Function, Json, command, emit, group
-from pincette.config import RigFile
 from pincette.core.service import canonical_name
 from pincette.security.certificates import Facts
 from pincette.security.establishing import DAYS, due, enrol, enrol_upstream, establish
 from pincette.security.folder import SOON, Folder
 from pincette.security.identity import OPERATOR, PEOPLE, Identity, SecurityError, person, program
 from pincette.security.revocation import REVOKED, begin_revoked, read_revoked
+
+if TYPE_CHECKING:
+    from pincette.config import RigFile
+
 
 IN_DATA = "pki"
 """Folder of certificates below ``--data``, for ``up --secure``."""
@@ -265,13 +268,13 @@ def _now() -> datetime:
 
 
 @contextmanager
-def temporary_certificates(rig: RigFile) -> Generator[Path]:
+def temporary_certificates(rig: "RigFile") -> Generator[Path]:
     """A folder of certificates that is gone afterwards."""
     with tempfile.TemporaryDirectory(prefix="pincette-") as name:
         yield made_certificates(rig, Path(name))
 
 
-def made_certificates(rig: RigFile, data: Path) -> Path:
+def made_certificates(rig: "RigFile", data: Path) -> Path:
     """The folder of certificates beside the records; it is made, and a rig added, where missing."""
     folder, now = Folder(data / IN_DATA), datetime.now(UTC)
     hosts = tuple(dict.fromkeys((rig.bus.host, rig.supervisor.host, *rig.supervisor.names)))

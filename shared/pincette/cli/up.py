@@ -8,14 +8,12 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import sleep
 from types import FrameType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.text import Text
 from typer import Option
 
-from pincette.cli import PKI, CliError, opened, run, security
+from pincette.cli import PKI, CliError, opened, run
 from pincette.cli.access import authority_of, key_of, refusals
 from pincette.cli.options import DATA, DataFolder, choice, integer
 from pincette.cli.results import show_result
@@ -31,13 +29,15 @@ from pincette.cli.terminal import (
     with_parameters,
 )
 from pincette.cli.watch import follow, status_of
-from pincette.client import Supervisor
-from pincette.config import RigFile
 from pincette.engine import logs
-from pincette.engine.fleet import Child, Fleet, FleetError
-from pincette.engine.logs import Form
-from pincette.engine.measuring.kept import changes_of, how, kept, words
-from pincette.engine.revival import Revival
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pincette.config import RigFile
+    from pincette.engine.fleet import Child, Fleet
+    from pincette.engine.logs import Form
+
 
 LogFormat = Annotated[
     logs.Form | None,
@@ -66,15 +66,16 @@ def _end(_number: int, _frame: FrameType | None) -> None:
 
 @contextmanager
 def running(
-    rig: RigFile,
+    rig: "RigFile",
     rig_path: Path,
     data: Path,
-    console: Console,
+    console: "Console",
     *,
     server: bool = False,
-    log_format: Form | None = None,
-) -> Generator[Fleet]:
+    log_format: "Form | None" = None,
+) -> "Generator[Fleet]":
     """A rig that is up, and that is down again afterwards whatever happened."""
+    from pincette.engine.fleet import Fleet, FleetError
 
     def say(name: str, line: str) -> None:
         _print_status(console, fleet.members[name], "green", line.replace("socket://", ""))
@@ -99,8 +100,10 @@ def running(
             signal.signal(number, handler)
 
 
-def _print_status(console: Console, member: Child, colour: str, line: str) -> None:
+def _print_status(console: "Console", member: "Child", colour: str, line: str) -> None:
     """One line of status; in a terminal never more than one."""
+    from rich.text import Text
+
     text = Text.assemble(
         ("● ", colour), f"{member.name:<10} ", (f"{member.process.pid:>7} ", "dim"), line
     )
@@ -117,7 +120,7 @@ def up(
         bool,
         Option(
             "--secure",
-            help=f"over mutual TLS, with certificates in the folder {security.IN_DATA} of --data",
+            help="over mutual TLS, with certificates in the folder pki of --data",
         ),
     ] = False,
     server: Annotated[
@@ -140,6 +143,8 @@ def up(
     if server and file.bus.upstream is None:
         raise CliError(f"rig {file.rig.name!r} has no [bus] upstream: HOST:PORT of this server")
     if secure:
+        from pincette.cli import security
+
         pki = security.made_certificates(file, data)
         file = file.secured(pki)
         console.print(f"certificates in {pki}; for tools: {PKI}={pki.resolve()}", soft_wrap=True)
@@ -158,7 +163,9 @@ def up(
         console.print("every program has ended")
 
 
-def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
+def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
+    from pincette.engine.revival import Revival
+
     served = ", served" if rig.joins else ""
     console.print(
         f"rig [bold]{rig.rig.name}[/bold] is up{served} at {rig.supervisor.url}; Ctrl-C ends it"
@@ -174,8 +181,10 @@ def _watch(rig: RigFile, fleet: Fleet, console: Console) -> None:
                 _print_status(console, member, "green", member.line)
 
 
-def machine_words(rig: RigFile, data: Path) -> list[str]:
+def machine_words(rig: "RigFile", data: Path) -> list[str]:
     """What this machine keeps and what to change, or how that is measured; nothing is measured."""
+    from pincette.engine.measuring.kept import changes_of, how, kept, words
+
     known = kept(data)
     if known is None:
         return ["what this machine keeps is not known:", f"  {how(rig)}"]
@@ -192,11 +201,15 @@ def demo(
     ] = False,
 ) -> int:
     """Grip the part of a rig once, from start to end."""
+    from pincette.client import Supervisor
+
     console = screen(machine=form.json)
     path = rig.path
     file = opened(path)
     with ExitStack() as stack:
         if secure:
+            from pincette.cli import security
+
             file = file.secured(stack.enter_context(security.temporary_certificates(file)))
         stack.enter_context(running(file, path, data, console))
         stack.enter_context(refusals(file.supervisor.url, as_json=form.json))

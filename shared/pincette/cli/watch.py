@@ -4,23 +4,24 @@ import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from math import inf
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.console import Console
-from rich.progress import BarColumn, TextColumn
-from rich.progress import Progress as Bar
-from rich.text import Text
 from typer import Argument, Option
 
-from pincette.api.events import Event
-from pincette.api.jobs import Job, Progress
-from pincette.api.states import STATES
 from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
 from pincette.cli.options import integer
 from pincette.cli.results import show_result
 from pincette.cli.terminal import STATE_COLOURS, clock, command, emit, group, patience, screen
-from pincette.client import JobHandle
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
+    from pincette.api.events import Event
+    from pincette.api.jobs import Job, Progress
+    from pincette.client import JobHandle
+
 
 PASSING = ("progress", "dropped")
 ALARMING = ("alarm",)
@@ -28,13 +29,6 @@ MAIN = {"action": "type", "alarm": "cause", "result": "outcome"}
 """Member that says most, where it is not named as the kind is."""
 POLL_S = 0.2
 BAR_WIDTH = 24
-COLUMNS = (
-    TextColumn("{task.description:<9}"),
-    BarColumn(BAR_WIDTH),
-    TextColumn("{task.fields[share]:>4}"),
-    TextColumn("{task.fields[now]}"),
-    TextColumn("{task.fields[left]}"),
-)
 
 app = group()
 
@@ -72,7 +66,7 @@ def watch(
     return None
 
 
-def _of_rigs(target: Target, after: int | None) -> tuple[str, Iterator[Event]]:
+def _of_rigs(target: Target, after: int | None) -> "tuple[str, Iterator[Event]]":
     """What the rigs do just now, since an idle one says nothing, and events as they come.
 
     They are those of the rig that is named, or of all; a supervisor must answer first.
@@ -88,8 +82,10 @@ def _of_rigs(target: Target, after: int | None) -> tuple[str, Iterator[Event]]:
     return ", ".join(words), events
 
 
-def line(event: Event) -> Text:
+def line(event: "Event") -> "Text":
     """One event in one line: when, which job, what."""
+    from rich.text import Text
+
     body = event.body
     state = str(body.get("state", ""))
     colour = "red" if event.kind in ALARMING else STATE_COLOURS.get(state, "default")
@@ -129,7 +125,7 @@ def _member(name: str, value: object) -> str:
     return f"{name} {value:.5g}" if isinstance(value, float) else f"{name} {value}"
 
 
-def followed(job: JobHandle, *, machine: bool) -> int:
+def followed(job: "JobHandle", *, machine: bool) -> int:
     """Follow a job to its end, and show its result; the exit status says whether it succeeded."""
     console = screen(machine=machine)
     try:
@@ -150,7 +146,7 @@ def followed(job: JobHandle, *, machine: bool) -> int:
     return status_of(job.job)
 
 
-def status_of(job: Job) -> Exit:
+def status_of(job: "Job") -> Exit:
     """The exit status of a job that was followed."""
     if job.state != "succeeded":
         return Exit.FAILED
@@ -158,7 +154,7 @@ def status_of(job: Job) -> Exit:
     return Exit.DONE if goal is None or goal["met"] else Exit.GOAL_MISSED
 
 
-def follow(job: JobHandle, console: Console) -> Job:
+def follow(job: "JobHandle", console: "Console") -> "Job":
     """Show a job's progress until it has ended, and return it as it is then.
 
     Where it waits for a person, a terminal asks for the return key and then goes on.
@@ -183,8 +179,18 @@ def follow(job: JobHandle, console: Console) -> Job:
 class _Bar(AbstractContextManager[None]):
     """One line that is drawn anew."""
 
-    def __init__(self, console: Console) -> None:
-        self._progress = Bar(*COLUMNS, console=console)
+    def __init__(self, console: "Console") -> None:
+        from rich.progress import BarColumn, TextColumn
+        from rich.progress import Progress as Bar
+
+        self._progress = Bar(
+            TextColumn("{task.description:<9}"),
+            BarColumn(BAR_WIDTH),
+            TextColumn("{task.fields[share]:>4}"),
+            TextColumn("{task.fields[now]}"),
+            TextColumn("{task.fields[left]}"),
+            console=console,
+        )
         self._bar = self._progress.add_task("queued", total=None, share="", now="", left="")
 
     def __enter__(self) -> None:
@@ -193,7 +199,9 @@ class _Bar(AbstractContextManager[None]):
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def show(self, job: Job, live: Progress | None) -> None:
+    def show(self, job: "Job", live: "Progress | None") -> None:
+        from pincette.api.states import STATES
+
         elapsed_s = 0.0 if live is None else live.elapsed_s
         planned_s = None if live is None else live.planned_s
         if job.state == "succeeded":
@@ -223,14 +231,14 @@ class _Bar(AbstractContextManager[None]):
 class _Lines(AbstractContextManager[None]):
     """A line for each phase, for a file or a pipe."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: "Console") -> None:
         self._console = console
         self._shown = ""
 
     def __exit__(self, *_: object) -> None:
         return
 
-    def show(self, job: Job, live: Progress | None) -> None:
+    def show(self, job: "Job", live: "Progress | None") -> None:
         phase = phase_of(job, live)
         if phase == self._shown:
             return
@@ -249,14 +257,14 @@ def _order(name: str, instruction: str) -> str:
     return f"{instruction}, then `pincette job continue {name}`"
 
 
-def phase_of(job: Job, live: Progress | None) -> str:
+def phase_of(job: "Job", live: "Progress | None") -> str:
     """The phase of a job that runs, else its state."""
     if job.state != "running" or live is None:
         return job.state
     return live.phase or job.state
 
 
-def newest(live: Progress | None) -> str:
+def newest(live: "Progress | None") -> str:
     """Newest position and force, of constant width."""
     if live is None or live.x_um is None:
         return ""

@@ -1,17 +1,21 @@
-"""The rig file, read and checked."""
+"""The rig file, read and checked. What is named here is imported when it is first used."""
 
-from pincette.config.calibration import Calibration, calibrated, parse_calibration
-from pincette.config.instruments import Output, Sensor
-from pincette.config.model import (
-    FreeResidual,
-    IdentifiedFreeResponse,
-    Model,
-    RecordedFreeResponse,
-)
-from pincette.config.reading import parse_rig, parse_rig_json, read_rig
-from pincette.config.rig_file import RigFile
-from pincette.config.simulation import Simulation
-from pincette.config.tables import ConfigError, Table
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pincette.config.calibration import Calibration, calibrated, parse_calibration
+    from pincette.config.instruments import Output, Sensor
+    from pincette.config.model import (
+        FreeResidual,
+        IdentifiedFreeResponse,
+        Model,
+        RecordedFreeResponse,
+    )
+    from pincette.config.reading import parse_rig, parse_rig_json, read_rig
+    from pincette.config.rig_file import RigFile
+    from pincette.config.simulation import Simulation
+    from pincette.config.tables import ConfigError, Table
 
 __all__ = [
     "Calibration",
@@ -31,3 +35,23 @@ __all__ = [
     "parse_rig_json",
     "read_rig",
 ]
+PLACES = {
+    "calibration": ("Calibration", "calibrated", "parse_calibration"),
+    "instruments": ("Output", "Sensor"),
+    "model": ("FreeResidual", "IdentifiedFreeResponse", "Model", "RecordedFreeResponse"),
+    "reading": ("parse_rig", "parse_rig_json", "read_rig"),
+    "rig_file": ("RigFile",),
+    "simulation": ("Simulation",),
+    "tables": ("ConfigError", "Table"),
+}
+"""Modules and their names. All of them take a third of a second to load, and the help of a command
+needs the laws or the orders of a simulated rig alone."""
+
+
+def __getattr__(name: str) -> Any:
+    for module, names in PLACES.items():
+        if name in names:
+            found = getattr(import_module(f"{__name__}.{module}"), name)
+            globals()[name] = found
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

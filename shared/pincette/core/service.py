@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
 from pincette.control.record import FrozenRecord
+from pincette.core import plugins
 from pincette.core.faults import Fault, Predecessor
 from pincette.core.messages import Message
 from pincette.core.topics import LOOP, Request, Topic
@@ -134,6 +135,11 @@ AnyService = Service[Any, Any, Any, Any]
 
 LOOP_PROGRAM, SEPARATOR = "loop", "+"
 """Name of the program that composes the whole loop, and separator of services in other names."""
+
+
+def programs() -> list[str]:
+    """Everything that `pincette run` can start, what composes several of them apart."""
+    return [*LOOP, *plugins.names(plugins.PROGRAMS)]
 
 
 def member_services(program: str) -> tuple[str, ...]:

@@ -78,11 +78,6 @@ class Options:
     """None: as the environment says."""
 
 
-def programs() -> list[str]:
-    """Everything that `pincette run` can start, what composes several of them apart."""
-    return [*LOOP, *plugins.names(plugins.PROGRAMS)]
-
-
 def run_program(name: str, rig_path: Path, options: Options) -> int:
     """Run one program until it is told to stop; returns the exit status."""
     try:

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from pincette.cli import access
+from pincette import client
 from pincette.client import Supervisor
 from tests.unit.client.desk import Desk
 
@@ -22,7 +22,7 @@ def at(monkeypatch: pytest.MonkeyPatch) -> At:
         def reached(_url: str, **settings: Any) -> Supervisor:
             return supervisor.supervisor(0.0, settings.get("claim"))
 
-        monkeypatch.setattr(access, "Supervisor", reached)
+        monkeypatch.setattr(client, "Supervisor", reached)
         return supervisor
 
     return place

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pincette.api.access import AuditEntry
-from pincette.cli import Exit, access
+from pincette.cli import Exit
 from pincette.cli.main import main
 from pincette.client import Supervisor
 from tests.unit.client import desk
@@ -32,7 +32,7 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[str | None]:
         found.append(key)
         return Desk(desk.rig(), desk.rig()).supervisor(0.0)
 
-    monkeypatch.setattr(access, "Supervisor", reached)
+    monkeypatch.setattr("pincette.client.Supervisor", reached)
     return found
 
 
@@ -149,7 +149,7 @@ def test_a_key_that_is_too_small_is_told_with_what_it_lacks(
     def reached(_url: str, **_settings: Any) -> Supervisor:
         return Desk(refused).supervisor(0.0)
 
-    monkeypatch.setattr(access, "Supervisor", reached)
+    monkeypatch.setattr("pincette.client.Supervisor", reached)
     assert main(["job", "grip", "--rig-name", "demo", "--no-wait"]) == Exit.FAILED
     assert detail in capsys.readouterr().err
 
@@ -164,7 +164,7 @@ def test_the_audit_log_is_listed(
     def reached(_url: str, **_settings: Any) -> Supervisor:
         return supervisor.supervisor(0.0)
 
-    monkeypatch.setattr(access, "Supervisor", reached)
+    monkeypatch.setattr("pincette.client.Supervisor", reached)
     assert main(["audit", "--limit", "5", "--before", "13"]) == Exit.DONE
     said = capsys.readouterr().out
     assert "cell-7 (Ann)" in said

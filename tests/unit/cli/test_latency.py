@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli import Exit, latency
+from pincette.cli import Exit
 from pincette.cli.latency import bars
 from pincette.cli.main import main
 from pincette.config.programs import Scheduling
@@ -45,8 +45,8 @@ class Machine:
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     made = Machine(0.0003)
-    monkeypatch.setattr(latency, "measure", made.measure)
-    monkeypatch.setattr(latency, "keep", made.keep)
+    monkeypatch.setattr("pincette.engine.measuring.machine.measure", made.measure)
+    monkeypatch.setattr("pincette.engine.measuring.kept.keep", made.keep)
     return made
 
 
@@ -118,7 +118,7 @@ def test_a_machine_that_cannot_be_measured_is_told(
     def fail(*_: object, **_also: object) -> Findings:
         raise MeasuringError("no bus")
 
-    monkeypatch.setattr(latency, "measure", fail)
+    monkeypatch.setattr("pincette.engine.measuring.machine.measure", fail)
     assert main(["latency"]) == Exit.FAILED
     assert "this machine could not be measured: no bus" in capsys.readouterr().err
     assert machine.asked == []

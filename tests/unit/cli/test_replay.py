@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from pincette.cli import records
 from pincette.cli.main import main
 from pincette.core.messages import Estimate, Message, RequestLog
 from pincette.engine.composed import ComposedLoop
@@ -40,7 +39,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> Recorded:
         def read(path: Path) -> Recording:
             return found[path.stem]
 
-        monkeypatch.setattr(records, "read", read)
+        monkeypatch.setattr("pincette.records.mcap_reading.read", read)
 
     return place
 

@@ -10,7 +10,7 @@ import pytest
 
 from pincette.api.events import Event
 from pincette.api.rigs import Rig
-from pincette.cli import Exit, access, safety
+from pincette.cli import Exit, safety
 from pincette.cli.main import main
 from pincette.cli.safety import Tripped
 from pincette.client import Supervisor
@@ -33,8 +33,7 @@ def at(monkeypatch: pytest.MonkeyPatch) -> At:
         def reached(_url: str, **_settings: Any) -> Supervisor:
             return supervisor.supervisor(0.0)
 
-        monkeypatch.setattr(access, "Supervisor", reached)
-        monkeypatch.setattr(safety, "Supervisor", reached)
+        monkeypatch.setattr("pincette.client.Supervisor", reached)
         return supervisor
 
     return place

@@ -162,7 +162,7 @@ def test_a_result_of_another_kind_has_the_figures_that_the_kind_names(
         number("lost_um", "lost", optional=True),
     )
     other = dataclasses.replace(job_kinds()["grip"], name="other", figures=figures)
-    monkeypatch.setattr(results, "job_kinds", lambda: {"other": other})
+    monkeypatch.setattr("pincette.api.job_kinds.job_kinds", lambda: {"other": other})
     result = {"outcome": "done", "best": {"force_mN": 2.0, "u_mN": 0.1}, "drift_um": None}
     assert results.result_lines(result, "other") == [
         ("outcome", "done"),

@@ -34,6 +34,7 @@ LONGEST_JOB_S = 86400.0
 """How long before the time asked for a job that reaches into it may have been taken."""
 Reduced = tuple[Series, Series, Series]
 """Middle of each second, and rows of smallest and largest values by ``NAMES``."""
+NOTHING: Reduced = (np.empty(0), np.empty((len(NAMES), 0)), np.empty((len(NAMES), 0)))
 
 
 class HistoryReader:
@@ -135,7 +136,7 @@ def reduce(columns: dict[str, Series], begun_s: float, spent_s: float | None) ->
     """
     t_s = columns["t_s"]
     if not t_s.size:
-        return np.empty(0), np.empty((len(NAMES), 0)), np.empty((len(NAMES), 0))
+        return NOTHING
     rate = 1.0
     if spent_s is not None and t_s[-1] > 0.0:
         rate = max(0.0, spent_s) / float(t_s[-1])
@@ -160,21 +161,21 @@ def _grouped(at_s: Series, low: Series, high: Series, step_s: float) -> Reduced:
     """Stretches of the clock that have samples, whose times must rise."""
     stretch = np.floor(at_s / step_s)
     first = np.flatnonzero(np.diff(stretch, prepend=-np.inf))
-    middle = (stretch[first] + 0.5) * step_s
+    middle: Series = (stretch[first] + 0.5) * step_s
     return middle, np.fmin.reduceat(low, first, axis=1), np.fmax.reduceat(high, first, axis=1)
 
 
 def _joined(found: Sequence[Reduced], from_s: float, to_s: float, step_s: float) -> Reduced:
     """Several records as one, within the time that is asked for."""
     if not found:
-        return np.empty(0), np.empty((len(NAMES), 0)), np.empty((len(NAMES), 0))
+        return NOTHING
     at_s = np.concatenate([each[0] for each in found])
     low = np.concatenate([each[1] for each in found], axis=1)
     high = np.concatenate([each[2] for each in found], axis=1)
     order = np.argsort(at_s, kind="stable")
     order = order[(at_s[order] >= from_s) & (at_s[order] <= to_s)]
     if not order.size:
-        return _joined((), from_s, to_s, step_s)
+        return NOTHING
     return _grouped(at_s[order], low[:, order], high[:, order], step_s)
 
 

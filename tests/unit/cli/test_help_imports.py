@@ -1,0 +1,50 @@
+"""A help text loads no library that it does not need: its time is that of what it imports."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from pincette.cli.main import COMMANDS
+
+NEVER = (
+    "matplotlib",
+    "zenoh",
+    "httpx",
+    "pyarrow",
+    "numpy",
+    "fastapi",
+    "sqlalchemy",
+    "rich.progress",
+    "pincette.config.rig_file",
+    "pincette.client",
+    "pincette.engine.process",
+)
+"""Each of them costs a tenth of a second of processor or more, and some of them a whole one."""
+MOST = 700
+"""Modules; a bare command line has 230, one with the models of a request 480."""
+ALLOWED = {"init": {"pincette.config.rig_file"}}
+"""Its questions are the tables of a rig file."""
+SHOW = """
+import contextlib, io, json, sys
+from pincette.cli.main import main
+with contextlib.redirect_stdout(io.StringIO()):
+    main(sys.argv[1:])
+print(json.dumps(sorted(sys.modules)))
+"""
+
+
+def modules(*words: str) -> set[str]:
+    """Modules that a process has loaded once it has shown a help text."""
+    line = [sys.executable, "-c", SHOW, *words, "--help"]
+    ran = subprocess.run(line, capture_output=True, text=True, check=True, timeout=60.0)
+    return set(json.loads(ran.stdout))
+
+
+@pytest.mark.parametrize("words", [(name,) for name in COMMANDS] + [("job", "grip"), ("grip",)])
+def test_a_help_text_loads_what_it_needs_alone(words: tuple[str, ...]) -> None:
+    loaded = modules(*words)
+    allowed = ALLOWED.get(words[0], set())
+    assert [name for name in NEVER if name in loaded and name not in allowed] == []
+    assert len(loaded) <= MOST
