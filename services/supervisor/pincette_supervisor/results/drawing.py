@@ -58,9 +58,12 @@ class Sheet:
         self.figure.text(0.985, 0.966, name, fontsize=8, color=FAINT, ha="right")
 
     def png(self) -> bytes:
-        """The picture as a PNG."""
+        """The picture as a PNG; nothing is left of it."""
         stream = BytesIO()
         self._canvas.print_png(stream)
+        # Its texts and axes refer to each other and to the 7 MB drawn on, until cycles are sought.
+        self.figure.clear()
+        vars(self._canvas.renderer).clear()
         return stream.getvalue()
 
 
