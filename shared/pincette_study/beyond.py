@@ -33,6 +33,7 @@ from pincette_study.closed_loop import (
 from pincette_study.desk import Desk
 from pincette_study.precision import FREQUENCIES_HZ, SCHEMES
 from pincette_study.rigs import Draw, random_relay_rig, random_rig
+from pincette_supervisor.planning.planned import Planned
 
 CLASSES: Mapping[str, Callable[[RigFile, int], tuple[RigFile, Draw]]] = {
     "bouc_wen": random_rig,
@@ -144,7 +145,7 @@ def on_rig(base: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
     desk.stroke()
     found = BeyondTrials([], [])
     for profile in PROFILES:
-        found.grips.append(_grip(desk, drawn[0], draw, profile))
+        found.grips.append(grip_trial(rig, drawn[0], draw, profile, *desk.grip(profile)))
     for frequency_hz in FREQUENCIES_HZ:
         found.tracks.extend(_tracks(desk, drawn[0], draw, frequency_hz))
     return found
@@ -190,8 +191,10 @@ def _cycles_percent(played: Sequence[Message], path: Path, period_s: float) -> t
     return tuple(100.0 * rms(error_um) / pp_um for error_um in each)
 
 
-def _grip(desk: Desk, name: str, draw: Draw, profile: str) -> GripTrial:
-    planned, played = desk.grip(profile)
+def grip_trial(
+    rig: RigFile, name: str, draw: Draw, profile: str, planned: Planned, played: list[Message]
+) -> GripTrial:
+    """Time and forces of a grip as it was played; raises StudyError where it did not hold."""
     if outcome(played) != "gripped":
         raise StudyError(f"the {profile} grip of {name} rig {draw.seed} ended {outcome(played)!r}")
     views = [m for m in played if isinstance(m, Telemetry)]
@@ -204,7 +207,7 @@ def _grip(desk: Desk, name: str, draw: Draw, profile: str) -> GripTrial:
         name,
         draw,
         profile,
-        seconds_without_hold=desk.rig.rig.period_s * (len(views) - len(hold)),
+        seconds_without_hold=rig.rig.period_s * (len(views) - len(hold)),
         peak_over_planned=max(true_mN.values()) / force_mN,
         hold_error_percent=100.0 * rms(held_mN - force_mN) / force_mN,
     )

@@ -104,6 +104,9 @@ class LawDefinition:
     """Whether ``step`` is told of the planned motion and of the contact, gets the force error as
     it was estimated, without the rig's low-pass, and goes on through the begin of a segment with
     the state it has: a touch is then a matter of the plan it is told of."""
+    rebase: Callable[[Any], Any] | None = None
+    """Of a law that previews: what becomes of its state where the force input begins or ends, that
+    is where a contact is told of, or told of no more; None: nothing."""
     compiled: bool = False
     """Whether ``start`` and ``step`` are made of numbers, records of numbers and functions of
     such alone, so that batches can compile them; else batches play the law uncompiled."""

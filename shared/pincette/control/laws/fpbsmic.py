@@ -14,8 +14,10 @@ told of (0 free), φ = max(0, δ - 1/2), and δT from a sample until its voltage
     u_k    = H⁻¹[ S·x_ff - κ_e·x_e - Ŵ_k ]                                                      F6
     F̂ - F_r = F(z)[ (x̄_1 - x - l)/s_p - F_r ]   x_d by (16), of this error low-passed at f_F    F7
 
-W is S times the w of a perturbation in the position, so that a touch, its loss or a better K_e
-changes none of the filter's state: nothing but S jumps. The offset between x and H is part of W.
+W is S times the w of a perturbation in the position, so that a better K_e changes none of the
+filter's state: nothing but S jumps. The offset between x and H is part of W. Where a touch or its
+loss is told, the filter may have taken up the contact's force already, or not, and u_k would jump
+by up to s_p·F; all stages of F4 are moved so that H(u) goes on by T·ẋ_r, and settle again.
 Through a lag τ between output and arm x̄_1 goes as well, and F5 leads by τ·ẋ_r more.
 
 As a sliding mode: with n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S less its start, and p = K_P/(K_P +
@@ -41,7 +43,7 @@ from pincette.control.laws.impedance import (
 from pincette.control.laws.parameters import LawParameter
 from pincette.control.laws.planned_motion import PlannedMotion
 from pincette.control.laws.sliding import LawOutput
-from pincette.control.record import FrozenRecord
+from pincette.control.record import FrozenRecord, replace
 
 MOST_POLES = 4
 LATEST = 1.5
@@ -52,6 +54,7 @@ LATEST = 1.5
 class FpbsmicParameters:
     """The model of the arm, the filters and the impedance."""
 
+    period_s: float
     um_per_V: float
     """d/k."""
     compliance_um_per_mN: float
@@ -90,6 +93,8 @@ class FpbsmicState(FrozenRecord, frozen=True):
     history: History
     fresh: float
     """1 before the first step, which takes the perturbation as it finds it."""
+    rebased: float
+    """1 before a step whose contact is another, as it is told; see ``rebase``."""
     x_d_um: float
     """x_{d,k} of the newest sample."""
     deviation_1_um: float
@@ -128,6 +133,7 @@ def build(
     p = exp(-2.0 * pi * gains["f_w"] * period_s)
     older = held_age(delay)
     return FpbsmicParameters(
+        period_s=period_s,
         um_per_V=arm.d / arm.k,
         compliance_um_per_mN=1.0 / arm.k,
         lead_s=arm.b / arm.k,
@@ -155,6 +161,7 @@ def start(
     return FpbsmicState(
         history=history,
         fresh=1.0,
+        rebased=0.0,
         x_d_um=x_um,
         deviation_1_um=x_um - x_r_um,
         deviation_2_um=x_um - x_r_um,
@@ -165,6 +172,16 @@ def start(
         force_error_mN=zero,
         slow_error_mN=0.0,
     )
+
+
+def rebase(state: FpbsmicState) -> FpbsmicState:
+    """Mark that a contact is told of, or told of no more: the voltage goes on as it went."""
+    return replace(state, rebased=1.0)
+
+
+def moved(state: Cascade, by: float) -> Cascade:
+    """Every stage by as much."""
+    return Cascade(state.one + by, state.two + by, state.three + by, state.four + by)
 
 
 def passed(poles: Cascade, state: Cascade, value: float) -> Cascade:
@@ -222,11 +239,17 @@ def step(
     later_speed = speed + k.ahead_s * acceleration
     lead_um = (k.lead_s + stiffer * k.lag_s) * later_speed + k.lead_s2 * acceleration
     wanted_um = stiffer * later_um - touch_um + lead_um - filtered.four
+    if state.rebased > 0.5 and not fresh:
+        going_um = k.um_per_V * applied_V + k.period_s * speed
+        jump_um, wanted_um = wanted_um - going_um, going_um
+        filtered = moved(filtered, jump_um)
+        begun_um, before_um = begun_um + jump_um, before_um + jump_um
     coasting_um = (k.um_per_V * applied_V + filtered.four + touch_um) / stiffer
     missed_um = found_um - before_um
     after = FpbsmicState(
         history=History(x_um, state.history.x_2_um, force_mN, applied_V, coasting_um),
         fresh=0.0,
+        rebased=0.0,
         x_d_um=x_d_um,
         deviation_1_um=x_d_um - x_r_um,
         deviation_2_um=state.deviation_1_um,
@@ -277,4 +300,5 @@ LAW = LawDefinition(
     impedance=impedance_of,
     remedies=remedies,
     previews=True,
+    rebase=rebase,
 )

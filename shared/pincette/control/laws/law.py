@@ -187,6 +187,8 @@ def rebase(
     elif law.definition.previews and type(state.law) is law.state_type:
         error_mN = force_mN - force_r_mN
         inner = replace(state.law, history=history)
+        if law.definition.rebase is not None:
+            inner = law.definition.rebase(inner)
         return LawState(inner, state.x_d_um, force_r_mN, error_mN)
     return _start(law, history, x_um, x_r_um, force_mN, force_r_mN)
 

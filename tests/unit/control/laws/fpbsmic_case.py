@@ -105,6 +105,7 @@ def transcribed(case: Case, f_F: float = 3.0) -> list[Row]:
         before = given[k - 1] if k else None
         kappa = S_P * now.K_e
         S = 1.0 + kappa
+        switched = before is not None and (before.K_e > 0.0) != (now.K_e > 0.0)
         if abs(S - S_before) > 0.0:  # touch: the state of F4 ← /S; lost: the reverse
             w_stages = [stage * S_before / S for stage in w_stages]
             S_before = S
@@ -138,7 +139,12 @@ def transcribed(case: Case, f_F: float = 3.0) -> list[Row]:
         ahead = reference(case, (k + 1) * T + phi * T)[0] - now.x_r
         x_ff = x_d + ahead + (2.0 * ZETA / OMEGA_N * v_u + a_u / OMEGA_N**2) / S
         # F6
-        rows.append(Row(S * (x_ff - w_hat) - kappa * now.x_e, x_d, w_hat, value))
+        wanted = S * (x_ff - w_hat) - kappa * now.x_e
+        if switched:  # H(u) goes on with the plan; ŵ takes up what else it would jump by
+            jump = wanted - (now.H + T * now.v_r)
+            w_stages = [stage + jump / S for stage in w_stages]
+            w_hat, wanted = w_stages[-1], wanted - jump
+        rows.append(Row(wanted, x_d, w_hat, value))
     return rows
 
 

@@ -153,14 +153,18 @@ def test_it_begins_without_a_bump(contact: PlannedMotion) -> None:
         assert output.voltage_V == pytest.approx(1.9, abs=1e-12)
 
 
-def test_a_touch_and_its_loss_leave_the_voltage_where_it_is() -> None:
-    """An arm that moves with its reference is told of a part at its tip, and told no more."""
+@pytest.mark.parametrize("pressed_mN", [0.0, 2.0])
+def test_a_touch_and_its_loss_leave_the_voltage_where_it_is(pressed_mN: float) -> None:
+    """An arm that moves with its reference is told of a part at its tip, and told no more.
+
+    It may have been touched for a while before it is told: the filter has taken up the force then.
+    """
     law, x, v, T = law_of(CASES[0], K_f=2000.0), 30.0, 100.0, 0.001
     state = control_law.start(law, x_um=x, x_r_um=x, force_mN=0.0, applied_V=(x - 2.0) / D_P)
     volts = [(x - 2.0) / D_P]
     for tick in range(120):
         told = 40 <= tick < 80
-        K_e, x_e = (2.1, x) if told else (0.0, 0.0)
+        K_e, x_e = (2.1, x - pressed_mN / 2.1) if told else (0.0, 0.0)
         if tick in (40, 80):
             at: dict[str, Any] = {"x_um": x, "x_r_um": x, "force_mN": 0.0, "force_r_mN": 0.0}
             state = control_law.rebase(law, state, **at)
