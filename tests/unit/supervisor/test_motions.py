@@ -204,4 +204,4 @@ def test_the_result_states_the_pose_and_what_is_held(held: bool) -> None:
     assert (result.final_force_mN, result.force_uncertainty_mN) == (None, None)
     plot = functions_of(job_kinds()[row.kind]).plot
     drawn = plot(record.run, record.evaluation, "demo · job")
-    assert drawn.startswith(b"\x89PNG")
+    assert drawn.png.startswith(b"\x89PNG")
