@@ -73,7 +73,8 @@ class Sheet:
         self._canvas.print_png(stream)
         # Its texts and axes refer to each other and to the 7 MB drawn on, until cycles are sought.
         self.figure.clear()
-        vars(self._canvas.renderer).clear()
+        drawn_on: dict[str, Any] = vars(self._canvas.renderer)
+        drawn_on.clear()
         return stream.getvalue()
 
     def picture(self) -> Picture:
