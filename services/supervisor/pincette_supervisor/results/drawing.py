@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -73,7 +73,7 @@ class Sheet:
         self._canvas.print_png(stream)
         # Its texts and axes refer to each other and to the 7 MB drawn on, until cycles are sought.
         self.figure.clear()
-        drawn_on: dict[str, Any] = vars(self._canvas.renderer)
+        drawn_on = cast("dict[str, Any]", vars(self._canvas.renderer))
         drawn_on.clear()
         return stream.getvalue()
 
