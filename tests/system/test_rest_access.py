@@ -18,7 +18,7 @@ from pincette_supervisor.rest.api import create_app
 from tests.support.commands import PINCETTE, pincette
 from tests.support.grips import SHORT, make_ready
 from tests.support.keys import shown
-from tests.support.rigs import demo_rig, paced_rig, rig_toml
+from tests.support.rigs import demo_rig, free_ports, paced_rig, rig_toml
 from tests.support.running import RunningRig, running_rig
 from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
@@ -142,3 +142,20 @@ def test_a_whole_rig_wants_the_key_and_a_stop_needs_none(rig: RunningRig) -> Non
     assert answer.status_code == 200, answer.text
     view = answer.json()
     assert view["latch"]["cause"] == "estop"
+
+
+@pytest.mark.full
+def test_a_second_supervisor_of_a_running_rig_does_not_start(
+    rig: RunningRig, tmp_path: Path
+) -> None:
+    """At a port and with a folder of its own; the first one goes on."""
+    path = tmp_path / "rig.toml"
+    other = rig.rig.model_copy(
+        update={"supervisor": rig.rig.supervisor.model_copy(update={"port": free_ports(1)})}
+    )
+    path.write_text(rig_toml(other), encoding="utf-8")
+    command = [*PINCETTE, "run", "supervisor", "--rig", str(path), "--data", str(tmp_path / "data")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LONG_S, check=False)
+    assert done.returncode != 0
+    assert "another supervisor serves rig demo" in done.stderr
+    assert rig.client.get("/rigs/demo").status_code in (200, 401)

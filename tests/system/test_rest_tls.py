@@ -3,6 +3,8 @@
 import json
 import socket
 import ssl
+import subprocess
+import sys
 from collections.abc import Generator
 from contextlib import ExitStack
 from pathlib import Path
@@ -10,6 +12,7 @@ from time import monotonic, sleep
 
 import httpx
 import pytest
+import yaml
 
 from pincette.cli import Exit
 from pincette.cli.safety import SUPERVISOR as WAY
@@ -32,6 +35,7 @@ from tests.unit.supervisor.harness import Harness
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
+ROOT = Path(__file__).resolve().parents[2]
 ESTOP_S = 0.5
 STRANGERS = 400
 BACK_S = 30.0
@@ -90,6 +94,22 @@ def test_keys_hold_and_who_has_no_part_of_the_authority_is_told(
         plain = address.replace("https", "http")
         told = httpx.get(f"{plain}/livez", trust_env=False)
         assert (told.status_code, "https://" in told.text) == (400, True)
+
+
+@pytest.mark.parametrize("secure", [False, True], ids=["plain", "tls"])
+def test_the_health_of_a_container_is_asked_for_either_way(
+    desk: Harness, context: ssl.SSLContext, secure: bool
+) -> None:
+    composed = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
+    _, _, *words, script = composed["services"]["supervisor"]["healthcheck"]["test"]
+    with served(create_app(desk.rigs, Access()), tls=context if secure else None) as address:
+        asked = script.replace("127.0.0.1:8000", address.partition("://")[2])
+        for ready in (True, False):
+            if not ready:
+                desk.bus.silent.add("sensor")
+                desk.health.refresh(force=True)
+            done = subprocess.run([sys.executable, *words, asked], check=False, timeout=30.0)
+            assert (done.returncode == 0) == ready
 
 
 def test_a_session_over_tls_has_a_cookie_that_goes_over_tls_alone(

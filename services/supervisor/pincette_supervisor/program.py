@@ -6,11 +6,15 @@ import threading
 from collections.abc import Generator
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
+from time import monotonic
 
 from fastapi import FastAPI
 
+from pincette.bus.protocol import BusError
+from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.engine.program import Context
+from pincette.security.identity import SUPERVISOR
 from pincette_supervisor.access.access import Access, TokenBuckets, authenticator_of, require_key
 from pincette_supervisor.access.key_sync import KeySync
 from pincette_supervisor.attention import ATTENTION
@@ -31,6 +35,8 @@ from pincette_supervisor.rigs.rigs import RigFactory, Rigs
 from pincette_supervisor.rigs.suspend_aware_clock import SuspendAwareClock
 
 STOP_S = 5.0
+GONE_S, LOOK_S = 5.0, 0.1
+"""For how long the token of a supervisor that was killed or cut off may still be seen."""
 
 
 class PortInUseError(OSError):
@@ -67,6 +73,7 @@ def run(context: Context) -> None:
         stack.enter_context(closing(KeySync(store, access)))
         require_key(config, access.authenticator)
         bus = stack.enter_context(closing(context.open_bus()))  # which checks the certificate
+        serve_alone(bus, context.rig.rig.name, context.stop)
         tls = None if config.tls is None else server_context(config.tls)
         clock = stack.enter_context(closing(SuspendAwareClock()))
         clock.start()
@@ -92,6 +99,18 @@ def run(context: Context) -> None:
             stack.callback(close)
         context.ready(f"serves at {config.url}/api/v1")
         context.stop.wait()
+
+
+def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:
+    """Hold the token of a rig's supervisor; raises BusError where another one keeps holding it."""
+    until_s = monotonic() + GONE_S
+    while SUPERVISOR in bus.alive():
+        if monotonic() > until_s or stop.wait(LOOK_S):
+            raise BusError(
+                f"another supervisor serves rig {rig}, at whatever port: stop it first, or ask it "
+                "instead; two would arm one rig against each other"
+            )
+    bus.announce(SUPERVISOR)
 
 
 def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:

@@ -123,7 +123,7 @@ def artifacts(folder: Path) -> list[dict[str, Any]]:
     return found
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=512)
 def _sha256(path: Path, _size: int, _changed_ns: int) -> str:
     """Of a file; read again only where its size or its time is another."""
     with path.open("rb") as file:

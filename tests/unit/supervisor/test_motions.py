@@ -20,6 +20,7 @@ from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results.archive import Take, gather
+from pincette_supervisor.results.drawing import Picture
 from tests.support.rigs import demo_rig
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
@@ -204,4 +205,5 @@ def test_the_result_states_the_pose_and_what_is_held(held: bool) -> None:
     assert (result.final_force_mN, result.force_uncertainty_mN) == (None, None)
     plot = functions_of(job_kinds()[row.kind]).plot
     drawn = plot(record.run, record.evaluation, "demo · job")
-    assert drawn.startswith(b"\x89PNG")
+    assert isinstance(drawn, Picture)
+    assert drawn.png.startswith(b"\x89PNG")

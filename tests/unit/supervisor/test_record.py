@@ -1,7 +1,9 @@
 """A record says what its numbers mean, and its picture is one."""
 
+import gc
 import hashlib
 import json
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.results import archive
 from pincette_supervisor.results.drawing import HEIGHT_PX, WIDTH_PX
+from tests.support.footprint import footprint
 
 from . import samples
 
@@ -26,6 +29,7 @@ parquet: Any = pyarrow.parquet
 JOB = JobRow("a", "grip", "demo", "running", {"kind": "grip"}, {}, "2026-03-01T12:00:00.000Z")
 GRIP = GripJobRequest(kind="grip", force_mN=20.0)
 TRACK = TrackJobRequest(kind="track", cycles=2)
+PICTURES, DRAWN_ON_KB = 4, WIDTH_PX * HEIGHT_PX * 4 / 1024
 
 
 def write(
@@ -116,3 +120,22 @@ def test_the_picture_is_a_png_of_its_size(
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
     assert struct.unpack(">II", content[16:24]) == (WIDTH_PX, HEIGHT_PX)
     assert made.result.samples == len(ticks)
+
+
+def test_a_picture_leaves_nothing_of_what_it_was_drawn_on(
+    tmp_path: Path, rig_file: RigFile
+) -> None:
+    """Left to the collector of cycles, each held that, and more, for some jobs."""
+    for _ in range(2):
+        write(tmp_path, rig_file)
+    gc.collect()
+    gc.disable()
+    try:
+        archive.trim_memory()
+        before_kB = footprint(os.getpid())["memory_kB"]
+        for _ in range(PICTURES):
+            write(tmp_path, rig_file)
+        grown_kB = footprint(os.getpid())["memory_kB"] - before_kB
+    finally:
+        gc.enable()
+    assert grown_kB / PICTURES < DRAWN_ON_KB

@@ -47,7 +47,7 @@ class Database:
     def __init__(self, path: Path, url: str = "") -> None:
         self._path = path
         self._place = str(path)
-        self._alone: Connection | None = None
+        self._let_go: Callable[[], None] | None = None
         self._closed = False
         self.trouble = ""
         """Why the last write failed; empty if it succeeded."""
@@ -89,10 +89,10 @@ class Database:
             ) from error
 
     def work_alone(self) -> None:
-        """Keep other supervisors off a server's database until closed; raises StoreError."""
+        """Keep other supervisors off it until closed; raises StoreError."""
         try:
-            self._alone = engines.work_alone(self._engine)
-        except (DBAPIError, ValueError) as error:
+            self._let_go = engines.work_alone(self._engine, self._path)
+        except (DBAPIError, OSError, ValueError) as error:
             raise StoreError(f"the job store {self._place} cannot be used: {error}") from error
 
     @property
@@ -150,10 +150,9 @@ class Database:
         """Close the file."""
         with self._turn:
             self._closed = True
-            if self._alone is not None:
-                self._alone.detach()  # it ends, and with it the lock
-                self._alone.close()
-                self._alone = None
+            if self._let_go is not None:
+                self._let_go()
+                self._let_go = None
             engine = getattr(self, "_engine", None)
             if engine is not None:
                 engine.dispose()

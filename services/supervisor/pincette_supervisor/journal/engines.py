@@ -1,10 +1,12 @@
 """The two places of a journal: an SQLite file, or a database of a PostgreSQL server."""
 
+import fcntl
 import json
 import os
 import re
 import sqlite3
 import stat
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -137,8 +139,10 @@ def migrate_alone(connection: Connection) -> None:
         )
 
 
-def work_alone(engine: Engine) -> Connection | None:
-    """Keep other supervisors off a schema for as long as the connection lives.
+def work_alone(engine: Engine, path: Path) -> Callable[[], None]:
+    """Keep other supervisors off a journal until the function that is returned is called.
+
+    The lock is the system's or the server's, so it ends with the process, however that ends.
 
     Raises
     ------
@@ -146,16 +150,35 @@ def work_alone(engine: Engine) -> Connection | None:
         Another supervisor works with it.
     """
     if engine.dialect.name != SERVER:
-        return None
+        return _lock_beside(path)
     connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
     query = text("SELECT pg_try_advisory_lock(:key, hashtext(current_schema()))")
     if connection.scalar(query, {"key": ALONE}):
-        return connection
+
+        def let_go() -> None:
+            connection.detach()  # it ends, and with it the lock
+            connection.close()
+
+        return let_go
     connection.close()
     raise ValueError(
         "another supervisor works with it: give each a database of its own, or a schema "
         "(?options=-csearch_path%3DNAME)"
     )
+
+
+def _lock_beside(path: Path) -> Callable[[], None]:
+    """Lock a file beside the journal: whoever closes the journal's own loses SQLite's locks."""
+    lock = os.open(path.with_name(f"{path.name}-alone"), os.O_RDWR | os.O_CREAT, PRIVATE)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(lock)
+        raise ValueError(
+            "another supervisor works with it: stop that one, or give each a folder of its own "
+            "(--data)"
+        ) from error
+    return partial(os.close, lock)
 
 
 def _keep_private(path: Path) -> None:

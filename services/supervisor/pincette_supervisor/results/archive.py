@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from ctypes import CDLL
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,15 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
 from pincette_supervisor.results.drawing import Picture
 from pincette_supervisor.results.goal import goal_of
+
+
+def trim_memory() -> None:
+    """Give the system back what drawing has freed; glibc would keep it, in pieces, for each thread.
+
+    The interpreter runs on meanwhile. Another library of C may have no such call.
+    """
+    with suppress(AttributeError):
+        CDLL(None).malloc_trim(0)
 
 
 def archivist() -> ThreadPoolExecutor:
@@ -71,6 +82,7 @@ class Record:
             whose=about(run.planned, job, self.epoch),
             recorded=recorded,
         )
+        trim_memory()
 
 
 def picture(run: Run, evaluation: Evaluation, name: str) -> Picture:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -68,9 +68,13 @@ class Sheet:
         self.figure.text(0.985, 0.966, name, fontsize=8, color=FAINT, ha="right")
 
     def png(self) -> bytes:
-        """The picture as a PNG."""
+        """The picture as a PNG; nothing is left of it."""
         stream = BytesIO()
         self._canvas.print_png(stream)
+        # Its texts and axes refer to each other and to the 7 MB drawn on, until cycles are sought.
+        self.figure.clear()
+        drawn_on = cast("dict[str, Any]", vars(self._canvas.renderer))
+        drawn_on.clear()
         return stream.getvalue()
 
     def picture(self) -> Picture:

@@ -1,0 +1,52 @@
+"""A second supervisor of a rig, at whatever port and folder, does not start."""
+
+import threading
+from collections.abc import Generator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from pincette.bus.protocol import BusError
+from pincette.bus.session import open_session
+from pincette.bus.topology import SessionConfig, client_session, router_session
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette_supervisor import program
+from pincette_supervisor.journal.store import Store, StoreError
+from tests.support.rigs import free_ports
+
+RIG, OTHER = "contract", "other"
+
+
+@pytest.fixture
+def ends(monkeypatch: pytest.MonkeyPatch) -> Generator[SessionConfig]:
+    monkeypatch.setattr(program, "GONE_S", 0.3)
+    port = free_ports(1)
+    with open_session(router_session("127.0.0.1", port), "router"):
+        yield client_session("127.0.0.1", port)
+
+
+def test_the_second_of_a_rig_is_refused_until_the_first_has_gone(ends: SessionConfig) -> None:
+    stop = threading.Event()
+    with closing(ZenohBus(ends, RIG, "second")) as second:
+        with closing(ZenohBus(ends, RIG, "first")) as first:
+            program.serve_alone(first, RIG, stop)
+            with pytest.raises(BusError, match="another supervisor serves rig contract"):
+                program.serve_alone(second, RIG, stop)
+            with closing(ZenohBus(ends, OTHER, "another rig's")) as another:
+                program.serve_alone(another, OTHER, stop)
+        program.serve_alone(second, RIG, stop)
+        assert second.alive() == {"supervisor"}
+
+
+def test_two_do_not_share_a_journal(tmp_path: Path) -> None:
+    path = tmp_path / "supervisor.sqlite"
+    with closing(Store(path)) as first:
+        first.work_alone()
+        with (
+            closing(Store(path)) as second,
+            pytest.raises(StoreError, match=r"another supervisor works with it.*--data"),
+        ):
+            second.work_alone()
+    with closing(Store(path)) as next_one:
+        next_one.work_alone()
