@@ -22,7 +22,7 @@ PREPARED: Mapping[str, str] = {
     "mode_80": ", the mode 20 % lower",
     "mode_120": ", the mode 20 % higher",
     "contact_50": ", the contact half as stiff",
-    "contact_200": ", the contact twice as stiff",
+    "contact_200": ", the contact twice as stiff, half the path",
     "delay_100": ", a delay of 1 T",
     "noise_300": ", three times the noise",
     "missed_1": ", 1 % of the samples lost",
