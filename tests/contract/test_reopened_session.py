@@ -3,6 +3,7 @@
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
+import threading
 from collections.abc import Callable, Generator
 from time import monotonic, sleep
 
@@ -111,6 +112,47 @@ def test_all_that_was_declared_goes_on_in_another_session(
     finally:
         bus.close()
         other.close()
+
+
+@pytest.mark.usefixtures("mute")
+def test_who_asks_while_the_session_is_opened_anew_gets_an_answer_or_a_refusal(
+    ends: SessionConfig,
+) -> None:
+    """A view of the rig has failed with an internal error, since a session was closed under it."""
+    bus, other = ZenohBus(ends, RIG, "supervisor"), ZenohBus(ends, RIG, "controller")
+    failures: list[BaseException] = []
+    done = threading.Event()
+
+    def ask() -> None:
+        while not done.is_set():
+            try:
+                bus.publish(Position(epoch=1, seq=1, t_s=0.0, x_um=0.0, valid=True))
+                bus.latest(POSITION, ASK_S)
+                bus.alive()
+                bus.call(STATUS["controller"], StatusRequest(), ASK_S)
+            except BusError:
+                continue
+            except Exception as error:  # noqa: BLE001  whatever it is
+                failures.append(error)
+                return
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    try:
+        other.serve(STATUS["controller"], lambda _question, _request, reply: reply("not now"))
+        before = sessions(bus)
+        for thread in threads:
+            thread.start()
+        unanswered(bus, 4)
+        assert sessions(bus) != before
+    finally:
+        done.set()
+        for thread in threads:
+            thread.join(WAIT_S)
+        bus.close()
+        other.close()
+    assert failures == []
+    with pytest.raises(BusError, match="session closed"):
+        bus.call(STATUS["controller"], StatusRequest(), ASK_S)
 
 
 @pytest.mark.usefixtures("mute")

@@ -22,10 +22,10 @@ def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
     desk.close()
 
 
-def gripped(address: str, sample: str) -> str:
+def gripped(address: str, sample: str, **wishes: object) -> str:
     """A grip that has ended; over the network, since the browser has this thread's event loop."""
     with Supervisor(address) as supervisor:
-        job = supervisor.rig("demo").start("grip", sample=sample, queue=True)
+        job = supervisor.rig("demo").start("grip", sample=sample, queue=True, **wishes)
         job.wait(60.0)
         return job.id
 

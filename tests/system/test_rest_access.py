@@ -138,5 +138,7 @@ def test_a_whole_rig_wants_the_key_and_a_stop_needs_none(rig: RunningRig) -> Non
         done = pincette(*place, *key, timeout_s=LONG_S)
         assert done.returncode == 0, done.stderr
         assert "stopped through the supervisor" in done.stdout
-    view = rig.client.get("/rigs/demo", headers=shown(seer)).json()
+    answer = rig.client.get("/rigs/demo", headers=shown(seer))
+    assert answer.status_code == 200, answer.text
+    view = answer.json()
     assert view["latch"]["cause"] == "estop"

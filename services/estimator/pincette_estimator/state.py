@@ -33,6 +33,8 @@ LATE_SAMPLES = 2
 FREE_SAMPLES = 128
 """Samples of free motion kept, enough for the branch that leads to a rest."""
 CHUNK = 16
+RESTS_V = 0.02
+"""Width within which a law holds the voltage of an arm at rest."""
 NOISES = 10.0
 """Motion that cannot stay unseen, in standard deviations of the sensor's noise."""
 
@@ -80,6 +82,13 @@ class FreeMotion(FrozenRecord, frozen=True):
     def samples(self) -> tuple[FreeSample, ...]:
         """The oldest first."""
         return (*self.older, *self.newer)[-FREE_SAMPLES:]
+
+    def rests(self, count: int) -> bool:
+        """Whether the voltage has rested for ``count`` samples; looked at once in a ``CHUNK``."""
+        if self.newer or len(self.older) < count:
+            return False
+        voltages_V = [sample.voltage_V for sample in self.older[-count:]]
+        return max(voltages_V) - min(voltages_V) <= RESTS_V
 
     def follow(self, sample: FreeSample) -> "FreeMotion":
         """Take in the next sample."""

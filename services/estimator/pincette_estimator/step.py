@@ -13,7 +13,7 @@ from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMIN
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.state import Followed, FreeMotion, Inputs, State
 from pincette_estimator.statements import degraded, estimate, within
-from pincette_estimator.uncertainty import creep_um, narrowed_past
+from pincette_estimator.uncertainty import creep_um, narrowed_past, rested_past
 
 
 def start(config: EstimatorConfig) -> State:
@@ -143,13 +143,16 @@ def _follow_free_motion(
     motion = FreeMotion()
     if not applied.part_held:
         motion = state.free_motion.follow(response.sample(modelled_um))
-    return replace(
+    followed = replace(
         state,
         response=response,
         unknown=state.unknown.rezero(response) if first else state.unknown,
         contact_detector=detector.follow(config.kink_limits, x_um, nominal_um),
         free_motion=motion,
     )
+    if state.unknown.awaits_rest and motion.rests(config.zero_limits.rest_samples):
+        return replace(followed, unknown=rested_past(config, followed))
+    return followed
 
 
 def _zero(config: EstimatorConfig, state: State, position: Position, applied: Applied) -> State:
@@ -169,10 +172,11 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
     if refusal:
         return replace(state, zero_refusal=refusal)
     nominal_um = response.nominal_um_per_V * applied.voltage_V
+    unknown = narrowed_past(config, replace(state, unknown=rested_past(config, state)), t_s)
     return replace(
         state,
         response=response.rezero(state.free_motion.samples, config.zero_limits.rest_samples),
-        unknown=narrowed_past(config, state, t_s).rezero(response),
+        unknown=unknown.rezero(response),
         contact_detector=state.contact_detector.restarted(position.x_um, nominal_um),
         reversal_memory=ReversalMemory(applied.voltage_V),
         zero_s=t_s,

@@ -1,9 +1,9 @@
 """How far the estimated force may be off, as the estimator stands."""
 
-from math import hypot, log10
+from math import hypot, log10, sqrt
 
 from pincette.control.force.estimation import COVERAGE, uncertainty
-from pincette.control.response.free_response import rest_mean
+from pincette.control.response.free_response import MemoryResponse, rest_mean
 from pincette.control.response.reversal_memory import forgotten_share
 from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um
 from pincette_estimator.config import EstimatorConfig
@@ -37,6 +37,20 @@ def creep_um(config: EstimatorConfig, age_s: float) -> float:
     """How far creep may have moved the arm since a zero of this age, at two standard errors."""
     creep_mN = config.creep_mN_per_decade * log10(1.0 + max(0.0, age_s))
     return COVERAGE * creep_mN * config.compliance_um_per_mN
+
+
+def rested_past(config: EstimatorConfig, state: State) -> UnknownPast:
+    """What a free arm at rest tells of its creep since another rest.
+
+    Between them there may have been strokes over the whole range, so that x_1 errs by what the
+    model leaves there, at either.
+    """
+    response, count = state.response, config.zero_limits.rest_samples
+    if not isinstance(response, MemoryResponse):
+        return state.unknown
+    rest = rest_mean(state.free_motion.samples, count)
+    standard_um = sqrt(2.0) * response.model_error_um
+    return state.unknown.rested(response, rest, standard_um)
 
 
 def narrowed_past(config: EstimatorConfig, state: State, t_s: float) -> UnknownPast:

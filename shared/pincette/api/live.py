@@ -25,6 +25,7 @@ class LiveBatch(Model):
         seq=[445, 446],
         at_s=[5121.27, 5121.29],
         t_s=[8.9, 8.92],
+        after_gap=[False, False],
         x_um=[39.91, 39.9],
         x_r_um=[39.9, 39.9],
         force_mN=[19.98, 20.02],
@@ -51,6 +52,8 @@ class LiveBatch(Model):
     """When the position came, by the clock of ``now_s``: it goes on from one epoch to the next."""
     t_s: list[float]
     """Since the arming, by the sensor's grid."""
+    after_gap: list[bool]
+    """Whether samples are missing before this one; one that came late follows on."""
     x_um: Column
     x_r_um: Column
     force_mN: Column

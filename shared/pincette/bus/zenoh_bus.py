@@ -5,7 +5,7 @@
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from math import inf
 from time import monotonic
@@ -39,6 +39,7 @@ UNANSWERED_S = 3.0
 """From a request without answer on, until the session is opened anew."""
 REOPENED_S = 30.0
 """Between two times: a program that hangs is seen too, and no session helps against that."""
+MESSAGE = zenoh.Encoding(ENCODING)
 REFUSED = zenoh.Encoding.TEXT_PLAIN
 """Of a refusal by a program; Zenoh's own errors have another."""
 
@@ -76,22 +77,31 @@ class ZenohBus:
             self._ways.append(way)
             self._declared.append(way(self._session))
 
+    def _asked(self, ask: Way) -> Iterable[Any]:
+        """Replies; where another thread has just opened the session anew, the new one is asked."""
+        session = self._session
+        try:
+            return cast("Iterable[Any]", ask(session))
+        except zenoh.ZError as error:
+            if session is self._session:
+                raise BusError(f"{self._name}: {error}") from error
+            return self._asked(ask)
+
     def alive(self) -> set[str]:
         """Programs whose token is seen from here."""
-        return {program for _, program in self._tokens(self._rig)}
+        return {alive_of(token)[1] for token in self._tokens(live_key(self._rig, "*"))}
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
         """Rigs and programs whose token is seen from here, of every rig on the router."""
-        return self._tokens("*")
-
-    def _tokens(self, rig: str) -> set[tuple[str, str]]:
-        replies = self._session.liveliness().get(live_key(rig, "*"), timeout=1.0)
-        return {alive_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+        return {alive_of(token) for token in self._tokens(live_key("*", "*"))}
 
     def other_wires(self) -> dict[str, int]:
         """Programs of this rig that run with another version of the wire, each with its own."""
-        replies = self._session.liveliness().get(live_key_of_any_wire(self._rig), timeout=0.3)
-        return of_other_wires(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+        return of_other_wires(self._tokens(live_key_of_any_wire(self._rig), 0.3))
+
+    def _tokens(self, place: str, timeout_s: float = 1.0) -> list[str]:
+        replies = self._asked(lambda one: one.liveliness().get(place, timeout=timeout_s))
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
         """Tell ``sink`` of every program that comes or goes."""
@@ -133,7 +143,7 @@ class ZenohBus:
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
         """Ask the producer for its newest message; see LatestBus."""
         place = key(self._rig, topic)
-        for reply in cast("Any", self._session.get(place, timeout=timeout_s)):
+        for reply in self._asked(lambda session: session.get(place, timeout=timeout_s)):
             if reply.ok is None:
                 raise BusError(f"{place}: {topic.producer} did not answer within {timeout_s:g} s")
             try:
@@ -181,16 +191,14 @@ class ZenohBus:
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
         """Ask and wait; see Bus."""
         place, asked_s = f"{question.service}/{question.name}", monotonic()
-        replies = self._session.get(
-            request_key(self._rig, question),
-            payload=encode(request),
-            encoding=zenoh.Encoding(ENCODING),
-            timeout=timeout_s,
+        at, payload = request_key(self._rig, question), encode(request)
+        replies = self._asked(
+            lambda one: one.get(at, payload=payload, encoding=MESSAGE, timeout=timeout_s)
         )
         # A question that an access list refuses is one that nobody answers.
         allowed = f", and may {self._identity} ask it" if self._identity else ""
         trouble = f"is it running{allowed}?"
-        for reply in cast("Any", replies):
+        for reply in replies:
             if reply.ok is not None:
                 self._unanswered_s.pop(question.service, None)
                 try:
@@ -214,11 +222,11 @@ class ZenohBus:
         After a cut a session has been seen to keep its tokens and to answer no request. A session
         that others connect to stays: its links are the loop's.
         """
-        since_s, now_s = self._unanswered_s.setdefault(program, asked_s), monotonic()
-        waits = now_s - max(since_s, self._reopened_s + REOPENED_S - UNANSWERED_S) < UNANSWERED_S
-        if self._config.listen or waits or program not in self.alive():
-            return
         with self._declaring:
+            since_s, now_s = self._unanswered_s.setdefault(program, asked_s), monotonic()
+            waited_s = now_s - max(since_s, self._reopened_s + REOPENED_S - UNANSWERED_S)
+            if self._config.listen or waited_s < UNANSWERED_S or program not in self.alive():
+                return
             self._unanswered_s.clear()
             self._reopened_s = now_s
             try:
@@ -253,22 +261,27 @@ class _Publisher:
         control, priority = zenoh.CongestionControl, zenoh.Priority
         self._publisher = session.declare_publisher(
             self._place,
-            encoding=zenoh.Encoding(ENCODING),
+            encoding=MESSAGE,
             congestion_control=control.BLOCK if reliable else control.DROP,
             priority=priority.INTERACTIVE_HIGH if topic.reliable else priority.REAL_TIME,
         )
         return session.declare_queryable(self._place, self.reply)
 
     def send(self, payload: bytes) -> None:
-        self._newest = payload
-        self._publisher.put(payload)
+        self._newest, publisher = payload, self._publisher
+        try:
+            publisher.put(payload)
+        except zenoh.ZError:
+            if publisher is self._publisher:
+                raise
+            self.send(payload)  # the session was opened anew meanwhile
 
     def reply(self, query: zenoh.Query) -> None:
         """Answer with the newest payload, or with nothing before the first."""
         newest = self._newest
         with query:
             if newest is not None:
-                query.reply(self._place, newest, encoding=zenoh.Encoding(ENCODING))
+                query.reply(self._place, newest, encoding=MESSAGE)
 
 
 def _decode(kind: type[M], payload: zenoh.ZBytes | None) -> M:
@@ -284,4 +297,4 @@ def _reply(query: zenoh.Query, answer: Message | str) -> None:
         if isinstance(answer, str):
             query.reply_err(answer.encode(), encoding=REFUSED)
         else:
-            query.reply(query.key_expr, encode(answer), encoding=zenoh.Encoding(ENCODING))
+            query.reply(query.key_expr, encode(answer), encoding=MESSAGE)

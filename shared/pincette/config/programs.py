@@ -102,6 +102,10 @@ class Recorder(Table):
 HostName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]{0,252})$")]
 
 
+CAMERA = r"^https?://[A-Za-z0-9.\-\[\]:]{1,255}(/[!#-%(-:=?-_a-z~]{0,1000})?$"
+"""Without what would end an attribute of the page or a part of its policy."""
+
+
 class Supervisor(Table):
     """Where the supervisor listens, and how it is reached."""
 
@@ -121,6 +125,9 @@ class Supervisor(Table):
     before it, and if the whole data folder is lost."""
     webhooks: tuple[Webhook, ...] = Field(default=(), max_length=10, strict=False)
     """Addresses that are posted to at ends of jobs and alarms."""
+    camera: Annotated[str, Field(pattern=CAMERA)] | None = None
+    """Address of a camera's MJPEG pictures, such as http://bench-camera:8081/stream; the page shows
+    them beside the charts. The browser asks for them itself, so without user and password."""
     mail: Mail | None = None
     """Who is mailed at ends of jobs and alarms; None: nobody."""
 

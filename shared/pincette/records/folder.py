@@ -23,7 +23,7 @@ PINNED = ".pinned"
 """File that marks a record which is kept, whatever its age."""
 DOOMED = ".deleted-"
 """Begin of the name that a folder has while it is being deleted."""
-PICTURE, PNG = ".png", "image/png"
+PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
 MEDIA_TYPES = {
     LIVE: "application/octet-stream",
     SAMPLES: "application/vnd.apache.parquet",
@@ -103,13 +103,13 @@ def delete(records: Path, name: str) -> None:
 
 def media_type(name: str) -> str | None:
     """Media type of a file of a record; None where a record has no such file."""
-    return MEDIA_TYPES.get(name) or (PNG if name.endswith(PICTURE) else None)
+    return MEDIA_TYPES.get(name) or PICTURES.get(Path(name).suffix)
 
 
 def artifacts(folder: Path) -> list[dict[str, Any]]:
     """Files of a record, each with its size and SHA-256."""
     found: list[dict[str, Any]] = []
-    pictures = sorted(path.name for path in folder.glob(f"*{PICTURE}"))
+    pictures = sorted(path.name for end in PICTURES for path in folder.glob(f"*{end}"))
     for name in (*MEDIA_TYPES, *pictures):
         path = folder / name
         try:

@@ -198,6 +198,28 @@ def test_a_slow_listener_gets_fewer_points_and_the_count_of_those_it_missed(
     assert sum(batch.dropped for batch in batches[1:]) == 0
 
 
+def test_what_came_late_is_no_gap_and_what_never_came_is_one(scene: Scene) -> None:
+    listener = scene.live.open()
+    ticks = samples.grip()[:60]
+    scene.play(ticks[:20])
+    scene.now_s += 2.0  # this process stood still; nothing was lost
+    scene.play(ticks[20:40])
+    scene.play(ticks[45:60])
+    batches = heard(listener)
+    gaps = dict(pair for batch in batches for pair in zip(batch.seq, batch.after_gap, strict=True))
+    assert [seq for seq, gap in gaps.items() if gap] == [ticks[45].position.seq]
+
+
+def test_a_gap_is_not_thinned_away(scene: Scene) -> None:
+    listener = scene.live.open()
+    heard(listener)
+    scene.idle(0, 200)
+    scene.idle(203, 197)
+    (batch,) = heard(listener)
+    assert len(batch.seq) < 397
+    assert sum(batch.after_gap) == 1
+
+
 def test_a_fast_rig_is_thinned_at_the_door() -> None:
     scene = Scene(period_s=0.001)
     listener = scene.live.open()

@@ -75,12 +75,29 @@ def test_it_begins_with_a_verdict_in_one_line() -> None:
     assert verdict(kind, {"outcome": "no_contact", "force_held_mN": None}) == OUTCOMES["no_contact"]
 
 
+def test_digits_are_those_that_an_instrument_has() -> None:
+    figures = {"x_um": 9.123456, "force_mN": 7.94126, "drift_mN": 0.0012345, "slope": 1.23456}
+    page = _page({"outcome": "gripped", **figures, "sliding_in_band": 0.4123})
+    shown = [page.text[page.text.index(name) + 1] for name in ("x", "force", "drift", "slope")]
+    assert shown[0] == "9.123 µm"
+    assert "7.94 mN" in page.text
+    assert shown[2] == "0.0012 mN"
+    assert shown[3] == "1.2346"
+    assert "41 %" in page.text
+    assert any("sliding function is within its band" in text for text in page.text)
+
+
+def test_what_was_asked_for_stands_as_it_was_asked_for() -> None:
+    page = _page(_example(GripResult), values={"force_mN": 20.125})
+    assert "20.125 mN" in page.text
+
+
 def test_figures_come_with_their_units() -> None:
     page = _page(_example(GripResult))
     place = page.text.index("force held")
     assert page.text[place + 1] == "19.99 mN"
-    assert page.text[page.text.index("contact stiffness") + 1] == "2.1 mN/µm"
-    assert page.text[page.text.index("sliding p95") + 1] == "0.32 µm"
+    assert page.text[page.text.index("contact stiffness") + 1] == "2.10 mN/µm"
+    assert page.text[page.text.index("sliding p95") + 1] == "0.320 µm"
     assert page.text[page.text.index("missed ticks") + 1] == "0"
 
 

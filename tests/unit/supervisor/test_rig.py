@@ -1,16 +1,19 @@
 """What is said of the rig: who is there, what is latched, why a job cannot start."""
 
+import threading
 from collections.abc import Callable
+from unittest.mock import patch
 
 import pytest
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.core.faults import FaultCode, fault
-from pincette.core.messages import Position
+from pincette.core.messages import Message, Position
+from pincette.core.topics import Request
 from pincette_supervisor.program import PortInUseError, bind
 
-from .harness import Harness
+from .harness import PATIENCE_S, Harness
 
 NO_READING = fault(FaultCode.INSTRUMENT_SILENT, "no answer on the line")
 
@@ -60,14 +63,48 @@ def test_an_actuator_that_does_not_answer_has_nothing_that_a_person_could_clear(
 
 def test_an_actuator_that_was_started_anew_needs_a_person(harness: Harness) -> None:
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
+    assert harness.get("/rigs/demo")["latch"]["state"] == "idle"
     harness.bus.instances["actuator"] = 2
     harness.bus.latch = "boot"
-    harness.health.refresh(force=True)
     response = harness.post("/jobs", {"kind": "grip"})
-    assert response.status_code == 409
+    assert response.status_code == 409, "though the one before has just answered"
     assert response.json()["cause"] == "restart"
     assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
+
+
+def test_what_a_program_said_before_it_went_or_came_is_not_shown(harness: Harness) -> None:
+    assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
+    assert harness.get("/rigs/demo")["can_start"] is True
+    harness.bus.kill("actuator")
+    assert harness.get("/rigs/demo")["can_start"] is False
+    harness.bus.instances["actuator"] = 2
+    harness.bus.latch = "boot"
+    harness.bus.revive("actuator")
+    assert harness.get("/rigs/demo")["latch"]["cause"] == "restart"
+
+
+def test_an_answer_that_comes_after_one_to_a_later_question_is_dropped(harness: Harness) -> None:
+    call, asked, go_on = harness.bus.call, threading.Event(), threading.Event()
+
+    def slow(question: Request, request: Message, timeout_s: float = 2.0) -> Message:
+        answer = call(question, request, timeout_s)
+        if question.service == "recorder" and not asked.is_set():
+            asked.set()
+            assert go_on.wait(PATIENCE_S)
+        return answer
+
+    with patch.object(harness.bus, "call", slow):
+        earlier = threading.Thread(target=harness.health.refresh, kwargs={"force": True})
+        earlier.start()
+        assert asked.wait(PATIENCE_S)
+        harness.bus.instances["actuator"] = 2
+        harness.health.refresh(force=True)
+        go_on.set()
+        earlier.join(PATIENCE_S)
+    actuator = harness.health.status("actuator")
+    assert actuator is not None
+    assert actuator.instance == 2
 
 
 def test_an_emergency_stop_is_cleared_by_an_acknowledged_reset_only(harness: Harness) -> None:

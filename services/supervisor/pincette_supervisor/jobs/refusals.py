@@ -38,8 +38,12 @@ def require_feasible(planned: Planned) -> Planned:
 
 
 def require_ready(context: RigContext, planned: Planned | None) -> None:
-    """Raise ProblemError where the rig cannot start a job; without a plan, any job."""
-    context.health.refresh()
+    """Raise ProblemError where the rig cannot start a job; without a plan, any job.
+
+    The programs are asked anew: an actuator that has just been started in the place of another is
+    latched, and a job that was taken by the word of the one before would be refused by it.
+    """
+    context.health.refresh(force=True)
     latched = context.health.latched()
     if latched is not None:
         code = "estop-engaged" if latched.cause == Cause.ESTOP else "rig-latched"
@@ -54,7 +58,6 @@ def require_ready(context: RigContext, planned: Planned | None) -> None:
 
 def require_startable(context: RigContext, kind: JobKind) -> None:
     """Raise ProblemError where the rig cannot start a job of a kind, by what its programs say."""
-    context.health.refresh(force=True)
     require_ready(context, None)
     words = held_words(context)
     if words and not kind.begins_held:

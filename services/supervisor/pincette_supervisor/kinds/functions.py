@@ -18,6 +18,7 @@ from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.quantities import assumed_for_force
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
+from pincette_supervisor.results.drawing import Picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +76,8 @@ class JobFunctions:
     """Plans a request, from where the rig stands."""
     evaluate: Callable[[Run], Evaluation]
     """Works out the result of the samples."""
-    plot: Callable[[Run, Evaluation, str], bytes]
-    """Draws the samples as a PNG; the text names job and rig."""
+    plot: Callable[[Run, Evaluation, str], Picture | bytes]
+    """Draws the samples, or makes a PNG of them; the text names job and rig."""
     pointer: Callable[[str, str], str] = _nothing
     """Member of the request that leads beyond a limit, by quantity and phase; empty: none."""
 

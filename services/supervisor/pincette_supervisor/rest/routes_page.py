@@ -2,6 +2,7 @@
 
 from html import escape
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from fastapi import APIRouter
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
@@ -23,7 +24,8 @@ HEADERS = {
     "Cache-Control": "no-cache",
 }
 """Beside those of every answer: the page and its files come from here, and nothing else does."""
-PLACE_OF_RIG = "{{rig}}"
+POLICY, PICTURES = "Content-Security-Policy", "img-src 'self'"
+PLACE_OF_RIG, PLACE_OF_CAMERA = "{{rig}}", "{{camera}}"
 
 
 router = APIRouter(include_in_schema=False, route_class=StrictRoute)
@@ -43,7 +45,18 @@ def page(rigs: AllRigs, rig: str | None = None) -> HTMLResponse:
     text = (FOLDER / "index.html").read_text(encoding="utf-8")
     manager = rigs.own if rig is None else rigs.get(rig)
     name = escape(manager.name, quote=True)
-    return HTMLResponse(text.replace(PLACE_OF_RIG, name), headers=HEADERS)
+    camera = manager.context.rig.supervisor.camera or ""
+    text = text.replace(PLACE_OF_RIG, name).replace(PLACE_OF_CAMERA, escape(camera, quote=True))
+    return HTMLResponse(text, headers=_headers(camera))
+
+
+def _headers(camera: str) -> dict[str, str]:
+    """Pictures may come from the camera of the rig too, where there is one."""
+    if not camera:
+        return HEADERS
+    parts = urlsplit(camera)
+    allowed = f"{PICTURES} {parts.scheme}://{parts.netloc}"
+    return {**HEADERS, POLICY: HEADERS[POLICY].replace(PICTURES, allowed)}
 
 
 @router.get("/favicon.ico")

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator
+from time import time
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Header, Query
@@ -9,6 +10,7 @@ from fastapi.sse import EventSourceResponse
 
 from pincette.api.checklist import Checklist
 from pincette.api.claims import Claim, ClaimRequest
+from pincette.api.history import History
 from pincette.api.live import LiveBatch, LoopTiming
 from pincette.api.models import ModelAction, ModelView
 from pincette.api.problems import responses
@@ -32,6 +34,7 @@ from pincette_supervisor.rest.dependencies import (
     OPERATE,
     AllRigs,
     Asking,
+    Journal,
     Manager,
     Note,
     Operator,
@@ -171,6 +174,22 @@ def use_model(manager: Manager, body: ModelAction, asker: Asking) -> ModelView:
     manager.claims.require(asker.claim)
     with manager.free():
         return change_model(manager.context.model, body.version)
+
+
+@router.get("/rigs/{rig}/history", responses=responses(404, 422, 503), dependencies=[OBSERVE])
+def history(
+    manager: Manager,
+    store: Journal,
+    hours: Annotated[float, Query(gt=0.0, le=168.0, description="how far back")] = 1.0,
+    to_s: Annotated[
+        float | None,
+        Query(ge=0.0, le=4e9, description="up to then, in seconds since 1970; left out: now"),
+    ] = None,
+    points: Annotated[int, Query(ge=10, le=2000, description="most stretches of time")] = 600,
+) -> History:
+    """The course of the rig over hours, of the records of its jobs; nothing between the jobs."""
+    until_s = time() if to_s is None else to_s
+    return manager.context.history.read(store, until_s - 3600.0 * hours, until_s, points)
 
 
 async def _live_cursor(manager: Manager) -> AsyncIterator[LiveCursor]:

@@ -17,6 +17,7 @@ from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.functions import Evaluation, Run, functions_of
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
+from pincette_supervisor.results.drawing import Picture
 from pincette_supervisor.results.goal import goal_of
 
 
@@ -72,10 +73,11 @@ class Record:
         )
 
 
-def picture(run: Run, evaluation: Evaluation, name: str) -> bytes:
+def picture(run: Run, evaluation: Evaluation, name: str) -> Picture:
     """Draw what a job has gathered."""
     with ATTENTION.at("drawing"):
-        return functions_of(job_kinds()[run.planned.plan.kind]).plot(run, evaluation, name)
+        drawn = functions_of(job_kinds()[run.planned.plan.kind]).plot(run, evaluation, name)
+    return drawn if isinstance(drawn, Picture) else Picture(drawn)
 
 
 def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:

@@ -12,6 +12,7 @@ from pincette.core.messages import Recorded
 from pincette.records import folder as files
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.results.drawing import Picture
 from pincette_supervisor.results.report import report
 
 SAID = ("sample", "batch", "operator", "notes")
@@ -33,14 +34,16 @@ def write_documents(
     planned: Planned,
     *,
     result: Mapping[str, Any],
-    picture: bytes,
+    picture: Picture,
     whose: Mapping[str, str],
     recorded: Recorded | str,
 ) -> None:
     """Write everything but the samples, which are the recorder's; raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     kind, state = job_kinds()[planned.plan.kind], completeness(recorded)
-    files.write_bytes(folder / kind.plot, picture)
+    files.write_bytes(folder / kind.plot, picture.png)
+    for end, content in picture.vector.items():
+        files.write_bytes((folder / kind.plot).with_suffix(end), content)
     request = {"request": job.request, "values": planned.values, "plan": job.plan}
     files.write_json(folder / files.REQUEST, request)
     files.write_json(folder / files.RESULT, result)
@@ -48,7 +51,7 @@ def write_documents(
         kind=kind,
         values=planned.values,
         result=result,
-        picture=picture,
+        picture=picture.png,
         whose=whose,
         state=state,
         timing=_timing(folder),

@@ -1,6 +1,7 @@
 """What pictures of jobs have in common: size, colours, axes over time, phases, legends."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any
 
@@ -39,6 +40,15 @@ SHORT_SHARE = 0.045
 """A phase narrower than this share of the time is named upright."""
 
 
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture in every form in which a record has it."""
+
+    png: bytes
+    vector: Mapping[str, bytes] = field(default_factory=dict[str, bytes])
+    """For print, by the end of the file's name."""
+
+
 class Sheet:
     """An empty picture, 1400 by 1180 pixels."""
 
@@ -63,6 +73,15 @@ class Sheet:
         self._canvas.print_png(stream)
         return stream.getvalue()
 
+    def picture(self) -> Picture:
+        """The picture as PNG, SVG and PDF; no time stands in the files."""
+        vector: dict[str, bytes] = {}
+        for form, stamp in (("svg", "Date"), ("pdf", "CreationDate")):
+            stream = BytesIO()
+            self.figure.savefig(stream, format=form, metadata={stamp: None})
+            vector[f".{form}"] = stream.getvalue()
+        return Picture(self.png(), vector)
+
 
 def prepare(axis: Axis, y_label: str = "", x_label: str = "") -> None:
     """Give axes their style and names."""
@@ -81,11 +100,12 @@ def prepare(axis: Axis, y_label: str = "", x_label: str = "") -> None:
 
 
 def shade(axis: Axis, result: JobResult) -> None:
-    """Colour the phases."""
+    """Colour the phases, with a line where each begins: in grey the colours are all alike."""
     for phase in result.phases:
         colour = SHADES.get(phase.phase, "#f0f0f0")
         end_s = phase.start_s + phase.duration_s
         axis.axvspan(phase.start_s, end_s, facecolor=colour, edgecolor="none", zorder=0)
+        axis.axvline(phase.start_s, color=FAINT, linewidth=0.5, linestyle=(0, (1, 2)), zorder=1)
 
 
 def name_phases(axis: Axis, result: JobResult, begin_s: float, end_s: float) -> None:
@@ -124,9 +144,10 @@ def line(
     *,
     width: float = 1.3,
     dashed: bool = False,
+    dotted: bool = False,
 ) -> None:
-    """Draw a line, with gaps where samples never came."""
-    style = (0, (4, 2)) if dashed else "solid"
+    """Draw a line, with gaps where samples never came; in grey its dashes tell it from others."""
+    style = (0, (4, 2)) if dashed else (0, (1, 1)) if dotted else "solid"
     axis.plot(t_s, values, color=color, linewidth=width, linestyle=style, label=label)
 
 
@@ -156,7 +177,7 @@ def force(axis: Axis, t_s: Series, table: Columns, *, columns: int = 1) -> None:
     line(axis, t_s, series(table, "force_r_mN"), REFERENCE, "$F_r$ reference", dashed=True)
     if knows_truth(table):
         true = series(table, "true_force_mN")
-        line(axis, t_s, true, TRUE, "$F$ true (simulation)", width=1.0)
+        line(axis, t_s, true, TRUE, "$F$ true (simulation)", width=1.3, dotted=True)
     legend(axis, columns=columns)
 
 
@@ -208,28 +229,51 @@ def zero_line(axis: Axis) -> None:
     axis.axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
 
 
+def errors(
+    position_axis: Axis, force_axis: Axis, t_s: Series, table: Columns, values: Mapping[str, Any]
+) -> None:
+    """Draw x − x_r and F̂ − F_r with the tolerances that the job has stated."""
+    zeroed = ~np.isnan(series(table, "zero_age_s"))
+    force_error = series(table, "force_mN") - series(table, "force_r_mN")
+    drawn = (
+        (position_axis, series(table, "x_um") - series(table, "x_r_um"), "position_tolerance_um"),
+        (force_axis, np.where(zeroed, force_error, np.nan), "force_tolerance_mN"),
+    )
+    for axis, error, name in drawn:
+        zero_line(axis)
+        line(axis, t_s, error, MEASURED, "", width=0.9)
+        tolerance = values.get(name)
+        if tolerance is not None:
+            label = f"tolerance ± {tolerance:g}"
+            for side in (-tolerance, tolerance):
+                axis.axhline(side, color=INK, linewidth=0.8, linestyle=(0, (5, 2)), label=label)
+                label = ""
+            legend(axis)
+            make_room(axis, 0.3)
+
+
 def contact_over_time(
     sheet: Sheet,
     table: Columns,
     result: ClosedLoopResult,
     period_s: float,
-    heights: tuple[float, ...],
-    *below: str,
-) -> list[Axis]:
-    """Draw position, contact force and voltage over one time; axes for ``below`` stay empty."""
+    values: Mapping[str, Any],
+) -> None:
+    """Draw position and contact force, their errors, and the voltage over one time."""
     figure = sheet.figure
+    heights = (3.0, 3.0, 1.4, 1.4, 1.6)
     axes: list[Axis] = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
-    figure.subplots_adjust(left=0.085, right=0.985, top=0.875, bottom=0.06, hspace=0.12)
+    figure.subplots_adjust(left=0.085, right=0.985, top=0.875, bottom=0.06, hspace=0.14)
     t_s, end_s = series(table, "t_s"), end_of(table, period_s)
-    labels = ("position / µm", "contact force / mN", "voltage / V", *below)
+    labels = ("position / µm", "contact force / mN", "$x - x_r$ / µm", "$F - F_r$ / mN", "$u$ / V")
     for axis, label in zip(axes, labels, strict=True):
         prepare(axis, label)
         shade(axis, result)
     position(axes[0], t_s, table)
     force(axes[1], t_s, table)
-    line(axes[2], t_s, series(table, "voltage_V"), MEASURED, "$u$ applied")
+    errors(axes[2], axes[3], t_s, table, values)
+    line(axes[4], t_s, series(table, "voltage_V"), MEASURED, "$u$ applied")
     axes[-1].set_xlabel("time / s")
     axes[-1].set_xlim(0.0, end_s)
     name_phases(axes[0], result, 0.0, end_s)
     figure.align_ylabels(axes)
-    return axes

@@ -7,7 +7,7 @@ from pincette.api.results import MotionResult
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds.functions import Evaluation, Run
 from pincette_supervisor.results import drawing, figures
-from pincette_supervisor.results.drawing import Sheet
+from pincette_supervisor.results.drawing import Picture, Sheet
 from pincette_supervisor.results.figures import Mask, series, within
 from pincette_supervisor.results.result import common
 
@@ -63,14 +63,14 @@ def _edge(table: Columns, period_s: float, *, last: bool) -> Mask:
     return mask
 
 
-def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
-    """Draw position, contact force and voltage of a motion over one time."""
+def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
+    """Draw position, contact force, their errors and voltage of a motion over one time."""
     result = evaluation.result
     assert isinstance(result, MotionResult)
     sheet = Sheet()
-    drawing.contact_over_time(sheet, run.table, result, run.period_s, (3.0, 2.0, 2.0))
+    drawing.contact_over_time(sheet, run.table, result, run.period_s, run.planned.values)
     sheet.head(0.085, _title(result), _subtitle(result), name)
-    return sheet.png()
+    return sheet.picture()
 
 
 def _title(result: MotionResult) -> str:

@@ -21,8 +21,15 @@ TITLES = {
     "assumptions": "Assumptions",
 }
 """Of parts whose name says too little."""
-WORDS = {"sliding_in_band": "share of samples with |s| within its band, beyond which it shrinks"}
+WORDS = {
+    "sliding_in_band": "samples in which the law's sliding function is within its band "
+    "(outside of it the law brings it back)"
+}
 """Of figures whose name says too little."""
+SHARES = frozenset({"sliding_in_band"})
+"""Figures from 0 to 1, told in percent."""
+DECIMALS = {"µm": 3, "mN": 2, "V": 4, "s": 2, "%": 2, "mN/µm": 2}
+"""Of results, by unit: a tenth of what the instruments resolve. Other figures have four digits."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #22282f; background: #fff;
        max-width: 64rem; margin: 2rem auto; padding: 0 1.5rem; }
@@ -80,7 +87,7 @@ def report(
         _statement(result),
         f'<img alt="{escape(title)}, over time" src="data:image/png;base64,'
         f'{base64.b64encode(picture).decode()}">',
-        _section("Asked for", _pairs(_scalars(values))),
+        _section("Asked for", _pairs(_scalars(values), exact=True)),
         _section("Figures", _pairs(_figures(kind, result))),
     ]
     for name, value in result.items():
@@ -176,9 +183,9 @@ def _end(name: str, unit: str) -> str:
     return name.removeprefix(bare(name)) if unit else ""
 
 
-def _pairs(pairs: Iterable[tuple[str, Any]]) -> str:
+def _pairs(pairs: Iterable[tuple[str, Any]], *, exact: bool = False) -> str:
     rows = [
-        f"<tr><th>{escape(_words(name))}</th>{_cell(value, unit_of(name))}</tr>"
+        f"<tr><th>{escape(_words(name))}</th>{_told(name, value, exact=exact)}</tr>"
         for name, value in pairs
     ]
     return f'<div class="columns"><table>{"".join(rows)}</table></div>' if rows else ""
@@ -193,7 +200,9 @@ def _list(items: Sequence[Any]) -> str:
     rows = [dict(_scalars(item)) for item in items]
     names = list(dict.fromkeys(name for row in rows for name in row))
     head = "".join(f"<th>{escape(_headed(name))}</th>" for name in names)
-    lines = ["".join(_cell(row.get(name), "") for name in names) for row in rows]
+    lines = [
+        "".join(_cell(row.get(name), "", of=unit_of(name) or "-") for name in names) for row in rows
+    ]
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
@@ -207,16 +216,31 @@ def _headed(name: str) -> str:
     return f"{_words(name)} / {unit}" if unit else _words(name)
 
 
-def _cell(value: Any, unit: str) -> str:
-    text = _text(value)
+def _told(name: str, value: Any, *, exact: bool) -> str:
+    """A figure; what was asked for stands there as it was asked for."""
+    if name in SHARES and isinstance(value, float):
+        return f'<td class="number">{100.0 * value:.0f} %</td>'
+    return _cell(value, unit_of(name), exact=exact)
+
+
+def _cell(value: Any, unit: str, *, exact: bool = False, of: str = "") -> str:
+    text = _text(value, "" if exact else of or unit)
     number = isinstance(value, int | float) and not isinstance(value, bool)
     shown = f"{text} {unit}" if unit and value is not None else text
     return f'<td class="number">{escape(shown)}</td>' if number else f"<td>{escape(shown)}</td>"
 
 
-def _text(value: Any) -> str:
+def _text(value: Any, unit: str = "") -> str:
     if value is None or value == "":
         return ABSENT
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    if not unit:
+        return f"{value:.5g}"
+    decimals = DECIMALS.get(unit)
+    # What would be rounded away keeps its first digits.
+    if decimals is None or 0.0 < abs(value) < 10.0 ** (1 - decimals):
+        return f"{value:.{4 if decimals is None else 2}g}"
+    return f"{value:.{decimals}f}"

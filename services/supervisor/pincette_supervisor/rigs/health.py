@@ -1,9 +1,11 @@
 """Whether the programs of a rig can take part in a job, and if not, why, in words."""
 
 import logging
+import threading
 from collections.abc import Callable
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from functools import partial
+from itertools import count
 from time import monotonic
 from typing import NamedTuple, cast
 
@@ -77,6 +79,10 @@ class Health:
         self.lets_go_s = lets_go_s(rig)
         """After so long without its host the output may have let a part go."""
         self._asked_at = float("-inf")
+        self._asked_of = -1
+        """Of the programs that were there then; see ``Observer.tokens_changed``."""
+        self._rounds, self._round = count(1), 0
+        self._turn = threading.Lock()
         self._pool = ThreadPoolExecutor(len(PROGRAMS), thread_name_prefix="status")
         self.statuses: dict[str, Status | str] = {}
         """For each service its answer, or why there is none."""
@@ -87,15 +93,19 @@ class Health:
         """Why the served rig file differs from that of the programs, in words."""
 
     def refresh(self, *, force: bool = False) -> None:
-        """Ask all programs side by side, unless they have just answered."""
-        if not force and self.clock() - self._asked_at < FRESH_S:
+        """Ask all programs side by side, unless they have just answered and none came or went."""
+        there, number = self._observer.tokens_changed, next(self._rounds)
+        if not force and there == self._asked_of and self.clock() - self._asked_at < FRESH_S:
             return
         try:
             answers = [*self._pool.map(self._ask, PROGRAMS)]
         except (RuntimeError, CancelledError):
             return  # closed meanwhile, since the rig is served anew: the last answers stay
-        self.statuses = dict(zip(PROGRAMS, answers, strict=True))
-        self._asked_at = self.clock()
+        with self._turn:
+            if number < self._round:
+                return  # another thread has asked later, and has its answers already
+            self.statuses = dict(zip(PROGRAMS, answers, strict=True))
+            self._round, self._asked_at, self._asked_of = number, self.clock(), there
         actuator = self.status("actuator")
         if actuator is not None and self._trusted is None:
             self._meet(actuator)

@@ -6,7 +6,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import groupby
 from math import ceil
 from time import monotonic
@@ -43,6 +43,8 @@ class Row:
     """Whether it has the estimator's word, be it a force or none."""
     armed: bool = True
     """Whether the actuator follows commands, as far as known."""
+    after_gap: bool = False
+    """Whether samples never came between the row before and this one."""
     playing: bool = False
     phase: str = ""
     x_um: float | None = None
@@ -106,6 +108,7 @@ class LiveSamples:
             before = self._rows[-1] if self._rows else row
             if not row.whole and row.armed and before.epoch == row.epoch:
                 row.playing, row.phase = before.playing, before.phase
+            row.after_gap = before.epoch != row.epoch or row.seq - before.seq > self._stride
             row.number = self._count
             self._count += 1
             self._rows.append(row)
@@ -120,7 +123,11 @@ class LiveSamples:
                 fresh.append(row)
             count = self._count
         step = max(1, ceil(len(fresh) / most))
-        return count, count - place - len(fresh), fresh[::step][::-1]
+        thinned = [
+            replace(fresh[i], after_gap=any(row.after_gap for row in fresh[i : i + step]))
+            for i in range(0, len(fresh), step)
+        ]
+        return count, count - place - len(fresh), thinned[::-1]
 
     def open(self) -> "LiveCursor":
         """Begin to listen at the oldest row; raises TooManyListenersError."""
@@ -197,6 +204,7 @@ def _batch(rig: str, now_s: float, rows: list[Row]) -> LiveBatch:
         seq=[row.seq for row in rows],
         at_s=[round(row.at_s, 4) for row in rows],
         t_s=[round(row.t_s, 6) for row in rows],
+        after_gap=[row.after_gap for row in rows],
         **columns,
     )
 

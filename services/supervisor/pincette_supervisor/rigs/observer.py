@@ -78,6 +78,8 @@ class Observer:
         self._position_read_at: float | None = None
         self._confirmed_at: float | None = None
         self._alive: dict[str, bool] = {}
+        self.tokens_changed = 0
+        """How often a program has come or gone; what it said before counts no more."""
         self._buffer: MessageBuffer | None = None
         self._sinks: tuple[Sink, ...] = ()
         applied = next(iter(self.fetch_latest(APPLIED)), None)
@@ -129,6 +131,7 @@ class Observer:
         if self._alive.get(program) and not alive:
             self.counters.note_gone(program)
         self._alive[program] = alive
+        self.tokens_changed += 1
 
     def newest(self, kind: type[M]) -> M | None:
         """The newest message of a kind."""

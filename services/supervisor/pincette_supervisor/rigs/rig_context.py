@@ -14,6 +14,7 @@ from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.results.history import HistoryReader
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.live import LiveSamples
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
@@ -73,6 +74,11 @@ class RigContext:
         live = LiveSamples(self.rig.rig.name, self.rig.rig.period_s)
         self.observer.add_sink(live.take)
         return live
+
+    @cached_property
+    def history(self) -> HistoryReader:
+        """Records of its jobs, for charts over hours."""
+        return HistoryReader(self.rig.rig.name, self.records, lockstep=self.rig.lockstep)
 
     def trip_words(self, reason: TripReason) -> str:
         """Why the actuator has tripped, for people."""

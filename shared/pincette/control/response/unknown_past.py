@@ -9,7 +9,8 @@ much as the two part after a zero x_1 may err; a stroke that wipes the past out 
 
 What a free arm does between two zeros tells how far from the model's its past is: an outermost past
 would have led it away from x_1 by a known way, and it has come by another. In proportion, the pasts
-that are left reach up to a share of the outermost one.
+that are left reach up to a share of the outermost one. Once the turning points are wiped out, what
+is left is creep, which ``unknown_creep`` bounds by its times.
 """
 
 from math import sqrt
@@ -17,7 +18,14 @@ from math import sqrt
 from msgspec.structs import replace
 
 from pincette.control.record import FrozenRecord
-from pincette.control.response.free_response import FreeResponse
+from pincette.control.response.free_response import FreeResponse, FreeSample
+from pincette.control.response.unknown_creep import (
+    Fallen,
+    FreePlace,
+    Spread,
+    spread_of,
+    widest_V,
+)
 from pincette.control.response.voltage_memory import VoltageMemory
 
 RESTED_S = 86400.0
@@ -41,6 +49,18 @@ class UnknownPast(FrozenRecord, frozen=True):
     """Displacement of each less the model's, at the last zero."""
     shares: tuple[float, float] = (1.0, 1.0)
     """Of the way from the model's past to each, up to which a past may still have been."""
+    agreed_V: float | None = None
+    """Where the free arm first rested with the plays of all pasts at the same places."""
+    met: FreePlace = FreePlace()
+    """The first rest since then with all of them turned over: but for creep the past is over."""
+    creep_at_zero: Spread = Spread()
+    fallen: Fallen = Fallen()
+    """What the arm has told of its creep since ``met``."""
+
+    @property
+    def awaits_rest(self) -> bool:
+        """Whether a rest of the free arm may tell where it is but for creep."""
+        return not self.known and not self.met.spread.low_um
 
     def follow(self, voltage_V: float, dt_s: float) -> "UnknownPast":
         """Take in that ``voltage_V`` has been applied for ``dt_s``."""
@@ -59,7 +79,32 @@ class UnknownPast(FrozenRecord, frozen=True):
 
     def rezero(self, response: FreeResponse) -> "UnknownPast":
         """Count from here on, where x_1 of the model in use has been put through the arm."""
-        return self if self.known else replace(self, at_zero_um=self._apart_um(response))
+        if self.known:
+            return self
+        at_um, spread = self._apart_um(response), self._spread(response)
+        return replace(self, at_zero_um=at_um, creep_at_zero=spread)
+
+    def rested(self, response: FreeResponse, rest: FreeSample, standard_um: float) -> "UnknownPast":
+        """Take in where a free arm is at rest, as soon as the pasts differ by creep alone.
+
+        The first such place is kept, and each later one is compared with it, ``SURE`` standard
+        uncertainties of x_1 between both, ``standard_um``, allowed for. Plays agree before an arm
+        of another class of hysteresis has lost its turning points; a way that turns over the
+        widest play takes it round its whole loop.
+        """
+        spread = Spread() if self.known else self._spread(response)
+        if not spread.low_um:
+            return self
+        off_um = rest.x_um - rest.displacement_um
+        if self.agreed_V is None:
+            return replace(self, agreed_V=rest.voltage_V)
+        if self.awaits_rest:
+            if abs(rest.voltage_V - self.agreed_V) < widest_V(response):
+                return self
+            return replace(self, met=FreePlace(off_um, spread))
+        fallen_um, allowed_um = self.met.off_um - off_um, SURE * standard_um
+        each = spread.since(self.met.spread)
+        return replace(self, fallen=Fallen(each, fallen_um - allowed_um, fallen_um + allowed_um))
 
     def compared(
         self, response: FreeResponse, residual_um: float, standard_um: float
@@ -88,12 +133,18 @@ class UnknownPast(FrozenRecord, frozen=True):
 
             max_m a_m·|[y_m - y] - [y_m - y]_zero|
 
-        with the displacement y of the model in use, y_m of each outermost past, a_m its share.
+        with the displacement y of the model in use, y_m of each outermost past, a_m its share; or
+        what creep can make of it, if that is less.
         """
         if self.known:
             return 0.0
         (lowest, highest), (lowest_um, highest_um) = self.shares, self._parted_um(response)
-        return max(lowest * abs(lowest_um), highest * abs(highest_um))
+        error_um = max(lowest * abs(lowest_um), highest * abs(highest_um))
+        if not (self.fallen.each.low_um and self.creep_at_zero.low_um):
+            return error_um
+        since_zero = self._spread(response).since(self.creep_at_zero)
+        least_um, most_um = self.fallen.extremes_um(since_zero)
+        return min(error_um, max(abs(least_um), abs(most_um)))
 
     def worst_um(self, response: FreeResponse) -> float:
         """Return that error in µm if the arm were zeroed here, then moved to an end or rested."""
@@ -116,6 +167,9 @@ class UnknownPast(FrozenRecord, frozen=True):
     def judged(self, response: FreeResponse) -> "UnknownPast":
         """Follow it no longer where it does not matter any more."""
         return self if self.matters(response) else replace(self, known=True)
+
+    def _spread(self, response: FreeResponse) -> Spread:
+        return spread_of(response, self.lowest, self.highest)
 
     def _parted_um(self, response: FreeResponse) -> tuple[float, float]:
         """By how much each has parted from the model since the zero."""

@@ -22,7 +22,7 @@ from pincette_supervisor.planning.laws import rig_law
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import LEFT, MEASURED, Sheet
+from pincette_supervisor.results.drawing import LEFT, MEASURED, Picture, Sheet
 from pincette_supervisor.results.figures import Series, series
 from pincette_supervisor.results.result import course, outcome_of
 
@@ -156,7 +156,7 @@ def evaluate(run: Run) -> Evaluation:
     return Evaluation(result, fault, analysis)
 
 
-def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
+def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
     """Draw what was measured, what was fitted, and what the fit leaves."""
     result, analysis = evaluation.result, evaluation.analysis
     assert isinstance(result, CalibrationResult)
@@ -167,7 +167,7 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
     else:
         functions_of(result.calibration).draw(sheet, analysis.drawn)
     sheet.head(LEFT, title, shorten(result.statement or result.outcome, WIDEST), name)
-    return sheet.png()
+    return sheet.picture()
 
 
 def _draw_course(sheet: Sheet, table: Columns) -> None:

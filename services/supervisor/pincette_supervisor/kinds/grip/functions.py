@@ -23,7 +23,7 @@ from pincette_supervisor.planning.contact_plans import (
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results import drawing, error_sources, figures
-from pincette_supervisor.results.drawing import FAINT, MEASURED, Sheet
+from pincette_supervisor.results.drawing import Picture, Sheet
 from pincette_supervisor.results.error_sources import sources_of
 from pincette_supervisor.results.figures import Mask, series
 from pincette_supervisor.results.result import common, force_error, position_error
@@ -110,23 +110,19 @@ def _settled_hold(phase: Sequence[str | None], period_s: float) -> Mask:
     return hold
 
 
-def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
-    """Draw position, force, voltage and sliding function over one time."""
+def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
+    """Draw position, force, their errors and voltage over one time."""
     table, result = run.table, evaluation.result
     assert isinstance(result, GripResult)
     sheet = Sheet()
-    ratios = (3.0, 3.0, 1.6, 1.6)
-    axes = drawing.contact_over_time(sheet, table, result, run.period_s, ratios, "sliding / µm")
-    t_s = series(table, "t_s")
-    drawing.line(axes[3], t_s, series(table, "sliding_um"), MEASURED, "s", width=0.9)
-    axes[3].axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
+    drawing.contact_over_time(sheet, table, result, run.period_s, run.planned.values)
     if result.error_sources is not None:
         # Below the axis of time, which is moved up for it.
         sheet.figure.subplots_adjust(bottom=0.18)
         causes = sheet.figure.add_axes((0.085, 0.025, 0.9, 0.075))
         error_sources.draw(causes, result.error_sources)
     sheet.head(0.085, _title(result), _subtitle(result), name)
-    return sheet.png()
+    return sheet.picture()
 
 
 def _title(result: GripResult) -> str:

@@ -8,7 +8,16 @@ from pincette.records.columns import Columns
 from pincette_supervisor.kinds.functions import Evaluation, Run
 from pincette_supervisor.kinds.track import Tracking, TrackResult
 from pincette_supervisor.results import drawing, error_sources
-from pincette_supervisor.results.drawing import FAINT, INK, MEASURED, REFERENCE, TRUE, Axis, Sheet
+from pincette_supervisor.results.drawing import (
+    FAINT,
+    INK,
+    MEASURED,
+    REFERENCE,
+    TRUE,
+    Axis,
+    Picture,
+    Sheet,
+)
 from pincette_supervisor.results.figures import Mask, Series, series, within
 from pincette_supervisor.results.result import PRESSED
 
@@ -17,8 +26,8 @@ LEFT, MIDDLE, RIGHT = 0.085, 0.685, 0.985
 TOP, BOTTOM = 0.875, 0.06
 
 
-def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
-    """Draw a track job as a PNG of 1400 by 1180 pixels."""
+def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
+    """Draw a track job, 1400 by 1180 pixels."""
     table, result = run.table, evaluation.result
     assert isinstance(result, TrackResult)
     sheet = Sheet()
@@ -58,7 +67,7 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> bytes:
         _by_cycle(figure.add_subplot(right[2]), cycles)
     figure.align_ylabels(axes)
     sheet.head(LEFT, _title(result), _subtitle(result), name)
-    return sheet.png()
+    return sheet.picture()
 
 
 def _over_time(axes: list[Axis], table: Columns, result: TrackResult, period_s: float) -> None:
@@ -89,13 +98,14 @@ def _over_time(axes: list[Axis], table: Columns, result: TrackResult, period_s: 
     pressed[:1] = False
     force_r = series(shown, "force_r_mN")
 
-    def error(axis: Axis, values: Series, color: str, label: str) -> None:
-        drawing.line(axis, t_s, np.where(pressed, values, np.nan), color, label, width=0.9)
+    def error(axis: Axis, values: Series, color: str, label: str, *, dotted: bool = False) -> None:
+        seen = np.where(pressed, values, np.nan)
+        drawing.line(axis, t_s, seen, color, label, width=0.9, dotted=dotted)
 
     error(axes[2], series(shown, "x_um") - series(shown, "x_r_um"), MEASURED, "measured")
     error(axes[3], series(shown, "force_mN") - force_r, MEASURED, "estimated")
     if drawing.knows_truth(shown):
-        error(axes[3], series(shown, "true_force_mN") - force_r, TRUE, "true")
+        error(axes[3], series(shown, "true_force_mN") - force_r, TRUE, "true", dotted=True)
         drawing.legend(axes[3], columns=2)
         drawing.make_room(axes[3], 0.35)
     for axis in axes[2:4]:
@@ -117,7 +127,9 @@ def _loops(line: Axis, loop: Axis, table: Columns, tracked: Mask) -> None:
     drawing.line(line, x_um, force_mN, MEASURED, "estimated", width=0.8)
     if drawing.knows_truth(table):
         true_x, true_force = series(table, "true_x_um"), series(table, "true_force_mN")
-        drawing.line(line, true_x[tracked], true_force[tracked], TRUE, "true", width=0.8)
+        drawing.line(
+            line, true_x[tracked], true_force[tracked], TRUE, "true", width=1.0, dotted=True
+        )
     x_r, force_r = series(table, "x_r_um")[tracked], series(table, "force_r_mN")[tracked]
     drawing.line(line, x_r, force_r, REFERENCE, "reference", dashed=True)
     drawing.legend(line)

@@ -60,7 +60,7 @@ export class Alarms {
     const ends = each.cleared_at === null ? ENDS[each.clears] : "";
     const notes = [each.count > 1 ? `${each.count} times` : "", each.job ? `job ${each.job}` : "", ends];
     return h("tr", { id: `alarm-${each.id}` },
-      h("th", { scope: "row" }, clock(each.last_at)),
+      h("th", { scope: "row", class: "time" }, clock(each.last_at)),
       h("td", {}, chip(each.words, tone),
         h("span", { class: "muted block" }, notes.filter(Boolean).join(", "))),
       h("td", { class: "figures" }, each.acknowledged_at === null ? this.button(each)

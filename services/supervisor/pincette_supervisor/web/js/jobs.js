@@ -129,7 +129,7 @@ export class Jobs {
     const outcome = outcomeOf(job);
     const place = job.position ? ` ${job.position}` : "";
     return h("tr", { class: job.id === this.chosen ? "chosen" : "" },
-      h("td", {}, h("button", { type: "button", class: "link", id: `open-${job.id}`,
+      h("td", { class: "time" }, h("button", { type: "button", class: "link", id: `open-${job.id}`,
         "aria-label": `Show ${plain(job.kind)} of ${clock(job.created_at)}`,
         "aria-pressed": String(job.id === this.chosen),
         onclick: () => this.choose(job.id) }, clock(job.created_at))),

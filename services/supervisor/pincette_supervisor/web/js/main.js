@@ -4,6 +4,7 @@ import { admitted } from "./access.js";
 import { Alarms } from "./alarms.js";
 import { get, heard, jobsOfRig, RIG, RIG_PATH } from "./api.js";
 import { Calibrations } from "./calibrations.js";
+import { watchCamera } from "./camera.js";
 import { Claim } from "./claim.js";
 import { Charts } from "./plots/charts.js";
 import { Checks } from "./checks.js";
@@ -15,6 +16,7 @@ import { StartForm } from "./form/form.js";
 import { Jobs } from "./jobs.js";
 import { kindOf, loadKinds } from "./kinds.js";
 import { Queue } from "./queue.js";
+import { Past } from "./plots/past.js";
 import { Recent } from "./plots/recent.js";
 import { installReset, showRig } from "./rig.js";
 import { followRigs } from "./rigs.js";
@@ -27,7 +29,7 @@ const RUNNING_MS = 400;
 const SOON_MS = 60;
 
 const recent = new Recent();
-const charts = new Charts(recent);
+const charts = new Charts(recent, new Past());
 installScope(charts);
 
 let rig = null;
@@ -60,6 +62,7 @@ const openTab = installTabs((id) => {
 });
 installReset(soon);
 watchConnection();
+watchCamera();
 
 /** Which job is to be shown: the one that has the rig, else the newest. */
 async function newestJob() {
@@ -74,11 +77,11 @@ async function refresh() {
   rigAnswered();
   showRig(rig);
   checks.follow(rig);
-  charts.follow(rig);
   claim.follow(rig);
   form.follow(rig);
   job = await newestJob();
   current.show(job, rig);
+  charts.follow(rig, job);
   await queue.follow(rig);
   await details.follow(rig);
   // A job that has come, ended or moved in the queue changes the lists.

@@ -62,7 +62,8 @@ function notices(rig) {
   const groups = [
     [rig.startable.length ? "Not every job can start" : "No job can start",
       running || (latched && rig.reasons.length === 1) ? [] : rig.reasons],
-    ["The stage must wait", running ? [] : rig.safe_to_move?.reasons ?? []],
+    // What has latched the actuator is told in one place, by showLatch.
+    ["The stage must wait", running || latched ? [] : rig.safe_to_move?.reasons ?? []],
     ["Claimed by somebody else", claimedBy(rig)],
     ["See to it", rig.warnings ?? []],
   ];
@@ -79,6 +80,13 @@ export function showRig(rig) {
   showLatch(rig);
 }
 
+/** Why the stage waits; where the actuator is latched the reset says all of it. */
+function stageWaits(rig) {
+  if (rig.safe_to_move.value) return "";
+  return rig.latch.state === "latched" ? " The stage must wait until then."
+    : ` The stage must wait: ${rig.safe_to_move.reasons.join("; ")}.`;
+}
+
 function showLatch(rig) {
   const latched = rig.allowed_actions.includes("reset");
   const before = !byId("latch").hidden;
@@ -91,7 +99,7 @@ function showLatch(rig) {
   const cause = { estop: "emergency stop", boot: "the actuator was switched on" }[rig.latch.cause];
   setText(byId("latch-title"), `The actuator is ${plain(rig.latch.state)}`);
   setText(byId("latch-cause"), `Cause: ${cause ?? (rig.latch.words || rig.latch.cause)}. Nothing moves until a person `
-    + `has reset the rig${rig.part === "held" ? "; a part is held" : ""}.`);
+    + `has reset the rig${rig.part === "held" ? "; a part is held" : ""}.${stageWaits(rig)}`);
   if (!before) alarm(`${byId("latch-title").textContent}. ${byId("latch-cause").textContent}`);
 }
 

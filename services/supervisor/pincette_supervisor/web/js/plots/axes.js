@@ -2,6 +2,7 @@
 
 const LEFT = 58;
 const RIGHT = 10;
+const never = () => false;
 
 /** Steps of 1, 2 or 5 times a power of ten, about `count` of them. */
 export function niceStep(span, count) {
@@ -26,7 +27,7 @@ export function palette() {
   return {
     grid: colour("line"), text: colour("muted"), ink: colour("ink"), limit: colour("bad"),
     measured: colour("measured"), reference: colour("reference"), band: colour("band"),
-    shade: colour("shade"), font: `12px ${getComputedStyle(document.body).fontFamily}`,
+    shade: colour("shade"), zone: colour("zone"), font: `12px ${getComputedStyle(document.body).fontFamily}`,
   };
 }
 
@@ -102,8 +103,9 @@ export class Axes {
     pen.stroke();
   }
 
-  /** A line through points given by functions of their index; where none is for long, it breaks. */
-  line(first, end, time, value, colour, { width = 1.6, dash = [], gap = Infinity } = {}) {
+  /** A line through points given by functions of their index. It breaks where points without a value,
+   * or a place that `torn` tells of, are longer than `gap`. */
+  line(first, end, time, value, colour, { width = 1.6, dash = [], gap = Infinity, torn = never } = {}) {
     const pen = this.context;
     pen.strokeStyle = colour;
     pen.lineWidth = width;
@@ -111,39 +113,59 @@ export class Axes {
     pen.setLineDash(dash);
     pen.beginPath();
     let before = null;
+    let broken = false;
     for (let i = first; i < end; i += 1) {
       const [t, v] = [time(i), value(i)];
+      broken ||= torn(i) || !Number.isFinite(v);
       if (!Number.isFinite(v)) continue;
-      if (before !== null && t - before <= gap) pen.lineTo(this.x(t), this.y(v));
+      if (before !== null && !(broken && t - before > gap)) pen.lineTo(this.x(t), this.y(v));
       else pen.moveTo(this.x(t), this.y(v));
       before = t;
+      broken = false;
     }
     pen.stroke();
     pen.setLineDash([]);
   }
 
-  /** A band about a line. */
-  band(first, end, time, value, half, colour, gap = Infinity) {
+  /** A band between two lines; it breaks where a line does. */
+  band(first, end, time, low, high, colour, { gap = Infinity, torn = never } = {}) {
     let run = [];
+    let broken = false;
     for (let i = first; i < end; i += 1) {
-      if (!Number.isFinite(value(i)) || !Number.isFinite(half(i))) continue;
-      if (run.length && time(i) - time(run.at(-1)) > gap) {
-        this.fill(run, time, value, half, colour);
+      const there = Number.isFinite(low(i)) && Number.isFinite(high(i));
+      broken ||= torn(i) || !there;
+      if (!there) continue;
+      if (run.length && broken && time(i) - time(run.at(-1)) > gap) {
+        this.fill(run, time, low, high, colour);
         run = [];
       }
       run.push(i);
+      broken = false;
     }
-    this.fill(run, time, value, half, colour);
+    this.fill(run, time, low, high, colour);
   }
 
-  fill(run, time, value, half, colour) {
-    if (run.length < 2) return;
+  fill(run, time, low, high, colour) {
+    if (!run.length) return;
     const pen = this.context;
     pen.fillStyle = colour;
     pen.beginPath();
-    for (const i of run) pen.lineTo(this.x(time(i)), this.y(value(i) + half(i)));
-    for (const i of run.toReversed()) pen.lineTo(this.x(time(i)), this.y(value(i) - half(i)));
+    // A single point is as wide as a line.
+    const wide = run.length > 1 ? 0 : 1;
+    for (const i of run) pen.lineTo(this.x(time(i)) - wide, this.y(high(i)));
+    for (const i of run.toReversed()) pen.lineTo(this.x(time(i)) + wide, this.y(low(i)));
+    if (wide) {
+      const [x, top] = [this.x(time(run[0])), this.y(high(run[0]))];
+      pen.rect(x - 1, top, 2, Math.max(1, this.y(low(run[0])) - top));
+    }
     pen.fill();
+  }
+
+  /** A stretch of values over the whole time. */
+  zone(low, high, colour) {
+    const { left, right } = this.box;
+    this.context.fillStyle = colour;
+    this.context.fillRect(left, this.y(high), right - left, this.y(low) - this.y(high));
   }
 
   /** Keep what follows within the axes. */

@@ -3,12 +3,15 @@
 export const COLUMNS = ["x_um", "x_r_um", "force_mN", "force_r_mN", "force_uncertainty_mN",
   "voltage_V", "sliding_um"];
 const CAPACITY = 8192;
+/** What is worked out of two columns: measured or estimated, less its reference. */
+const ERRORS = { x_error_um: ["x_um", "x_r_um"], force_error_mN: ["force_mN", "force_r_mN"] };
 
 export class Recent {
   constructor() {
     this.columns = new Map(COLUMNS.map((name) => [name, new Float64Array(CAPACITY)]));
     this.at = new Float64Array(CAPACITY);
     this.phases = new Array(CAPACITY).fill("");
+    this.gaps = new Uint8Array(CAPACITY);
     this.clear();
   }
 
@@ -29,6 +32,7 @@ export class Recent {
       this.at[place] = newest;
       this.phases[place] = batch.playing ? batch.phase : "";
       for (const [name, column] of this.columns) column[place] = batch[name][i] ?? NaN;
+      this.gaps[place] = batch.after_gap[i] ? 1 : 0;
       this.count += 1;
     }
     this.now_s = Math.max(batch.now_s, newest);
@@ -56,7 +60,18 @@ export class Recent {
     return this.phases[index % CAPACITY];
   }
 
+  part(index) {
+    return this.phase(index);
+  }
+
+  /** Whether samples are missing before one; those that came late are not. */
+  gap(index) {
+    return this.gaps[index % CAPACITY] === 1;
+  }
+
   value(name, index) {
+    const minus = ERRORS[name];
+    if (minus) return this.value(minus[0], index) - this.value(minus[1], index);
     return this.columns.get(name)[index % CAPACITY];
   }
 

@@ -8,29 +8,34 @@ export function install(charts) {
   const { view } = charts;
   const again = () => { charts.dirty = true; };
 
-  byId("window").addEventListener("click", (event) => {
-    const button = event.target.closest("button");
-    if (!button) return;
-    view.seconds = Number(button.dataset.seconds);
-    for (const each of byId("window").querySelectorAll("button")) {
-      each.setAttribute("aria-pressed", String(each === button));
-    }
+  const freeze = byId("freeze");
+  const follow = () => {
+    freeze.setAttribute("aria-pressed", String(view.held !== null));
+    freeze.textContent = view.held === null ? "Hold view" : "Follow again";
     again();
+  };
+  choice("window", (button) => {
+    charts.choose({ seconds: Number(button.dataset.seconds) });
+    byId("scope-title").textContent = view.seconds < 3600 ? "Live" : "Records";
+    freeze.hidden = view.seconds >= 3600;
+    follow();
   });
-
-  byId("freeze").addEventListener("click", (event) => {
+  choice("shows", (button) => charts.choose({ shows: button.dataset.shows }));
+  byId("expert").addEventListener("click", (event) => {
+    charts.choose({ expert: !view.expert });
+    event.target.setAttribute("aria-pressed", String(view.expert));
+  });
+  freeze.addEventListener("click", () => {
     view.held = view.held === null ? charts.recent.now_s : null;
-    event.target.setAttribute("aria-pressed", String(view.held !== null));
-    event.target.textContent = view.held === null ? "Hold view" : "Follow again";
-    again();
+    follow();
   });
 
   const place = byId("charts");
   const point = (event) => {
     const canvas = event.target.closest("canvas");
-    if (!canvas || !charts.recent.count || !charts.strips[0].axes.box) return;
-    const x = event.clientX - canvas.getBoundingClientRect().left;
-    view.cross = charts.strips[0].axes.timeAt(x);
+    const axes = charts.strips.find((strip) => strip.canvas === canvas)?.axes;
+    if (!charts.source.count || !axes?.box) return;
+    view.cross = axes.timeAt(event.clientX - canvas.getBoundingClientRect().left);
     again();
   };
   place.addEventListener("pointermove", point);
@@ -49,5 +54,17 @@ export function install(charts) {
     else return;
     if (event.key !== "Escape") event.preventDefault();
     again();
+  });
+}
+
+/** Buttons of which one is chosen. */
+function choice(id, chosen) {
+  byId(id).addEventListener("click", (event) => {
+    const button = event.target.closest("button");
+    if (!button) return;
+    for (const each of byId(id).querySelectorAll("button")) {
+      each.setAttribute("aria-pressed", String(each === button));
+    }
+    chosen(button);
   });
 }

@@ -1,0 +1,182 @@
+"""The course of a rig over hours: the records of its jobs, reduced to what a screen shows."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pincette.api.history import History, HistoryJob
+from pincette.records import folder, parquet
+from pincette_supervisor.journal.job_filter import JobFilter
+from pincette_supervisor.journal.store import JobRow, Store
+from pincette_supervisor.results.figures import Series
+
+READ = ("t_s", "x_um", "x_r_um", "force_mN", "force_r_mN", "zero_age_s", "voltage_V", "sliding_um")
+NAMES = (
+    "x_um",
+    "x_r_um",
+    "force_mN",
+    "force_r_mN",
+    "voltage_V",
+    "sliding_um",
+    "x_error_um",
+    "force_error_mN",
+)
+GRID_S = 1.0
+"""Records are kept reduced to this grid of the clock; no stretch is shorter."""
+JOBS_MOST, KEPT_JOBS = 500, 128
+LONGEST_JOB_S = 86400.0
+"""How long before the time asked for a job that reaches into it may have been taken."""
+Reduced = tuple[Series, Series, Series]
+"""Middle of each second, and rows of smallest and largest values by ``NAMES``."""
+
+
+class HistoryReader:
+    """Reads records of one rig; what was read of an ended job is kept."""
+
+    def __init__(self, rig: str, records: Path, *, lockstep: bool) -> None:
+        self.rig, self.records, self.lockstep = rig, records, lockstep
+        self._kept: OrderedDict[str, Reduced] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def read(self, store: Store, from_s: float, to_s: float, points: int) -> History:
+        """The course from one time to another, in ``points`` stretches at most."""
+        rows, left_out = _jobs(store, self.rig, from_s, to_s)
+        step_s = max(GRID_S, ceil((to_s - from_s) / points / GRID_S) * GRID_S)
+        found: list[Reduced] = []
+        jobs: list[HistoryJob] = []
+        with self._lock:  # one reader at a time: a screen can wait, the supervisor cannot
+            for row in rows:
+                reduced = self._of(row)
+                if reduced is not None:
+                    found.append(reduced)
+                jobs.append(_view(row, recorded=reduced is not None))
+        at_s, low, high = _joined(found, from_s, to_s, step_s)
+        return History(
+            rig=self.rig,
+            from_s=from_s,
+            to_s=to_s,
+            step_s=step_s,
+            at_s=[float(value) for value in at_s],
+            low={name: _column(low[place]) for place, name in enumerate(NAMES)},
+            high={name: _column(high[place]) for place, name in enumerate(NAMES)},
+            jobs=jobs,
+            left_out=left_out,
+        )
+
+    def _of(self, row: JobRow) -> Reduced | None:
+        if row.started_at is None or row.ended_at is None:
+            return None
+        if row.id in self._kept:
+            self._kept.move_to_end(row.id)
+            return self._kept[row.id]
+        try:
+            source = parquet.opened(self.records / row.id / folder.SAMPLES)
+            table = source.read(columns=list(READ))
+        except (OSError, ValueError):  # deleted, not written as yet, or of no use
+            return None
+        columns = {
+            name: np.asarray(table[name].to_numpy(zero_copy_only=False), dtype=np.float64)
+            for name in READ
+        }
+        spent_s = seconds(row.ended_at) - seconds(row.started_at)
+        reduced = reduce(columns, seconds(row.started_at), spent_s if self.lockstep else None)
+        self._kept[row.id] = reduced
+        if len(self._kept) > KEPT_JOBS:
+            self._kept.popitem(last=False)
+        return reduced
+
+
+def seconds(at: str) -> float:
+    """A time of the journal as seconds since 1970."""
+    return datetime.fromisoformat(at).timestamp()
+
+
+def text_of(at_s: float) -> str:
+    """The same as the journal writes it."""
+    stamp = datetime.fromtimestamp(at_s, UTC)
+    return stamp.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _jobs(store: Store, rig: str, from_s: float, to_s: float) -> tuple[list[JobRow], int]:
+    """Jobs that have run in between, the oldest first, and how many were too many."""
+    wanted = JobFilter(
+        rig=rig, created_from=text_of(from_s - LONGEST_JOB_S), created_to=text_of(to_s)
+    )
+    rows = [
+        row
+        for row in store.newest(4 * JOBS_MOST, wanted)
+        if row.started_at is not None and (row.ended_at is None or seconds(row.ended_at) >= from_s)
+    ]
+    return rows[:JOBS_MOST][::-1], max(0, len(rows) - JOBS_MOST)
+
+
+def _view(row: JobRow, *, recorded: bool) -> HistoryJob:
+    return HistoryJob(
+        id=row.id,
+        kind=row.kind,
+        state=row.state,
+        from_s=seconds(row.started_at or row.created_at),
+        to_s=None if row.ended_at is None else seconds(row.ended_at),
+        recorded=recorded,
+    )
+
+
+def reduce(columns: dict[str, Series], begun_s: float, spent_s: float | None) -> Reduced:
+    """Smallest and largest values of each second of a record.
+
+    ``spent_s`` stretches the samples over the time that a job took, where its own time is not the
+    clock's.
+    """
+    t_s = columns["t_s"]
+    if not t_s.size:
+        return np.empty(0), np.empty((len(NAMES), 0)), np.empty((len(NAMES), 0))
+    rate = 1.0
+    if spent_s is not None and t_s[-1] > 0.0:
+        rate = max(0.0, spent_s) / float(t_s[-1])
+    # Before the first zero an estimate has no reference.
+    force = np.where(np.isnan(columns["zero_age_s"]), np.nan, columns["force_mN"])
+    rows = np.vstack(
+        [
+            columns["x_um"],
+            columns["x_r_um"],
+            force,
+            columns["force_r_mN"],
+            columns["voltage_V"],
+            columns["sliding_um"],
+            columns["x_um"] - columns["x_r_um"],
+            force - columns["force_r_mN"],
+        ]
+    )
+    return _grouped(begun_s + rate * t_s, rows, rows, GRID_S)
+
+
+def _grouped(at_s: Series, low: Series, high: Series, step_s: float) -> Reduced:
+    """Stretches of the clock that have samples, whose times must rise."""
+    stretch = np.floor(at_s / step_s)
+    first = np.flatnonzero(np.diff(stretch, prepend=-np.inf))
+    middle = (stretch[first] + 0.5) * step_s
+    return middle, np.fmin.reduceat(low, first, axis=1), np.fmax.reduceat(high, first, axis=1)
+
+
+def _joined(found: Sequence[Reduced], from_s: float, to_s: float, step_s: float) -> Reduced:
+    """Several records as one, within the time that is asked for."""
+    if not found:
+        return np.empty(0), np.empty((len(NAMES), 0)), np.empty((len(NAMES), 0))
+    at_s = np.concatenate([each[0] for each in found])
+    low = np.concatenate([each[1] for each in found], axis=1)
+    high = np.concatenate([each[2] for each in found], axis=1)
+    order = np.argsort(at_s, kind="stable")
+    order = order[(at_s[order] >= from_s) & (at_s[order] <= to_s)]
+    if not order.size:
+        return _joined((), from_s, to_s, step_s)
+    return _grouped(at_s[order], low[:, order], high[:, order], step_s)
+
+
+def _column(values: Any) -> list[float | None]:
+    return [None if np.isnan(value) else round(float(value), 4) for value in values]

@@ -1,0 +1,34 @@
+// The picture of the rig's camera: MJPEG, which the browser asks the camera for itself.
+
+import { RIG } from "./api.js";
+import { byId, h } from "./dom.js";
+
+const AGAIN_MS = 5000;
+
+/** Show the camera that the rig file names, while the page is seen. */
+export function watchCamera() {
+  const address = document.body.dataset.camera;
+  if (!address) return;
+  const picture = h("img", { alt: `The camera of ${RIG}`, id: "camera-picture" });
+  const said = h("p", { class: "muted small", id: "camera-said", role: "status" });
+  byId("camera").append(h("figcaption", {}, h("b", {}, "Camera")), picture, said);
+  byId("camera").hidden = false;
+  let timer = 0;
+  const settle = () => {
+    clearTimeout(timer);
+    if (document.hidden) picture.removeAttribute("src");
+    else picture.src = address;
+  };
+  picture.addEventListener("load", () => {
+    picture.hidden = false;
+    said.textContent = "";
+  });
+  picture.addEventListener("error", () => {
+    if (document.hidden) return;
+    picture.hidden = true;
+    said.textContent = `No picture from ${address}; asked again.`;
+    timer = setTimeout(settle, AGAIN_MS);
+  });
+  document.addEventListener("visibilitychange", settle);
+  settle();
+}

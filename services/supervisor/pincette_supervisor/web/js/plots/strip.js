@@ -1,0 +1,183 @@
+// One quantity over time, and its newest value.
+
+import { h, setText } from "../dom.js";
+import { number } from "../words.js";
+import { Axes, niceRange, niceStep } from "./axes.js";
+
+/** `shows`: only among the values, or the errors; `tolerance`: what a job may state for it. */
+export const QUANTITIES = [
+  { name: "Position", unit: "µm", value: "x_um", reference: "x_r_um", least: 1,
+    decimals: 2, limits: ["position_min", "position_max"], shows: "values" },
+  { name: "Contact force", unit: "mN", value: "force_mN", reference: "force_r_mN",
+    half: "force_uncertainty_mN", least: 2, decimals: 2, limits: ["force_max"], shows: "values" },
+  { name: "Position error", unit: "µm", value: "x_error_um", least: 0.2, decimals: 3, zero: true,
+    key: "measured − reference", limits: [], tolerance: "position_tolerance_um", shows: "errors" },
+  { name: "Force error", unit: "mN", value: "force_error_mN", half: "force_uncertainty_mN", least: 0.5,
+    decimals: 2, zero: true, key: "estimate − reference, ± u", limits: [],
+    tolerance: "force_tolerance_mN", shows: "errors" },
+  { name: "Voltage", unit: "V", value: "voltage_V", least: 0.2, decimals: 3, key: "applied",
+    limits: ["voltage_min", "voltage_max"] },
+  { name: "Sliding function", unit: "µm", value: "sliding_um", zero: true, least: 0.2, decimals: 3,
+    key: "of the law", limits: [], expert: true },
+];
+const GAP_S = 0.4;
+const JOBS_MARKED = 40;
+const [MINUTE_S, HOUR_S] = [60, 3600];
+const HOUR_STEPS = [300, 600, 900, 1800, 3600, 7200, 10800, 14400, 21600];
+const MARK_PX = 64;
+
+/** Between two marks of the time; a narrow chart has fewer, whose words do not touch. */
+function timeStep(seconds, width) {
+  const marks = Math.max(2, Math.min(7, Math.floor(width / MARK_PX)));
+  if (seconds < 600) return niceStep(seconds, Math.min(marks, 6));
+  return HOUR_STEPS.find((step) => seconds / step <= marks) ?? 86400;
+}
+
+/** A time before the end of the chart. */
+function ago(t, seconds) {
+  if (t > -1e-6) return "now";
+  if (seconds < 600) return `${number(t, 0)} s`;
+  return seconds <= HOUR_S ? `${number(t / MINUTE_S, 0)} min` : `${number(t / HOUR_S, 0)} h`;
+}
+
+export class Strip {
+  constructor(quantity) {
+    this.quantity = quantity;
+    this.canvas = h("canvas", { "aria-hidden": "true" });
+    this.said = h("output", { class: "strip-said" });
+    const key = quantity.key ?? (quantity.half ? "estimate ± u" : "measured");
+    const keys = [h("span", { class: "key measured" }, key)];
+    if (quantity.reference) keys.push(h("span", { class: "key reference" }, "reference"));
+    this.within = h("span", { class: "key zone", hidden: true });
+    this.element = h("figure", { class: "strip", "data-quantity": quantity.value },
+      h("figcaption", {}, h("b", {}, quantity.name), h("span", { class: "unit" }, quantity.unit),
+        ...keys, this.within, this.said), this.canvas);
+    this.axes = new Axes(this.canvas);
+    this.range = [0, quantity.least];
+    this.limits = [];
+    this.tolerance = null;
+  }
+
+  /** The first strip names the phases, the last has the time below. */
+  settle({ first, last }) {
+    this.first = first;
+    this.last = last;
+    this.axes.top = first ? 20 : 8;
+    this.axes.bottom = last ? 24 : 8;
+    this.element.classList.toggle("last", last);
+  }
+
+  /** What is to be seen at a point: the value, or in hours the smallest and the largest. */
+  ends(source, i) {
+    const { value, half } = this.quantity;
+    if (source.envelope) return [source.bound("low", value, i), source.bound("high", value, i)];
+    const v = source.value(value, i);
+    const u = half ? source.value(half, i) : 0;
+    return [v - u, v + u];
+  }
+
+  /** The range of what is seen; it changes only where it is too small or much too large. */
+  fit(source, first) {
+    const { reference, zero, least } = this.quantity;
+    let [low, high] = zero ? [0, 0] : [Infinity, -Infinity];
+    if (this.tolerance !== null) [low, high] = [-1.2 * this.tolerance, 1.2 * this.tolerance];
+    for (let i = first; i < source.count; i += 1) {
+      for (const v of [...this.ends(source, i), reference ? source.value(reference, i) : NaN]) {
+        if (Number.isFinite(v)) [low, high] = [Math.min(low, v), Math.max(high, v)];
+      }
+    }
+    const [from, to] = this.range;
+    if (low > high || (low >= from && high <= to && high - low > 0.4 * (to - from))) return;
+    this.range = niceRange(low, high, least);
+  }
+
+  draw(source, view, colours) {
+    const first = Math.max(0, source.since(view.from) - 1);
+    this.fit(source, source.since(view.from));
+    const axes = this.axes;
+    if (!axes.begin([view.from, view.to], this.range, colours)) return;
+    const { value, reference, half } = this.quantity;
+    const time = (i) => source.time(i);
+    const of = (name) => (i) => source.value(name, i);
+    const end = source.since(view.to + 1e-6);
+    const breaks = { gap: source.envelope ? 0 : GAP_S, torn: (i) => source.gap(i) };
+    // The grid stands still beside the newest value; the lines pass over it.
+    [axes.from, axes.to] = [-view.seconds, 0];
+    axes.grid(timeStep(view.seconds, axes.box.right - axes.box.left), this.last ? (t) => ago(t, view.seconds) : null);
+    [axes.from, axes.to] = [view.from, view.to];
+    this.phases(source, Math.min(source.since(view.from), end), end, colours);
+    axes.clip();
+    this.bounds(axes, colours);
+    if (half || source.envelope) {
+      axes.band(first, end, time, (i) => this.ends(source, i)[0], (i) => this.ends(source, i)[1],
+        colours.band, breaks);
+    }
+    if (reference) {
+      axes.line(first, end, time, of(reference), colours.reference, { dash: [6, 4], width: 1.4, ...breaks });
+    }
+    axes.line(first, end, time, of(value), colours.measured, breaks);
+    if (view.cross !== null) axes.upright(view.cross, colours.ink);
+    axes.unclip();
+  }
+
+  /** Zero, the tolerance of the job, and the limits; one far away is out of sight, and widens no chart. */
+  bounds(axes, colours) {
+    const { tolerance, quantity } = this;
+    this.within.hidden = tolerance === null;
+    if (tolerance !== null) {
+      setText(this.within, `tolerance of the job, ± ${number(tolerance, quantity.decimals)}`);
+      axes.zone(-tolerance, tolerance, colours.zone);
+    }
+    if (quantity.zero) axes.level(0, colours.text);
+    for (const limit of this.limits) axes.level(limit, colours.limit, [8, 4]);
+  }
+
+  /** Where one phase, or one job of many, ends and the next begins; the first strip names them. */
+  phases(source, first, end, colours) {
+    const { axes } = this;
+    const starts = [];
+    for (let i = first + 1; i < end; i += 1) {
+      if (source.part(i) !== source.part(i - 1)) starts.push(i);
+    }
+    if (starts.length <= JOBS_MARKED) {
+      for (const i of starts) axes.upright(source.time(i), colours.text, [2, 3]);
+    }
+    if (!this.first || first >= end) return;
+    axes.names([first, ...starts].map((i) => [source.time(i), source.phase(i)]), source.time(end - 1));
+  }
+
+  /** The value at a point; in hours the smallest and the largest. */
+  words(source, index) {
+    const { value, unit, decimals } = this.quantity;
+    if (!source.envelope) return `${number(source.value(value, index), decimals)} ${unit}`;
+    const [low, high] = this.ends(source, index).map((each) => number(each, decimals));
+    return low === high ? `${low} ${unit}` : `${low} to ${high} ${unit}`;
+  }
+}
+
+/** The newest value of a quantity, with its reference or the tolerance of the job. */
+export class Readout {
+  constructor(quantity) {
+    this.quantity = quantity;
+    this.tolerance = null;
+    this.value = h("span", { class: "figure" }, "–");
+    this.more = h("span", { class: "more" });
+    this.reference = h("td", { class: "ref", role: "cell" });
+    this.element = h("tr", { role: "row" },
+      h("th", { scope: "row", role: "rowheader" }, quantity.name),
+      h("td", { class: "now", role: "cell" }, this.value, " ",
+        h("span", { class: "unit" }, quantity.unit), this.more), this.reference);
+  }
+
+  show(recent) {
+    const { value, half, reference, decimals } = this.quantity;
+    const latest = (name) => (name ? recent.latest(name) : NaN);
+    setText(this.value, number(latest(value), decimals));
+    const u = latest(half);
+    setText(this.more, Number.isFinite(u) ? `± ${number(u, 2)}` : "");
+    const wanted = latest(reference);
+    let text = Number.isFinite(wanted) ? `ref ${number(wanted, decimals)}` : "\u00a0";
+    if (this.tolerance !== null) text = `tolerance ± ${number(this.tolerance, decimals)}`;
+    setText(this.reference, text);
+  }
+}

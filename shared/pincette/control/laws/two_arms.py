@@ -1,0 +1,301 @@
+"""Two driven arms on one part: its place and the force on it, each by itself.
+
+Both arms count towards the part. With the displacements X_i that the arms would have if they were
+free, what they are free of is decoupled in the place q of the part's middle and the force F:
+
+    q = (x_1 - x_2)/2,   x_i = X_i - s_i·F,   x_1 + x_2 = g + c·F                       (1), (53)
+    a = (X_1 - X_2)/2 = q + (s_1 - s_2)/2·F,   b = X_1 + X_2 = g + S·F,   S = s_1 + s_2 + c
+
+c is the compliance of part and faces together. What the model misses is filtered over time, in each
+of both by itself; δT is from a sample until its voltages are put out, φ = max(0, δ - 1/2):
+
+    x̄_i,k = (1-φ)·H_i,k + φ·H_i,k-1            of the age of x_i,k
+    l_i   = 2ζ_i/ω_i·q̇_r + q̈_r/ω_i²           by which X_i leads q along the plan
+    F̂_k   = [F̂_1 + F̂_2 - l_1/s_1 + l_2/s_2]/2   a swing of the held part cancels in the mean
+    W_q,k = q_k - ā_k + (s_1 - s_2)/2·F_r,k-1,  Ŵ_q = F_q(z) W_q
+    W_b,k = S·F̂_k - b̄_k  pressed,  x_1 + x_2 - b̄_k  free,     Ŵ_b = F_b(z) W_b
+    a_k   = q_r + (s_1 - s_2)/2·F_r + (l_1 + l_2)/2 - Ŵ_q
+    b_k   = S·F_r + l_1 - l_2 - Ŵ_b  pressed,   d_r - Ŵ_b  free
+    X_1   = b_k/2 + a_k,   X_2 = b_k/2 - a_k,   u_i = H_i⁻¹[X_i]
+
+at t = (k + δ + 1/2)T, further ahead by T·κ/(1 - κ) where an output lags, with
+F(z) = [(1-p)/(1-p·z⁻¹)]ⁿ and p = e^(-2πfT); d_r is the sum x_1 + x_2
+that free arms are led along. The offset between x_i and H_i, and g, are part of W. With n = 1 and
+p = K_P/(K_P + K_I) each of both is the reaching law of PBSMIC; see ``fpbsmic``. Neither has a share
+in the other: no line binds place and force, and no gain trades them.
+
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013, of which two arms are the future work.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp, pi
+
+from pincette.control.arm.plant import PROMPT, ArmParameters, OutputTiming
+from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.force.observers import SHORTEST_PERIODS, held_age, kept
+from pincette.control.laws.fpbsmic import LATEST, MOST_POLES, Cascade, passed
+from pincette.control.laws.parameters import LawParameter
+from pincette.control.record import FrozenRecord
+
+Pair = tuple[float, float]
+"""Of the first arm and of the second."""
+
+PARAMETERS = (
+    LawParameter("n", "", "poles of both filters, 1 to 4", 3.0, True),
+    LawParameter("f_q", "Hz", "corner frequency of each pole of the place's filter", 60.0, True),
+    LawParameter("f_F", "Hz", "corner frequency of each pole of the force's filter", 10.0, True),
+)
+"""With defaults of periods that are short against the mode; see ``default_gains``."""
+LONG = {"n": 1.0, "f_q": 5.5, "f_F": 3.0}
+"""At 20 ms a share of 0.5 and 0.31 of what is missed is made good in each sample."""
+
+
+@dataclass(frozen=True, slots=True)
+class TwoArmParameters:
+    """Both arms, the part and the filters."""
+
+    compliances_um_per_mN: Pair
+    """s_i."""
+    leads_s: Pair
+    """2ζ_i/ω_i, and"""
+    leads_s2: Pair
+    """1/ω_i²."""
+    joint_um_per_mN: float
+    """S."""
+    older: float
+    """φ."""
+    ahead_s: float
+    """φT, from the coming sample to the instant that the voltages are chosen for."""
+    lag_kept: float
+    """κ = e^(-T/τ) of a lag between output and arm; 0 without one."""
+    lag_ahead_s: float
+    """T·κ/(1 - κ), by which x̄ behind the lag stays behind a steady motion."""
+    place_poles: Cascade
+    force_poles: Cascade
+
+
+class TwoArmReferences(FrozenRecord, frozen=True):
+    """Where part and arms are to be at the coming sample, and how they go on from there."""
+
+    place_um: float
+    """q_r."""
+    force_mN: float = 0.0
+    """F_r, of a part that both arms press."""
+    opening_um: float = 0.0
+    """d_r = x_1 + x_2, of arms that do not press it."""
+    pressed: bool = True
+    place_speed_um_per_s: float = 0.0
+    place_acceleration_um_per_s2: float = 0.0
+    force_rate_mN_per_s: float = 0.0
+    opening_speed_um_per_s: float = 0.0
+
+
+class TwoArmState(FrozenRecord, frozen=True):
+    """What the law remembers, named as it stands before the tick that computes both voltages."""
+
+    fresh: bool
+    """Before the first step, which takes what is missed as it finds it."""
+    pressed: bool
+    older_um: Pair
+    """H_i of the sample before."""
+    lagging_um: Pair
+    """x̄_i of the sample before, behind the lag."""
+    leads_um: Pair
+    """l_i of the newest sample."""
+    force_r_mN: float
+    """F_r of the newest sample; 0 of arms that do not press."""
+    place_um: Cascade
+    """Stages of F_q; the last is Ŵ_q."""
+    sum_um: Cascade
+    """Stages of F_b; the last is Ŵ_b."""
+
+
+class TwoArmOutput(FrozenRecord, frozen=True):
+    """What the law wants, and how well it meets what it wanted."""
+
+    free_um: Pair
+    """X_i, a period ahead: u_i = H_i⁻¹[X_i]."""
+    place_um: float
+    """q of the newest sample."""
+    force_mN: float
+    """F̂ of the newest sample, without what the plan explains."""
+    disagreement_mN: float
+    """F̂_1 - F̂_2 likewise; 0 of a part that nothing else holds."""
+    place_missed_um: float
+    """W_q - Ŵ_q before this sample."""
+    sum_missed_um: float
+    """W_b - Ŵ_b before this sample."""
+
+
+def default_gains(omega_n_rad_per_s: float, period_s: float) -> dict[str, float]:
+    """Gains where none are stated, by whether the period is short against the mode."""
+    if period_s < SHORTEST_PERIODS * 2.0 * pi / omega_n_rad_per_s:
+        return {each.name: each.value("consistent") for each in PARAMETERS}
+    return dict(LONG)
+
+
+def build(
+    arms: tuple[ArmParameters, ArmParameters],
+    gains: Mapping[str, float],
+    period_s: float,
+    part_um_per_mN: float = 0.0,
+    output: OutputTiming = PROMPT,
+) -> TwoArmParameters:
+    """Make the filters.
+
+    Parameters
+    ----------
+    arms
+        m, b, k of each arm as identified.
+    part_um_per_mN
+        c, by which part and faces yield; they are stiff against the arms.
+
+    Raises
+    ------
+    ValueError
+        For a number that is none, an order that is none, or too long a delay.
+    """
+    T = require_positive("period", period_s, "s")
+    c = require_not_negative("compliance of the part", part_um_per_mN, "µm/mN")
+    for parameter in PARAMETERS:
+        parameter.check(gains[parameter.name])
+    poles = gains["n"]
+    if poles not in range(1, MOST_POLES + 1):
+        raise ValueError(f"n = {poles:g}, must be a whole number of poles from 1 to {MOST_POLES}")
+    delay = output.delay_s / T
+    if delay > LATEST:
+        raise ValueError(
+            f"a delay of {1e3 * output.delay_s:.3g} ms from sample to voltage is above {LATEST:g} "
+            f"periods of {1e3 * T:.3g} ms: take a longer period"
+        )
+
+    def cascade(name: str) -> Cascade:
+        p = exp(-2.0 * pi * gains[name] * T)
+        return Cascade(*(p if stage < poles else 0.0 for stage in range(MOST_POLES)))
+
+    first, second = arms
+    older, lag_kept = held_age(delay), kept(T, output.lag_s)
+    return TwoArmParameters(
+        compliances_um_per_mN=(1.0 / first.k, 1.0 / second.k),
+        leads_s=(first.b / first.k, second.b / second.k),
+        leads_s2=(first.m / first.k, second.m / second.k),
+        joint_um_per_mN=1.0 / first.k + 1.0 / second.k + c,
+        older=older,
+        ahead_s=older * T,
+        lag_kept=lag_kept,
+        lag_ahead_s=T * lag_kept / (1.0 - lag_kept),
+        place_poles=cascade("f_q"),
+        force_poles=cascade("f_F"),
+    )
+
+
+def start() -> TwoArmState:
+    """Begin without a bump: the step that follows keeps the voltages where references are met."""
+    nothing = Cascade(0.0, 0.0, 0.0, 0.0)
+    return TwoArmState(
+        fresh=True,
+        pressed=False,
+        older_um=(0.0, 0.0),
+        lagging_um=(0.0, 0.0),
+        leads_um=(0.0, 0.0),
+        force_r_mN=0.0,
+        place_um=nothing,
+        sum_um=nothing,
+    )
+
+
+def step(
+    parameters: TwoArmParameters,
+    state: TwoArmState,
+    *,
+    tips_um: Pair,
+    free_um: Pair,
+    forces_mN: Pair,
+    references: TwoArmReferences,
+) -> tuple[TwoArmState, TwoArmOutput]:
+    """Compute X_1 and X_2 of tick k.
+
+    Parameters
+    ----------
+    tips_um
+        x_i,k, towards the part.
+    free_um
+        H_i,k: where the free response stands at the sample, led by u_i of k-1.
+    forces_mN
+        F̂_i,k of each arm's own estimator, not filtered.
+    references
+        Of the coming sample. Where ``pressed`` changes, the sum of both arms begins without a bump:
+        at F_r = F̂ where they have touched, at d_r = x_1 + x_2 where they have left.
+    """
+    k, r = parameters, references
+    s_1, s_2 = k.compliances_um_per_mN
+    bar_um = aged(k, state, free_um)
+    a_um, b_um = 0.5 * (bar_um[0] - bar_um[1]), bar_um[0] + bar_um[1]
+    force_1 = forces_mN[0] - state.leads_um[0] / s_1
+    force_2 = forces_mN[1] + state.leads_um[1] / s_2
+    force_mN = 0.5 * (force_1 + force_2)
+    place_um = 0.5 * (tips_um[0] - tips_um[1])
+    uneven = 0.5 * (s_1 - s_2)
+    taken_mN = r.force_mN if r.pressed else 0.0
+    met_mN = taken_mN if state.fresh else state.force_r_mN
+    place_missed = place_um - a_um + uneven * met_mN
+    sum_missed = (k.joint_um_per_mN * force_mN if r.pressed else tips_um[0] + tips_um[1]) - b_um
+    place_before, sum_before = state.place_um.four, state.sum_um.four
+    if state.fresh:
+        place_before, sum_before = place_missed, sum_missed
+        place = Cascade(place_missed, place_missed, place_missed, place_missed)
+    else:
+        place = passed(k.place_poles, state.place_um, place_missed)
+    if state.fresh or state.pressed != r.pressed:
+        sum_before = sum_missed
+        total = Cascade(sum_missed, sum_missed, sum_missed, sum_missed)
+    else:
+        total = passed(k.force_poles, state.sum_um, sum_missed)
+    speed, acceleration = r.place_speed_um_per_s, r.place_acceleration_um_per_s2
+    later_um = r.place_um + k.ahead_s * (speed + 0.5 * k.ahead_s * acceleration)
+    later_speed = speed + k.ahead_s * acceleration
+    lead_1, lead_2 = (
+        (lead + k.lag_ahead_s) * later_speed + lead_2 * acceleration
+        for lead, lead_2 in zip(k.leads_s, k.leads_s2, strict=True)
+    )
+    wanted_a = later_um + uneven * taken_mN + 0.5 * (lead_1 + lead_2) - place.four
+    ahead_s = k.ahead_s + k.lag_ahead_s
+    if r.pressed:
+        later_mN = r.force_mN + ahead_s * r.force_rate_mN_per_s
+        wanted_b = k.joint_um_per_mN * later_mN + lead_1 - lead_2 - total.four
+    else:
+        wanted_b = r.opening_um + ahead_s * r.opening_speed_um_per_s + lead_1 - lead_2 - total.four
+    after = TwoArmState(
+        fresh=False,
+        pressed=r.pressed,
+        older_um=free_um,
+        lagging_um=bar_um,
+        leads_um=(
+            k.leads_s[0] * speed + k.leads_s2[0] * acceleration,
+            k.leads_s[1] * speed + k.leads_s2[1] * acceleration,
+        ),
+        force_r_mN=taken_mN,
+        place_um=place,
+        sum_um=total,
+    )
+    return after, TwoArmOutput(
+        free_um=(0.5 * wanted_b + wanted_a, 0.5 * wanted_b - wanted_a),
+        place_um=place_um,
+        force_mN=force_mN,
+        disagreement_mN=force_1 - force_2,
+        place_missed_um=place_missed - place_before,
+        sum_missed_um=sum_missed - sum_before,
+    )
+
+
+def aged(k: TwoArmParameters, state: TwoArmState, free_um: Pair) -> Pair:
+    """x̄_i of the age of the sample."""
+    if state.fresh:
+        return free_um
+    kept_share, older = k.lag_kept, k.older
+    one, two = (
+        (1.0 - kept_share) * ((1.0 - older) * now + older * before) + kept_share * lagging
+        for now, before, lagging in zip(free_um, state.older_um, state.lagging_um, strict=True)
+    )
+    return one, two

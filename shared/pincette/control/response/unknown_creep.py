@@ -1,0 +1,117 @@
+"""What is not known of an arm's creep, once its turning points are, and what its free way tells.
+
+Pasts whose plays have been led to the same places differ by creep alone, and each difference decays
+by itself, with the time of its creep state, whatever the voltage does:
+
+    D_j(t) = κ_j·[c_j(t) - c_j,model(t)] = D_j(0)·e^(-t/τ_j),    low_j ≤ D_j ≤ high_j
+
+A free arm that is found at rest twice has left the model by Σ_j [D_j(t_2) - D_j(t_1)], within the
+error of x_1. That bounds what the same D_j may still make of x_1 after a zero: the extremes of one
+sum of D_j where another is bounded, a linear program in a box with one row, which is solved by
+taking the D_j in the order of their ratios (G. B. Dantzig, Operations Research 5(2), 1957). Creep
+times are told apart, so that a quick creep that is over says nothing of a slow one.
+"""
+
+from collections.abc import Sequence
+
+from pincette.control.record import FrozenRecord
+from pincette.control.response.free_response import FreeResponse
+from pincette.control.response.identified_response import IdentifiedResponse
+
+TOGETHER_UM = 0.02
+"""Displacement by which the plays of two pasts may still differ to be taken for the same."""
+
+
+class Spread(FrozenRecord, frozen=True):
+    """Between what each D_j lies, in µm; empty where that is not known."""
+
+    low_um: tuple[float, ...] = ()
+    high_um: tuple[float, ...] = ()
+
+    def since(self, before: "Spread") -> "Spread":
+        """By what each D_j has fallen; both its ends fall by the same share."""
+        return Spread(
+            tuple([b - a for a, b in zip(self.low_um, before.low_um, strict=True)]),
+            tuple([b - a for a, b in zip(self.high_um, before.high_um, strict=True)]),
+        )
+
+
+class FreePlace(FrozenRecord, frozen=True):
+    """Where an arm was found free and at rest."""
+
+    off_um: float = 0.0
+    """Position less the model's displacement."""
+    spread: Spread = Spread()
+
+
+class Fallen(FrozenRecord, frozen=True):
+    """By what D_j have fallen between two free rests, each and together."""
+
+    each: Spread = Spread()
+    least_um: float = 0.0
+    """Bounds of their sum."""
+    most_um: float = 0.0
+
+    def extremes_um(self, since_zero: Spread) -> tuple[float, float]:
+        """Least and largest sum of what the same D_j have fallen by since a zero."""
+        rows = [
+            (min(a, b), abs(b - a), min(c, d), abs(d - c))
+            for a, b, c, d in zip(
+                self.each.low_um,
+                self.each.high_um,
+                since_zero.low_um,
+                since_zero.high_um,
+                strict=True,
+            )
+        ]
+        from_um, least_um = sum(row[0] for row in rows), sum(row[2] for row in rows)
+        spans = [(span_um, gain_um) for _, span_um, _, gain_um in rows]
+        whole_um, gain_um = sum(span for span, _ in spans), sum(gain for _, gain in spans)
+        most_um = _most(spans, self.most_um - from_um)
+        left_um = _most(spans, whole_um - (self.least_um - from_um))
+        return least_um + gain_um - left_um, least_um + most_um
+
+
+def _most(spans: Sequence[tuple[float, float]], room_um: float) -> float:
+    """Largest Σ f_j·gain_j of 0 ≤ f_j ≤ 1 with Σ f_j·span_j ≤ room."""
+    total_um, room_um = 0.0, max(0.0, room_um)
+    for span_um, gain_um in sorted(spans, key=_ratio, reverse=True):
+        share = 1.0 if span_um <= room_um else room_um / span_um
+        total_um += share * gain_um
+        room_um -= share * span_um
+    return total_um
+
+
+def _ratio(span: tuple[float, float]) -> float:
+    span_um, gain_um = span
+    return gain_um / span_um if span_um > 0.0 else float("inf")
+
+
+def spread_of(response: FreeResponse, lowest: FreeResponse, highest: FreeResponse) -> Spread:
+    """Between what D_j lie by the two outermost pasts; empty where their plays still differ."""
+    if not (
+        isinstance(response, IdentifiedResponse)
+        and isinstance(lowest, IdentifiedResponse)
+        and isinstance(highest, IdentifiedResponse)
+    ):
+        return Spread()
+    at, low, high = response.memory, lowest.memory, highest.memory
+    weights = response.model.weights_um_per_V
+    apart_um = sum(
+        abs(w) * (abs(b - a) + abs(c - a))
+        for w, a, b, c in zip(weights, at.plays_V, low.plays_V, high.plays_V, strict=True)
+    )
+    if apart_um > TOGETHER_UM:
+        return Spread()
+    fractions = response.model.creep_fractions
+    return Spread(
+        tuple([k * (b - a) for k, a, b in zip(fractions, at.creep_um, low.creep_um, strict=True)]),
+        tuple([k * (b - a) for k, a, b in zip(fractions, at.creep_um, high.creep_um, strict=True)]),
+    )
+
+
+def widest_V(response: FreeResponse) -> float:
+    """Way that turns every play over; 0 where there are none."""
+    if not isinstance(response, IdentifiedResponse):
+        return 0.0
+    return 2.0 * max(response.model.thresholds_V)

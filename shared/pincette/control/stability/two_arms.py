@@ -1,0 +1,286 @@
+"""Whether the law of two arms may move a pair, judged at the worst that it may meet.
+
+The closed loop is exact from sample to sample: both arms with their modes, free, on a part that
+both hold, or one of them alone against a part that the ground holds; the law is read off its step.
+Where the law is told of the contact there is, a disturbance must die within the limit of the
+period, and at a period that is short against the mode the largest singular value of the sensitivity
+from position to position must stay below M_s. Where it is not told, which lasts until a touch or a
+loss is found, nothing may double by then: arms that have lost their part and are told to press it
+close on each other, faster where the real slope of the response is above the identified one.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from math import inf
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from pincette.control.arm.plant import PROMPT, ArmParameters, OutputTiming
+from pincette.control.force.observers import least_period_s
+from pincette.control.laws import two_arms
+from pincette.control.laws.definition import Array
+from pincette.control.laws.fpbsmic import Cascade
+from pincette.control.laws.two_arms import Pair, TwoArmReferences, TwoArmState
+from pincette.control.stability.limits import LIMIT_PEAK, limit_radius_at
+from pincette.control.stability.sampled_arm import exponential
+from pincette.control.stability.sensitivity import angles
+
+Complex = npt.NDArray[np.complex128]
+Contact = Literal["free", "held", "first"]
+"""Neither arm touches, both hold the part, or the first alone presses on it."""
+STATE = 12
+"""Floats of the law's state that move: H and x̄ of the sample before, and eight stages."""
+LEAST_PART_UM_PER_MN = 0.005
+"""c of a part that is taken for rigid; nothing between two arms is stiffer."""
+PLACES = 6
+"""x_1, x_2, their speeds over ω, and both voltages behind the lag, as displacements."""
+FOUND_S = 0.1
+"""Within which a touch or a loss is found: five samples at 20 ms."""
+BATCH = 64
+
+
+@dataclass(frozen=True, slots=True)
+class TwoArmLoop:
+    """The law of two arms on a pair as identified."""
+
+    arms: tuple[ArmParameters, ArmParameters]
+    gains: tuple[tuple[str, float], ...]
+    period_s: float
+    part_um_per_mN: float
+    """c."""
+    output: OutputTiming = PROMPT
+    """When voltages act, as the law is told; the lag is taken to be so."""
+
+    @property
+    def short(self) -> bool:
+        """Whether the period is short against the mode of either arm."""
+        rates = [(arm.k / arm.m) ** 0.5 for arm in self.arms]
+        return any(self.period_s < least_period_s(rate) for rate in rates)
+
+
+@dataclass(frozen=True, slots=True)
+class TwoArmCase:
+    """What the loop meets."""
+
+    contact: Contact
+    told_pressed: bool
+    frequency_factors: Pair = (1.0, 1.0)
+    """Real ω_i over the identified one, and"""
+    gain_factors: Pair = (1.0, 1.0)
+    """real slope of H_i over the identified one."""
+    delay_periods: float = 0.0
+    damping_factor: float = 1.0
+    part_factor: float = 1.0
+    """Real stiffness of the part over 1/c."""
+
+    @property
+    def told(self) -> bool:
+        """Whether the law knows of the contact there is."""
+        return self.told_pressed == (self.contact == "held") and self.contact != "first"
+
+
+@dataclass(frozen=True, slots=True)
+class TwoArmAssessment:
+    """The worst of a loop, and whether it may move."""
+
+    radius: float
+    limit_radius: float
+    case: TwoArmCase
+    untold_radius: float
+    """Where the law is not told of the contact; 1 is a steady motion."""
+    limit_untold_radius: float
+    sensitivity_peak: float
+    limit_peak: float
+    reason: str
+    """Why it must not move; "" where it may."""
+
+
+def assess_two_arms(loop: TwoArmLoop) -> TwoArmAssessment:
+    """Judge a pair; raises ValueError where the law cannot be made of its gains."""
+    cases = tuple(_cases(loop))
+    radii = np.concatenate(
+        [_radii(loop, cases[first : first + BATCH]) for first in range(0, len(cases), BATCH)]
+    )
+    told = np.array([case.told for case in cases])
+    worst = int(np.argmax(np.where(told, radii, 0.0)))
+    limit, untold = limit_radius_at(loop.period_s), float(np.max(np.where(told, 0.0, radii)))
+    limit_untold = 2.0 ** (loop.period_s / FOUND_S)
+    radius, limit_peak, peak = float(radii[worst]), LIMIT_PEAK if loop.short else inf, inf
+    if radius < 1.0:
+        peak = _peak(loop, tuple(case for case in cases if case.told))
+    why = ""
+    if not radius < limit:
+        fault = "is unstable" if radius >= 1.0 else "settles too slowly"
+        why = f"{fault}: spectral radius {radius:.4g}, limit {limit:.4g}"
+    elif not untold <= limit_untold:
+        why = "grows too fast until a touch or a loss is found: spectral radius "
+        why += f"{untold:.4g}, limit {limit_untold:.4g}"
+    elif not peak <= limit_peak:
+        why = f"is too near to instability: peak of sensitivity {peak:.3g}, limit {limit_peak:g}"
+    if why:
+        at = f" at T = {1e3 * loop.period_s:g} ms; lower f_q or f_F"
+        why = "two arms: the loop " + why + at
+    return TwoArmAssessment(
+        radius, limit, cases[worst], untold, limit_untold, peak, limit_peak, why
+    )
+
+
+def loop_matrices(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> Array:
+    """Transition of arms, law and the voltages before, shape (cases, n, n)."""
+    transition, drive = sampled_pair(loop, cases)
+    size = PLACES + 2 + STATE
+    found = np.zeros((len(cases), size, size))
+    found[:, :PLACES, : PLACES + 2] = transition
+    for place, case in enumerate(cases):
+        law = law_matrix(loop, pressed=case.told_pressed)
+        seen = np.zeros((2 + STATE, size))
+        seen[:, :2] = law[:, :2]
+        seen[:, PLACES:] = law[:, 2:]
+        found[place, :PLACES] += drive[place] @ seen[:2]
+        found[place, PLACES:] = seen
+    return found
+
+
+def law_matrix(loop: TwoArmLoop, *, pressed: bool) -> Array:
+    """From (x_1, x_2, X_1, X_2 of k-1, state) to (X_1, X_2 of k, state), read off the law's step.
+
+    Both estimators are quasi-static, of the ages of the law.
+    """
+    made = two_arms.build(
+        loop.arms, dict(loop.gains), loop.period_s, loop.part_um_per_mN, loop.output
+    )
+    s_1, s_2 = made.compliances_um_per_mN
+    references = TwoArmReferences(place_um=0.0, pressed=pressed)
+    columns: list[list[float]] = []
+    for unit in np.eye(4 + STATE).tolist():
+        x_1, x_2, free_1, free_2, *rest = unit
+        state = _state(rest, pressed=pressed)
+        bar_1, bar_2 = two_arms.aged(made, state, (free_1, free_2))
+        after, output = two_arms.step(
+            made,
+            state,
+            tips_um=(x_1, x_2),
+            free_um=(free_1, free_2),
+            forces_mN=((bar_1 - x_1) / s_1, (bar_2 - x_2) / s_2),
+            references=references,
+        )
+        columns.append([*output.free_um, *_floats(after)])
+    return np.array(columns).T
+
+
+def _radii(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> Array:
+    modes = np.linalg.eigvals(loop_matrices(loop, cases))
+    return np.max(np.abs(modes), axis=1)
+
+
+def _peak(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> float:
+    """Largest singular value of S = (1 - P·C)⁻¹ from positions to positions, over all cases."""
+    z: Complex = np.exp(1j * angles()).astype(np.complex128)[:, None, None]
+    highest = 0.0
+    for pressed in (False, True):
+        some = tuple(case for case in cases if case.told_pressed == pressed)
+        control = _law_response(loop, z, pressed=pressed)
+        for first in range(0, len(some), BATCH):
+            transition, drive = sampled_pair(loop, some[first : first + BATCH])
+            inner = transition[:, None, :, :PLACES]
+            driven = drive[:, None] + transition[:, None, :, PLACES:] / z
+            solved = np.linalg.solve(z * np.eye(PLACES) - inner, driven).astype(np.complex128)
+            across = np.linalg.inv(np.eye(2) - solved[:, :, :2] @ control)
+            highest = max(highest, float(np.max(np.linalg.norm(across, 2, axis=(2, 3)))))
+    return highest
+
+
+def _law_response(loop: TwoArmLoop, z: Complex, *, pressed: bool) -> Complex:
+    """C at each z, from (x_1, x_2) to (X_1, X_2), shape (angles, 2, 2)."""
+    law = law_matrix(loop, pressed=pressed)
+    size = 2 + STATE
+    # The law's inputs are positions, and what it has put out and kept a tick before.
+    given = np.broadcast_to(law[:, :2].astype(np.complex128), (len(z), size, 2))
+    solved = np.linalg.solve(np.eye(size) - law[:, 2:] / z, given).astype(np.complex128)
+    return solved[:, :2]
+
+
+def sampled_pair(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> tuple[Array, Array]:
+    """Transition with X of k-1, shape (cases, 6, 8), and the effect of X of k, (cases, 6, 2)."""
+    count, lag_s = len(cases), loop.output.lag_s
+    rate = np.zeros((count, PLACES + 2, PLACES + 2))
+    delay_s = loop.period_s * np.array([case.delay_periods for case in cases])
+    for place, case in enumerate(cases):
+        for index, arm in enumerate(loop.arms):
+            omega_n = (arm.k / arm.m) ** 0.5
+            omega = omega_n * case.frequency_factors[index]
+            rate[place, index, 2 + index] = omega
+            rate[place, 2 + index, index] = -omega
+            damping = arm.b / arm.m / omega_n * omega * case.damping_factor
+            rate[place, 2 + index, 2 + index] = -damping
+            source = 4 + index if lag_s > 0.0 else PLACES + index
+            rate[place, 2 + index, source] += omega * case.gain_factors[index]
+            if lag_s > 0.0:
+                rate[place, 4 + index, 4 + index] = -1.0 / lag_s
+                rate[place, 4 + index, PLACES + index] = 1.0 / lag_s
+            if case.contact == "held":
+                c = max(loop.part_um_per_mN, LEAST_PART_UM_PER_MN) / case.part_factor
+                rate[place, 2 + index, :2] -= omega / arm.k / c
+            elif case.contact == "first" and index == 0:
+                c = 0.5 * max(loop.part_um_per_mN, LEAST_PART_UM_PER_MN)
+                rate[place, 2, 0] -= omega / arm.k / c
+    before = exponential(rate * delay_s[:, None, None])
+    after = exponential(rate * (loop.period_s - delay_s)[:, None, None])
+    moved: npt.NDArray[np.float64] = after[:, :PLACES, :PLACES] @ before[:, :PLACES]
+    driven: npt.NDArray[np.float64] = after[:, :PLACES, PLACES:]
+    if lag_s == 0.0:
+        # Without a lag there is no voltage behind it.
+        moved[:, 4:], driven[:, 4:] = 0.0, 0.0
+    return moved, driven
+
+
+def _cases(loop: TwoArmLoop) -> Iterator[TwoArmCase]:
+    """A grid: at a short period as wide as the law of one arm has to bear."""
+    if loop.short:
+        shifts, apart = (0.8, 0.9, 1.0, 1.1, 1.2), (0.9, 1.0, 1.1)
+        delays, damping = (0.3, 0.65, 1.0), 0.77
+    else:
+        # The mode's phase over a period decides; the grid follows it.
+        shifts = tuple(float(value) for value in np.linspace(0.95, 1.05, 9))
+        apart, delays, damping = (0.95, 1.0, 1.05), (0.0, 0.25, 0.5), 1.0
+    gains = ((0.7, 0.7), (1.2, 1.2), (0.7, 1.2))
+    kinds: tuple[tuple[Contact, bool], ...] = (
+        ("free", False),
+        ("held", True),
+        ("held", False),
+        ("free", True),
+        ("first", False),
+    )
+    for (contact, pressed), shift, other, delay, gain in product(
+        kinds, shifts, apart, delays, gains
+    ):
+        for part in (0.5, 2.0) if contact == "held" else (1.0,):
+            factors = shift, shift * other
+            yield TwoArmCase(contact, pressed, factors, gain, delay, damping, part)
+
+
+def _state(values: list[float], *, pressed: bool) -> TwoArmState:
+    older_1, older_2, lag_1, lag_2, *stages = values
+    return TwoArmState(
+        fresh=False,
+        pressed=pressed,
+        older_um=(older_1, older_2),
+        lagging_um=(lag_1, lag_2),
+        leads_um=(0.0, 0.0),
+        force_r_mN=0.0,
+        place_um=Cascade(*stages[:4]),
+        sum_um=Cascade(*stages[4:]),
+    )
+
+
+def _floats(state: TwoArmState) -> list[float]:
+    place, total = state.place_um, state.sum_um
+    return [
+        *state.older_um,
+        *state.lagging_um,
+        *(place.one, place.two, place.three, place.four),
+        *(total.one, total.two, total.three, total.four),
+    ]

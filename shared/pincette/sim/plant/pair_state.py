@@ -1,0 +1,139 @@
+"""Two driven arms and the part between them: what they are, and where; pure.
+
+Positions of each arm count towards the part, x_1 + x_2 = g where both touch it and do not press.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from pincette.sim.plant.drive import quantised_V
+from pincette.sim.plant.pair_modes import Contact, Ground, Pair, PairNumbers
+from pincette.sim.plant.parameters import RIGID, PartParameters, PlantParameters
+from pincette.sim.plant.plant import start as arm_at_rest
+from pincette.sim.plant.state import Event, PlantState
+
+APART = Contact(first=False, second=False, ground=Ground.HOLDS)
+"""The part on the ground, and nothing touches it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairParameters:
+    """Two arms, and the part between them; raises ValueError.
+
+    Of each arm what it would touch alone plays no part.
+    """
+
+    first: PlantParameters
+    second: PlantParameters
+    gap_um: float
+    """g: x_1 + x_2 where both tips touch the part and do not press it."""
+    part_um: float
+    """x_1 at which the first arm touches the part where it lies at the start."""
+    face_mN_per_um: float = 80.0
+    """K_f of each face; a ball of glass between flat arms bears some 40 through both."""
+    ground_mN_per_um: float = 5.0
+    """k_r by which the part sticks to where it lies, assumed."""
+    ground_slip_mN: float = 0.0
+    """f from which it slips there; 0: it lies loose."""
+    part: PartParameters = RIGID
+    """Weight, lift and break; the faces' own numbers are those here."""
+    pull_off_mN: Pair = (0.0, 0.0)
+    """Of the face at each arm."""
+
+    def __post_init__(self) -> None:
+        for arm in (self.first, self.second):
+            if arm.second_share > 0.0 or arm.amplifier.lag_s > 0.0:
+                raise ValueError("an arm of a pair has one mode, and an amplifier without lag")
+        for name in ("face_mN_per_um", "ground_mN_per_um"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} = {getattr(self, name)} mN/µm: must be above 0")
+
+    @property
+    def arms(self) -> tuple[PlantParameters, PlantParameters]:
+        """Both arms."""
+        return self.first, self.second
+
+
+@dataclass(frozen=True, slots=True)
+class PairState:
+    """Where both arms and the part are."""
+
+    first: PlantState
+    second: PlantState
+    part_um: float
+    """z, along x_1."""
+    anchor_um: float
+    """z_a: where the ground would have the part."""
+    contact: Contact = APART
+    part: Literal["there", "lost", "broken", "removed"] = "there"
+    held_s: float = 0.0
+    """For how long the weaker of both forces has carried the part."""
+    events: tuple[Event, ...] = ()
+
+    @property
+    def tips_um(self) -> Pair:
+        """x_1 and x_2."""
+        return self.first.x_um, self.second.x_um
+
+
+def start_pair(p: PairParameters) -> PairState:
+    """Both arms unpoled and at rest, the part on the ground."""
+    return PairState(arm_at_rest(), arm_at_rest(), p.part_um, p.part_um)
+
+
+def set_pair_voltages(p: PairParameters, state: PairState, voltages_V: Pair) -> PairState:
+    """Give each output stage a target, rounded to its step."""
+    targets = (quantised_V(arm, u) for arm, u in zip(p.arms, voltages_V, strict=True))
+    arms = [
+        arm.driven(
+            (target_V, arm.voltage_V, arm.slewed_V, arm.drive_V),
+            arm.hysteresis_um,
+            arm.creep_um,
+            0.0,
+            arm.turns,
+        )
+        for arm, target_V in zip((state.first, state.second), targets, strict=True)
+    ]
+    return replace(state, first=arms[0], second=arms[1])
+
+
+def pair_forces_mN(p: PairParameters, state: PairState) -> Pair:
+    """Force of each arm on the part, compressive and positive; negative where a face is pulled."""
+    contact, z = state.contact, state.part_um
+    x_1, x_2 = state.tips_um
+    return (
+        p.face_mN_per_um * (x_1 - z) if contact.first else 0.0,
+        p.face_mN_per_um * (x_2 - p.gap_um + z) if contact.second else 0.0,
+    )
+
+
+def remove_pair_part(state: PairState) -> PairState:
+    """Take the part away; the arms go on from where they are."""
+    return part_gone(state, "removed")
+
+
+def pair_numbers(p: PairParameters) -> PairNumbers:
+    """Masses, dampings and stiffnesses of both arms, faces and ground."""
+    first, second = p.arms
+    return PairNumbers(
+        masses=(_mass(first), _mass(second)),
+        dampings=(_damping(first), _damping(second)),
+        stiffnesses=(1.0 / first.compliance_um_per_mN, 1.0 / second.compliance_um_per_mN),
+        face_mN_per_um=p.face_mN_per_um,
+        ground_mN_per_um=p.ground_mN_per_um,
+    )
+
+
+def _mass(arm: PlantParameters) -> float:
+    return 1.0 / arm.compliance_um_per_mN / arm.natural_frequency_rad_per_s**2
+
+
+def _damping(arm: PlantParameters) -> float:
+    return 2.0 * arm.damping_ratio * arm.natural_frequency_rad_per_s * _mass(arm)
+
+
+def part_gone(state: PairState, how: Literal["lost", "broken", "removed"]) -> PairState:
+    """Nothing to touch any more; the arms go on from where they are."""
+    nothing = Contact(first=False, second=False, ground=Ground.AWAY)
+    return replace(state, contact=nothing, held_s=0.0, part=how)

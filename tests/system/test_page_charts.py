@@ -1,0 +1,212 @@
+"""The charts of the page: errors with the tolerance, hours of the records, a camera beside them."""
+
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from playwright.sync_api import Browser, ViewportSize
+
+from tests.support.browser import Visit, visit
+from tests.support.rigs import demo_rig
+from tests.support.served import served
+from tests.system.test_page_search import gripped
+from tests.unit.supervisor.harness import Harness
+
+PHONE = {"width": 390, "height": 844}
+OVERLAPS = """() => {
+  const words = [...document.querySelectorAll('h1, h2, th, td, dt, dd, figcaption > *, button, p')]
+    .filter((each) => each.offsetParent !== null && each.textContent.trim()
+      && !each.closest('.unseen') && !each.querySelector('button, p, th, td, dd'));
+  const boxes = words.map((each) => [each, each.getBoundingClientRect()]);
+  const found = [];
+  for (const [one, a] of boxes) for (const [other, b] of boxes) {
+    if (one === other || one.contains(other) || other.contains(one)) continue;
+    // The bar stays in sight while the rest passes below it.
+    if (Boolean(one.closest('.bar')) !== Boolean(other.closest('.bar'))) continue;
+    if (a.left < b.right - 1 && b.left < a.right - 1
+      && a.top < b.bottom - 1 && b.top < a.bottom - 1) {
+      found.push(`${one.textContent.trim()} / ${other.textContent.trim()}`);
+    }
+  }
+  return found;
+}"""
+
+
+@contextmanager
+def camera() -> Generator[tuple[str, list[str]]]:
+    """A camera that sends two pictures as MJPEG; its address, and the paths that were asked."""
+    asked: list[str] = []
+
+    class Pictures(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_response(200)
+            self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
+            self.end_headers()
+            for colour in ("red", "green"):
+                picture = painted(colour)
+                head = (
+                    f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(picture)}\r\n\r\n"
+                )
+                self.wfile.write(head.encode() + picture + b"\r\n")
+            self.wfile.write(b"--frame--\r\n")
+
+        def log_request(self, code: object = "-", size: object = "-") -> None:
+            """Say nothing on the terminal."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Pictures)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        yield f"http://127.0.0.1:{server.server_port}/stream", asked
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+def painted(colour: str) -> bytes:
+    figure = Figure(figsize=(3.2, 2.4), dpi=100, facecolor=colour)
+    stream = BytesIO()
+    FigureCanvasAgg(figure).print_jpg(stream)
+    return stream.getvalue()
+
+
+@pytest.fixture
+def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
+    assert browser.is_connected()
+    desk = Harness(demo_rig(time="lockstep"), tmp_path)
+    yield desk
+    desk.close()
+
+
+def strips(seen: Visit) -> list[str]:
+    """Names of the strips that are seen."""
+    return [
+        strip.get_attribute("data-quantity") or ""
+        for strip in seen.page.locator(".strip").all()
+        if strip.is_visible()
+    ]
+
+
+def test_errors_are_shown_with_the_tolerance_of_the_job(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context()
+    with served(desk.app) as address:
+        gripped(address, "B7", force_tolerance_mN=0.8)
+        seen = visit(context, address)
+        assert strips(seen) == ["x_um", "force_mN", "voltage_V"]
+        seen.page.click("#expert")
+        assert strips(seen)[-1] == "sliding_um"
+        seen.page.click("#shows [data-shows=errors]")
+        assert strips(seen) == ["x_error_um", "force_error_mN", "voltage_V", "sliding_um"]
+        seen.until("[data-quantity=force_error_mN]", "tolerance of the job, ± 0.80")
+        assert "tolerance" not in seen.text("[data-quantity=x_error_um]")
+        seen.until("#readouts", "tolerance ± 0.80")
+        assert seen.errors == []
+    context.close()
+
+
+def test_hours_are_drawn_from_the_records(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context()
+    with served(desk.app) as address:
+        gripped(address, "B7")
+        seen = visit(context, address)
+        seen.page.click("#window [data-seconds='3600']")
+        seen.until("#scope-title", "Records")
+        read = "async () => (await (await fetch('/api/v1/rigs/demo/history?hours=1')).json())"
+        found = seen.page.evaluate(read)
+        assert [job["kind"] for job in found["jobs"]] == ["grip"]
+        assert found["jobs"][0]["recorded"]
+        assert max(value for value in found["high"]["force_mN"] if value is not None) > 5.0
+        seen.page.focus("#charts")
+        seen.page.keyboard.press("ArrowRight")
+        seen.until("#at", "grip")
+        seen.until("[data-quantity=force_mN] .strip-said", "mN")
+        seen.page.click("#window [data-seconds='10']")
+        seen.until("#scope-title", "Live")
+        assert seen.errors == []
+    context.close()
+
+
+def test_a_camera_is_shown_beside_the_charts(browser: Browser, tmp_path: Path) -> None:
+    context = browser.new_context()
+    with camera() as (stream, asked):
+        desk = Harness(demo_rig({"supervisor": {"camera": stream}}, time="lockstep"), tmp_path)
+        with served(desk.app) as address:
+            seen = visit(context, address)
+            seen.page.wait_for_selector("#camera-picture")
+            seen.until_true(
+                lambda: (
+                    seen.page.evaluate("document.getElementById('camera-picture').naturalWidth")
+                    == 320
+                ),
+                "no picture came",
+            )
+            picture = seen.page.locator("#camera").bounding_box()
+            chart = seen.page.locator("[data-quantity=force_mN]").bounding_box()
+            assert picture is not None
+            assert chart is not None
+            assert picture["x"] >= chart["x"] + chart["width"]
+            assert picture["y"] < chart["y"] + chart["height"]
+            assert chart["y"] < picture["y"] + picture["height"]
+            assert set(asked) == {"/stream"}
+            assert {each for each in seen.foreign() if not each.startswith("data:")} == {stream}
+            assert seen.errors == []
+        desk.close()
+    context.close()
+
+
+def test_one_event_has_one_notice(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context()
+    with served(desk.app) as address:
+        seen = visit(context, address)
+        seen.page.click("#estop")
+        seen.until("#estop-said", "confirmed by the actuator")
+        seen.until("#latch", "emergency stop")
+        assert seen.page.locator("#reasons").is_hidden()
+        said, latch = (
+            seen.page.locator(place).bounding_box() for place in ("#estop-said", "#latch")
+        )
+        assert said is not None
+        assert latch is not None
+        assert said["y"] + said["height"] == pytest.approx(latch["y"], abs=1.0)
+        grounds = [
+            seen.page.locator(place).evaluate("each => getComputedStyle(each).backgroundColor")
+            for place in ("#estop-said", "#latch")
+        ]
+        assert grounds[0] == grounds[1]
+    context.close()
+
+
+def test_nothing_overlaps_on_a_narrow_screen(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context(viewport=ViewportSize(**PHONE))
+    with served(desk.app) as address:
+        gripped(address, "B7")
+        seen = visit(context, address)
+        seen.page.click("#tab-jobs")
+        seen.page.wait_for_selector("#job-list .time")
+        assert seen.page.evaluate(OVERLAPS) == []
+        assert (
+            seen.page.evaluate(
+                "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+            )
+            == 0
+        )
+        heights = seen.page.evaluate(
+            "[...document.querySelectorAll('#job-list .time button')].map((each) => "
+            "{ const all = document.createRange(); all.selectNodeContents(each);"
+            " return all.getClientRects().length; })"
+        )
+        assert set(heights) == {1}, "a time wraps"
+        scope = seen.page.locator(".scope").bounding_box()
+        last = seen.page.locator(".strip:not([hidden])").last.bounding_box()
+        assert scope is not None
+        assert last is not None
+        assert last["y"] + last["height"] <= scope["y"] + scope["height"]
+    context.close()

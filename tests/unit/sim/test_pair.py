@@ -1,0 +1,202 @@
+"""Two driven arms and the part between them, against what mechanics says of them."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from pincette.config import Simulation, read_rig
+from pincette.sim.plant import plant
+from pincette.sim.plant.hysteresis import BoucWen
+from pincette.sim.plant.pair import advance_pair
+from pincette.sim.plant.pair_modes import Contact, Ground
+from pincette.sim.plant.pair_state import (
+    PairParameters,
+    PairState,
+    pair_forces_mN,
+    remove_pair_part,
+    set_pair_voltages,
+    start_pair,
+)
+from pincette.sim.plant.parameters import PartParameters, PlantParameters
+from pincette.sim.plant.plant import plant_parameters
+from tests.unit.sim.conftest import DEMO
+
+GAP_UM, FACE, SOFTER = 60.0, 80.0, 0.5
+"""g, K_f, and s_p of the second arm."""
+
+
+def _simulation() -> Simulation:
+    simulation = read_rig(DEMO).simulation
+    assert simulation is not None
+    return simulation
+
+
+def _bare(**changes: Any) -> PlantParameters:
+    """An arm without hysteresis, creep, lag and steps."""
+    arm = replace(
+        plant_parameters(_simulation()),
+        hysteresis=BoucWen(0.0, 0.0, 0.0),
+        creep_per_decade=0.0,
+        output_lag_s=0.0,
+        output_step_V=1e-9,
+        environment_stiffness_mN_per_um=0.0,
+    )
+    return replace(arm, **changes)
+
+
+def _pair(**changes: Any) -> PairParameters:
+    given = PairParameters(_bare(), _bare(compliance_um_per_mN=SOFTER), GAP_UM, 30.0)
+    return replace(given, **changes)
+
+
+def _pressed(p: PairParameters, state: PairState, free_um: tuple[float, float]) -> PairState:
+    """At rest where each arm alone would go to ``free_um``, reached slowly."""
+    goals = [u / arm.piezo_um_per_V for u, arm in zip(free_um, p.arms, strict=True)]
+    begin = state.first.drive_V, state.second.drive_V
+    for step in range(1, 401):
+        way = 0.5 - 0.5 * math.cos(math.pi * step / 400)
+        V_1, V_2 = (a + (b - a) * way for a, b in zip(begin, goals, strict=True))
+        state = advance_pair(p, set_pair_voltages(p, state, (V_1, V_2)), 5e-4)
+    return advance_pair(p, state, 0.15)
+
+
+def test_arms_that_do_not_touch_move_as_one_arm_alone_does() -> None:
+    arm = replace(plant_parameters(_simulation()), environment_stiffness_mN_per_um=0.0)
+    p = PairParameters(arm, replace(arm, piezo_um_per_V=20.0), GAP_UM, 30.0)
+    pair, alone = start_pair(p), plant.start()
+    for voltage_V in (0.3, 1.0, 0.2):
+        pair = advance_pair(p, set_pair_voltages(p, pair, (voltage_V, 0.1)), 0.0233)
+        alone = plant.advance(arm, plant.set_voltage(arm, alone, voltage_V), 0.0233)
+        assert pair.first.x_um == pytest.approx(alone.x_um, abs=1e-9)
+        assert pair.first.speed_um_per_s == pytest.approx(alone.speed_um_per_s, abs=1e-6)
+        assert pair.first.creep_um == alone.creep_um
+
+
+def test_a_part_between_both_is_squeezed_by_the_sum_and_placed_by_the_difference() -> None:
+    p = _pair(ground_slip_mN=0.0)
+    state = _pressed(p, start_pair(p), (38.0, 34.0))
+    s_1, s_2 = p.first.compliance_um_per_mN, SOFTER
+    force_mN = (38.0 + 34.0 - GAP_UM) / (s_1 + s_2 + 2.0 / FACE)
+    assert pair_forces_mN(p, state) == pytest.approx((force_mN, force_mN), abs=1e-4)
+    x_1, x_2 = state.tips_um
+    assert x_1 == pytest.approx(38.0 - s_1 * force_mN, abs=1e-4)
+    assert state.part_um == pytest.approx(0.5 * (x_1 - x_2 + GAP_UM), abs=1e-6)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_the_arm_that_is_first_pushes_a_part_as_hard_as_the_ground_holds_it(side: int) -> None:
+    p = _pair(ground_slip_mN=1.5, ground_mN_per_um=5.0)
+    near, far = (30.8, 0.0), (40.0, 0.0)
+    turned = (near, far) if side == 0 else ((0.0, near[0]), (0.0, far[0]))
+    state = _pressed(p, start_pair(p), turned[0])
+    stiffness = 1.0 / (1.0 / 5.0 + 1.0 / FACE + p.arms[side].compliance_um_per_mN)
+    # Held: springs in series. Pushed on: friction, less what a last slip went too far.
+    assert pair_forces_mN(p, state)[side] == pytest.approx(0.8 * stiffness, rel=1e-3)
+    assert pair_forces_mN(p, state)[1 - side] == 0.0
+    state = _pressed(p, state, turned[1])
+    force_mN = pair_forces_mN(p, state)[side]
+    assert 0.8 * 1.5 < force_mN <= 1.5
+    way_um = state.part_um - 30.0 if side == 0 else 30.0 - state.part_um
+    pressed_um = force_mN * (p.arms[side].compliance_um_per_mN + 1.0 / FACE)
+    assert way_um == pytest.approx(10.0 - pressed_um, abs=1e-6)
+
+
+def test_a_loose_part_is_pushed_without_a_force() -> None:
+    p = _pair(ground_slip_mN=0.0)
+    state = _pressed(p, start_pair(p), (35.0, 0.0))
+    assert state.part_um == pytest.approx(35.0, abs=0.02)
+    assert abs(pair_forces_mN(p, state)[0]) < 1e-3
+
+
+@pytest.mark.parametrize(("pull_off_mN", "keeps"), [((0.3, 0.1), 0), ((0.1, 0.3), 1)])
+def test_a_lifted_part_stays_on_the_face_that_sticks_more(
+    pull_off_mN: tuple[float, float], keeps: int
+) -> None:
+    part = PartParameters(lift_after_s=0.1)
+    p = _pair(pull_off_mN=pull_off_mN, part=part)
+    state = _pressed(p, start_pair(p), (36.0, 36.0))
+    assert state.contact == Contact(first=True, second=True, ground=Ground.AWAY)
+    state = _pressed(p, state, (20.0, 20.0))
+    assert (state.contact.first, state.contact.second) == (keeps == 0, keeps == 1)
+    at_um = state.tips_um[0] if keeps == 0 else GAP_UM - state.tips_um[1]
+    assert state.part_um == pytest.approx(at_um, abs=1e-9)
+
+
+def test_a_lifted_part_with_a_weight_falls_where_the_arms_open() -> None:
+    p = _pair(part=PartParameters(hold_mN=0.05, lift_after_s=0.1))
+    state = _pressed(p, start_pair(p), (36.0, 36.0))
+    assert state.part == "there"
+    state = _pressed(p, state, (20.0, 20.0))
+    assert state.part == "lost"
+    assert [event.what for event in state.events] == ["lost"]
+
+
+def test_a_part_breaks_above_its_force() -> None:
+    p = _pair(part=PartParameters(break_mN=5.0))
+    state = _pressed(p, start_pair(p), (36.0, 36.0))
+    assert state.part == "broken"
+    assert pair_forces_mN(p, state) == (0.0, 0.0)
+
+
+def test_a_held_pair_swings_with_both_masses_on_both_springs() -> None:
+    p = _pair(part=PartParameters(lift_after_s=0.1))
+    state = _pressed(p, start_pair(p), (36.0, 36.0))
+    pushed = replace(state.first, speed_um_per_s=200.0)
+    back = replace(state.second, speed_um_per_s=-200.0)
+    state = replace(state, first=pushed, second=back)
+    places: list[float] = []
+    for _ in range(400):
+        state = advance_pair(p, state, 5e-5)
+        places.append(0.5 * (state.tips_um[0] - state.tips_um[1]))
+    middle = sum(places) / len(places)
+    ups = [n for n in range(1, 400) if places[n - 1] < middle <= places[n]]
+    period_s = 5e-5 * (ups[-1] - ups[0]) / (len(ups) - 1)
+    s_1, s_2 = p.first.compliance_um_per_mN, SOFTER
+    omega = p.first.natural_frequency_rad_per_s
+    expected = math.sqrt((1 / s_1 + 1 / s_2) / (1 / s_1 / omega**2 + 1 / s_2 / omega**2))
+    assert 2.0 * math.pi / period_s == pytest.approx(expected, rel=0.01)
+
+
+def test_touching_and_leaving_gives_the_arms_no_energy() -> None:
+    p = _pair(ground_slip_mN=0.5)
+    state = replace(start_pair(p), first=replace(plant.start(), speed_um_per_s=1.2e5))
+    highest, before = 0.0, math.inf
+    for _ in range(60):
+        state = advance_pair(p, state, 2.577e-3)
+        energy = _energy_nJ(p, state)
+        assert energy < before * (1.0 + 2e-3) + 1e-9
+        before, highest = energy, max(highest, energy)
+    assert before < 0.2 * highest
+
+
+def _energy_nJ(p: PairParameters, state: PairState) -> float:
+    """Kinetic and elastic energy about rest at 0 V, faces and ground included."""
+    total = 0.5 * p.ground_mN_per_um * (state.part_um - state.anchor_um) ** 2
+    for arm, tip, force in zip(
+        p.arms, (state.first, state.second), pair_forces_mN(p, state), strict=True
+    ):
+        k = 1.0 / arm.compliance_um_per_mN
+        speed = tip.speed_um_per_s / arm.natural_frequency_rad_per_s
+        total += 0.5 * k * (tip.x_um**2 + speed**2)
+        total += 0.5 * force * force / p.face_mN_per_um
+    return total
+
+
+def test_a_part_that_is_taken_away_leaves_the_arms_free() -> None:
+    p = _pair()
+    state = remove_pair_part(_pressed(p, start_pair(p), (36.0, 36.0)))
+    state = advance_pair(p, state, 1.0)
+    assert state.tips_um == pytest.approx((36.0, 36.0), abs=1e-6)
+
+
+def test_the_same_motion_gives_the_same_bits() -> None:
+    p = _pair(ground_slip_mN=0.7)
+    runs = [_pressed(p, start_pair(p), (37.0, 33.0)) for _ in range(2)]
+    assert runs[0] == runs[1]
+
+
+def test_an_arm_with_two_modes_is_refused() -> None:
+    with pytest.raises(ValueError, match="one mode"):
+        _pair(first=_bare(second_share=0.02))

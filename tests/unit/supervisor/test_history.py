@@ -1,0 +1,68 @@
+"""The course of hours: smallest and largest values of the records, and nothing between them."""
+
+import numpy as np
+import pytest
+
+from pincette_supervisor.results import history
+from pincette_supervisor.results.figures import Series
+
+from .harness import Harness
+
+
+def record(seconds: int, period_s: float = 0.02) -> dict[str, Series]:
+    """A ramp of the position with one peak, and a force that is known from 1 s on."""
+    t_s = np.arange(round(seconds / period_s)) * period_s
+    x_um = t_s.copy()
+    x_um[10] = 50.0
+    zeroed = np.where(t_s < 1.0, np.nan, 0.0)
+    flat = np.zeros_like(t_s)
+    return {
+        "t_s": t_s,
+        "x_um": x_um,
+        "x_r_um": t_s,
+        "force_mN": flat + 3.0,
+        "force_r_mN": flat + 2.0,
+        "zero_age_s": zeroed,
+        "voltage_V": flat,
+        "sliding_um": flat,
+    }
+
+
+def test_a_peak_of_one_sample_is_kept() -> None:
+    at_s, low, high = history.reduce(record(4), 1000.0, None)
+    assert at_s.tolist() == [1000.5, 1001.5, 1002.5, 1003.5]
+    assert high[history.NAMES.index("x_um")][0] == 50.0
+    assert high[history.NAMES.index("x_error_um")][0] == pytest.approx(49.8)
+    assert low[history.NAMES.index("x_um")].tolist() == pytest.approx([0.0, 1.0, 2.0, 3.0])
+
+
+def test_a_force_without_a_zero_is_no_force() -> None:
+    _, low, _ = history.reduce(record(2), 1000.0, None)
+    assert np.isnan(low[history.NAMES.index("force_mN")][0])
+    assert low[history.NAMES.index("force_error_mN")][1] == 1.0
+
+
+def test_samples_of_lockstep_are_spread_over_the_time_that_a_job_took() -> None:
+    at_s, _, _ = history.reduce(record(4), 1000.0, 7.9)
+    assert at_s[-1] == 1007.5
+
+
+def test_hours_are_read_over_rest_and_end_where_they_are_told_to(harness: Harness) -> None:
+    job = harness.ended(harness.grip()["id"])
+    name = harness.manager.name
+    found = harness.get(f"/rigs/{name}/history", hours=2, points=50)
+    assert [(each["id"], each["recorded"]) for each in found["jobs"]] == [(job["id"], True)]
+    assert found["step_s"] >= 7200.0 / 50.0
+    assert len(found["at_s"]) == len(found["low"]["x_um"]) == len(found["high"]["force_mN"]) > 0
+    peak = max(value for value in found["high"]["force_mN"] if value is not None)
+    assert peak == pytest.approx(job["result"]["force_held_mN"], abs=1.0)
+    before = harness.get(f"/rigs/{name}/history", hours=1, to_s=found["from_s"])
+    assert (before["jobs"], before["at_s"]) == ([], [])
+
+
+def test_a_record_that_was_deleted_leaves_its_job_without_samples(harness: Harness) -> None:
+    job = harness.ended(harness.grip()["id"])
+    (harness.bus.records / job["id"] / "samples.parquet").unlink()
+    found = harness.get(f"/rigs/{harness.manager.name}/history")
+    assert [each["recorded"] for each in found["jobs"]] == [False]
+    assert found["at_s"] == []
