@@ -20,7 +20,7 @@ from pincette_supervisor.planning.job_plans import plan_job
 RIG = read_rig(Path("deploy/rigs/kilohertz.toml"))
 MOST_S = 1.5
 """Of a grip, its hold left out."""
-PEAK, HELD = 0.05, 0.04
+PEAK, HELD = 0.03, 0.03
 """Shares of the force by which the true one may go beyond it, and miss it in the hold; what it
 misses is the identified contact line, not the loop."""
 
