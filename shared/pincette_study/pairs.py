@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pincette.config import RigFile
-from pincette_study.beyond import CLASSES, REACH_UM
+from pincette_study.beyond.tracks import CLASSES, REACH_UM
 from pincette_study.calibrated_free import with_calibrated_response
 from pincette_study.rigs import simulation_of
 

@@ -6,20 +6,19 @@ from typing import Any
 
 from pincette.config import RigFile, derived
 from pincette_study import (
-    beyond,
-    beyond_report,
     contact,
     dynamics,
     estimation,
     force_gain,
     gains,
     holding,
-    kilohertz,
-    kilohertz_report,
     planned_pair,
     precision,
     table_one,
 )
+from pincette_study.beyond import kilohertz, kilohertz_report
+from pincette_study.beyond import report as beyond_report
+from pincette_study.beyond import tracks as beyond
 from pincette_study.calibrated import prepare
 from pincette_study.precision import Trial
 from pincette_study.report import Comparison, Section, write_report

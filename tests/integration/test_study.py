@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from pincette.config import read_rig
-from pincette_study import beyond, kilohertz
+from pincette_study.beyond import kilohertz
+from pincette_study.beyond import tracks as beyond
 from pincette_study.command import FAST_RIG
 from pincette_study.rigs import random_relay_rig
 from pincette_study.study import run_study

@@ -19,7 +19,7 @@ from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
 from pincette.core.messages import Message
 from pincette_study import printed
-from pincette_study.beyond import (
+from pincette_study.beyond.tracks import (
     CLASSES,
     FIRST_SEED,
     BeyondTrial,

@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pincette_study.beyond import BeyondTrial, BeyondTrials, GripTrial
-from pincette_study.beyond_report import (
+from pincette_study.beyond.report import (
     FIGURES,
     QUANTITIES,
     TITLES,
@@ -13,7 +12,8 @@ from pincette_study.beyond_report import (
     name_of,
     plain,
 )
-from pincette_study.beyond_report import summary as tracks_summary
+from pincette_study.beyond.report import summary as tracks_summary
+from pincette_study.beyond.tracks import BeyondTrial, BeyondTrials, GripTrial
 from pincette_study.report import Comparison, Section
 
 PREPARED: Mapping[str, str] = {

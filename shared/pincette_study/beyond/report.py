@@ -7,7 +7,7 @@ from typing import Any
 
 from pincette.plotting import BLUE, GREEN, ORANGE, RED, Axis, label, legend, picture
 from pincette_study import printed
-from pincette_study.beyond import (
+from pincette_study.beyond.tracks import (
     CLASSES,
     LEARNED_CYCLES,
     PROFILES,
