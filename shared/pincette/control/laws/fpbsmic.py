@@ -14,10 +14,8 @@ told of (0 free), φ = max(0, δ - 1/2), and δT from a sample until its voltage
     u_k    = H⁻¹[ S·x_ff - κ_e·x_e - Ŵ_k ]                                                      F6
     F̂ - F_r = F(z)[ (x̄_1 - x - l)/s_p - F_r ]   x_d by (16), of this error low-passed at f_F    F7
 
-W is S times the w of a perturbation in the position, so that a better K_e changes none of the
-filter's state: nothing but S jumps. The offset between x and H is part of W. Where a touch or its
-loss is told, the filter may have taken up the contact's force already, or not, and u_k would jump
-by up to s_p·F; all stages of F4 are moved so that H(u) goes on by T·ẋ_r, and settle again.
+W is S times the w of a perturbation in the position: a better K_e changes no state. Where a touch
+or its loss is told, F4 may have taken up the force: its stages move so that H(u) goes on by T·ẋ_r.
 Through a lag τ between output and arm x̄_1 goes as well, and F5 leads by τ·ẋ_r more.
 
 As a sliding mode: with n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S less its start, and p = K_P/(K_P +
