@@ -43,9 +43,8 @@ from pincette.control.laws.planned_motion import PlannedMotion
 from pincette.control.laws.sliding import LawOutput
 from pincette.control.record import FrozenRecord, replace
 
-MOST_POLES = 4
-LATEST = 1.5
-"""Longest delay in periods: beyond it the answer to a sample is not seen in the next but one."""
+MOST_POLES, LATEST = 4, 1.5
+"""Longest delay in periods, beyond which an answer is not seen in the next sample but one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +172,7 @@ def start(
 
 
 def rebase(state: FpbsmicState) -> FpbsmicState:
-    """Mark that a contact is told of, or told of no more: the voltage goes on as it went."""
+    """Mark that a contact is told of, or no more: the voltage goes on as it went."""
     return replace(state, rebased=1.0)
 
 
@@ -207,8 +206,7 @@ def step(
     k = parameters
     kappa = k.compliance_um_per_mN * plan.K_e_mN_per_um
     stiffer, touch_um = 1.0 + kappa, kappa * plan.x_e_um
-    older_V = state.history.applied_V
-    free_um = k.um_per_V * ((1.0 - k.older) * applied_V + k.older * older_V)
+    free_um = k.um_per_V * ((1.0 - k.older) * applied_V + k.older * state.history.applied_V)
     fresh = state.fresh > 0.5
     if not fresh:
         free_um = (1.0 - k.lag_kept) * free_um + k.lag_kept * state.lagging_um
@@ -234,12 +232,12 @@ def step(
     )
     speed, acceleration = plan.speed_um_per_s, plan.acceleration_um_per_s2
     later_um = x_d_um + k.ahead_s * (speed + 0.5 * k.ahead_s * acceleration)
-    later_speed = speed + k.ahead_s * acceleration
-    lead_um = (k.lead_s + stiffer * k.lag_s) * later_speed + k.lead_s2 * acceleration
+    lead_um = (k.lead_s + stiffer * k.lag_s) * (speed + k.ahead_s * acceleration)
+    lead_um += k.lead_s2 * acceleration
     wanted_um = stiffer * later_um - touch_um + lead_um - filtered.four
     if state.rebased > 0.5 and not fresh:
-        going_um = k.um_per_V * applied_V + k.period_s * speed
-        jump_um, wanted_um = wanted_um - going_um, going_um
+        jump_um = wanted_um - k.um_per_V * applied_V - k.period_s * speed
+        wanted_um -= jump_um
         filtered = moved(filtered, jump_um)
         begun_um, before_um = begun_um + jump_um, before_um + jump_um
     coasting_um = (k.um_per_V * applied_V + filtered.four + touch_um) / stiffer
