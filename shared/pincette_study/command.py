@@ -18,6 +18,8 @@ MOST_WORKERS = 8
 OUT = Path("data/paper")
 BEYOND_RIGS = 5
 """Each takes some 13 s of a core."""
+FAST_RIGS, FAST_RIG = 1, Path("deploy/rigs/kilohertz.toml")
+"""Each takes half a minute of a core, and the first of its class as long again off nominal."""
 
 
 app = group()
@@ -39,6 +41,15 @@ def paper(
             help="of each class of hysteresis, for what goes beyond the paper",
         ),
     ] = BEYOND_RIGS,
+    fast_rigs: Annotated[
+        int,
+        Option(
+            "--kilohertz-rigs",
+            parser=integer,
+            metavar="N",
+            help="of each class, at 1 kHz",
+        ),
+    ] = FAST_RIGS,
 ) -> int:
     """Run the whole study with its progress shown, and print its summary."""
     from rich.console import Console
@@ -53,7 +64,8 @@ def paper(
     file = opened(path)
     if file.simulation is None:
         raise CliError(f"{path} has no [simulation]: the study runs on simulated rigs")
-    for option, number in (("--rigs", rigs), ("--beyond-rigs", beyond_rigs)):
+    numbers = {"--rigs": rigs, "--beyond-rigs": beyond_rigs, "--kilohertz-rigs": fast_rigs}
+    for option, number in numbers.items():
         if number < 1:
             raise CliError(f"{option} {number}: at least 1 is wanted")
     try:
@@ -72,7 +84,8 @@ def paper(
                     console.print(f"{100.0 * share:3.0f} %  {what}")
 
             workers = min(MOST_WORKERS, os.cpu_count() or 1)
-            summary = run_study(file, folder, show, rigs, beyond_rigs, workers)
+            fast = opened(FAST_RIG)
+            summary = run_study(file, folder, show, rigs, beyond_rigs, fast, fast_rigs, workers)
     except StudyError as error:
         raise CliError(f"the study could not be finished: {error}") from error
     _print(summary, console)

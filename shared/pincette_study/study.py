@@ -6,8 +6,6 @@ from typing import Any
 
 from pincette.config import RigFile, derived
 from pincette_study import (
-    beyond,
-    beyond_report,
     contact,
     dynamics,
     estimation,
@@ -18,6 +16,9 @@ from pincette_study import (
     precision,
     table_one,
 )
+from pincette_study.beyond import kilohertz, kilohertz_report
+from pincette_study.beyond import report as beyond_report
+from pincette_study.beyond import tracks as beyond
 from pincette_study.calibrated import prepare
 from pincette_study.precision import Trial
 from pincette_study.report import Comparison, Section, write_report
@@ -33,6 +34,8 @@ def run_study(
     progress: Progress,
     rigs: int,
     beyond_rigs: int,
+    fast: RigFile,
+    fast_rigs: int,
     workers: int = 1,
 ) -> dict[str, Any]:
     """Run every experiment, write the report into a folder, and return its summary.
@@ -45,6 +48,10 @@ def run_study(
         How many random rigs the paper's laws are tried on.
     beyond_rigs
         How many of each class of hysteresis what goes beyond the paper is tried on.
+    fast
+        The rig that the experiments at its short period take instruments and law from.
+    fast_rigs
+        How many of each class these are tried on.
     workers
         Processes that play closed loops; the numbers are the same with any number of them.
     """
@@ -83,11 +90,19 @@ def run_study(
 
     def one_beyond(done: int) -> None:
         several = beyond_rigs * len(beyond.CLASSES)
-        progress(f"beyond the paper: {done} of {several}", 0.48 + 0.50 * done / several)
+        progress(f"beyond the paper: {done} of {several}", 0.48 + 0.30 * done / several)
 
     one_beyond(0)
     further = beyond.run_beyond(base, beyond_rigs, one_beyond, workers)
     sections += [beyond_report.section(further), beyond_report.grip_section(further)]
+
+    def one_fast(done: int) -> None:
+        several = fast_rigs * len(kilohertz.CLASSES)
+        progress(f"at 1 kHz: {done} of {several}", 0.78 + 0.20 * done / several)
+
+    one_fast(0)
+    quicker = kilohertz.run_kilohertz(base, fast, fast_rigs, one_fast, workers)
+    sections.append(kilohertz_report.section(quicker))
     summary = {
         "table1_position_percent": {
             f"{K_P:g}": item.position_percent for K_P, item in by_K_P.items()
@@ -100,7 +115,10 @@ def run_study(
         "estimator_free_rmse_mN_by_signal": free_mN,
         "random_rigs": rigs,
         "beyond_rigs": beyond_rigs,
-        "beyond": beyond_report.summary(further.tracks),
+        "beyond": {
+            **beyond_report.summary(further.tracks),
+            "kilohertz": kilohertz_report.summary(quicker),
+        },
         "grip": beyond_report.grip_summary(further.grips),
     }
     write_report(folder, [_in_short(sections, trials), *sections], summary)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from pincette.config import RigFile
+from pincette.config import RigFile, read_rig
 from pincette.control.laws.definition import LawSettings
 from pincette_batch.cases import Case, Run
 from pincette_batch.composed import play_composed
@@ -13,9 +13,11 @@ from pincette_batch.lanes import play_lane
 from pincette_batch.prepared import prepare_rig
 from pincette_batch.runs import play_all
 from pincette_study.closed_loop import tracking_plan
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.batches import LAWS, drawn_rig, same, short_grip, short_track
 from tests.support.laws import DSMIFC
-from tests.support.rigs import Tree, demo_rig
+from tests.support.rigs import KILOHERTZ, Tree, demo_rig
 
 BOTH: Tree = {
     "second_mode": {"share": 0.0255},
@@ -83,6 +85,15 @@ def test_what_the_kernel_does_not_follow_is_played_composed() -> None:
     rig = demo_rig({"simulation": {"averaging_s": 0.004}}, time="lockstep")
     case = Case(rig, short_track(rig))
     (run,) = play_all([case])
+    same(run, play_composed(case))
+
+
+def test_at_1_khz_a_batch_has_the_bits_of_one_loop() -> None:
+    rig = read_rig(KILOHERTZ)
+    request = GripJobRequest(kind="grip", hold_s=0.02)
+    case = Case(rig, plan_job(request, rig).program)
+    (run,) = play_all([case])
+    assert run.outcome == "gripped"
     same(run, play_composed(case))
 
 

@@ -4,7 +4,10 @@ from collections import deque
 from functools import cache
 
 import pytest
+from msgspec.structs import replace
 
+from pincette.config import RigFile, read_rig
+from pincette.control.planning.program import Program
 from pincette.core.messages import Arm, Load, Message, RequestLog, Reset, Status, StatusRequest
 from pincette.core.service import member_services
 from pincette.core.topics import TOPIC_OF
@@ -15,17 +18,20 @@ from pincette.engine.process import loop_services
 from pincette.engine.scheduler import Scheduler
 from pincette.engine.simulated import simulated_devices
 from tests.support.partitions import Programs, composing, partitions
-from tests.support.rigs import demo_rig
+from tests.support.rigs import KILOHERTZ, at_own_ports, demo_rig
 from tests.support.scripted import NEAR, PROGRAM
 
 RIG = demo_rig(NEAR, time="lockstep")
+FAST = at_own_ports(read_rig(KILOHERTZ), NEAR)
+SHORTER = 0.3
+"""Of the program's times at 1 kHz."""
 
 
 class Shared:
     """Programs that hand on what they say in the order in which it is said."""
 
-    def __init__(self, composed: Programs) -> None:
-        self.rig, self.told = composing(RIG, *composed), list[Message]()
+    def __init__(self, rig: RigFile, composed: Programs) -> None:
+        self.rig, self.told = composing(rig, *composed), list[Message]()
         devices = simulated_devices(self.rig, self.told.append)
         services = loop_services()
         self.programs = {
@@ -86,17 +92,28 @@ def alone() -> dict[str, list[Message]]:
 
 @pytest.mark.parametrize("composed", partitions(), ids=" and ".join)
 def test_the_same_bits_in_every_partition(composed: Programs) -> None:
-    loop = Shared(composed)
+    check(Shared(RIG, composed), PROGRAM, alone())
+
+
+def test_the_same_bits_as_four_programs_at_1_khz() -> None:
+    segments = (
+        replace(one, duration_s=SHORTER * (one.duration_s or 0.0)) for one in PROGRAM.segments
+    )
+    program = replace(PROGRAM, segments=tuple(segments))
+    check(Shared(FAST, ()), program, by_kind(ComposedLoop(FAST).play(program)))
+
+
+def check(loop: Shared, program: Program, wanted: dict[str, list[Message]]) -> None:
     status = loop.call("controller", StatusRequest())
     assert isinstance(status, Status)
     assert not isinstance(loop.call("actuator", Reset(acknowledge=True)), str)
     loop.told.clear()
-    loop.call("controller", Load(PROGRAM))
+    loop.call("controller", Load(program))
     for service in ORDER:
         reply = loop.call(service, Arm(1, status.instance, loop.rig.digest()))
         assert not isinstance(reply, str), reply
     loop.run()
-    found, wanted = by_kind(loop.told), alone()
+    found = by_kind(loop.told)
     assert len(found["Position"]) > 200
     assert {kind: found[kind] for kind in wanted if kind != "Applied"} == {
         kind: wanted[kind] for kind in wanted if kind != "Applied"

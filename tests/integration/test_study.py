@@ -10,7 +10,11 @@ from typing import Any
 
 import pytest
 
-from pincette_study import beyond
+from pincette.config import read_rig
+from pincette_study.beyond import kilohertz
+from pincette_study.beyond import tracks as beyond
+from pincette_study.command import FAST_RIG
+from pincette_study.rigs import random_relay_rig
 from pincette_study.study import run_study
 from tests.support.rigs import demo_rig
 
@@ -28,6 +32,7 @@ SECTIONS = (
     "precision",
     "beyond",
     "grip",
+    "beyond.kilohertz",
 )
 SCHEMES = ("pbsmic", "dsmifc")
 SWEPT = ("0", "1000", "2000", "3000", "4000", "5000")
@@ -58,7 +63,15 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     monkeypatch.setattr(beyond, "CYCLES", {0.5: 2, 2.0: 4, 5.0: 10})
     monkeypatch.setattr(beyond, "LEARNED_CYCLES", 4)
     monkeypatch.setattr(beyond, "AFTER_CYCLES", {0.5: 1, 2.0: 2, 5.0: 5})
-    summary = run_study(demo_rig(), folder, lambda what, share: told.append((what, share)), 1, 1)
+    monkeypatch.setattr(kilohertz, "CLASSES", {"relays": random_relay_rig})
+    monkeypatch.setattr(kilohertz, "CYCLES", {10.0: 5})
+    off = {name: kilohertz.OFF_NOMINAL[name] for name in ("missed_1",)}
+    monkeypatch.setattr(kilohertz, "OFF_NOMINAL", off)
+
+    def tell(what: str, share: float) -> None:
+        told.append((what, share))
+
+    summary = run_study(demo_rig(), folder, tell, 1, 1, read_rig(FAST_RIG), 1)
     monkeypatch.undo()
     print(f"the study with one random rig took {monotonic() - begun:.1f} s")
     tree = json.loads((folder / "paper.json").read_text(encoding="utf-8"))
@@ -192,6 +205,18 @@ def test_grips_are_timed(study: Study) -> None:
         assert found["seconds_without_hold"] <= found["seconds_without_hold_worst"]
         assert 0.95 < found["peak_over_planned"] <= found["peak_over_planned_worst"] < 1.15
         assert 0.0 < found["hold_error_percent"] <= found["hold_error_percent_worst"] < 6.0
+
+
+def test_paths_and_grips_at_1_khz_are_stated_off_nominal_too(study: Study) -> None:
+    found = study.summary["beyond"]["kilohertz"]
+    assert set(found) == {"relays", "grip"}
+    path = found["relays"]["fpbsmic"]["hz_10"]
+    for prepared in ("", "dry_run_", "missed_1_"):
+        assert path[f"{prepared}position_percent"] < 1.5
+        assert path[f"{prepared}force_percent"] < 3.0
+    for grip in ("quick", "dry_run"):
+        assert found["grip"][grip]["seconds_without_hold"] <= 1.5
+        assert found["grip"][grip]["peak_over_planned"] < 1.05
 
 
 def test_the_estimator_is_told_with_its_signals(study: Study) -> None:

@@ -4,27 +4,35 @@ from functools import cache
 
 import pytest
 
+from pincette.config import read_rig
 from pincette.core import plugins
 from pincette.core.messages import Message
 from pincette.core.topics import LOOP
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.alone import recording, service_alone
-from tests.support.rigs import demo_rig
+from tests.support.rigs import KILOHERTZ, demo_rig
 
-RIG = demo_rig(time="lockstep")
-PROGRAM = plan_job(GripJobRequest(kind="grip", hold_s=4.0, load_s=1.0), RIG).program
+DEMO, FAST = demo_rig(time="lockstep"), read_rig(KILOHERTZ)
+PROGRAMS = {
+    "demo": (DEMO, plan_job(GripJobRequest(kind="grip", hold_s=4.0, load_s=1.0), DEMO).program),
+    "1 kHz": (FAST, plan_job(GripJobRequest(kind="grip", hold_s=0.02), FAST).program),
+}
 
 
 @cache
-def recorded() -> tuple[Message, ...]:
+def recorded(what: str) -> tuple[Message, ...]:
     """Every message of a whole grip, in order."""
-    return recording(RIG, PROGRAM)
+    return recording(*PROGRAMS[what])
 
 
 @pytest.mark.parametrize("name", LOOP)
-def test_a_service_repeats_itself_to_the_last_bit(name: str) -> None:
-    node, published = service_alone(plugins.load(plugins.SERVICES, name), RIG, PROGRAM, recorded())
+@pytest.mark.parametrize("what", PROGRAMS)
+def test_a_service_repeats_itself_to_the_last_bit(what: str, name: str) -> None:
+    rig, program = PROGRAMS[what]
+    node, published = service_alone(
+        plugins.load(plugins.SERVICES, name), rig, program, recorded(what)
+    )
     inputs = {item.topic.message for item in node.service.inputs}
     outputs = {topic.message for topic in node.service.outputs}
 
@@ -33,11 +41,11 @@ def test_a_service_repeats_itself_to_the_last_bit(name: str) -> None:
             published.extend(node.fire(0.0))
 
     run()
-    for message in recorded():
+    for message in recorded(what):
         if type(message) in inputs:
             node.accept(message, 0.0)
             run()
-    expected = [message for message in recorded() if type(message) in outputs]
+    expected = [message for message in recorded(what) if type(message) in outputs]
     assert len(expected) > 400
     said = [message for message in published if type(message) in outputs]
     assert said[-len(expected) :] == expected

@@ -12,6 +12,7 @@ from pincette.config.reading import laid_over
 from pincette.sim.instruments.fitting import resolved
 
 DEMO = Path(__file__).parents[2] / "deploy" / "rigs" / "demo.toml"
+KILOHERTZ = DEMO.with_name("kilohertz.toml")
 Tree = dict[str, Any]
 PORTS = range(16000, 32000)
 

@@ -9,7 +9,7 @@ import pyarrow.parquet as parquet
 import pytest
 
 from pincette.api.requests import JobRequest
-from pincette.config import RigFile
+from pincette.config import RigFile, read_rig
 from pincette.core.messages import Applied, Estimate, Message, Position
 from pincette.core.topics import LOOP
 from pincette.engine.composed import ComposedLoop
@@ -17,7 +17,8 @@ from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.certificates import folder_for
-from tests.support.rigs import demo_rig
+from tests.support.partitions import composing
+from tests.support.rigs import KILOHERTZ, at_own_ports, demo_rig
 from tests.support.running import running_rig
 
 Numbers = dict[str, list[Any]]
@@ -81,12 +82,24 @@ def test_seven_processes_give_the_same_bits(
         rig = rig.secured(folder_for(tmp_path / "pki", rig.rig.name).path)
     delays = {name: SEED + place for place, name in enumerate(LOOP)} if delayed else None
     print(f"delay seeds: {delays}")
-    with running_rig(rig, tmp_path, delays) as running:
-        body = request_.model_dump(mode="json", exclude_unset=True)
+    same_in_seven(rig, request_, tmp_path, delays)
+
+
+def test_seven_processes_give_the_same_bits_at_1_khz(tmp_path: Path) -> None:
+    rig = composing(at_own_ports(read_rig(KILOHERTZ)))
+    same_in_seven(rig, GripJobRequest(kind="grip", autostart=True, hold_s=0.02), tmp_path)
+
+
+def same_in_seven(
+    rig: RigFile, request: JobRequest, folder: Path, delays: dict[str, int] | None = None
+) -> None:
+    """Play it over Zenoh, and compare the record with one process."""
+    with running_rig(rig, folder, delays) as running:
+        body = request.model_dump(mode="json", exclude_unset=True)
         taken = running.post("/jobs", body).raise_for_status().json()
         job = running.ended(taken["id"])
     assert job["state"] == "succeeded"
-    assert recorded(tmp_path / "data" / "jobs" / job["id"]) == in_one_process(rig, request_)
+    assert recorded(folder / "data" / "jobs" / job["id"]) == in_one_process(rig, request)
 
 
 @pytest.mark.parametrize("name", [*LOOP, "rig"])

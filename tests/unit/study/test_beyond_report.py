@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from pincette_study.beyond import CLASSES, PROFILES, BeyondTrial, BeyondTrials, GripTrial
-from pincette_study.beyond_report import grip_section, grip_summary, section, summary
+from pincette_study.beyond.report import grip_section, grip_summary, section, summary
+from pincette_study.beyond.tracks import CLASSES, PROFILES, BeyondTrial, BeyondTrials, GripTrial
 from pincette_study.closed_loop import Errors
 from pincette_study.precision import FREQUENCIES_HZ, SCHEMES
 from pincette_study.rigs import Draw

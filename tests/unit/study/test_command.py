@@ -32,15 +32,23 @@ def test_progress_and_summary_are_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def study(
-        rig: RigFile, folder: Path, progress: Progress, rigs: int, beyond: int, workers: int
+        rig: RigFile,
+        folder: Path,
+        progress: Progress,
+        rigs: int,
+        beyond: int,
+        fast: RigFile,
+        fast_rigs: int,
+        workers: int,
     ) -> dict[str, Any]:
         assert (rig.rig.name, folder, rigs, beyond) == ("demo", tmp_path, 3, 2)
+        assert (fast.rig.name, fast_rigs) == ("kilohertz", 4)
         assert 1 <= workers <= paper.MOST_WORKERS
         progress("stability map", 0.25)
         return {"random_rigs": rigs, "table1_force_percent": {"5": 2.8149, "2": 5.78}}
 
     monkeypatch.setattr(paper, "run_study", study)
-    assert paper.paper(RigOption(DEMO), tmp_path, 3, 2) == 0
+    assert paper.paper(RigOption(DEMO), tmp_path, 3, 2, 4) == 0
     said = capsys.readouterr().out
     assert "25 %  stability map" in said
     assert "random_rigs: 3" in said

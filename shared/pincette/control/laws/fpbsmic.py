@@ -14,10 +14,8 @@ told of (0 free), φ = max(0, δ - 1/2), and δT from a sample until its voltage
     u_k    = H⁻¹[ S·x_ff - κ_e·x_e - Ŵ_k ]                                                      F6
     F̂ - F_r = F(z)[ (x̄_1 - x - l)/s_p - F_r ]   x_d by (16), of this error low-passed at f_F    F7
 
-W is S times the w of a perturbation in the position, so that a better K_e changes none of the
-filter's state: nothing but S jumps. The offset between x and H is part of W. Where a touch or its
-loss is told, the filter may have taken up the contact's force already, or not, and u_k would jump
-by up to s_p·F; all stages of F4 are moved so that H(u) goes on by T·ẋ_r, and settle again.
+W is S times the w of a perturbation in the position: a better K_e changes no state. Where a touch
+or its loss is told, F4 may have taken up the force: its stages move so that H(u) goes on by T·ẋ_r.
 Through a lag τ between output and arm x̄_1 goes as well, and F5 leads by τ·ẋ_r more.
 
 As a sliding mode: with n = 1, s_k = p·e_k + (1-p)·Σe is W_k/S less its start, and p = K_P/(K_P +
@@ -45,9 +43,8 @@ from pincette.control.laws.planned_motion import PlannedMotion
 from pincette.control.laws.sliding import LawOutput
 from pincette.control.record import FrozenRecord, replace
 
-MOST_POLES = 4
-LATEST = 1.5
-"""Longest delay in periods: beyond it the answer to a sample is not seen in the next but one."""
+MOST_POLES, LATEST = 4, 1.5
+"""Longest delay in periods, beyond which an answer is not seen in the next sample but one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +172,7 @@ def start(
 
 
 def rebase(state: FpbsmicState) -> FpbsmicState:
-    """Mark that a contact is told of, or told of no more: the voltage goes on as it went."""
+    """Mark that a contact is told of, or no more: the voltage goes on as it went."""
     return replace(state, rebased=1.0)
 
 
@@ -209,8 +206,7 @@ def step(
     k = parameters
     kappa = k.compliance_um_per_mN * plan.K_e_mN_per_um
     stiffer, touch_um = 1.0 + kappa, kappa * plan.x_e_um
-    older_V = state.history.applied_V
-    free_um = k.um_per_V * ((1.0 - k.older) * applied_V + k.older * older_V)
+    free_um = k.um_per_V * ((1.0 - k.older) * applied_V + k.older * state.history.applied_V)
     fresh = state.fresh > 0.5
     if not fresh:
         free_um = (1.0 - k.lag_kept) * free_um + k.lag_kept * state.lagging_um
@@ -236,12 +232,12 @@ def step(
     )
     speed, acceleration = plan.speed_um_per_s, plan.acceleration_um_per_s2
     later_um = x_d_um + k.ahead_s * (speed + 0.5 * k.ahead_s * acceleration)
-    later_speed = speed + k.ahead_s * acceleration
-    lead_um = (k.lead_s + stiffer * k.lag_s) * later_speed + k.lead_s2 * acceleration
+    lead_um = (k.lead_s + stiffer * k.lag_s) * (speed + k.ahead_s * acceleration)
+    lead_um += k.lead_s2 * acceleration
     wanted_um = stiffer * later_um - touch_um + lead_um - filtered.four
     if state.rebased > 0.5 and not fresh:
-        going_um = k.um_per_V * applied_V + k.period_s * speed
-        jump_um, wanted_um = wanted_um - going_um, going_um
+        jump_um = wanted_um - k.um_per_V * applied_V - k.period_s * speed
+        wanted_um -= jump_um
         filtered = moved(filtered, jump_um)
         begun_um, before_um = begun_um + jump_um, before_um + jump_um
     coasting_um = (k.um_per_V * applied_V + filtered.four + touch_um) / stiffer

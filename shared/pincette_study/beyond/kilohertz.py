@@ -18,7 +18,8 @@ from pincette.config.script import ScriptedOrder
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
 from pincette.core.messages import Message
-from pincette_study.beyond import (
+from pincette_study import printed
+from pincette_study.beyond.tracks import (
     CLASSES,
     FIRST_SEED,
     BeyondTrial,
@@ -50,7 +51,10 @@ OFF_NOMINAL: Mapping[str, Callable[[RigFile], dict[str, Any]]] = {
         "script": (ScriptedOrder(at_s=0.0, target="sensor", what="intermittent", value=MISSED),)
     },
 }
-"""What the simulated rig is then, of which nothing is told."""
+"""What the simulated rig is then, of which nothing is told but the noise: without it no force is
+zeroed."""
+SMALLER = {"contact_200": 0.5}
+"""Share of the path that is then tracked: on the whole one the part meets the limit of force."""
 OFF_RIGS = 1
 """Of each class, on which that is tried."""
 
@@ -143,16 +147,19 @@ def off_nominal(rig: RigFile, name: str, draw: Draw) -> Iterator[BeyondTrial]:
     """
     for what, changed in OFF_NOMINAL.items():
         simulation = simulation_of(rig).model_copy(update=changed(rig))
-        desk = Desk(rig.model_copy(update={"simulation": simulation}))
+        sensor = rig.sensor.model_copy(update={"noise_um": simulation.sensor_noise_um})
+        desk = Desk(rig.model_copy(update={"simulation": simulation, "sensor": sensor}))
         desk.stroke()
-        program, path = _program(rig, FAST_HZ)
+        program, path = _program(rig, FAST_HZ, SMALLER.get(what, 1.0))
         guards = replace(program.guards, stiffness_min_mN_per_um=0.0, stiffness_max_mN_per_um=inf)
         played = desk.play(replace(program, guards=guards))
         yield _trial(rig, name, draw, FAST_HZ, path, played, what)
 
 
-def _program(rig: RigFile, frequency_hz: float) -> tuple[Program, Path]:
-    program = tracking_plan(rig, frequency_hz=frequency_hz, cycles=CYCLES[frequency_hz]).program
+def _program(rig: RigFile, frequency_hz: float, share: float = 1.0) -> tuple[Program, Path]:
+    x_pp_um, cycles = share * printed.X_PP_UM, CYCLES[frequency_hz]
+    plan = tracking_plan(rig, frequency_hz=frequency_hz, x_pp_um=x_pp_um, cycles=cycles)
+    program = plan.program
     return program, next(one.path for one in program.segments if one.path is not None)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pincette.plotting import BLUE, GREEN, ORANGE, RED, Axis, label, legend, picture
 from pincette_study import printed
-from pincette_study.beyond import (
+from pincette_study.beyond.tracks import (
     CLASSES,
     LEARNED_CYCLES,
     PROFILES,
@@ -39,21 +39,21 @@ def summary(trials: Sequence[BeyondTrial]) -> dict[str, Any]:
     tree: dict[str, Any] = {}
     for trial in trials:
         by_scheme = tree.setdefault(trial.hysteresis, {}).setdefault(trial.scheme, {})
-        values = by_scheme.setdefault(_key(trial.frequency_hz), {})
+        values = by_scheme.setdefault(key_of(trial.frequency_hz), {})
         for quantity in QUANTITIES:
             error = getattr(trial.errors, f"{quantity}_percent")
-            values.setdefault(_name(trial.prepared, quantity), []).append(error)
+            values.setdefault(name_of(trial.prepared, quantity), []).append(error)
     for by_scheme in tree.values():
         for by_frequency in by_scheme.values():
             for key, values in by_frequency.items():
-                by_frequency[key] = _medians(values)
+                by_frequency[key] = medians(values)
     return tree
 
 
 def grip_summary(trials: Sequence[GripTrial]) -> dict[str, Any]:
     """Medians over the rigs of all classes by profile, the worst beside."""
     return {
-        profile: _medians(
+        profile: medians(
             {
                 name: [getattr(one, name) for one in trials if one.profile == profile]
                 for name in FIGURES
@@ -63,18 +63,21 @@ def grip_summary(trials: Sequence[GripTrial]) -> dict[str, Any]:
     }
 
 
-def _medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
+def medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
+    """Median of each, and the worst beside."""
     found: dict[str, float] = {}
     for name, some in values.items():
         found |= {name: median(some), f"{name}_worst": max(some)}
     return found
 
 
-def _name(prepared: str, quantity: str) -> str:
+def name_of(prepared: str, quantity: str) -> str:
+    """Name of a figure in the summary."""
     return f"{prepared}_{quantity}_percent" if prepared else f"{quantity}_percent"
 
 
-def _key(frequency_hz: float) -> str:
+def key_of(frequency_hz: float) -> str:
+    """Name of a frequency in the summary."""
     return f"hz_{frequency_hz:g}".replace(".", "_")
 
 
@@ -104,7 +107,7 @@ def section(found: BeyondTrials) -> Section:
             Picture("learning", "learning: error of the position over cycles", _cycles(trials)),
         ),
         comparisons=tuple(_rows(trials)),
-        data={"trials": [_plain(trial) for trial in trials]},
+        data={"trials": [plain(trial) for trial in trials]},
     )
 
 
@@ -139,7 +142,7 @@ def grip_section(found: BeyondTrials) -> Section:
         ),
         pictures=(Picture("grips", "largest and held force of each grip", _grips(trials)),),
         comparisons=tuple(rows),
-        data={"trials": [_plain(trial) for trial in trials]},
+        data={"trials": [plain(trial) for trial in trials]},
     )
 
 
@@ -148,10 +151,10 @@ def _rows(trials: Sequence[BeyondTrial]) -> list[Comparison]:
     for name, by_scheme in summary(trials).items():
         for scheme, by_frequency in by_scheme.items():
             for frequency_hz in FREQUENCIES_HZ:
-                values = by_frequency[_key(frequency_hz)]
+                values = by_frequency[key_of(frequency_hz)]
                 for prepared, words in PREPARED.items():
                     for quantity in QUANTITIES:
-                        key = _name(prepared, quantity)
+                        key = name_of(prepared, quantity)
                         if key not in values:
                             continue
                         text = f"{TITLES[name]}, {scheme.upper()} {quantity}, {frequency_hz:g} Hz"
@@ -161,7 +164,8 @@ def _rows(trials: Sequence[BeyondTrial]) -> list[Comparison]:
     return rows
 
 
-def _plain(trial: BeyondTrial | GripTrial) -> dict[str, Any]:
+def plain(trial: BeyondTrial | GripTrial) -> dict[str, Any]:
+    """Return a trial as a flat table for ``paper.json``."""
     tree: dict[str, Any] = {}
     for each in fields(trial):
         value = getattr(trial, each.name)

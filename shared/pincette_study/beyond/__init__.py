@@ -1,0 +1,1 @@
+"""What goes beyond the paper on one arm: at its own period, and at 1 ms."""
