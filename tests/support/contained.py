@@ -1,6 +1,6 @@
 """Which programs have a container: those of a rig on one host."""
 
-from pincette.engine.process import programs
+from pincette.core.service import programs
 
 BEYOND = ("foxglove", "sila", "upstream")
 """Programs of extras, which run where they are asked for, and one of another host."""

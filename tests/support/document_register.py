@@ -138,3 +138,136 @@ SITTINGS: dict[str, Sitting] = {
             Told("pincette security add", "tests/system/test_composed.py adds it to its folder"),
         )
     ),
+    "docs/how-to/several-rigs.md": Sitting(
+        (
+            Typed("pincette up --rig deploy/rigs/left.toml", r"is up at", stays=True),
+            Typed("pincette up --rig deploy/rigs/right.toml", r"is up", stays=True),
+            Typed("pincette rigs", r"right"),
+        ),
+        slow=True,
+    ),
+    "docs/how-to/batches.md": Sitting(
+        (
+            Told("pip install 'pincette[batch]'", "requirements/dev.txt has the extra already"),
+            Typed("from pathlib import Path", r"4000\.0 4 \(", seconds=300.0),
+            Told("from pincette_batch.tuning", "a search of 10 000 gains takes many minutes"),
+            Told(
+                "pip install 'pincette[batch,cluster]'",
+                "requirements/dev.txt has the extra already",
+            ),
+            Told(
+                "from distributed import Client", "tests/integration/test_batch_cluster.py does it"
+            ),
+        ),
+        slow=True,
+    ),
+    "docs/how-to/calibrate.md": Sitting(
+        (
+            Told("pincette doctor", "docs/tutorials/your-own-rig.md types it"),
+            Told("pincette job calibrate noise", "docs/tutorials/your-own-rig.md types it"),
+            Told(
+                "pincette job calibrate compliance", "weights are hung, and the return key is asked"
+            ),
+            Told("pincette job continue", "it answers a job that waits for a weight"),
+            Told("pincette model proposals", "docs/tutorials/your-own-rig.md types it"),
+            Told("pincette model use", "tests/system/test_page_calibrations.py goes back so"),
+            Told(
+                "curl", "tests/system/test_page_calibrations.py and test_api.py ask the same paths"
+            ),
+        )
+    ),
+    "docs/how-to/add-a-driver.md": Sitting(
+        (
+            Told('"""A displacement', "tests/project/test_example_driver.py installs and opens it"),
+            Told(".venv/bin/pip install", "docs/tutorials/write-a-driver.md types it"),
+        )
+    ),
+    "docs/how-to/add-a-law.md": Sitting(
+        (
+            Told(
+                '"""Impedance control with integral action',
+                "tests/unit/supervisor/test_example_law.py installs it and grips by it",
+            ),
+        )
+    ),
+    "docs/how-to/add-a-job-kind.md": Sitting(
+        (
+            Told('"""``tap``: touch', "tests/system/test_example_job_kind.py installs and runs it"),
+            Told('"""Plan, result', "tests/system/test_example_job_kind.py installs and runs it"),
+            Told("pip install", "tests/system/test_example_job_kind.py installs and runs it"),
+        )
+    ),
+    "docs/how-to/listen.md": Sitting(
+        (Told("pip install", "requirements/dev.txt has both; test_examples.py runs the scripts"),)
+    ),
+    "docs/how-to/bring-up.md": Sitting(
+        (
+            Told("pincette run router", "tests/system/test_bring_up.py starts both so"),
+            Told("pincette init bench.toml", "tests/system/test_bring_up.py types it"),
+            Told("pincette doctor", BENCH),
+            Told("pincette doctor --move", BENCH),
+            Told("pincette up", BENCH),
+            Told("pincette doctor", BENCH),
+            Told("pincette bring-up", "tests/system/test_bring_up.py types it"),
+            Told("kill -9 PID", BENCH),
+            Told("pincette job grip", BENCH),
+        )
+    ),
+    "docs/how-to/real-time.md": Sitting(
+        (
+            Told("pincette latency", "it measures for minutes; tests/bench/realtime runs it"),
+            Told("make demo ARGS=", "tests/integration/test_kilohertz.py plays the grip"),
+            Told("docker compose", DOCKER),
+            Told("pincette doctor", "tests/unit/diagnostics/test_machine.py asks what it says"),
+            Told("chrt", "it changes priorities, which root may alone"),
+            Told("pincette timing", "tests/unit/cli/test_timing.py shows it"),
+        )
+    ),
+    "docs/how-to/containers.md": Sitting(
+        (
+            Told("docker compose up -d --build --wait", "tests/engine/test_brief.py types both"),
+            Told("docker buildx imagetools", "it asks the registry of the base image"),
+            Told("export COMPOSE_FILE=docker-compose.yml:deploy/real-rig.yml", BENCH),
+            Told("docker compose -f docker-compose.yml -f deploy/listen.yml", DOCKER),
+            Told("export COMPOSE_FILE=docker-compose.yml:deploy/listen.yml", DOCKER),
+            Told("docker compose run --rm certificates", DOCKER),
+            Told("docker compose -f docker-compose.yml -f deploy/offline.yml", DOCKER),
+            Told("git pull", "it needs Docker, and another version than this one"),
+            Told("docker inspect", DOCKER),
+        )
+    ),
+    "docs/how-to/observe.md": Sitting(
+        (
+            Typed("curl -s --fail-with-body http://127.0.0.1:8000/metrics", r"pincette_"),
+            Typed("pincette key add prometheus", r"prometheus"),
+            Told("journalctl", "it reads the journal of systemd's units"),
+        ),
+        up=DEMO,
+    ),
+    "docs/how-to/several-hosts.md": Sitting(
+        (
+            Told("pincette up --rig", "tests/system/test_several_hosts.py starts both sides so"),
+            Told("pincette up --server", "tests/system/test_several_hosts.py starts both sides so"),
+            Typed("pincette security init pki"),
+            Told("pip install", "tests/unit/supervisor/test_postgresql.py has such a server"),
+        )
+    ),
+    "docs/how-to/systemd.md": Sitting(
+        (
+            Told("useradd", "it is for root; tests/project/test_systemd.py reads the units"),
+            Told("systemctl status", "it asks systemd about the units"),
+        )
+    ),
+    **{
+        f"services/{name}/README.md": Sitting(
+            (Told(f"pincette run {name}", "`pincette up` starts it, in every sitting with a rig"),)
+        )
+        for name in ("recorder", "rig")
+    },
+    **{
+        f"services/{name}/README.md": Sitting(
+            (Told(f"pincette run {name}", f"docs/how-to/{name}.md types it"),)
+        )
+        for name in ("foxglove", "sila")
+    },
+}

@@ -6,9 +6,9 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from playwright.sync_api import Browser, ViewportSize
 
@@ -72,9 +72,9 @@ def camera() -> Generator[tuple[str, list[str]]]:
 
 
 def painted(colour: str) -> bytes:
-    figure = Figure(figsize=(3.2, 2.4), dpi=100, facecolor=colour)
+    figure: Any = Figure(figsize=(3.2, 2.4), dpi=100, facecolor=colour)
     stream = BytesIO()
-    FigureCanvasAgg(figure).print_jpg(stream)
+    figure.savefig(stream, format="jpg")
     return stream.getvalue()
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser
@@ -22,7 +23,7 @@ def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
     desk.close()
 
 
-def gripped(address: str, sample: str, **wishes: object) -> str:
+def gripped(address: str, sample: str, **wishes: Any) -> str:
     """A grip that has ended; over the network, since the browser has this thread's event loop."""
     with Supervisor(address) as supervisor:
         job = supervisor.rig("demo").start("grip", sample=sample, queue=True, **wishes)

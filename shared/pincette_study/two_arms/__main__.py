@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 
 from pincette.cli import opened
-from pincette_study.beyond import CLASSES
+from pincette_study.beyond.tracks import CLASSES
 from pincette_study.two_arms.pairs import TaughtPair, taught_pair
 from pincette_study.two_arms.trials import CASES, MOST_OFF_UM, centre, track
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from pincette.config import RigFile, read_rig
-from pincette_study.beyond import REACH_UM
+from pincette_study.beyond.tracks import REACH_UM
 from pincette_study.closed_loop import StudyError
 from pincette_study.two_arms.bench import PairBench
 from pincette_study.two_arms.course import prepare

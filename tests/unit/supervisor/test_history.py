@@ -11,11 +11,11 @@ from .harness import Harness
 
 def record(seconds: int, period_s: float = 0.02) -> dict[str, Series]:
     """A ramp of the position with one peak, and a force that is known from 1 s on."""
-    t_s = np.arange(round(seconds / period_s)) * period_s
+    t_s = period_s * np.arange(float(round(seconds / period_s)))
     x_um = t_s.copy()
     x_um[10] = 50.0
     zeroed = np.where(t_s < 1.0, np.nan, 0.0)
-    flat = np.zeros_like(t_s)
+    flat = np.zeros(t_s.size)
     return {
         "t_s": t_s,
         "x_um": x_um,
