@@ -9,7 +9,6 @@ EXTRA = "requirements/dev.txt has the extra already"
 ORCHESTRATORS: dict[str, Sitting] = {
     "docs/how-to/sila.md": Sitting(
         (
-            Told("pip install 'pincette[sila]'", EXTRA),
             Typed(".venv/bin/pincette run sila", r"ready: SiLA 2 at 127.0.0.1:50052", stays=True),
             Typed("from sila2.client import SilaClient", r"held with 1[45]\.\d\d mN[^$]*released"),
         ),
