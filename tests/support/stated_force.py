@@ -98,7 +98,7 @@ def gripped(rig: RigFile, force_mN: float, hold_s: float, rest_s: float = REST_S
                 error_mN=float(np.sqrt(np.mean(error_mN**2))),
                 mean_mN=float(np.mean(error_mN)),
                 mean_uncertainty_mN=uncertainty_of_mean(
-                    u_mN, noise_mN=noise_mN, reading_mN=reading_mN
+                    u_mN.tolist(), noise_mN=noise_mN, reading_mN=reading_mN
                 ),
             )
         )

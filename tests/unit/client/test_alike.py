@@ -13,7 +13,7 @@ PAIRS = [
     (client.RigHandle, client.AsyncRigHandle),
     (client.JobHandle, client.AsyncJobHandle),
 ]
-STREAMS = {"events", "live"}
+STREAMS = {"events", "live", "to_hold", "to_success", "to_release"}
 KNOWN_WITHOUT_ASKING = {"patient", "result"}
 
 

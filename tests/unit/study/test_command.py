@@ -47,7 +47,7 @@ def test_progress_and_summary_are_told(
         progress("stability map", 0.25)
         return {"random_rigs": rigs, "table1_force_percent": {"5": 2.8149, "2": 5.78}}
 
-    monkeypatch.setattr(paper, "run_study", study)
+    monkeypatch.setattr("pincette_study.study.run_study", study)
     assert paper.paper(RigOption(DEMO), tmp_path, 3, 2, 4) == 0
     said = capsys.readouterr().out
     assert "25 %  stability map" in said
@@ -60,6 +60,6 @@ def test_a_study_that_breaks_off_says_why(tmp_path: Path, monkeypatch: pytest.Mo
     def study(*_: object) -> dict[str, Any]:
         raise StudyError("no track: ended 'no_contact'")
 
-    monkeypatch.setattr(paper, "run_study", study)
+    monkeypatch.setattr("pincette_study.study.run_study", study)
     with pytest.raises(CliError, match="could not be finished: no track: ended 'no_contact'"):
         paper.paper(RigOption(DEMO), tmp_path, 1)

@@ -31,8 +31,8 @@ OPEN = {
     ("delete", "/api/v1/session"): "gives up a cookie, whosever it is",
 }
 """Operations that demand nothing, each with why not."""
-UNDESCRIBED = {"/", "/favicon.ico", "/page/{name:path}", "/openapi.json"}
-"""Routes outside the description: the page's files, and the description, which are public."""
+UNDESCRIBED = {"/", "/favicon.ico", "/page/{name:path}", "/openapi.json", "/.well-known/wot"}
+"""Routes outside the description, which are public: the page's files, and descriptions."""
 DEMANDS: dict[str, set[tuple[str, str]]] = {
     "admin": {
         ("post", "/api/v1/calibrations/{calibration}/actions"),

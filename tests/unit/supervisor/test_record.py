@@ -67,7 +67,14 @@ def test_the_manifest_has_the_sum_of_every_file(tmp_path: Path, rig_file: RigFil
     write(tmp_path, rig_file)
     manifest = json.loads((tmp_path / folder.MANIFEST).read_text(encoding="utf-8"))
     files = {entry["name"]: entry["sha256"] for entry in manifest["files"]}
-    assert set(files) == {"grip.png", folder.REQUEST, folder.RESULT, folder.REPORT}
+    assert set(files) == {
+        "grip.png",
+        "grip.svg",
+        "grip.pdf",
+        folder.REQUEST,
+        folder.RESULT,
+        folder.REPORT,
+    }
     for name, digest in files.items():
         assert hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() == digest
     assert {path.name for path in tmp_path.iterdir()} == {*files, folder.MANIFEST}

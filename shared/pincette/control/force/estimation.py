@@ -4,10 +4,9 @@ Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. F > 0 is compressiv
 the object; (53) as printed gives the opposite sign.
 """
 
+from collections.abc import Sequence
 from math import exp, log10, sqrt
-
-import numpy as np
-from numpy.typing import NDArray
+from statistics import fmean
 
 COVERAGE = 2.0
 """Coverage factor of the uncertainty: about 95 % where the parts are normal."""
@@ -58,9 +57,7 @@ def uncertainty(
     )
 
 
-def uncertainty_of_mean(
-    stated_mN: NDArray[np.float64], *, noise_mN: float, reading_mN: float
-) -> float:
+def uncertainty_of_mean(stated_mN: Sequence[float], *, noise_mN: float, reading_mN: float) -> float:
     """Expanded uncertainty in mN of the mean force over n samples.
 
         U = ⟨√(U_k² - (2·σ_F)² + (2·σ)²/n)⟩
@@ -77,6 +74,6 @@ def uncertainty_of_mean(
     reading_mN
         That of a single reading, σ, over s_p: a low-pass makes σ_F smaller, but not the mean's.
     """
-    left_mN2 = np.square(stated_mN) - (COVERAGE * noise_mN) ** 2
+    noise_mN2 = (COVERAGE * noise_mN) ** 2
     mean_mN2 = (COVERAGE * reading_mN) ** 2 / len(stated_mN)
-    return float(np.mean(np.sqrt(np.maximum(0.0, left_mN2) + mean_mN2)))
+    return fmean(sqrt(max(U_mN * U_mN - noise_mN2, 0.0) + mean_mN2) for U_mN in stated_mN)

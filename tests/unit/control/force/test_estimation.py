@@ -66,7 +66,7 @@ def test_noise_is_averaged_in_a_mean_and_nothing_else_is() -> None:
         zero_age_s=1.0,
         forgotten_mN=0.0,
     )
-    stated_mN = np.full(25, stated)
+    stated_mN = [stated] * 25
     mean_mN = uncertainty_of_mean(stated_mN, noise_mN=0.06, reading_mN=0.06)
     assert mean_mN == pytest.approx(COVERAGE * sqrt(0.08**2 + (0.06 / 5.0) ** 2))
     one_mN = uncertainty_of_mean(stated_mN[:1], noise_mN=0.06, reading_mN=0.06)
@@ -82,6 +82,6 @@ def test_a_mean_of_filtered_noise_is_as_uncertain_as_one_of_readings() -> None:
         filtered[:, k] = filtered[:, k - 1] + share * (readings[:, k] - filtered[:, k - 1])
     means_mN = filtered[:, 20:].mean(axis=1) + rng.normal(0.0, 0.05, 2000)
     noise_mN = 0.3 * sqrt(share / (2.0 - share))
-    stated_mN = np.full(count, COVERAGE * sqrt(noise_mN**2 + 0.05**2))
+    stated_mN = [COVERAGE * sqrt(noise_mN**2 + 0.05**2)] * count
     u_mN = uncertainty_of_mean(stated_mN, noise_mN=noise_mN, reading_mN=0.3)
     assert u_mN == pytest.approx(COVERAGE * float(np.std(means_mN)), rel=0.05)

@@ -83,7 +83,7 @@ def held_uncertainty_mN(table: Columns, rig: RigFile, period_s: float) -> float 
         return None
     reading_mN = rig.sensor.noise_um / rig.model.compliance_um_per_mN
     noise_mN = reading_mN * derived.force_observer(rig).noise_gain
-    return uncertainty_of_mean(stated_mN, noise_mN=noise_mN, reading_mN=reading_mN)
+    return uncertainty_of_mean(stated_mN.tolist(), noise_mN=noise_mN, reading_mN=reading_mN)
 
 
 def grip_result(
