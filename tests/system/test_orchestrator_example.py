@@ -73,7 +73,7 @@ def test_parts_are_picked_held_and_let_go(rig: RunningRig, tmp_path: Path) -> No
     assert done.returncode == 0, done.stdout
     jobs = re.findall(r"part-\d: released, peak force \d+\.\d\d mN, job (\S+)", done.stdout)
     assert len(jobs) == len(set(jobs)) == 2
-    for job in (rig.job(name) for name in jobs):
+    for job in (rig.ended(name) for name in jobs):
         assert (job["state"], job["record_complete"]) == ("succeeded", True)
         assert job["result"]["force_held_mN"] == pytest.approx(8.0, abs=0.5)
         assert [action["type"] for action in job["actions"]][-1] == "release"

@@ -42,7 +42,7 @@ def act(rig: RunningRig, job: str, action: str) -> None:
 def record(rig: RunningRig, job: str) -> Path:
     """The folder of a job whose record is closed."""
     soon(
-        lambda: rig.job(job)["record_complete"] is not None,
+        lambda: bool(rig.job(job)["record_complete"]),
         RECORDED_S,
         f"the record of {job} is not closed",
     )
