@@ -1,6 +1,8 @@
 """Jobs, actions, keys and events survive a restart."""
 
 import math
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -251,3 +253,18 @@ def test_a_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
     path.write_text("this is a text, and longer than the header of a data base would be\n" * 20)
     with pytest.raises(StoreError, match="move it away"):
         Store(path)
+
+
+def test_what_is_opened_twice_keeps_its_log_where_another_program_closes(tmp_path: Path) -> None:
+    """To close a file takes all of a process's locks on it, those of SQLite too."""
+    path = tmp_path / "journal.sqlite"
+    first, second = Store(path), Store(path)
+    other = f"""
+from pathlib import Path
+from pincette_supervisor.journal.store import Store
+Store(Path({str(path)!r})).close()
+"""
+    subprocess.run([sys.executable, "-c", other], check=True, timeout=60.0)
+    assert path.with_name(f"{path.name}-wal").exists()
+    for one in (second, first):
+        one.close()

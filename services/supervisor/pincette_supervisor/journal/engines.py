@@ -183,8 +183,11 @@ def _lock_beside(path: Path) -> Callable[[], None]:
 
 def _keep_private(path: Path) -> None:
     """Let the owner alone read the file; SQLite gives its other files the same mode."""
+    # A file that is there is not opened: to close it again would take SQLite's locks from this
+    # process, and another one that closes the journal would remove the log that is in use.
     with suppress(OSError):  # what cannot be opened is told when SQLite opens it
-        os.close(os.open(path, os.O_RDWR | os.O_CREAT, PRIVATE))
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, PRIVATE))
+    with suppress(OSError):
         if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
             path.chmod(PRIVATE)
 
