@@ -110,6 +110,8 @@ class LawDefinition:
     compiled: bool = False
     """Whether ``start`` and ``step`` are made of numbers, records of numbers and functions of
     such alone, so that batches can compile them; else batches play the law uncompiled."""
+    arms: int = 1
+    """That it drives."""
 
     def settings(
         self,

@@ -19,9 +19,11 @@ of both by itself; δT is from a sample until its voltages are put out, φ = max
     X_1   = b_k/2 + a_k,   X_2 = b_k/2 - a_k,   u_i = H_i⁻¹[X_i]
 
 at t = (k + δ + 1/2)T, further ahead by T·κ/(1 - κ) where an output lags, with F(z) as in
-``fpbsmic``; d_r is the sum x_1 + x_2 that free arms are led along. The offset between x_i and H_i,
-and g, are part of W. With n = 1 and p = K_P/(K_P + K_I) each of both is the reaching law of PBSMIC.
-Neither has a share in the other: no line binds place and force, and no gain trades them.
+``fpbsmic``; d_r is the sum x_1 + x_2 that free arms are led along. Arms that look for the part keep
+Ŵ, so that a touch meets their own compliance and no law that makes its force good. The offset
+between x_i and H_i, and g, are part of W. With n = 1 and p = K_P/(K_P + K_I) each of both is the
+reaching law of PBSMIC. Neither has a share in the other: no line binds place and force, and no gain
+trades them.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013, of which two arms are the future work.
 """
@@ -88,6 +90,8 @@ class TwoArmReferences(FrozenRecord, frozen=True):
     place_acceleration_um_per_s2: float = 0.0
     force_rate_mN_per_s: float = 0.0
     opening_speed_um_per_s: float = 0.0
+    seeks: bool = False
+    """Whether free arms look for the part: what they then miss is its force, not made good."""
 
 
 class TwoArmState(FrozenRecord, frozen=True):
@@ -244,12 +248,12 @@ def step(
         place_before, sum_before = place_missed, sum_missed
         place = Cascade(place_missed, place_missed, place_missed, place_missed)
     else:
-        place = passed(k.place_poles, state.place_um, place_missed)
+        place = state.place_um if r.seeks else passed(k.place_poles, state.place_um, place_missed)
     if state.fresh or state.pressed != r.pressed:
         sum_before = sum_missed
         total = Cascade(sum_missed, sum_missed, sum_missed, sum_missed)
     else:
-        total = passed(k.force_poles, state.sum_um, sum_missed)
+        total = state.sum_um if r.seeks else passed(k.force_poles, state.sum_um, sum_missed)
     speed, acceleration = r.place_speed_um_per_s, r.place_acceleration_um_per_s2
     later_um = r.place_um + k.ahead_s * (speed + 0.5 * k.ahead_s * acceleration)
     later_speed = speed + k.ahead_s * acceleration

@@ -28,6 +28,12 @@ FEEL_SWINGS, FEEL_UM_PER_S = 2.0, 20.0
 """How far the free way is felt before a sweep, in swings at resonance by nominal values, which a
 mode of half the damping makes; and how fast."""
 
+BURSTS, BURST_S, RINGS_OUT_S = 8, 0.4, 0.05
+"""How many bursts show delay and lag, how long each is, and how long it is watched afterwards."""
+BURST_REST_S = 0.3
+TAPS = (14, 15)
+"""Of the shift register by which a burst takes its signs: they repeat after 2¹⁵ - 1 ticks."""
+
 FREE = Guards(
     contact_force_mN=1.0,
     contact_samples=1,
@@ -123,22 +129,9 @@ def frequency_response_program(
     if not rate_hz >= LEAST_CAPTURE_HZ:
         raise ValueError(f"capture at {rate_hz:g} Hz, must be at least {LEAST_CAPTURE_HZ:g} Hz")
     sweep = Sweep(from_hz, to_hz, duration_s, amplitude_V, rate_hz)
-    limits = rig.limits
     swing_um = rig.piezo_um_per_V * amplitude_V / (2.0 * zeta)
-    for sign in (1.0, -1.0):
-        require_voltage(rig, "sweep", rest_V + sign * amplitude_V)
-        require_within(
-            f"resonance of a sweep of {amplitude_V:g} V",
-            rig.x_start_um + sign * swing_um,
-            "µm",
-            limits.position_min_um,
-            limits.position_max_um,
-        )
-    most_V = (limits.position_max_um - rig.x_start_um) / rig.piezo_um_per_V
-    feel_V = min(FEEL_SWINGS * swing_um / rig.piezo_um_per_V, most_V, limits.voltage_max_V - rest_V)
-    rate_V_per_s = min(FEEL_UM_PER_S / rig.piezo_um_per_V, limits.slew_V_per_s)
-    stops = [(rest_V, rate_V_per_s, 0.0), (rest_V + feel_V, rate_V_per_s, 0.0)]
-    feel = voltage_moves([*stops, stops[0]])
+    _require_swing(rig, "sweep", rest_V, amplitude_V, swing_um)
+    feel = _feel(rig, swing_um, rest_V)
     return free_program(
         Segment("feel", "voltage", feel.duration_s, path=feel),
         Segment("rest", "voltage", SWEEP_REST_S),
@@ -146,6 +139,87 @@ def frequency_response_program(
         Segment("rest", "voltage", SWEEP_REST_S),
         capture_hz=rate_hz,
     )
+
+
+def _require_swing(
+    rig: PlannedRig, what: str, rest_V: float, amplitude_V: float, swing_um: float
+) -> None:
+    """Raise ValueError where a voltage, or the arm's swing at resonance, would leave its limits."""
+    limits = rig.limits
+    for sign in (1.0, -1.0):
+        require_voltage(rig, what, rest_V + sign * amplitude_V)
+        require_within(
+            f"resonance of a {what} of {amplitude_V:g} V",
+            rig.x_start_um + sign * swing_um,
+            "µm",
+            limits.position_min_um,
+            limits.position_max_um,
+        )
+
+
+def _feel(rig: PlannedRig, swing_um: float, rest_V: float) -> Path:
+    """Slowly through the way that the arm may swing later, and back."""
+    limits = rig.limits
+    most_V = (limits.position_max_um - rig.x_start_um) / rig.piezo_um_per_V
+    feel_V = min(FEEL_SWINGS * swing_um / rig.piezo_um_per_V, most_V, limits.voltage_max_V - rest_V)
+    rate_V_per_s = min(FEEL_UM_PER_S / rig.piezo_um_per_V, limits.slew_V_per_s)
+    stops = [(rest_V, rate_V_per_s, 0.0), (rest_V + feel_V, rate_V_per_s, 0.0)]
+    return voltage_moves([*stops, stops[0]])
+
+
+def output_timing_program(
+    rig: PlannedRig, *, amplitude_V: float, damping_ratio: float, rest_V: float = 0.0
+) -> Program:
+    """Bursts of voltages that jump at random each tick, phases ``burst 1``, ``burst 2``, …
+
+    Each voltage is an amplitude above the resting one or below it. Such a burst rings the mode, and
+    shows when a voltage acts. As before a sweep, the arm first feels its way.
+
+    Raises
+    ------
+    ValueError
+        Where it would leave the limits of voltage or position, or ask for more than the slew limit.
+    """
+    zeta = require_positive("damping ratio", damping_ratio, "")
+    require_positive("amplitude of the bursts", amplitude_V, "V")
+    require_within(
+        f"step of bursts of {amplitude_V:g} V each {rig.period_s:g} s",
+        2.0 * amplitude_V / rig.period_s,
+        "V/s",
+        0.0,
+        rig.limits.slew_V_per_s,
+    )
+    swing_um = rig.piezo_um_per_V * amplitude_V / (2.0 * zeta)
+    _require_swing(rig, "burst", rest_V, amplitude_V, swing_um)
+    ticks, after = round(BURST_S / rig.period_s), round(RINGS_OUT_S / rig.period_s)
+    signs = _signs(BURSTS * ticks)
+    feel = _feel(rig, swing_um, rest_V)
+    segments = [Segment("feel", "voltage", feel.duration_s, path=feel)]
+    for number in range(BURSTS):
+        volts = [
+            rest_V + sign * amplitude_V for sign in signs[number * ticks : (number + 1) * ticks]
+        ]
+        voltages_V = (*volts, *([rest_V] * after))
+        duration_s = len(voltages_V) * rig.period_s
+        segments.append(Segment("rest", "voltage", BURST_REST_S))
+        segments.append(
+            Segment(f"burst {number + 1}", "voltage", duration_s, voltages_V=voltages_V)
+        )
+    segments.append(Segment("rest", "voltage", BURST_REST_S))
+    made = free_program(*segments)
+    # No sample tells a ring from a touch: the way was felt before.
+    felt = tuple(replace(one, guarded=not one.voltages_V) for one in made.segments)
+    return replace(made, segments=felt)
+
+
+def _signs(count: int) -> list[float]:
+    """Signs of a maximal sequence of a linear shift register."""
+    state, found = 1, list[float]()
+    for _ in range(count):
+        bit = (state >> (TAPS[1] - TAPS[0]) ^ state) & 1
+        state = state >> 1 | bit << (TAPS[1] - 1)
+        found.append(1.0 if bit else -1.0)
+    return found
 
 
 def free_program(*segments: Segment, capture_hz: float = 0.0) -> Program:

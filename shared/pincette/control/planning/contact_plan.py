@@ -21,7 +21,14 @@ from pincette.control.planning.course import (
     require_bounded,
     sample_course,
 )
-from pincette.control.planning.feasibility import Excursion, PlanLimits, beyond, excursions
+from pincette.control.planning.feasibility import (
+    Excursion,
+    PlanLimits,
+    Violation,
+    beyond,
+    excursions,
+    named_violation,
+)
 from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.response.hysteresis import HysteresisModel
@@ -46,30 +53,12 @@ class PlannedRig:
     """On which the limits are checked."""
     x_start_um: float = 0.0
     """Where the arm rests at zero voltage."""
+    stands_um: float | None = None
+    """Where it stands as the plan begins; None: at ``x_start_um``."""
     free_response: HysteresisModel | None = None
     """As identified; None: a straight line of slope d_p."""
     taught_V: tuple[float, float] | None = None
     """Voltages between which it was identified; None: not known."""
-
-
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """One limit broken: by which member of the request, by how much, and where it begins."""
-
-    pointer: str
-    """JSON pointer into the request; "" where the cause lies outside it."""
-    quantity: str
-    """One of ``api.predictions.Quantity``."""
-    value: float
-    limit: float
-    unit: str
-    at_s: float
-    message: str
-
-    @property
-    def side(self) -> str:
-        """Of the limit on which the value lies: above or below."""
-        return "above" if self.value > self.limit else "below"
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +95,9 @@ def plan_contact(
 ) -> ContactPlan:
     """Plan zero, approach, zero, contact, what is done while pressed, and the retreat.
 
+    An arm that stands where it may touch the part, as after a stop on the way or a move, first goes
+    back to where it rests at zero voltage: no force could be zeroed there.
+
     Parameters
     ----------
     pressing
@@ -132,10 +124,12 @@ def plan_contact(
     from_um = request.furthest_um if flying else request.contact_um
     retreat_s = move_duration(from_um - arm.x_start_um, request.approach_um_per_s)
     retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um, guarded=True)
-    segments = (*_way_there(request, arm, rig.period_s if flying else None), *pressing, retreat)
-    phases = _phases(request, arm, segments, rig.period_s)
+    way_there = _way_there(request, arm, rig.period_s if flying else None)
+    begin_um, way_out = _way_out(request, arm, rig.stands_um)
+    segments = (*way_out, *way_there, *pressing, retreat)
+    phases = _phases(request, arm, segments, rig.period_s, begin_um)
     require_bounded([(phase.phase, phase.duration_s) for phase in phases])
-    course = sample_course(arm, phases, rig.period_s)
+    course = sample_course(arm, phases, rig.period_s, begin_um)
     broken = [_violation(found, pointers) for found in excursions(course, rig.limits)]
     broken.extend(_untaught(course, rig.taught_V, pointers))
     broken.extend(_early_contact(request, rig.x_start_um))
@@ -146,6 +140,19 @@ def plan_contact(
         violations=tuple(broken),
         arm=arm,
     )
+
+
+def _way_out(
+    request: ContactRequest, arm: PlannedArm, stands_um: float | None
+) -> tuple[float, tuple[Segment, ...]]:
+    """Where the plan begins, and the way back from there where the arm may touch the part."""
+    # Half of the margin is left to noise and creep until the zero.
+    free_um = max(arm.x_start_um, request.stand_off_um + 0.5 * MARGIN_UM)
+    if stands_um is None or stands_um <= free_um:
+        return arm.x_start_um, ()
+    back_s = move_duration(stands_um - arm.x_start_um, request.approach_um_per_s)
+    # Unguarded: a force that acts as it begins is not known yet, and less of it is no touch.
+    return stands_um, (Segment("open", "free", back_s, x_to_um=arm.x_start_um),)
 
 
 def _way_there(
@@ -182,11 +189,15 @@ def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
 
 
 def _phases(
-    request: ContactRequest, arm: PlannedArm, segments: Sequence[Segment], period_s: float
+    request: ContactRequest,
+    arm: PlannedArm,
+    segments: Sequence[Segment],
+    period_s: float,
+    begin_um: float,
 ) -> tuple[PlannedPhase, ...]:
     """Follow the segments in time; contact is met where it is expected."""
     phases: list[PlannedPhase] = []
-    start_s, x_um, force_mN, rate = 0.0, arm.x_start_um, 0.0, 0.0
+    start_s, x_um, force_mN, rate = 0.0, begin_um, 0.0, 0.0
     for segment in segments:
         duration_s = SHORTEST_MOVE_S if segment.duration_s is None else segment.duration_s
         if segment.kind == "seek":
@@ -271,25 +282,6 @@ def _violation(excursion: Excursion, pointers: Mapping[str, str]) -> Violation:
         pointer = "/contact_force_mN" if excursion.quantity == "force" else "/contact_um"
     elif excursion.phase == "approach":
         pointer = "/contact_um" if excursion.quantity != "slew" else "/approach_um_per_s"
-    elif excursion.phase == "retreat" and excursion.quantity == "slew":
+    elif excursion.phase in ("open", "retreat") and excursion.quantity == "slew":
         pointer = "/approach_um_per_s"
     return named_violation(excursion, pointer)
-
-
-def named_violation(excursion: Excursion, pointer: str) -> Violation:
-    """An excursion in words, laid to a member of the request."""
-    side = "above" if excursion.value > excursion.limit else "below"
-    again = "" if excursion.times == 1 else f", {excursion.times} times"
-    return Violation(
-        pointer=pointer,
-        quantity=excursion.quantity,
-        value=excursion.value,
-        limit=excursion.limit,
-        unit=excursion.unit,
-        at_s=excursion.at_s,
-        message=(
-            f"{excursion.quantity} {excursion.value:.3f} {excursion.unit} {side} the limit "
-            f"{excursion.limit:g} {excursion.unit}, from {excursion.at_s:.2f} s "
-            f"({excursion.phase}{again})"
-        ),
-    )

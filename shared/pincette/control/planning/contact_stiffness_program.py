@@ -41,8 +41,6 @@ LEAST_WIDEST_V = 0.5
 """Widest level below which noise and an error of x_1 leave too little of the line."""
 STEP_V = 0.05
 """By which the widest level is lowered until it is within the limits."""
-SEEKING = 4
-"""Segments of a plan until the part is met."""
 
 
 def level_phase(number: int) -> str:
@@ -82,12 +80,14 @@ def contact_stiffness_program(
         path = replace(path, relative=True)
         phase = level_phase(list(levels_V).index(level_V) + 1)
         swings.append(Segment(phase, "voltage", path.duration_s, path=path))
+    planned = plan.program.segments
+    seek = next(place for place, segment in enumerate(planned) if segment.kind == "seek")
     segments = (
-        *plan.program.segments[: SEEKING + 3],
+        *planned[: seek + 4],
         Segment("mean", "voltage", lower.duration_s, path=lower),
         *swings,
         Segment("unload", "voltage", lower.duration_s, path=lower),
-        plan.program.segments[-1],
+        planned[-1],
     )
     guards = replace(
         plan.program.guards,

@@ -110,8 +110,15 @@ class Course:
     voltage_V: list[float]
 
 
-def sample_course(arm: PlannedArm, phases: Sequence[PlannedPhase], period_s: float) -> Course:
+def sample_course(
+    arm: PlannedArm,
+    phases: Sequence[PlannedPhase],
+    period_s: float,
+    begin_um: float | None = None,
+) -> Course:
     """Course of the phases every ``period_s``, from 0 to their end.
+
+    ``begin_um``: where the arm stands; None: at ``arm.x_start_um``.
 
     Raises
     ------
@@ -120,7 +127,8 @@ def sample_course(arm: PlannedArm, phases: Sequence[PlannedPhase], period_s: flo
     """
     require_positive("period", period_s, "s")
     course = Course([], [], [], [], [])
-    place, x_from_um, force_from_mN = 0, arm.x_start_um, 0.0
+    place, force_from_mN = 0, 0.0
+    x_from_um = arm.x_start_um if begin_um is None else begin_um
     # The last tick may lie a rounding error beyond the end.
     for tick in range(int(phases[-1].end_s / period_s + 1e-6) + 1):
         t_s = tick * period_s

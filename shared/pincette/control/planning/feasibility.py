@@ -46,6 +46,26 @@ class Excursion:
     """How often it goes beyond and comes back."""
 
 
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One limit broken: by which member of the request, by how much, and where it begins."""
+
+    pointer: str
+    """JSON pointer into the request; "" where the cause lies outside it."""
+    quantity: str
+    """One of ``api.predictions.Quantity``."""
+    value: float
+    limit: float
+    unit: str
+    at_s: float
+    message: str
+
+    @property
+    def side(self) -> str:
+        """Of the limit on which the value lies: above or below."""
+        return "above" if self.value > self.limit else "below"
+
+
 def acceleration_limit(natural_frequency_rad_per_s: float) -> float:
     """Acceleration of x_r in µm/s² under which the mode rings by ``RING_UM``: RING_UM·ω_n²."""
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
@@ -81,6 +101,25 @@ def beyond(
     return (
         *_beyond(course, quantity, unit, values, high, 1.0),
         *_beyond(course, quantity, unit, values, low, -1.0),
+    )
+
+
+def named_violation(excursion: Excursion, pointer: str) -> Violation:
+    """An excursion in words, laid to a member of the request."""
+    side = "above" if excursion.value > excursion.limit else "below"
+    again = "" if excursion.times == 1 else f", {excursion.times} times"
+    return Violation(
+        pointer=pointer,
+        quantity=excursion.quantity,
+        value=excursion.value,
+        limit=excursion.limit,
+        unit=excursion.unit,
+        at_s=excursion.at_s,
+        message=(
+            f"{excursion.quantity} {excursion.value:.3f} {excursion.unit} {side} the limit "
+            f"{excursion.limit:g} {excursion.unit}, from {excursion.at_s:.2f} s "
+            f"({excursion.phase}{again})"
+        ),
     )
 
 

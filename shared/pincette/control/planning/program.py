@@ -24,6 +24,37 @@ from pincette.control.record import FrozenRecord
 RETREATS = ("unload", "retreat")
 """Phases of the way back."""
 SegmentKind = Literal["zero", "free", "seek", "force", "path", "voltage", "sweep"]
+Sides = Literal["both", "first", "second"]
+
+
+class BothArms(FrozenRecord, frozen=True):
+    """Goals of two driven arms in one segment, beside what ``Segment`` says of the force.
+
+    Both count towards the part: its place is q = (x_1 - x_2)/2, and the arms have closed by
+    x_1 + x_2. Free arms are led to tips, arms that hold a part along place and force.
+
+    ``free``    the tips move to ``first_to_um`` and ``second_to_um``.
+    ``seek``    the tips move there at constant speed, until each of ``sides`` has touched.
+    ``force``   the place moves to ``place_to_um`` while the force moves to ``force_to_mN``.
+    ``path``    the place follows ``place_path`` while the force follows ``path``; what has no path
+                rests.
+    ``voltage`` the second voltage follows ``second_voltages_V`` or ``second_path``, or moves to
+                ``second_to_V``.
+
+    What is None stays where it is.
+    """
+
+    first_to_um: Micrometre | None = None
+    second_to_um: Micrometre | None = None
+    relative: bool = False
+    """Tips count from where each arm has touched the part, a place from where the part was when it
+    was held first, or when a program began that has found it held."""
+    sides: Sides = "both"
+    place_to_um: Micrometre | None = None
+    place_path: Path | None = None
+    second_to_V: Volt | None = None
+    second_path: Path | None = None
+    second_voltages_V: Items[Volt] = ()
 
 
 class Segment(FrozenRecord, frozen=True):
@@ -64,6 +95,8 @@ class Segment(FrozenRecord, frozen=True):
     follows: bool = False
     """Of a force, after a seek: it begins with the speed of the seek, and x_r follows the contact
     line as it is identified meanwhile."""
+    both: BothArms | None = None
+    """Of a rig of two arms, for which the kinds mean what ``BothArms`` says."""
 
     @property
     def stamps_zero(self) -> bool:
@@ -74,7 +107,9 @@ class Segment(FrozenRecord, frozen=True):
     def presses(self) -> bool:
         """Whether the force is an input of the law."""
         if self.kind == "path":
-            return self.path is not None and self.path.quantity == "force"
+            return self.both is not None or (
+                self.path is not None and self.path.quantity == "force"
+            )
         return self.kind == "force"
 
     @property
@@ -140,7 +175,8 @@ class Program(FrozenRecord, frozen=True):
                 if value_s is not None:
                     require_not_negative(f"{name}: {quantity}", value_s, "s")
             for kind in ("path", "sweep"):
-                if segment.kind == kind and getattr(segment, kind) is None:
+                placed = segment.both is not None and segment.both.place_path is not None
+                if segment.kind == kind and getattr(segment, kind) is None and not placed:
                     raise ValueError(f"{name} is a {kind} and has none")
             if segment.voltages_V and segment.kind != "voltage":
                 raise ValueError(f"{name} has voltages and is a {segment.kind}")

@@ -16,8 +16,9 @@ more than 2.5·ΔF/(K_e·v).
 
 from typing import NamedTuple
 
-from pincette.control.planning.contact_plan import PlannedRig, Violation
+from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.contact_request import CONTACT_SAMPLES, force_at_touch_mN
+from pincette.control.planning.feasibility import Violation
 from pincette.control.planning.profiles import minimum_duration, move
 
 LOAD_PERIODS = 15

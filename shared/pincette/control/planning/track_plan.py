@@ -8,15 +8,9 @@ arm then settles on that line where the path begins.
 from dataclasses import dataclass, replace
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.contact_plan import (
-    ContactPlan,
-    PlannedRig,
-    Violation,
-    named_violation,
-    plan_contact,
-)
+from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, plan_contact
 from pincette.control.planning.contact_request import ContactRequest, check_contact
-from pincette.control.planning.feasibility import Excursion
+from pincette.control.planning.feasibility import Excursion, Violation, named_violation
 from pincette.control.planning.path_shapes import Peaks, peaks
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import SHORTEST_MOVE_S

@@ -64,6 +64,10 @@ class FreeResponse(Protocol):
         """Return x_1 at the voltage followed last."""
         ...
 
+    def displacement_um(self) -> float:
+        """Return what a memory makes of the path to the voltage followed last, without offset."""
+        ...
+
     def error_um(self) -> float:
         """Return the standard uncertainty of x_1 since the last zero."""
         ...
@@ -126,6 +130,10 @@ class LinearResponse(FrozenRecord, frozen=True):
     def position_um(self) -> float:
         """Return x_1 at the voltage followed last."""
         return free_position(self, self.voltage_V)
+
+    def displacement_um(self) -> float:
+        """Return 0: a line remembers no path."""
+        return 0.0
 
     def error_um(self) -> float:
         """Return the share of gain·max|u - u_zero|: the way back has a branch of its own."""

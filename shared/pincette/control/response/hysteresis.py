@@ -120,38 +120,38 @@ def step(
     creep = tuple(
         [static_um + (c - static_um) * a for c, a in zip(state.creep_um, factors, strict=True)]
     )
-    return HysteresisState(voltage_V, plays, static_um, creep)
+    return HysteresisState(voltage_V, tuple(plays), static_um, creep)
 
 
 def _yielded(
     model: HysteresisModel, state: HysteresisState, u: float
-) -> tuple[tuple[float, ...], float]:
+) -> tuple[Sequence[float], float]:
     """The plays after the voltage went straight to u, and their static displacement."""
-    plays, static_um = state.plays_V, state.static_um
-    if u == state.voltage_V:
-        return plays, static_um
-    before = state.voltage_V
-    way_V, rises = abs(u - before), u - before > 0.0
+    plays, before = state.plays_V, state.voltage_V
+    if u == before:
+        return plays, state.static_um
+    back_V, sign = -abs(u - before), -1.0 if u > before else 1.0
     moved = list(plays)
     static_um = model.curvature_um_per_V2 * u * u
     fadings = model.fadings_per_V or repeat(0.0)
-    # Not strict: without fading the zeros have no end.
+    # Most of a tick is spent here: few names, few calls. Not strict: without fading the zeros
+    # have no end.
     for place, r, w, y, fading in zip(
         count(), model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
     ):
-        within = y
-        if fading != 0.0:
-            lost = -expm1(-fading * way_V)
-            rise_V = (lost if rises else -lost) / fading
-            within = u - ((before - y) * (1.0 - lost) + rise_V)
-        low_V, high_V = u - r, u + r
-        play = within if within < high_V else high_V
-        play = play if play > low_V else low_V
+        play = y
+        if fading:
+            lost = expm1(fading * back_V)
+            play = u - ((before - y) * (1.0 + lost) + sign * lost / fading)
+        if play <= u - r:
+            play = u - r
+        elif play >= u + r:
+            play = u + r
         moved[place] = play
         static_um += w * play
     if model.squares_um_per_V2:
         static_um += _bends_um(model, moved)
-    return tuple(moved), static_um
+    return moved, static_um
 
 
 def _bends_um(model: HysteresisModel, plays_V: Sequence[float]) -> float:

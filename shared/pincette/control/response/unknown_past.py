@@ -177,11 +177,8 @@ class UnknownPast(FrozenRecord, frozen=True):
         return lowest_um - self.at_zero_um[0], highest_um - self.at_zero_um[1]
 
     def _apart_um(self, response: FreeResponse) -> tuple[float, float]:
-        at_um = response.sample(0.0).displacement_um
-        return (
-            self.lowest.sample(0.0).displacement_um - at_um,
-            self.highest.sample(0.0).displacement_um - at_um,
-        )
+        at_um = response.displacement_um()
+        return self.lowest.displacement_um() - at_um, self.highest.displacement_um() - at_um
 
 
 def unknown_past(response: FreeResponse, ends_V: tuple[float, float]) -> UnknownPast:

@@ -21,7 +21,8 @@ from pincette.control.safety.freshness import (
     with_sample,
 )
 from pincette.control.safety.latch import released, trip
-from pincette.control.safety.monitors import finding, watch_command, watch_position
+from pincette.control.safety.monitors import Finding, finding, watch_command, watch_position
+from pincette.control.safety.second import SecondFacts, second_finding
 from pincette.control.safety.state import SafetyLimits, SafetyState, Strangers
 from pincette.control.safety.voltage import VoltageLimits, absurd, limited, slewing_s, too_wide
 
@@ -45,24 +46,49 @@ class CommandFacts(FrozenRecord, frozen=True):
     x_d_um: float | None = None
     sweep_V: float | None = None
     """Amplitude of a sweep about the voltage; None: without one."""
+    second: SecondFacts | None = None
+    """Of the second arm."""
 
 
-def sampled(limits: SafetyLimits, state: S, seq: int, x_um: float | None, now: float) -> S:
+def sampled(
+    limits: SafetyLimits,
+    state: S,
+    seq: int,
+    x_um: float | None,
+    now: float,
+    second_um: float | None = None,
+) -> S:
     """Note a sample of this epoch, in µm (None: no measurement), and hold it against the limits.
 
     An older or equal number changes nothing.
     """
     if seq <= newest_seq(state.arrivals):
         return state
-    state = replace(state, arrivals=with_sample(state.arrivals, seq, now, x_um))
-    if state.mode != Mode.ARMED or x_um is None:
+    state = replace(state, arrivals=with_sample(state.arrivals, seq, now, x_um, second_um))
+    if state.mode != Mode.ARMED:
         return state
-    watches = watch_position(limits.monitors, state.watches, x_um)
-    if watches is state.watches:
+    if x_um is not None:
+        watches = watch_position(limits.monitors, state.watches, x_um)
+        if watches is not state.watches:
+            state = replace(state, watches=watches)
+            if found := finding(limits.monitors, watches):
+                state = _tripped(limits, state, found, now)
+    return state if second_um is None else second_sampled(limits, state, second_um, now)
+
+
+def second_sampled(limits: SafetyLimits, state: S, x_um: float, now: float) -> S:
+    """Hold a sample of the second arm against its limits."""
+    second, own = state.second, limits.second
+    if second is None or own is None:
         return state
-    found = finding(limits.monitors, watches)
-    state = replace(state, watches=watches)
-    return trip(limits, state, found.cause, now, faults=(found.fault,)) if found else state
+    watches = watch_position(own.monitors, second.watches, x_um)
+    state = replace(state, second=replace(second, watches=watches))
+    found = second_finding(own.monitors, watches)
+    return _tripped(limits, state, found, now) if found else state
+
+
+def _tripped(limits: SafetyLimits, state: S, found: Finding, now: float) -> S:
+    return trip(limits, state, found.cause, now, faults=(found.fault,))
 
 
 def unheard(state: SafetyState, command: CommandFacts) -> Fault | None:
@@ -101,12 +127,15 @@ def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) ->
 
     One that is not valid is never taken; why it is not is remembered for the trip that may follow.
     """
-    if why := nonsense(limits.voltage, command.voltage_V, command.force_mN, command.x_d_um):
+    why = nonsense(limits.voltage, command.voltage_V, command.force_mN, command.x_d_um)
+    if why is None and (limits.second is not None or command.second is not None):
+        why = second_objection(limits, command)
+    if why:
         why = why.with_values(seq=command.seq)
         return replace(state, refused=state.refused + 1, refusal=why)
     sample = arrival_of(state.arrivals, command.seq)
     if sample is not None:
-        state = _monitored(limits, state, command, sample.x_um, now)
+        state = _monitored(limits, state, command, sample, now)
     if not command.valid:
         return replace(state, blind=command.fault)
     # A sample that was lost on its way here is no older than the one before it.
@@ -130,8 +159,24 @@ def nonsense(
     return None
 
 
+def second_objection(limits: SafetyLimits, command: CommandFacts) -> Fault | None:
+    """Why the second arm's part of a command may not be used; None where it may.
+
+    On a rig of two arms it must be there: one arm is never moved alone by leaving the other out.
+    A command that is not valid asks for nothing, and needs none.
+    """
+    own, second = limits.second, command.second
+    if own is None or second is None:
+        if (own is None) == (second is None) or not command.valid:
+            return None
+        arms = 1 if own is None else 2
+        return fault(FaultCode.OTHER_ARMS, arms=3 - arms, wanted_arms=arms)
+    why = nonsense(own.voltage, second.voltage_V, second.force_mN, second.x_d_um)
+    return why and why.with_values(arm=2)
+
+
 def _monitored(
-    limits: SafetyLimits, state: S, command: CommandFacts, x_um: float | None, now: float
+    limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float
 ) -> S:
     """Hold force and aim against the hard limits; a freeze is released by the force alone."""
     if state.mode not in (Mode.ARMED, Mode.FROZEN):
@@ -140,16 +185,35 @@ def _monitored(
         limits.monitors,
         state.watches,
         seq=command.seq,
-        x_um=x_um,
+        x_um=sample.x_um,
         x_d_um=command.x_d_um,
         force_mN=command.force_mN,
     )
     state = replace(state, watches=watches)
     if state.mode == Mode.ARMED:
-        found = finding(limits.monitors, watches)
-        return trip(limits, state, found.cause, now, faults=(found.fault,)) if found else state
-    pressed = watches.force.found(limits.monitors.force_samples)
-    return released(state, pressed, now) if pressed else state
+        if found := finding(limits.monitors, watches):
+            state = _tripped(limits, state, found, now)
+    elif pressed := watches.force.found(limits.monitors.force_samples):
+        state = released(state, pressed, now)
+    second, own = state.second, limits.second
+    if command.second is None or second is None or own is None:
+        return state
+    watches = watch_command(
+        own.monitors,
+        second.watches,
+        seq=command.seq,
+        x_um=sample.second_um,
+        x_d_um=command.second.x_d_um,
+        force_mN=command.second.force_mN,
+    )
+    state = replace(state, second=replace(second, watches=watches))
+    if state.mode == Mode.ARMED:
+        found = second_finding(own.monitors, watches)
+        return _tripped(limits, state, found, now) if found else state
+    pressed = watches.force.found(own.monitors.force_samples)
+    if pressed is None or state.mode != Mode.FROZEN:
+        return state
+    return released(state, pressed.with_values(arm=2), now)
 
 
 def objection(
@@ -180,11 +244,19 @@ def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arriva
         had_s = slewing_s(limits.period_s, now - state.moved_s)
         share = had_s / limits.period_s
     voltage_V, flags = limited(limits.voltage, state.voltage_V, command.voltage_V, share)
+    second, still = state.second, voltage_V == state.voltage_V
+    if second is not None and limits.second is not None and command.second is not None:
+        own_V, own_flags = limited(
+            limits.second.voltage, second.voltage_V, command.second.voltage_V, share
+        )
+        still &= own_V == second.voltage_V
+        second = replace(second, voltage_V=own_V, limits_active=own_flags)
     return replace(
         state,
         mode=Mode.IDLE if command.final else Mode.ARMED,
         voltage_V=voltage_V,
-        moved_s=state.moved_s if voltage_V == state.voltage_V else now,
+        second=second,
+        moved_s=state.moved_s if still else now,
         slewing_s=had_s,
         part_held=command.part_held,
         taken_seq=command.seq,

@@ -14,6 +14,7 @@ from pincette.control.faults import FaultCode, fault
 from pincette.control.safety.causes import BOOTED, TRIPPED, Cause, Mode
 from pincette.control.safety.latch import at_safe, not_located, ramped, trip
 from pincette.control.safety.state import SafetyLimits, SafetyState
+from pincette.control.safety.voltage import put_out
 
 S = TypeVar("S", bound=SafetyState)
 
@@ -40,22 +41,53 @@ def failed(state: S) -> S:
     return replace(state, unconfirmed=True, located=False)
 
 
-def found(limits: SafetyLimits, state: S, found_V: float, now: float) -> S:
-    """Go on from the voltage that the output has read back.
+def begun(limits: SafetyLimits, state: S, found_V: float, second_V: float | None = None) -> S:
+    """Begin from what is put out.
 
     Where that is nearer to the safe voltage than to the one that was told, the output has let a
-    part go by itself. A ramp begins anew from there, also where the actuator was latched already,
-    and stays unconfirmed until a write of it is; a freeze, and the latch of a boot, keep what there
-    is.
+    part go by itself; of two arms, where it is so of either.
     """
+    found_V = put_out(limits.voltage, found_V)
     let_go = abs(found_V - limits.safe_V) < abs(found_V - state.voltage_V)
+    second = state.second
+    if limits.second is not None and second is not None and second_V is not None:
+        second_V = put_out(limits.second.voltage, second_V)
+        let_go |= abs(second_V - limits.safe_V) < abs(second_V - second.voltage_V)
+        second = second.at(second_V)
     held = state.part_held and not let_go
-    state = replace(state, voltage_V=found_V, part_held=held, unconfirmed=False, located=True)
+    return replace(state, voltage_V=found_V, part_held=held, second=second)
+
+
+def differs(state: SafetyState, found_V: float, second_V: float | None = None) -> bool:
+    """Whether what is put out is another voltage than the one that was told, by more than
+    rounding."""
+    if abs(found_V - state.voltage_V) > READ_BACK_V:
+        return True
+    second = state.second
+    if second is None or second_V is None:
+        return False
+    return abs(second_V - second.voltage_V) > READ_BACK_V
+
+
+def found(
+    limits: SafetyLimits, state: S, found_V: float, now: float, second_V: float | None = None
+) -> S:
+    """Go on from the voltage that the output has read back.
+
+    A ramp begins anew from there, also where the actuator was latched already, and stays
+    unconfirmed until a write of it is; a freeze, and the latch of a boot, keep what there is. But
+    where one of two outputs has let a part go by itself, a freeze ends: the other follows.
+    """
+    was_held = state.part_held
+    state = replace(begun(limits, state, found_V, second_V), unconfirmed=False, located=True)
+    if state.mode == Mode.FROZEN and was_held and not state.part_held and state.second is not None:
+        return replace(ramped(state, now), unconfirmed=True)
     kept = state.mode == Mode.FROZEN or (state.mode == Mode.LATCHED and state.cause in BOOTED)
     if kept or state.mode not in TRIPPED:
         return state
-    if abs(found_V - limits.safe_V) <= READ_BACK_V:
-        return at_safe(limits, state)
+    at_rest = at_safe(limits, state)
+    if not differs(at_rest, found_V, second_V):
+        return at_rest
     return replace(ramped(state, now), unconfirmed=True)
 
 

@@ -21,6 +21,8 @@ class Arrival(FrozenRecord, frozen=True):
     at_s: float
     x_um: float | None
     """None where it was no measurement."""
+    second_um: float | None = None
+    """Of the second arm."""
 
 
 Arrivals = tuple[Arrival, ...]
@@ -50,11 +52,17 @@ def skipped_seq(arrivals: Arrivals, seq: int) -> int:
     return seq - 1 if 0 <= newest < seq - 1 else -1
 
 
-def with_sample(arrivals: Arrivals, seq: int, at_s: float, x_um: float | None) -> Arrivals:
+def with_sample(
+    arrivals: Arrivals,
+    seq: int,
+    at_s: float,
+    x_um: float | None,
+    second_um: float | None = None,
+) -> Arrivals:
     """Note a sample; older and equal numbers change nothing."""
     if seq <= newest_seq(arrivals):
         return arrivals
-    return (*arrivals[1 - ARRIVALS_KEPT :], Arrival(seq, at_s, x_um))
+    return (*arrivals[1 - ARRIVALS_KEPT :], Arrival(seq, at_s, x_um, second_um))
 
 
 def arrival_of(arrivals: Arrivals, seq: int) -> Arrival | None:

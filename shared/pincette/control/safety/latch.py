@@ -75,6 +75,7 @@ def armed(limits: SafetyLimits, state: S, *, epoch: int, owner: int, now: float)
         excused_s=0.0,
         refusal=None,
         strangers=NO_STRANGERS,
+        second=state.second and state.second.armed(),
     )
 
 
@@ -107,12 +108,24 @@ def trip(
 
 def ramped(state: S, now: float) -> S:
     """Begin the ramp to the safe voltage from where the voltage is."""
-    return replace(state, mode=Mode.RAMPING, since_s=now, ramp_from_V=state.voltage_V)
+    return replace(
+        state,
+        mode=Mode.RAMPING,
+        since_s=now,
+        ramp_from_V=state.voltage_V,
+        second=state.second and state.second.ramped(),
+    )
 
 
 def at_safe(limits: SafetyLimits, state: S) -> S:
     """Be latched at the safe voltage, without a part."""
-    return replace(state, mode=Mode.LATCHED, voltage_V=limits.safe_V, part_held=False)
+    return replace(
+        state,
+        mode=Mode.LATCHED,
+        voltage_V=limits.safe_V,
+        part_held=False,
+        second=state.second and state.second.at(limits.safe_V),
+    )
 
 
 def released(state: S, pressed: Fault, now: float) -> S:
@@ -186,8 +199,12 @@ def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
         return over if share >= 1.0 else state
     if share >= 1.0:
         return replace(at_safe(limits, state), moved_s=now)
-    voltage_V = ramp(state.ramp_from_V, limits.safe_V, share)
-    return replace(state, voltage_V=voltage_V, moved_s=now)
+    return replace(
+        state,
+        voltage_V=ramp(state.ramp_from_V, limits.safe_V, share),
+        moved_s=now,
+        second=state.second and state.second.on_ramp(limits.safe_V, share),
+    )
 
 
 def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> tuple[Fault, ...]:
@@ -200,7 +217,9 @@ def shutdown(limits: SafetyLimits, state: S, now: float) -> tuple[S, bool]:
 
     True where it has come to its end.
     """
-    if state.voltage_V == limits.safe_V:
+    if state.voltage_V == limits.safe_V and (
+        state.second is None or state.second.voltage_V == limits.safe_V
+    ):
         return state, True
     if state.mode != Mode.RAMPING:
         cause = state.cause or Cause.SHUTDOWN

@@ -8,6 +8,7 @@ from pincette.control.record import FrozenRecord
 from pincette.control.safety.causes import Cause, Mode, Predecessor
 from pincette.control.safety.freshness import AgeLimits, Arrivals
 from pincette.control.safety.monitors import UNSEEN, MonitorLimits, Watches
+from pincette.control.safety.second import SecondArm, SecondLimits
 from pincette.control.safety.voltage import VoltageLimits
 
 ALARM = 3
@@ -28,6 +29,8 @@ class SafetyLimits:
     freeze_s: float
     """How long a held part is kept after a trip, before the ramp releases it."""
     safe_V: float
+    second: SecondLimits | None = None
+    """Of the second arm; None where there is one arm."""
 
 
 class Strangers(FrozenRecord, frozen=True):
@@ -91,6 +94,8 @@ class SafetyState(FrozenRecord, frozen=True):
     """Since it has failed it has said what it puts out."""
     asked_s: float = -inf
     """When it was asked for its voltage last."""
+    second: SecondArm | None = None
+    """The second arm, where there is one; all else is of both."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:

@@ -21,6 +21,8 @@ class VoltageLimits:
     """Largest change in a control period, and from one command to the next."""
     sweep_V: float
     """Largest amplitude of a sweep, to which the slew limit does not apply."""
+    step_V: float = 0.0
+    """Of the output, whose voltages are its multiples; 0: not known."""
 
 
 def slewing_s(period_s: float, since_s: float) -> float:
@@ -38,7 +40,9 @@ def limited(
     """The wanted voltage within range and slew, in V, and the bits of the limits that acted.
 
     u = clip(clip(wanted, min, max), present - share·slew, present + share·slew), with the share of
-    a period that has passed since the output moved last.
+    a period that has passed since the output moved last; then the nearest multiple of the output's
+    step between these limits, unless the slew is slower than a step. What the output would round by
+    itself, the arm's hysteresis would follow and no memory of it know.
     """
     flags, slew_V = 0, share * limits.slew_V
     if wanted_V > limits.max_V:
@@ -46,10 +50,30 @@ def limited(
     elif wanted_V < limits.min_V:
         wanted_V, flags = limits.min_V, VOLTAGE_MIN
     if wanted_V > present_V + slew_V:
-        return present_V + slew_V, flags | SLEW_UP
-    if wanted_V < present_V - slew_V:
-        return present_V - slew_V, flags | SLEW_DOWN
-    return wanted_V, flags
+        wanted_V, flags = present_V + slew_V, flags | SLEW_UP
+    elif wanted_V < present_V - slew_V:
+        wanted_V, flags = present_V - slew_V, flags | SLEW_DOWN
+    if limits.step_V <= 0.0 or slew_V < limits.step_V:
+        return wanted_V, flags
+    return _stepped(limits, present_V, wanted_V, slew_V), flags
+
+
+def _stepped(limits: VoltageLimits, present_V: float, wanted_V: float, slew_V: float) -> float:
+    """The multiple of the step next to a voltage within the limits, within them too."""
+    steps = round(wanted_V / limits.step_V)
+    nearest_V = steps * limits.step_V
+    if nearest_V > limits.max_V or nearest_V > present_V + slew_V:
+        return (steps - 1) * limits.step_V
+    if nearest_V < limits.min_V or nearest_V < present_V - slew_V:
+        return (steps + 1) * limits.step_V
+    return nearest_V
+
+
+def put_out(limits: VoltageLimits, said_V: float) -> float:
+    """What an output puts out that reads back a voltage, in V: it may round what it says, too."""
+    if limits.step_V <= 0.0:
+        return said_V
+    return round(said_V / limits.step_V) * limits.step_V
 
 
 def absurd(limits: VoltageLimits, wanted_V: float) -> Fault | None:

@@ -4,7 +4,9 @@ A loop that hangs cannot say so. One that runs says so only while its output sta
 want it: a ramp, or a safe voltage, that the output does not confirm is left to the hardware, which
 goes to its safe value when the heartbeats end. A freeze is different: it writes nothing, and what
 keeps the part is the heartbeat; so it is fed for the freeze's bounded time. A latched actuator is
-the one that holds the safe voltage, and goes on to feed.
+the one that holds the safe voltage, and goes on to feed. Of two arms, a frozen one is not fed while
+the other does not confirm its voltage: what hears no heartbeat lets go by itself, and the other
+must not be left to press alone.
 """
 
 from pincette.control.safety.causes import Mode
@@ -18,6 +20,6 @@ def may_kick_watchdog(limits: SafetyLimits, state: SafetyState, now: float) -> b
     """Whether the loop is healthy."""
     if state.mode == Mode.ARMED:
         return now - state.fresh_s <= OVERDUE * limits.age.limit_s
-    if state.mode == Mode.FROZEN:
+    if state.mode == Mode.FROZEN and not (state.second and state.unconfirmed):
         return now - state.since_s <= limits.freeze_s + limits.age.limit_s
     return state.mode == Mode.IDLE or not state.unconfirmed

@@ -11,13 +11,13 @@ from math import inf
 
 import numpy as np
 
+from pincette.control.arm.sampled_arm import LoopCase
 from pincette.control.force.observers import ForceObserver
 from pincette.control.laws.definition import Array
 from pincette.control.stability.limits import LIMIT_PEAK, limit_radius_at, short, widened
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.loop_modes import counted_radii, settling_ticks
 from pincette.control.stability.refusal import reason
-from pincette.control.stability.sampled_arm import LoopCase
 from pincette.control.stability.worst_case import Intervals, worst_case, worst_sensitivity
 
 

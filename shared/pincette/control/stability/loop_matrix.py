@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pincette.control.arm.plant import PROMPT, ArmParameters, OutputTiming
+from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.force.observers import (
     ForceObserver,
@@ -30,7 +31,6 @@ from pincette.control.laws.definition import Array, LawSettings
 from pincette.control.laws.law import Law
 from pincette.control.laws.planned_motion import PlannedMotion
 from pincette.control.record import field_names
-from pincette.control.stability.sampled_arm import LoopCase, sampled_arms
 
 Value = TypeVar("Value")
 ForceOfLaw = Literal["estimated", "true"]

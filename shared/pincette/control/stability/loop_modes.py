@@ -4,9 +4,9 @@ from math import log
 
 import numpy as np
 
+from pincette.control.arm.sampled_arm import LoopCase
 from pincette.control.laws.definition import Array
 from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, loop_matrices
-from pincette.control.stability.sampled_arm import LoopCase
 
 SETTLED = 0.02
 """Share of a disturbance within which the position counts as settled."""

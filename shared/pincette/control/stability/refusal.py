@@ -7,11 +7,11 @@ from math import inf, pi
 
 import numpy as np
 
+from pincette.control.arm.sampled_arm import LoopCase
 from pincette.control.force.observers import QuasiStatic, held_age, kept
 from pincette.control.stability.limits import LIMIT_PEAK, limit_radius_at, short, widened
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.loop_modes import counted_radii
-from pincette.control.stability.sampled_arm import LoopCase
 from pincette.control.stability.worst_case import (
     Intervals,
     corners,

@@ -14,9 +14,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
 from pincette.control.laws.definition import Array
 from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, controller_block, told_of
-from pincette.control.stability.sampled_arm import LoopCase, sampled_arms
 
 Complex = npt.NDArray[np.complex128]
 LOW, MIDDLE = 2e-3, 0.2

@@ -19,13 +19,13 @@ import numpy as np
 import numpy.typing as npt
 
 from pincette.control.arm.plant import PROMPT, ArmParameters, OutputTiming
+from pincette.control.arm.sampled_arm import exponential
 from pincette.control.force.observers import least_period_s
 from pincette.control.laws import two_arms
 from pincette.control.laws.definition import Array
 from pincette.control.laws.fpbsmic import Cascade
 from pincette.control.laws.two_arms import Pair, TwoArmReferences, TwoArmState
 from pincette.control.stability.limits import LIMIT_PEAK, limit_radius_at
-from pincette.control.stability.sampled_arm import exponential
 from pincette.control.stability.sensitivity import angles
 
 Complex = npt.NDArray[np.complex128]

@@ -13,9 +13,9 @@ from math import ceil, inf, sqrt
 
 import numpy as np
 
+from pincette.control.arm.sampled_arm import LoopCase
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.loop_modes import counted_radii
-from pincette.control.stability.sampled_arm import LoopCase
 from pincette.control.stability.sensitivity import sensitivity_peaks
 
 Axis = tuple[float, ...]

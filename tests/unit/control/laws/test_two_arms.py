@@ -152,6 +152,21 @@ def test_what_is_missed_of_the_place_is_made_good_by_the_share_of_the_pole() -> 
         assert arms.place_um() - 0.3 == pytest.approx(off_um, abs=1e-9)
 
 
+@pytest.mark.parametrize("seeks", [True, False])
+def test_what_arms_miss_that_look_for_the_part_is_not_made_good(seeks: bool) -> None:
+    arms = Ideal()
+    arms.pressed = False
+    rest = TwoArmReferences(place_um=0.0, opening_um=50.0, pressed=False)
+    for _ in range(200):
+        arms.tick(rest)
+    before_um = arms.free_um
+    one, two = arms.offsets_um
+    arms.offsets_um = one - 0.5, two
+    arms.tick(replace(rest, seeks=seeks))
+    arms.tick(replace(rest, seeks=seeks))
+    assert (arms.free_um == pytest.approx(before_um, abs=1e-6)) is seeks
+
+
 @pytest.mark.parametrize("pressed", [True, False])
 def test_the_first_step_and_a_change_of_contact_keep_voltages_where_references_are_met(
     pressed: bool,

@@ -1,5 +1,6 @@
 """Range, slew, sweeps and the ramp."""
 
+from dataclasses import replace
 from math import inf, nan
 
 import pytest
@@ -55,6 +56,44 @@ def test_what_acts_is_always_told(present_V: float, wanted_V: float) -> None:
     assert LIMITS.min_V <= voltage_V <= LIMITS.max_V
     assert abs(voltage_V - present_V) <= LIMITS.slew_V + 1e-12
     assert (voltage_V == wanted_V) == (flags == 0)
+
+
+STEPPED = replace(LIMITS, step_V=20.0 / 2**14)
+
+
+@given(st.integers(-819, 3276), st.floats(allow_nan=False), st.floats(0.01, 1.0))
+def test_an_output_with_a_step_is_told_a_multiple_within_every_limit(
+    steps: int, wanted_V: float, share: float
+) -> None:
+    present_V = steps * STEPPED.step_V
+    voltage_V, flags = limited(STEPPED, present_V, wanted_V, share)
+    assert voltage_V == round(voltage_V / STEPPED.step_V) * STEPPED.step_V
+    assert STEPPED.min_V <= voltage_V <= STEPPED.max_V
+    assert abs(voltage_V - present_V) <= share * STEPPED.slew_V
+    plain_V, plain_flags = limited(LIMITS, present_V, wanted_V, share)
+    assert flags == plain_flags
+    assert abs(voltage_V - plain_V) <= STEPPED.step_V * (0.5 if flags == 0 else 1.0) + 1e-12
+
+
+def test_a_slew_below_a_step_still_moves() -> None:
+    slow = replace(STEPPED, slew_V=0.0004)
+    assert limited(slow, 0.0, 1.0) == (0.0004, SLEW_UP)
+
+
+@pytest.mark.parametrize(
+    ("present_V", "wanted_V", "steps"),
+    [(3.9, 9.0, 3276), (-0.9, -9.0, -819), (0.0, 0.0004, 0), (0.0, 0.0007, 1)],
+)
+def test_the_nearest_multiple_is_taken_and_the_next_one_inwards_at_a_limit(
+    present_V: float, wanted_V: float, steps: int
+) -> None:
+    assert limited(STEPPED, present_V, wanted_V)[0] == steps * STEPPED.step_V
+
+
+@pytest.mark.parametrize(("wanted_V", "voltage_V"), [(1.0, 5), (-1.0, -5)])
+def test_a_slew_between_two_multiples_takes_the_nearer_end(wanted_V: float, voltage_V: int) -> None:
+    between = replace(STEPPED, slew_V=5.7 * STEPPED.step_V)
+    assert limited(between, 0.0, wanted_V)[0] == voltage_V * STEPPED.step_V
 
 
 @pytest.mark.parametrize("voltage_V", [-51.0, 0.0, 54.0])

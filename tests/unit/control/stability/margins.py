@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pincette.control.arm.sampled_arm import LoopCase
 from pincette.control.laws.definition import Array
 from pincette.control.stability.limits import LIMIT_RADIUS
 from pincette.control.stability.loop_matrix import Loop, loop_matrices
 from pincette.control.stability.loop_modes import counted_radii
-from pincette.control.stability.sampled_arm import LoopCase
 
 FARTHEST = 32.0
 """Factor beyond which no margin is looked for."""

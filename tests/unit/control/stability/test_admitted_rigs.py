@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
 from pincette.control.laws import law as control_law
 from pincette.control.laws.planned_motion import PlannedMotion
 from pincette.control.planning.profiles import move
 from pincette.control.stability.assessment import assess
 from pincette.control.stability.loop_matrix import Loop
-from pincette.control.stability.sampled_arm import LoopCase, sampled_arms
 
 from .test_short_periods import ARM, PART, loop_of
 

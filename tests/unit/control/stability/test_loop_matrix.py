@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from pincette.control.arm.plant import ArmParameters, consistent_arm
+from pincette.control.arm.sampled_arm import LoopCase
 from pincette.control.force.inverse_dynamics import inverse_dynamics
 from pincette.control.force.kalman import augmented_kalman
 from pincette.control.force.observers import ForceObserver, QuasiStatic, QuasiStaticParameters
 from pincette.control.laws import law as control_law
 from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.loop_matrix import Loop, loop_matrices
-from pincette.control.stability.sampled_arm import LoopCase
 from tests.support.laws import law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA, exponential
 

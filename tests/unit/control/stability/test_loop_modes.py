@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pincette.control.arm.plant import consistent_arm, discretize
+from pincette.control.arm.sampled_arm import LoopCase
 from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, loop_matrices
 from pincette.control.stability.loop_modes import counted_radii, settling_ticks
-from pincette.control.stability.sampled_arm import LoopCase
 from tests.support.laws import default_settings, law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
 

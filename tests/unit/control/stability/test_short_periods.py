@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pincette.control.arm.plant import OutputTiming, consistent_arm
+from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
 from pincette.control.force.observers import QuasiStatic, QuasiStaticParameters, held_age
 from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.fpbsmic import LAW as FPBSMIC
@@ -15,7 +16,6 @@ from pincette.control.stability.assessment import assess
 from pincette.control.stability.limits import LIMIT_PEAK, limit_radius_at, short, widened
 from pincette.control.stability.loop_matrix import Loop, loop_matrices
 from pincette.control.stability.refusal import aliased_hz
-from pincette.control.stability.sampled_arm import LoopCase, sampled_arms
 from pincette.control.stability.sensitivity import angles, sensitivity_peaks
 from pincette.control.stability.worst_case import around, worst_sensitivity
 from tests.support.laws import law_settings
@@ -145,7 +145,7 @@ def test_what_is_not_told_is_judged_as_well() -> None:
     lost = replace(told, told_mN_per_um=2.17)
     radii = np.abs(np.linalg.eigvals(loop_matrices(loop, (told, lost)))).max(axis=1)
     assert radii[1] > radii[0]
-    assert assess(loop, PART).radius >= radii[1]
+    assert assess(loop, PART).radius >= radii[1] * (1.0 - 1e-12)
     case, peak = worst_sensitivity(loop, wide)
     assert peak > 2.0
     assert case.told in (0.0, 2.17)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from pincette.control.arm.plant import consistent_arm
+from pincette.control.arm.sampled_arm import LoopCase
 from pincette.control.force.kalman import augmented_kalman
 from pincette.control.force.observers import ForceObserver
 from pincette.control.stability.assessment import assess, radius_map
 from pincette.control.stability.loop_matrix import Loop
-from pincette.control.stability.sampled_arm import LoopCase
 from pincette.control.stability.worst_case import Intervals, around
 from tests.support.laws import law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA

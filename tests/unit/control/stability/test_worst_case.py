@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pincette.control.arm.plant import consistent_arm
+from pincette.control.arm.sampled_arm import LoopCase
 from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.loop_modes import counted_radii
-from pincette.control.stability.sampled_arm import LoopCase
 from pincette.control.stability.worst_case import Intervals, around, worst_case
 from tests.support.laws import default_settings, law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pincette.control.arm.plant import consistent_arm
-from pincette.control.stability.sampled_arm import LoopCase, sampled_arms
+from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
 
 D_P = 19.0

@@ -1,0 +1,194 @@
+"""What a burst of voltages makes of the sampled arm, and the least squares of it.
+
+The parameters are log ω_n, log ζ, D/T and τ/T, with D = δ + τ; see ``output_timing``. Both gains
+and a slow curve below each burst are worked out for each of them (projection).
+
+Source: G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973.
+"""
+
+from collections.abc import Sequence
+from math import exp, log, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.arm.plant import consistent_arm
+from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
+from pincette.control.checks import require_as_many
+
+TAIL = 1e-6
+"""Of the mode's ring, below which its answer to a voltage has ended."""
+LONGEST_RING = 4000
+"""Ticks that such a ring is worked out for, at most."""
+MOST_DAMPING = 0.5
+"""ζ up to which there is a mode."""
+LEAST_LOG_DAMPING = log(1e-4)
+"""Of log ζ, that a fit may come to; the most is 0."""
+ORDERS = (3, 8)
+"""Of the difference equation by which the mode is first looked for: the mode and a lag, and where
+noise hides it there, a longer one."""
+ROUNDS = 30
+SETTLED = 1e-2
+"""Step of a fit, in its standard errors or log, below which it has settled."""
+STEPS = np.array([1e-5, 1e-3, 1e-3, 1e-3])
+"""Of the differences by which slopes are worked out: of both logs, and of D/T and τ/T."""
+DEGREE = 3
+"""Of the curve below a burst."""
+MOST_LATE = 8.0
+"""Periods that a fit may come to, on its way."""
+Column = NDArray[np.float64]
+
+
+class Burst(NamedTuple):
+    """One burst from rest to rest: N voltages in V about that of the rest, and N positions in µm.
+
+    ``x_um[k]`` is the sample that the voltage ``voltage_V[k]`` answers; NaN where it is missing.
+    """
+
+    voltage_V: Column
+    x_um: Column
+
+
+class PreparedBurst(NamedTuple):
+    """A burst without what is slow in it."""
+
+    voltage_V: Column
+    seen: NDArray[np.bool_]
+    slow: NDArray[np.float64]
+    """Orthonormal columns of the curve below it, where there are samples."""
+    x_um: Column
+
+
+def prepared(burst: Burst) -> PreparedBurst:
+    """Take off what is slow; raises ValueError where lengths disagree."""
+    u, x = np.asarray(burst.voltage_V, dtype=float), np.asarray(burst.x_um, dtype=float)
+    require_as_many("voltages", u, "positions", x)
+    seen = np.isfinite(x)
+    curve = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(x)), DEGREE)
+    slow = np.asarray(np.linalg.qr(curve[seen])[0], dtype=np.float64)
+    return PreparedBurst(u, seen, slow, _less(slow, x[seen]))
+
+
+def _less(slow: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    return columns - slow @ (slow.T @ columns)
+
+
+def _impulse(period_s: float, at: Column) -> tuple[NDArray[np.float64], int]:
+    """Answers of mode and output to one voltage, shape (ticks, 2), and ticks that they come late.
+
+    Row j is the sample j + 1 ticks after the one that the voltage answers.
+    """
+    omega_n, zeta = exp(float(at[0])), exp(float(at[1]))
+    lag = float(at[3])
+    delay = min(max(float(at[2]) - lag, -1.0), MOST_LATE)
+    late = int(np.floor(delay))
+    arm = consistent_arm(omega_n, zeta, 1.0, 1.0)
+    case = LoopCase(delay_periods=min(1.0, delay - late))
+    transitions, drives = sampled_arms(arm, period_s, lag * period_s, (case,))
+    state, output = drives[0], 2 if lag > 0.0 else 3
+    count = min(LONGEST_RING, int(log(1.0 / TAIL) / (zeta * omega_n * period_s)) + 2)
+    rows = np.empty((count, 2))
+    for row in range(count):
+        rows[row] = state[0], state[output]
+        state = transitions[0] @ state
+    return rows, late
+
+
+def _answers(some: Sequence[PreparedBurst], period_s: float, at: Column) -> NDArray[np.float64]:
+    """What the voltages make of mode and output, shape (samples seen, 2)."""
+    impulse, late = _impulse(period_s, at)
+    begin, found = late + 1, list[NDArray[np.float64]]()
+    for one in some:
+        count = len(one.voltage_V)
+        made = np.zeros((count, 2))
+        for place in range(2):
+            whole = np.convolve(one.voltage_V, impulse[:, place])[: count - begin]
+            made[begin : begin + len(whole), place] = whole
+        found.append(_less(one.slow, made[one.seen]))
+    return np.concatenate(found)
+
+
+def solved(some: Sequence[PreparedBurst], period_s: float, at: Column) -> tuple[Column, Column]:
+    """Gains g and gρ of the best fit, and its residuals burst after burst."""
+    columns = _answers(some, period_s, at)
+    target = np.concatenate([one.x_um for one in some])
+    gains = np.linalg.lstsq(columns, target, rcond=None)[0]
+    left = target - columns @ gains
+    return np.asarray(gains, dtype=np.float64), np.asarray(left, dtype=np.float64)
+
+
+def fit(some: Sequence[PreparedBurst], period_s: float, at: Column, *, lagged: bool) -> Column:
+    """Parameters of the least residual by Levenberg and Marquardt; raises ValueError."""
+    count, damping = 4 if lagged else 3, 1e-6
+    _, left = solved(some, period_s, at)
+    for _ in range(ROUNDS):
+        slopes = np.empty((len(left), count))
+        for place in range(count):
+            moved = at.copy()
+            moved[place] += STEPS[place]
+            slopes[:, place] = (solved(some, period_s, moved)[1] - left) / STEPS[place]
+        norms = np.sqrt(np.sum(slopes**2, axis=0))
+        scale = sqrt(float(np.mean(left**2))) / norms
+        while True:
+            stacked = np.vstack([slopes, np.diag(sqrt(damping) * norms)])
+            right = np.concatenate([-left, np.zeros(count)])
+            step = np.linalg.lstsq(stacked, right, rcond=None)[0]
+            tried = at.copy()
+            tried[:count] += step
+            tried[0] = min(float(tried[0]), log(pi / period_s))
+            tried[1] = min(max(float(tried[1]), LEAST_LOG_DAMPING), 0.0)
+            tried[3] = max(float(tried[3]), 0.0)
+            found = solved(some, period_s, tried)[1]
+            if float(found @ found) <= float(left @ left) or damping > 1e6:
+                break
+            damping *= 10.0
+        damping = max(1e-12, 0.1 * damping)
+        moved_by = np.abs(tried - at)[:count]
+        if float(found @ found) <= float(left @ left):
+            at, left = tried, found
+        if bool((moved_by < SETTLED * np.maximum(scale, 1e-9)).all()) or damping > 1e5:
+            return at
+    raise ValueError(
+        f"the fit of delay and lag has not settled in {ROUNDS} rounds: the arm does not answer "
+        "like one mode; take away what touches it"
+    )
+
+
+def first_mode(bursts: Sequence[Burst], period_s: float) -> Column:
+    """Log ω_n and log ζ by the poles of x_k = Σ a_i·x_{k-i} + Σ b_i·u_{k-i}, where a fit begins.
+
+    Raises
+    ------
+    ValueError
+        Where no pole is that of a mode.
+    """
+    for order in ORDERS:
+        modes = [
+            pole
+            for pole in _poles(bursts, period_s, order)
+            if pole.imag > 0.0 and -MOST_DAMPING * abs(pole) < pole.real < 0.0
+        ]
+        if modes:
+            rate = max(modes, key=lambda pole: pole.real)
+            return np.log([abs(rate), -rate.real / abs(rate)])
+    raise ValueError("the arm does not ring at any frequency: samples of a free arm would")
+
+
+def _poles(bursts: Sequence[Burst], period_s: float, order: int) -> list[complex]:
+    """Poles in 1/s of the difference equation that explains the samples best."""
+    rows: list[NDArray[np.float64]] = []
+    for burst in bursts:
+        u, x = burst.voltage_V, burst.x_um
+        curve = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(x)), DEGREE)
+        past = [np.roll(x, ticks) for ticks in range(order + 1)]
+        led = [np.roll(u, ticks) for ticks in range(1, order + 3)]
+        table = np.column_stack([*past, *led, curve])[order + 2 :]
+        table = table[np.isfinite(table).all(axis=1)]
+        slow = np.asarray(np.linalg.qr(table[:, -DEGREE - 1 :])[0], dtype=np.float64)
+        rest = np.asarray(table[:, : -DEGREE - 1], dtype=np.float64)
+        rows.append(_less(slow, rest))
+    table = np.concatenate(rows)
+    a = np.linalg.lstsq(table[:, 1:], table[:, 0], rcond=None)[0]
+    roots = np.roots([1.0, *-a[:order]]).astype(complex)
+    return (np.log(roots[np.abs(roots) > 0.0]) / period_s).tolist()

@@ -1,0 +1,174 @@
+"""When a voltage acts on the arm, and its mode, from bursts of voltages at the period of the loop.
+
+The voltage of tick k is put out δ after the sample, and reaches the arm behind a first-order lag τ
+
+    y' = (u - y)/τ,    x'' + 2ζω_n·x' + ω_n²·x = ω_n²·g·y                                     (54)
+
+sampled exactly, as in ``control.arm.sampled_arm``. Higher modes follow like a spring, with a
+share ρ. A burst is short and rings the mode, so hysteresis and creep are a slow curve below it:
+
+    x_k = x̄_k(ω_n, ζ, δ, τ; g, gρ) + a cubic for each burst
+
+by least squares in log ω_n, log ζ, D = δ + τ and τ, the rest by projection. To first order a
+lag is a delay, so that D is known well. To second order it is part of the gains:
+
+    e^(sτ)/(1 + sτ) = 1 + s²τ²/2 - s³τ³/3 + …,    s²·x = ω_n²·(g·y - x) - 2ζω_n·s·x
+
+What tells it from a delay is the third, and a lag far below 1/ω_n is hardly told from none.
+Uncertainties come from leaving out one burst after the other (jackknife), so that they contain
+what the model misses as far as it differs from burst to burst. What does not is bounded by
+hysteresis: a loss turns the phase of every frequency alike, by φ_h, and at the mode that looks
+like a delay of φ_h/ω_n, or like a lag that is another by φ_h·√(1 + ω_n²τ²)/ω_n.
+
+Sources: G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973 (projection); B. Efron, The
+Jackknife, SIAM 1982. Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.control.calibration.burst_fit import (
+    Burst,
+    Column,
+    PreparedBurst,
+    first_mode,
+    fit,
+    prepared,
+    solved,
+)
+from pincette.control.checks import require_positive
+
+LEAST_BURSTS = 4
+LONGEST_DELAY = 1.5
+"""Periods up to which a delay is looked for."""
+DELAYS = np.arange(0.05, LONGEST_DELAY, 0.1)
+LAGS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
+"""Periods that a delay and a lag are first looked for at."""
+SIGNIFICANT = 4.0
+"""Standard errors from which on a lag is told from none."""
+HALVINGS = 6
+LOSS_RAD = 0.02
+"""Phase by which the loss of a small loop of the hysteresis may turn the mode's answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifiedTiming:
+    """Delay, lag and mode with standard uncertainties, and the fit for a plot."""
+
+    delay_s: float
+    delay_uncertainty_s: float
+    lag_s: float
+    """τ; 0 where the samples tell it from none by less than ``SIGNIFICANT``."""
+    lag_uncertainty_s: float
+    natural_frequency_rad_per_s: float
+    natural_frequency_uncertainty_rad_per_s: float
+    damping_ratio: float
+    damping_ratio_uncertainty: float
+    gain_um_per_V: float
+    """At the amplitude of the bursts; below d_p for the hysteresis."""
+    moved_um: tuple[Column, ...]
+    """Of each burst, the samples without what is slow in them, and"""
+    residual_um: tuple[Column, ...]
+    """what the fit leaves of them."""
+
+    @property
+    def explained(self) -> float:
+        """Share of the bursts' motion that the fit explains, by variance."""
+        left = sum(float(one @ one) for one in self.residual_um)
+        return 1.0 - left / sum(float(one @ one) for one in self.moved_um)
+
+
+def output_timing(bursts: Sequence[Burst], period_s: float) -> IdentifiedTiming:
+    """Find delay, lag and mode from bursts of a free arm.
+
+    Parameters
+    ----------
+    bursts
+        At least ``LEAST_BURSTS``, each with voltages of its own.
+
+    Raises
+    ------
+    ValueError
+        Where there are too few bursts, they show no mode, or the fit does not settle or
+        ends at a delay beyond ``LONGEST_DELAY`` periods.
+    """
+    T = require_positive("period", period_s, "s")
+    if len(bursts) < LEAST_BURSTS:
+        raise ValueError(f"{len(bursts)} bursts, must be at least {LEAST_BURSTS}")
+    some = [prepared(one) for one in bursts]
+    without = [[*some[:skip], *some[skip + 1 :]] for skip in range(len(some))]
+    found, most = _by_lag(some, T, first_mode(bursts, T))
+    lagged = bool(found[3] > 0.0)
+    left = np.array([fit(one, T, found, lagged=lagged) for one in without])
+    deviation = _jackknife(left)
+    lag_s = T * float(found[3])
+    omega_n, zeta = exp(float(found[0])), exp(float(found[1]))
+    loss_s = LOSS_RAD / omega_n
+    if lagged:
+        delays = left[:, 2] - left[:, 3]
+        # |dG/G| of 1/(1 + jωτ) at the mode is ω·dτ/√(1 + ω²τ²).
+        lag_error_s = hypot(T * float(deviation[3]), loss_s * hypot(1.0, omega_n * lag_s))
+        delay_error_s = hypot(T * float(_jackknife(delays[:, np.newaxis])[0]), loss_s)
+    else:
+        lag_error_s = T * most
+        delay_error_s = hypot(T * float(deviation[2]), T * most, loss_s)
+    delay_s = T * float(found[2]) - lag_s
+    if not 0.0 <= delay_s <= LONGEST_DELAY * T:
+        raise ValueError(
+            f"delay from sample to voltage {1e3 * delay_s:.3f} ms, must be within 0 and "
+            f"{1e3 * LONGEST_DELAY * T:g} ms: a free arm does not answer so; take away what "
+            "touches it"
+        )
+    gains, residuals_um = solved(some, T, found)
+    ends = np.cumsum([len(one.x_um) for one in some])[:-1]
+    return IdentifiedTiming(
+        delay_s=delay_s,
+        delay_uncertainty_s=delay_error_s,
+        lag_s=lag_s,
+        lag_uncertainty_s=lag_error_s,
+        natural_frequency_rad_per_s=omega_n,
+        natural_frequency_uncertainty_rad_per_s=omega_n * float(deviation[0]),
+        damping_ratio=zeta,
+        damping_ratio_uncertainty=zeta * float(deviation[1]),
+        gain_um_per_V=float(np.sum(gains)),
+        moved_um=tuple(one.x_um for one in some),
+        residual_um=tuple(np.split(residuals_um, ends)),
+    )
+
+
+def _by_lag(some: Sequence[PreparedBurst], period_s: float, mode: Column) -> tuple[Column, float]:
+    """The best fit, with a lag or with none, and then the lag in periods that is told from it."""
+
+    def squares(at: Column) -> float:
+        return float(np.sum(solved(some, period_s, at)[1] ** 2))
+
+    def at(delay: float, lag: float) -> Column:
+        return np.array([*mode, delay + lag, lag])
+
+    # Near 0 the samples hardly change with a lag, so that a slope there leads nowhere.
+    prompt = min((at(delay, 0.0) for delay in DELAYS), key=squares)
+    behind = min((at(delay, lag) for delay in DELAYS for lag in LAGS), key=squares)
+    none = fit(some, period_s, prompt, lagged=False)
+    best = fit(some, period_s, behind, lagged=True)
+    least = min(squares(best), squares(none))
+    variance = least / sum(len(one.x_um) for one in some)
+    if squares(none) - squares(best) > SIGNIFICANT**2 * variance:
+        return best, 0.0
+    low, high = 0.0, 1.0 / float(np.exp(mode[0])) / period_s
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        beside = fit(some, period_s, np.array([*none[:3], middle]), lagged=False)
+        told = squares(beside) - least > variance
+        low, high = (low, middle) if told else (middle, high)
+    return none, high
+
+
+def _jackknife(left: NDArray[np.float64]) -> Column:
+    """Standard errors from estimates that each leave out one burst, shape (bursts, values)."""
+    n = len(left)
+    deviation = np.sqrt((n - 1.0) / n * np.sum((left - np.mean(left, axis=0)) ** 2, axis=0))
+    return np.asarray(deviation)

@@ -1,0 +1,25 @@
+"""Whether samples at a period show the mode; apart, so that a request does not load NumPy."""
+
+from math import pi
+
+NYQUIST_SHARE = 0.95
+"""Of half the sampling rate, below which the mode must lie."""
+
+
+def shows_mode(natural_frequency_rad_per_s: float, period_s: float) -> bool:
+    """Whether the mode lies below half the sampling rate, with some room."""
+    return natural_frequency_rad_per_s * period_s <= NYQUIST_SHARE * pi
+
+
+def require_visible(natural_frequency_rad_per_s: float, period_s: float) -> None:
+    """Refuse a period at which samples do not show the mode; raises ValueError with a remedy."""
+    mode_hz = natural_frequency_rad_per_s / (2.0 * pi)
+    if not shows_mode(natural_frequency_rad_per_s, period_s):
+        longest_s = NYQUIST_SHARE * 0.5 / mode_hz
+        aliased_hz = abs(mode_hz - round(mode_hz * period_s) / period_s)
+        raise ValueError(
+            f"period_s = {period_s:g} s: samples do not show the mode of the arm at "
+            f"{mode_hz:.0f} Hz, which aliases to {aliased_hz:.0f} Hz, and so tell no delay or lag "
+            f"from it; limit {longest_s:.4g} s. Choose a shorter period, or leave "
+            "model.output_delay_s and model.output_lag_s as the rig file has them"
+        )

@@ -1,0 +1,261 @@
+"""Motions of two arms that meet a part: grip, track, centre; and those that carry a held one.
+
+Both arms close about the place where the part lies, each from a stand-off of its own at which both
+forces are zeroed. ``centre`` first looks for the part with one arm after the other, and closes
+about the place that both have found.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.laws.two_arms import Pair
+from pincette.control.planning.contact_plan import LOST_FRACTION, LOST_SAMPLES, ZERO_WAIT_S
+from pincette.control.planning.contact_request import CONTACT_SAMPLES, MARGIN_UM
+from pincette.control.planning.paths import Path
+from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
+from pincette.control.planning.program import BothArms, Guards, Program, Segment
+
+BACK_UM = 3.0
+"""By which an arm stands back from where it has touched."""
+SETTLE_S = 0.8
+"""From the end of the load until a path begins."""
+CARRIED = "rest"
+"""Phase with which a program of a held part that is pressed ends, the part held."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairRequest:
+    """How a part is to be met by both arms, loaded and left.
+
+    Raises
+    ------
+    ValueError
+        Where a number is impossible.
+    """
+
+    force_mN: float
+    load_s: float
+    approach_um_per_s: float
+    """Peak speed of each arm."""
+    seek_um_per_s: float
+    """Of the sum of both arms that close on the part; one that looks for it goes half as fast, so
+    that no arm meets it faster than when both close."""
+    contact_force_mN: float
+    """Of each arm, at which its touch is believed."""
+    zero_s: float
+    contacts_um: Pair
+    """Tips of both arms at first touch, where the part lies as it is expected to."""
+    contact_tolerance_um: float
+    stiffness_mN_per_um: float
+    """1/c, of part and faces together."""
+    centred: bool = False
+    """Whether the part is looked for from both sides first."""
+    compliances_um_per_mN: Pair = (0.0, 0.0)
+    """s_i, by which a touch keeps an arm behind its free way."""
+
+    def __post_init__(self) -> None:
+        for name in (
+            "force_mN",
+            "load_s",
+            "approach_um_per_s",
+            "seek_um_per_s",
+            "contact_force_mN",
+            "zero_s",
+            "stiffness_mN_per_um",
+        ):
+            require_positive(name, getattr(self, name), "")
+        require_not_negative("contact_tolerance_um", self.contact_tolerance_um, "µm")
+
+    @property
+    def stand_offs_um(self) -> Pair:
+        """Where both arms are zeroed, surely free of the part."""
+        back_um = self.contact_tolerance_um + MARGIN_UM
+        return self.contacts_um[0] - back_um, self.contacts_um[1] - back_um
+
+    @property
+    def furthest_um(self) -> Pair:
+        """How far each arm goes at most to find the part."""
+        on_um = self.contact_tolerance_um + MARGIN_UM
+        on_um += self.contact_force_mN / self.stiffness_mN_per_um
+        first, second = (s * self.contact_force_mN + on_um for s in self.compliances_um_per_mN)
+        return self.contacts_um[0] + first, self.contacts_um[1] + second
+
+    @property
+    def place_um(self) -> float:
+        """q of the part where it is expected."""
+        return 0.5 * (self.contacts_um[0] - self.contacts_um[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairHold:
+    """A force that is held, and where."""
+
+    hold_s: float | None
+    """None: until an action ends it."""
+    place_to_um: float | None = None
+    """Place to which the part is carried before; None: where it was met."""
+    carry_um_per_s: float = 20.0
+    """Peak speed of the place on the way there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairPaths:
+    """Paths of force and of place, of which each may be None: then it rests."""
+
+    force: Path | None
+    place: Path | None
+
+    def __post_init__(self) -> None:
+        if self.force is None and self.place is None:
+            raise ValueError("a track wants a path of force or of place; there is none")
+        for path, quantity in ((self.force, "force"), (self.place, "position")):
+            if path is not None and path.quantity != quantity:
+                raise ValueError(f"a path of {path.quantity} in the place of one of {quantity}")
+
+    @property
+    def duration_s(self) -> float:
+        """Of the longer one; the other rests at its end until then."""
+        return max(path.duration_s for path in (self.force, self.place) if path is not None)
+
+
+def grip_program(request: PairRequest, hold: PairHold, starts_um: Pair, most_mN: float) -> Program:
+    """Grip, carry and hold a part, then let it go; raises ValueError for an impossible speed.
+
+    Parameters
+    ----------
+    starts_um
+        Where both arms rest, and go back to.
+    most_mN
+        Force of either arm that ends it.
+    """
+    force_mN, rest = request.force_mN, BothArms()
+    settle_s = SHORTEST_MOVE_S if hold.hold_s is None else min(SHORTEST_MOVE_S, hold.hold_s)
+    pressing = [Segment("load", "force", request.load_s, force_to_mN=force_mN, both=rest)]
+    if hold.place_to_um is not None:
+        way_um = hold.place_to_um - request.place_um
+        carry_s = move_duration(way_um, hold.carry_um_per_s)
+        goal = BothArms(place_to_um=hold.place_to_um)
+        pressing.append(Segment("carry", "force", carry_s, force_to_mN=force_mN, both=goal))
+    pressing.append(
+        Segment("hold", "force", hold.hold_s, force_to_mN=force_mN, move_s=settle_s, both=rest)
+    )
+    return _program(request, pressing, starts_um, most_mN)
+
+
+def track_program(
+    request: PairRequest, paths: PairPaths, starts_um: Pair, most_mN: float
+) -> Program:
+    """Grip a part, let place and force each follow a path, and let it go; raises ValueError."""
+    force, place = paths.force, paths.place
+    begin_mN = request.force_mN if force is None else force.start
+    begin_um = request.place_um if place is None else place.start
+    begin = BothArms(place_to_um=None if place is None else begin_um)
+    settle_s = max(SETTLE_S, move_duration(begin_um - request.place_um, request.approach_um_per_s))
+    pressing = [
+        Segment("load", "force", request.load_s, force_to_mN=begin_mN, both=BothArms()),
+        Segment(
+            "settle",
+            "force",
+            settle_s + SETTLE_S,
+            force_to_mN=begin_mN,
+            move_s=settle_s,
+            both=begin,
+        ),
+        Segment("track", "path", paths.duration_s, path=force, both=BothArms(place_path=place)),
+    ]
+    return _program(request, pressing, starts_um, most_mN)
+
+
+def carry_program(
+    by_um: float, speed_um_per_s: float, guards: Guards, *, release_s: float, safe_V: float
+) -> Program:
+    """Carry a part that is held, at the force it is held with; it stays held at the end.
+
+    Without a zero that force is not known: the arms keep it as it is. The unload after the end is
+    for an action, or a guard, that lets the part go.
+    """
+    goal = BothArms(place_to_um=by_um, relative=True)
+    open_both = BothArms(second_to_V=safe_V)
+    segments = (
+        Segment("move", "force", move_duration(by_um, speed_um_per_s), both=goal),
+        Segment(CARRIED, "force", SETTLE_S, both=BothArms()),
+        Segment("unload", "voltage", release_s, voltage_to_V=safe_V, both=open_both),
+    )
+    return Program(segments, guards, contact_stiffness_mN_per_um=1.0, begins_held=True)
+
+
+def pair_guards(request: PairRequest, most_mN: float) -> Guards:
+    """What ends a motion of both arms early."""
+    return Guards(
+        contact_force_mN=request.contact_force_mN,
+        contact_samples=CONTACT_SAMPLES,
+        force_max_mN=most_mN,
+        lost_fraction=LOST_FRACTION,
+        lost_samples=LOST_SAMPLES,
+        stiffness_min_mN_per_um=0.0,
+        stiffness_max_mN_per_um=request.stiffness_mN_per_um,
+        zero_wait_s=ZERO_WAIT_S,
+    )
+
+
+def _program(
+    request: PairRequest, pressing: Sequence[Segment], starts_um: Pair, most_mN: float
+) -> Program:
+    """Zero, approach, zero, contact, what is done while pressed, and the way back."""
+    first_um, second_um = request.stand_offs_um
+    back_um = max(at - start for at, start in zip(request.furthest_um, starts_um, strict=True))
+    approach_s = move_duration(
+        max(abs(first_um - starts_um[0]), abs(second_um - starts_um[1])),
+        request.approach_um_per_s,
+    )
+    retreat_s = move_duration(back_um, request.approach_um_per_s)
+    unload = Segment("unload", "force", request.load_s, force_to_mN=0.0, both=BothArms())
+    segments = (
+        Segment("zero", "zero", request.zero_s, guarded=True, both=BothArms()),
+        Segment("approach", "free", approach_s, guarded=True, both=BothArms(first_um, second_um)),
+        Segment("approach", "zero", request.zero_s, guarded=True, both=BothArms()),
+        *(_looked_for(request) if request.centred else ()),
+        _closing(request),
+        *pressing,
+        unload,
+        Segment("retreat", "free", retreat_s, guarded=True, both=BothArms(*starts_um)),
+    )
+    guards = pair_guards(request, most_mN)
+    return Program(segments, guards, contact_stiffness_mN_per_um=request.stiffness_mN_per_um)
+
+
+def _closing(request: PairRequest) -> Segment:
+    """Both arms close at the same speed about the place."""
+    stand, furthest = request.stand_offs_um, request.furthest_um
+    if request.centred:
+        # Each from ``BACK_UM`` off to as far beyond, as the place that was found errs a little.
+        on_um = BACK_UM + request.contact_force_mN / request.stiffness_mN_per_um
+        goal = BothArms(on_um, on_um, relative=True)
+        way_um = 2.0 * (BACK_UM + on_um)
+    else:
+        goal = BothArms(*furthest)
+        way_um = sum(furthest) - sum(stand)
+    return Segment("contact", "seek", way_um / request.seek_um_per_s, both=goal)
+
+
+def _looked_for(request: PairRequest) -> Sequence[Segment]:
+    """Find the part by the first arm, then by the second, and step back after each."""
+    stand, furthest = request.stand_offs_um, request.furthest_um
+    step_s = move_duration(BACK_UM, request.approach_um_per_s)
+
+    def seek(arm: int) -> Segment:
+        ways = BothArms(first_to_um=furthest[0], sides="first")
+        if arm:
+            ways = BothArms(second_to_um=furthest[1], sides="second")
+        seconds = 2.0 * (furthest[arm] - stand[arm]) / request.seek_um_per_s
+        return Segment("centre", "seek", seconds, both=ways)
+
+    def back(arm: int) -> Segment:
+        ways = BothArms(first_to_um=-BACK_UM, relative=True)
+        if arm:
+            ways = BothArms(second_to_um=-BACK_UM, relative=True)
+        return Segment("centre", "free", step_s, both=ways)
+
+    both_back = Segment("centre", "free", step_s, both=BothArms(-BACK_UM, -BACK_UM, relative=True))
+    return seek(0), back(0), seek(1), back(1), both_back
