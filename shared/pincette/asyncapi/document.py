@@ -26,9 +26,10 @@ from pincette.core.topics import (
 ASYNCAPI = "3.0.0"
 ABOUT = (
     "What the programs of a rig publish and answer over Zenoh. A payload is one MessagePack map "
-    "that has every field of its schema, by name, and no other; nil stands for null. Units are "
-    "in the names: µm, mN, V, s. Forces are compressive and positive. Everything derived from "
-    "sample k carries its `seq` and the `epoch` of the arming. Zenoh's encoding of a payload is "
+    "that has every required field of its schema, by name, and no unknown one; nil stands for "
+    "null. Units are in the names: µm, mN, V, s. Forces are compressive and positive. "
+    "Everything derived from sample k carries its `seq` and the `epoch` of the arming. Zenoh's "
+    "encoding of a payload is "
     f"`{ENCODING}`."
 )
 PARAMETERS: Json = {

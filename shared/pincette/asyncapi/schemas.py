@@ -8,6 +8,7 @@ from typing import Any
 
 from msgspec import inspect
 
+from pincette.core.codec.refusals import may_be_absent
 from pincette.core.units import unit_of
 
 Json = dict[str, Any]
@@ -64,12 +65,12 @@ def _plain(text: str) -> str:
 
 
 def record_schema(kind: type) -> Json:
-    """The schema of a record: a map that has every field, by name, and no other."""
+    """The schema of a record: a map of its fields by name, and no other."""
     node, texts = inspect.type_info(kind), notes(kind)
     assert isinstance(node, inspect.StructType)
     tree: Json = {"type": "object", "description": summary(kind), "additionalProperties": False}
     if node.fields:
-        tree["required"] = [field.name for field in node.fields]
+        tree["required"] = [field.name for field in node.fields if not may_be_absent(field)]
         tree["properties"] = {
             field.name: _field(field.name, field.type, texts) for field in node.fields
         }

@@ -28,7 +28,15 @@ from pincette.security.access import (
     router_access,
     service_access,
 )
-from pincette.security.identity import OPERATOR, ROUTER, UPSTREAM, Identity, program
+from pincette.security.identity import (
+    OF_A_RIG,
+    OPERATOR,
+    ROUTER,
+    SHARED,
+    UPSTREAM,
+    Identity,
+    program,
+)
 
 if TYPE_CHECKING:
     from pincette.security.folder import Folder
@@ -83,11 +91,15 @@ def service_endpoint(rig: RigFile, name: str, services: Mapping[str, Participant
 
 
 def program_endpoint(rig: RigFile, name: str, *, lockstep: bool) -> SessionConfig:
-    """The session of a program outside the loop, at the router."""
+    """The session of a program outside the loop, at the router.
+
+    One of an extra has no certificate of its own: it shows that of ``[bus] identity``, as a tool.
+    """
     config = client_session(*rig.bus.served_by, lockstep=lockstep)
     if rig.bus.served_by == (rig.bus.host, rig.bus.port):
         config = replace(config, near=config.connect)
-    return _client(rig, config, program(name, rig.rig.name))
+    own = name in (*SHARED, *OF_A_RIG)
+    return _client(rig, config, program(name, rig.rig.name) if own else None)
 
 
 def tool_endpoint(rig: RigFile) -> SessionConfig:

@@ -48,7 +48,7 @@ class MemoryBus:
         replies: list[Message | str] = []
         self._answerers[question](question, request, replies.append)
         if not replies:
-            raise BusError(f"{question.service}/{question.name}: no answer in {timeout_s:g} s")
+            raise BusError(f"{question.service}/{question.name}: no answer in {timeout_s:.3g} s")
         if isinstance(replies[0], str):
             raise RefusalError(replies[0])
         return replies[0]

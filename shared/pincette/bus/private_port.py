@@ -1,11 +1,10 @@
 """The port at which Zenoh itself listens behind a guard: nobody else on the machine may open it."""
 
-import os
 import secrets
 import socket
 import struct
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
@@ -39,18 +38,18 @@ class PrivatePort:
         Then the kernel has no such option, and any account of this machine can open the port.
         """
         until_s = monotonic() + LISTENS_S
-        while (found := self._listener()) is None:
+        while (signed := self.sign_listener()) is None:
             if monotonic() > until_s:
                 raise BusError(f"no listener of this program at {self.host}:{self.port}")
             sleep(LOOK_S)
-        with found:
-            return self._sign(found)
+        return signed
 
-    def _listener(self) -> socket.socket | None:
-        for found in own_sockets():
-            if _listens(found) == (self.host, self.port):
-                return found
-            found.close()
+    def sign_listener(self) -> bool | None:
+        """Whether the option is set; None where nothing listens yet."""
+        with closing(own_sockets()) as sockets:
+            for found in sockets:
+                if _listens(found) == (self.host, self.port):
+                    return self._sign(found)
         return None
 
     def connecting(self) -> socket.socket:
@@ -76,22 +75,23 @@ class PrivatePort:
         return True
 
 
-def own_sockets() -> Iterator[socket.socket]:
-    """Every TCP socket of this process, also those that Zenoh has opened, each as a copy."""
+def own_sockets() -> Generator[socket.socket]:
+    """Every TCP socket of this process, also those that Zenoh has opened, each until the next.
+
+    They are borrowed. A copy of a descriptor, once closed, would take from this process all locks
+    on that file: SQLite's on the journal, which another process that closes it would then remove.
+    """
     for number in Path("/proc/self/fd").iterdir():
         try:
-            copy = os.dup(int(number.name))
+            found = socket.socket(fileno=int(number.name))
         except OSError:
             continue
         try:
-            found = socket.socket(fileno=copy)
-        except OSError:
-            os.close(copy)
-            continue
-        if found.family in (socket.AF_INET, socket.AF_INET6) and found.type == socket.SOCK_STREAM:
-            yield found
-        else:
-            found.close()
+            inet = found.family in (socket.AF_INET, socket.AF_INET6)
+            if inet and found.type == socket.SOCK_STREAM:
+                yield found
+        finally:
+            found.detach()
 
 
 def let_go_at_once() -> None:
@@ -101,7 +101,7 @@ def let_go_at_once() -> None:
     other links. Over a line that is cut nothing arrives, and for so long the program is deaf.
     """
     for line in own_sockets():
-        with line, suppress(OSError):
+        with suppress(OSError):
             line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
 

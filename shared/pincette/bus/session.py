@@ -47,9 +47,11 @@ class Joined:
             let_go_at_once()
             log.info("link up: %s", peer)
             return
-        since_s, peer = self._up.pop(end, (now_s, peer))
         why = (led_in.why if led_in else "") or "its lease is over, or it was ended"
-        log.info("link down after %.1f s: %s: %s", now_s - since_s, peer, why)
+        self._note_down(*self._up.pop(end, (now_s, peer)), why)
+
+    def _note_down(self, since_s: float, peer: str, why: str) -> None:
+        log.info("link down after %.1f s: %s: %s", monotonic() - since_s, peer, why)
 
     def __enter__(self) -> "zenoh.Session":
         return self.session
@@ -58,8 +60,10 @@ class Joined:
         self.close()
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Leave the bus, and log that the links which are up end with the session."""
         self._listener.undeclare()
+        for since_s, peer in self._up.values():
+            self._note_down(since_s, peer, "closed here")
         if self.guard is not None:
             self.guard.close()
         self.session.close()

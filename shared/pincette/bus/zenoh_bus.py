@@ -145,7 +145,7 @@ class ZenohBus:
         place = key(self._rig, topic)
         for reply in self._asked(lambda session: session.get(place, timeout=timeout_s)):
             if reply.ok is None:
-                raise BusError(f"{place}: {topic.producer} did not answer within {timeout_s:g} s")
+                raise BusError(f"{place}: {topic.producer} did not answer within {timeout_s:.3g} s")
             try:
                 return _decode(topic.message, reply.ok.payload)
             except CodecError as error:
@@ -209,7 +209,7 @@ class ZenohBus:
             if reply.err.encoding == REFUSED:
                 self._unanswered_s.pop(question.service, None)
                 raise RefusalError(reply.err.payload.to_bytes().decode(errors="replace"))
-            trouble = f"no answer within {timeout_s:g} s; it may hang"
+            trouble = f"no answer within {timeout_s:.3g} s; it may hang"
         self._unanswered(question.service, asked_s)
         wire = self.other_wires().get(question.service)
         if wire is not None:

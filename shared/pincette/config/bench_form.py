@@ -110,6 +110,7 @@ noise_um = 0.03 # r.m.s., assumed; `noise` measures it
 [output]
 driver = {output}
 url = {output_url}
+step_V = {step_V} # between two voltages that it can put out; 0: not known
 on_silence = {on_silence} # what the hardware does if its host falls silent
 {output_options}
 [model] # assumed, until calibrations have measured the arm

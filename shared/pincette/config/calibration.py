@@ -14,6 +14,8 @@ from pincette.core.validation_wording import refusal
 CALIBRATED = (
     "model.natural_frequency_rad_per_s",
     "model.damping_ratio",
+    "model.output_delay_s",
+    "model.output_lag_s",
     "model.piezo_um_per_V",
     "model.compliance_um_per_mN",
     "model.hysteresis_fraction",
@@ -27,6 +29,8 @@ CALIBRATED = (
     "sensor.noise_um",
 )
 """Quantities of a rig file that a calibration may replace, by table and name."""
+OF_SECOND = tuple(f"second.{name}" for name in CALIBRATED if not name.startswith("part."))
+"""The same of the second arm, where there is one."""
 EXPECTED = (
     "part.contact_um",
     "part.contact_tolerance_um",
@@ -48,7 +52,7 @@ class Calibration(Table):
     @field_validator("values")
     @classmethod
     def _known(cls, values: dict[str, Any]) -> dict[str, Any]:
-        odd = sorted(values.keys() - {*CALIBRATED, *EXPECTED})
+        odd = sorted(values.keys() - {*CALIBRATED, *OF_SECOND, *EXPECTED})
         if odd:
             raise ValueError(f"{', '.join(odd)}: no calibration replaces that")
         return values
@@ -84,8 +88,11 @@ def calibrated(rig: RigFile, calibration: Calibration) -> RigFile:
         return rig
     tree = rig.model_dump(exclude_unset=True)
     for name, value in calibration.values.items():
-        table, _, quantity = name.partition(".")
-        tree.setdefault(table, {})[quantity] = value
-    if "model.free_response" in calibration.values:
-        tree["model"].pop("recorded_response", None)
+        *tables, quantity = name.split(".")
+        place = tree
+        for table in tables:
+            place = place.setdefault(table, {})
+        place[quantity] = value
+        if quantity == "free_response":
+            place.pop("recorded_response", None)
     return parse_rig(tree)

@@ -106,9 +106,14 @@ def _observer(model: Model, period_s: float, noise_um: float) -> ForceObserver:
     )
 
 
-def planned_rig(rig: RigFile) -> PlannedRig:
-    """A rig as plans take it."""
-    limits, model = rig.limits, rig.model
+def planned_rig(rig: RigFile, stands_um: float | None = None) -> PlannedRig:
+    """A rig as plans take it; ``stands_um``: where its arm stands, None where it rests.
+
+    Where the sensor cannot measure, nobody knows where it stands.
+    """
+    limits, model, sensor = rig.limits, rig.model, rig.sensor
+    if stands_um is not None and not sensor.minimum_um <= stands_um <= sensor.maximum_um:
+        stands_um = None
     return PlannedRig(
         limits=PlanLimits(
             voltage_min_V=limits.voltage_min_V,
@@ -123,6 +128,7 @@ def planned_rig(rig: RigFile) -> PlannedRig:
         compliance_um_per_mN=model.compliance_um_per_mN,
         period_s=rig.rig.period_s,
         x_start_um=X_START_UM,
+        stands_um=stands_um,
         free_response=identified_hysteresis(model),
         taught_V=None if model.free_response is None else model.free_response.taught_V,
     )

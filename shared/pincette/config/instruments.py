@@ -68,6 +68,11 @@ class Output(Table):
     """For a whole exchange with the instrument."""
     record: str | None = None
     """File that every byte to and from the instrument is written to."""
+    step_V: NotNegative = 0.0
+    """Smallest step of the voltage, as 20 V/2^14 of 14 bits over ±10 V; 0: not known.
+
+    Only its multiples are put out then. The arm remembers what was truly put out: where the output
+    rounds by itself, the free response errs by more after each small to-and-fro."""
     on_silence: Literal["safe", "holds", "unstated"] = "unstated"
     """What the hardware does by itself if its host stops sending: go to a safe value, or hold."""
     options: Options = Field(default_factory=Options)

@@ -8,6 +8,8 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from pincette.config.tables import Table
 from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.laws.parameters import ForceAge, LawSpec, ParameterSet
+from pincette.control.laws.two_arm_law import LAW as TWO_ARMS
+from pincette.control.laws.two_arm_law import TwoArmLaw
 from pincette.core import plugins
 
 
@@ -18,6 +20,11 @@ def law_definition(scheme: str) -> LawDefinition:
         found = plugins.load(plugins.LAWS, scheme)
     except plugins.PluginError as error:
         raise ValueError(str(error)) from error
+    if found is TWO_ARMS:
+        raise ValueError(
+            f"law {scheme!r} drives two arms: a rig with [second] has it without being told, "
+            "leave scheme out"
+        )
     if not isinstance(found, LawDefinition) or found.name != scheme:
         wanted = f"a LawDefinition named {scheme!r}"
         raise ValueError(f"control law {scheme!r} cannot be used: its entry is not {wanted}")
@@ -25,7 +32,7 @@ def law_definition(scheme: str) -> LawDefinition:
 
 
 def installed_laws() -> dict[str, LawDefinition]:
-    """Return the laws that can be used, by name; one that is broken is left out."""
+    """Return the laws of one arm that can be used, by name; one that is broken is left out."""
     found: dict[str, LawDefinition] = {}
     for scheme in plugins.names(plugins.LAWS):
         try:
@@ -33,6 +40,12 @@ def installed_laws() -> dict[str, LawDefinition]:
         except ValueError:
             continue
     return found
+
+
+def laws_by_name() -> dict[str, LawDefinition | TwoArmLaw]:
+    """Return the laws that can be used, by name, of one arm and of two."""
+    found: dict[str, LawDefinition | TwoArmLaw] = {**installed_laws(), TWO_ARMS.name: TWO_ARMS}
+    return {name: found[name] for name in plugins.names(plugins.LAWS) if name in found}
 
 
 def resolved_law(spec: LawSpec) -> LawSettings:

@@ -102,6 +102,8 @@ class Recorder(Table):
 HostName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]{0,252})$")]
 
 
+Behind = Literal["nothing", "container"]
+"""What keeps others from a port, beside the program itself."""
 CAMERA = r"^https?://[A-Za-z0-9.\-\[\]:]{1,255}(/[!#-%(-:=?-_a-z~]{0,1000})?$"
 """Without what would end an attribute of the page or a part of its policy."""
 
@@ -117,7 +119,7 @@ class Supervisor(Table):
     """REST and page over TLS, ``https://``, with the supervisor's certificate in ``[bus] pki``."""
     names: tuple[HostName, ...] = Field(default=(), max_length=20, strict=False)
     """Names by which it is reached, beside its address; a request for another one is refused."""
-    behind: Literal["nothing", "container"] = "nothing"
+    behind: Behind = "nothing"
     """``container``: you ensure that its port is published only on the loopback of the host. It
     may then listen on every address of its container without keys."""
     keys: Literal["once_made", "always"] = "once_made"
@@ -142,7 +144,7 @@ class Sila(Table):
     """Where the SiLA 2 server listens, and how it is reached."""
 
     host: str = "127.0.0.1"
-    """Beyond loopback it starts only with a certificate."""
+    """Beyond loopback it starts only with a certificate and with ``login``."""
     port: int = Field(default=50052, ge=1, le=65535)
     """That SiLA's own examples use."""
     certificate: str | None = None
@@ -154,11 +156,28 @@ class Sila(Table):
     """Motions want a login with a key of the supervisor."""
     supervisor: str | None = None
     """Address of the supervisor, as http://bench:8000. None: by ``[supervisor]``."""
+    behind: Behind = "nothing"
+    """``container``: as of ``[supervisor]``; it may then listen on every address of its container
+    without a certificate."""
 
     @model_validator(mode="after")
     def _secure(self) -> "Sila":
+        if self.behind != "nothing":
+            return self
         require_certificate(self.host, self.certificate, "others could move the arm")
+        if not (self.login or _is_loopback(self.host)):
+            raise ValueError(
+                f"host = {self.host!r} without a login: whoever reaches it could move the arm with "
+                "this server's own key; state `login = true`, or listen on 127.0.0.1"
+            )
         return self
+
+
+Origin = Annotated[
+    str, Field(pattern=r"^([a-z][a-z0-9+.-]*://[A-Za-z0-9.\-\[\]:]{1,255}|file://)$")
+]
+VIEWERS = ("https://app.foxglove.dev", "file://")
+"""A page that a browser has opened from a file names ``file://`` too, or ``null``."""
 
 
 class Foxglove(Table):
@@ -173,10 +192,19 @@ class Foxglove(Table):
     beside it that ends with .key. None: it speaks without TLS."""
     supervisor: str | None = None
     """Address of the supervisor, which makes an emergency stop. None: by ``[supervisor]``."""
+    origins: tuple[Origin, ...] = Field(default=VIEWERS, max_length=20, strict=False)
+    """Web pages that may connect, as https://viewer.example, beside those that this machine serves
+    itself. By default Foxglove's, and programs that show their pages from files, as its desktop
+    program does; a program without pages names none and may connect."""
+    behind: Behind = "nothing"
+    """``container``: as of ``[supervisor]``; it may then listen on every address of its container
+    without a certificate."""
 
     @model_validator(mode="after")
     def _secure(self) -> "Foxglove":
-        require_certificate(self.host, self.certificate, "others could read along and stop the rig")
+        if self.behind == "nothing":
+            why = "others could read along and stop the rig"
+            require_certificate(self.host, self.certificate, why)
         return self
 
 

@@ -8,6 +8,7 @@ from typing import Any, cast
 from pydantic import ValidationError
 
 from pincette.config.rig_file import RigFile
+from pincette.config.second import completed
 from pincette.config.tables import ConfigError
 from pincette.core.validation_wording import place, refusal
 
@@ -94,7 +95,7 @@ def laid_over(below: Tree, above: Tree) -> Tree:
 def parse_rig(tables: Tree) -> RigFile:
     """Check the tables of a rig file; raises ConfigError with one line for each fault."""
     try:
-        return RigFile.model_validate(tables)
+        return RigFile.model_validate(completed(tables))
     except ValidationError as error:
         raise ConfigError(_faults(error)) from error
 

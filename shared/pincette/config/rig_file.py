@@ -4,20 +4,21 @@ import hashlib
 from collections.abc import Mapping
 from math import ceil
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from pincette.config.instruments import Output, Sensor
+from pincette.config.jobs import Grip, Track
 from pincette.config.laws import Law, default_set
 from pincette.config.limits import Limits, Safety
 from pincette.config.model import Model
 from pincette.config.programs import Bus, Foxglove, RealTime, Recorder, Sila, Supervisor
+from pincette.config.second import Second, check_arms
 from pincette.config.simulation import Simulation
 from pincette.config.tables import Positive, Table
 from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.parameters import ParameterSet
-from pincette.control.planning.paths import Shape
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette.core.service import canonical_name, member_services
@@ -74,75 +75,6 @@ class Calibrating(Table):
     """From the measurement on; None: without limit."""
 
 
-class QuickGrip(Table):
-    """Speeds of a quick grip, at most: its force, the period and the slew limit may ask for less.
-
-    A request may replace the first three.
-    """
-
-    approach_um_per_s: Positive = 120.0
-    """Peak speed of the free arm on its way to the part and back."""
-    seek_um_per_s: Positive = 40.0
-    """Speed with which the part is touched, and the load begins."""
-    load_um_per_s: Positive = 40.0
-    """Peak speed while the part is loaded and unloaded."""
-    zero_s: Positive = 0.3
-    """Time at rest in which the force estimate is set to zero."""
-
-
-class Grip(Table):
-    """Defaults of a grip job; a request may replace each.
-
-    The three speeds are those of a gentle grip, and of other jobs.
-    """
-
-    profile: Literal["quick", "gentle"] | None = None
-    """``quick``: the load begins at the touch without a stop, and the contact line is followed as
-    it is identified; ``gentle``: the arm stops at the touch, and the line is identified over the
-    load. None: quick where the free response is identified and the force is large enough."""
-    force_mN: Positive = 20.0
-    """Force that is held, compressive."""
-    hold_s: Positive = 4.0
-    """How long it is held."""
-    load_s: Positive = 2.0
-    """Time from the touch to the force; unloading takes as long."""
-    approach_um_per_s: Positive = 20.0
-    """Speed until just before the contact."""
-    seek_um_per_s: Positive = 4.0
-    """Speed from there until the part is touched."""
-    contact_force_mN: Positive = 2.0
-    """Estimated force that counts as touch."""
-    zero_s: Positive = 0.4
-    """Time at rest before the arm moves, in which the force estimate is set to zero."""
-    quick: QuickGrip = QuickGrip()
-    """Of a quick grip."""
-
-
-class Track(Table):
-    """Defaults of a track job; a request may replace each. Other values are those of a grip."""
-
-    shape: Shape = "sinusoid"
-    """Of the path."""
-    force_mean_mN: Positive = 12.0
-    """Middle of a sinusoid or triangle."""
-    force_pp_mN: Positive = 20.0
-    """Its height, peak to peak."""
-    frequency_hz: Positive = 0.5
-    """Of a sinusoid or triangle."""
-    cycles: int = Field(default=5, ge=1, le=1000)
-    """At full amplitude; one more before and one after blend in and out."""
-    levels_mN: tuple[Positive, ...] = Field(
-        default=(5.0, 10.0, 15.0, 20.0), min_length=1, max_length=100, strict=False
-    )
-    """Of steps, in their order."""
-    dwell_s: Positive = 2.0
-    """At each level."""
-    rate_um_per_s: Positive = 60.0
-    """Highest speed of x_r along a path; steps reach it."""
-    acceleration_um_per_s2: Positive = 2000.0
-    """Highest acceleration of x_r along a path; steps and corners reach it."""
-
-
 ROUNDING = 1e-6
 """Periods by which a quotient of two decimal numbers may be off."""
 JOINED = "rigs"
@@ -169,6 +101,8 @@ class RigFile(Table):
     bus: Bus = Bus()
     sensor: Sensor
     output: Output
+    second: Second | None = None
+    """A second driven arm; without it the rig has one, and a passive arm."""
     model: Model = Model()
     law: Law = Law()
     limits: Limits
@@ -183,6 +117,29 @@ class RigFile(Table):
     foxglove: Foxglove = Foxglove()
     realtime: RealTime = RealTime()
     simulation: Simulation | None = None
+
+    @model_validator(mode="after")
+    def _arms_fit(self) -> Self:
+        check_arms(self.sensor, self.output, self.second, self.simulation)
+        return self
+
+    @property
+    def arms(self) -> tuple["RigFile", ...]:
+        """The rig as one of a single arm, for each arm; of a rig of one arm itself."""
+        second = self.second
+        if second is None:
+            return (self,)
+        simulations = (None, None) if self.simulation is None else self.simulation.arms
+        first = self.model_copy(update={"second": None, "simulation": simulations[0]})
+        update = {
+            "sensor": second.sensor,
+            "output": second.output,
+            "model": second.model,
+            "limits": second.limits,
+            "part": self.part.model_copy(update={"contact_um": second.contact_um}),
+            "simulation": simulations[1],
+        }
+        return first, first.model_copy(update=update)
 
     @property
     def lockstep(self) -> bool:
@@ -208,6 +165,7 @@ class RigFile(Table):
             max_V=limits.voltage_max_V,
             slew_V=limits.slew_V_per_s * self.rig.period_s,
             sweep_V=limits.sweep_V,
+            step_V=self.output.step_V,
         )
 
     @property
@@ -259,6 +217,9 @@ class RigFile(Table):
     def serial_numbers(self) -> dict[str, str]:
         """Of the instruments, by table; those that are known."""
         known = {"sensor": self.sensor.serial_number, "output": self.output.serial_number}
+        if self.second is not None:
+            known["second.sensor"] = self.second.sensor.serial_number
+            known["second.output"] = self.second.output.serial_number
         return {table: number for table, number in known.items() if number}
 
     def digest(self) -> str:

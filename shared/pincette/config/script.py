@@ -48,6 +48,19 @@ def _link_faults(quantity: str, limit: float) -> tuple[Operation, ...]:
     )
 
 
+SENSOR = (
+    *_link_faults("µm", 1e4),
+    Operation("stuck", "shows the same reading"),
+    Operation(
+        "over_range",
+        "shows that the position is beyond its range",
+        "1 above, -1 below",
+        -1.0,
+        1.0,
+        1.0,
+    ),
+)
+OUTPUT = (*_link_faults("V", 20.0), Operation("stuck", "accepts, and does not move"))
 OPERATIONS: dict[str, tuple[Operation, ...]] = {
     "part": (
         Operation("remove", "is taken away", lasts=False),
@@ -84,21 +97,14 @@ OPERATIONS: dict[str, tuple[Operation, ...]] = {
             lasts=False,
         ),
     ),
-    "sensor": (
-        *_link_faults("µm", 1e4),
-        Operation("stuck", "shows the same reading"),
-        Operation(
-            "over_range",
-            "shows that the position is beyond its range",
-            "1 above, -1 below",
-            -1.0,
-            1.0,
-            1.0,
-        ),
-    ),
-    "output": (*_link_faults("V", 20.0), Operation("stuck", "accepts, and does not move")),
+    "sensor": SENSOR,
+    "output": OUTPUT,
+    "second_sensor": SENSOR,
+    "second_output": OUTPUT,
 }
 """For each target what can be done to it."""
+OF_SECOND = frozenset({"second_sensor", "second_output"})
+"""Targets of a rig with two driven arms alone."""
 OPTIONAL = frozenset({("part", "place")})
 """Operations whose value may be left out, with a meaning of its own."""
 
@@ -144,7 +150,8 @@ class ScriptedOrder(Table):
     at_s: NotNegative
     """s, in the rig's time since the first voltage was written."""
     target: str
-    """``part``, ``weight``, ``arm``, ``sensor`` or ``output``."""
+    """``part``, ``weight``, ``arm``, ``sensor`` or ``output``; with two arms also ``second_sensor``
+    and ``second_output``."""
     what: str
     """The action or fault, as ``pincette rig`` lists it."""
     value: float | None = None

@@ -117,6 +117,64 @@ class Bead(Table):
     """mN. The part breaks above; assumed."""
 
 
+class SecondArm(Table):
+    """The second arm of a simulated rig; what is not given is as the first arm's."""
+
+    natural_frequency_rad_per_s: Positive | None = None
+    """rad/s, undamped."""
+    damping_ratio: Positive | None = None
+    """1."""
+    compliance_um_per_mN: Positive | None = None
+    """µm/mN. s_p."""
+    piezo_um_per_V: Positive | None = None
+    """µm/V at the amplifier's input."""
+    hysteresis: Hysteresis | None = None
+    """Of the arm's free motion; or"""
+    relays: Relays | None = None
+    """of another class than the first arm's."""
+    creep_per_decade: NotNegative | None = None
+    """1, per decade of time after a step."""
+    sensor_noise_um: NotNegative | None = None
+    """µm r.m.s., white, and independent of the first sensor's."""
+    sensor_step_um: Positive | None = None
+    """µm, of the reading."""
+    drift: Drift | None = None
+    """Of the reading."""
+    output_step_V: Positive | None = None
+    """V, of the voltage output."""
+    output_lag_s: NotNegative | None = None
+    """s, first-order, of the voltage output."""
+    amplifier: Amplifier | None = None
+    """Between output and arm."""
+    bead_contact_um: float | None = None
+    """µm. Position of this arm's tip at which it touches the part where that lies at the start."""
+
+    @model_validator(mode="after")
+    def _one_class(self) -> Self:
+        if self.hysteresis is not None and self.relays is not None:
+            raise ValueError(
+                "both [simulation.second.hysteresis] and [simulation.second.relays] given: the "
+                "simulated arm has one class of hysteresis; give one of the tables"
+            )
+        return self
+
+
+class PairOfArms(Table):
+    """What lies between the two arms of a simulated rig, beside the numbers of the part."""
+
+    face_mN_per_um: Positive = 80.0
+    """mN/µm. Stiffness of the part's face at each arm; two of 80 yield as one spring of 40."""
+    ground_mN_per_um: Positive = 5.0
+    """mN/µm. By which the part sticks to where it lies, assumed."""
+    ground_slip_mN: NotNegative = 0.0
+    """mN. Force from which it slips there; 0: it lies loose."""
+    pull_off_mN: tuple[NotNegative, NotNegative] = Field(default=(0.0, 0.0), strict=False)
+    """mN. Force at which the part comes off the first arm, and off the second."""
+    lands: bool = False
+    """Whether a lifted part that is let go lies on the ground again where it was, as on a stage
+    that has followed it up; without it, it falls and is gone."""
+
+
 class Simulation(Table):
     """The simulated rig: the true plant, which no other program may read.
 
@@ -173,6 +231,10 @@ class Simulation(Table):
     """1, of the passive arm alone; as the driven arm's, assumed."""
     part: Bead = Bead()
     """The part."""
+    second: SecondArm | None = None
+    """The second arm of a rig with ``[second]``; without it that is the first arm's twin."""
+    pair: PairOfArms | None = None
+    """What lies between both."""
     baud: int = Field(default=115200, ge=1200)
     """Of the simulated serial lines, where the driver's options name none."""
     truth: bool = True
@@ -191,6 +253,23 @@ class Simulation(Table):
                 "arm has one class of hysteresis; give one of the tables"
             )
         return self
+
+    @property
+    def arms(self) -> tuple["Simulation", "Simulation"]:
+        """The simulation of each of two arms, as if it were the only one."""
+        first = self.model_copy(update={"second": None, "pair": None})
+        if self.second is None:
+            return first, first
+        update = {name: getattr(self.second, name) for name in type(self.second).model_fields}
+        given = {name: value for name, value in update.items() if value is not None}
+        if given.keys() & {"hysteresis", "relays"}:
+            given = {"hysteresis": None, "relays": None} | given
+        return first, first.model_copy(update=given)
+
+    @property
+    def pair_of_arms(self) -> PairOfArms:
+        """What lies between two arms."""
+        return self.pair or PairOfArms()
 
     @property
     def bouc_wen(self) -> Hysteresis:

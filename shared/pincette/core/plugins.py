@@ -1,6 +1,8 @@
 """Services, programs and drivers by entry point, imported late."""
 
-from importlib.metadata import EntryPoint, entry_points
+import sys
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
@@ -27,14 +29,24 @@ class PluginError(Exception):
     """No such plug-in, or it cannot be imported; the text says which there are, or why."""
 
 
+@cache
+def _installed(group: str, _path: tuple[str, ...]) -> EntryPoints:
+    # Every distribution of the path is looked through, which takes 10 ms and more.
+    return entry_points(group=group)
+
+
+def _entries(group: str) -> EntryPoints:
+    return _installed(group, tuple(sys.path))
+
+
 def registered(group: str) -> list[EntryPoint]:
     """Everything registered in a group, by name and package; none of it is imported."""
-    return sorted(entry_points(group=group), key=lambda entry: (entry.name, origin(entry)))
+    return sorted(_entries(group), key=lambda entry: (entry.name, origin(entry)))
 
 
 def names(group: str) -> list[str]:
     """Names registered in a group."""
-    return sorted({entry.name for entry in entry_points(group=group)})
+    return sorted({entry.name for entry in _entries(group)})
 
 
 def origin(entry: EntryPoint) -> str:
@@ -60,13 +72,13 @@ def resolve(reference: str, of: type[T], what: str) -> T:
 def load(group: str, name: str) -> Any:
     """Import what is registered under a name; raises PluginError."""
     kind = CALLED.get(group, group)
-    found = [entry for entry in registered(group) if entry.name == name]
+    found = [*_entries(group).select(name=name)]
     if not found:
         there = f"there are {', '.join(names(group)) or 'none'}"
         hint = "; `pincette drivers` lists them" if group in (*DRIVERS, LAWS) else ""
         raise PluginError(f"no {kind} {name!r} is installed; {there}{hint}")
     if len(found) > 1:
-        both = " and ".join(origin(entry) for entry in found)
+        both = " and ".join(sorted(origin(entry) for entry in found))
         raise PluginError(f"{kind} {name!r} is registered by {both}; uninstall all but one")
     (entry,) = found
     try:
@@ -75,5 +87,13 @@ def load(group: str, name: str) -> Any:
     except (Exception, SystemExit) as error:
         raise PluginError(
             f"{kind} {name!r} ({entry.value}, {origin(entry)}) cannot be imported: "
-            f"{type(error).__name__}: {error}"
+            f"{type(error).__name__}: {error}{_remedy(entry, error)}"
         ) from error
+
+
+def _remedy(entry: EntryPoint, error: BaseException) -> str:
+    """What to install where a package of an extra is missing: it has the name of the entry."""
+    if not isinstance(error, ModuleNotFoundError) or entry.dist is None:
+        return ""
+    extras = entry.dist.metadata.get_all("Provides-Extra") or []
+    return f"; pip install '{entry.dist.name}[{entry.name}]'" if entry.name in extras else ""

@@ -40,12 +40,16 @@ class Reading(FrozenRecord, frozen=True):
     x_um: float
     fault: Fault | None = None
     acquired: Acquired | None = None
+    second: "Reading | None" = None
+    """Of the second arm's sensor, where there is one."""
 
 
 class SetVoltage(FrozenRecord, frozen=True):
     """An output for the instrument: put out this voltage before anything is published."""
 
     voltage_V: float
+    second_V: float | None = None
+    """Of the second arm's output, where there is one."""
 
 
 class Wave(FrozenRecord, frozen=True):
@@ -67,6 +71,8 @@ class PutOut(FrozenRecord, frozen=True):
     """What the voltage output says that it puts out."""
 
     voltage_V: float
+    second_V: float | None = None
+    """What that of the second arm says, where there is one."""
 
 
 class Slept(FrozenRecord, frozen=True):
@@ -112,19 +118,23 @@ class Service(Generic[R, C, S, I]):
     step: Callable[[C, S, I, float], tuple[S, tuple[Message | DeviceCommand, ...]]]
     handle: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | DeviceCommand, ...]]]
     ahead: Callable[[C, S, Message], S] | None = None
-    """Work out what the next step will need, while nobody waits for it: of a sample that waits to
-    be joined, and of the first output of a step once all are published. It changes no number."""
+    """Finish what a step has left, and work out what the next one will need, while nobody waits:
+    given a sample that waits to be joined, or the first output of a step once all are published.
+
+    A step does itself what has not been done, so that this changes no number. An error ends the
+    program as one in a step does."""
     instrument: Literal["position_sensor", "voltage_output"] | None = None
     wake_s: Callable[[C], float] | None = None
     """In real time, step at least this often; None: only when something comes."""
-    initialize_from_output: Callable[[C, S, float], S] | None = None
-    """Begin from the voltage that the instrument puts out, whoever set it."""
+    initialize_from_output: Callable[[C, S, float, float | None], S] | None = None
+    """Begin from the voltages that each arm's instrument puts out, whoever set them."""
     booted: Callable[[S, Predecessor], S] | None = None
     """Begin after another one, by how that has ended; None: it does not matter."""
     ending: Callable[[S], Predecessor] | None = None
     """What it is to the next one where it is told to end; None: nothing is noted."""
     state_snapshot: tuple[str, ...] = ()
-    """Fields of the state that an arming takes over from before, for what its outputs depend on."""
+    """Fields of the state that an arming takes over from before, for what its outputs depend on; a
+    field of a field with a dot between."""
     may_kick_watchdog: Callable[[C, S, float], bool] | None = None
     """Whether an instrument with a watchdog may hear that its host lives; None: at all times."""
     shutdown: Callable[[C, S, float], tuple[S, bool]] | None = None

@@ -24,6 +24,11 @@ TEXTS: Mapping[FaultCode, str] = {
         "grip, or a move of the empty arm to as high a voltage, makes them known"
     ),
     FaultCode.NO_APPLIED_VOLTAGE: "no voltage of the sample before",
+    FaultCode.FORCES_DISAGREE: (
+        "both arms hold one part, and their forces differ by {difference_mN:.2f} mN, stated "
+        "±{uncertainty_mN:.2f} mN: the free response of one arm is wrong, or something else holds "
+        "the part; calibrate free_response of both"
+    ),
     FaultCode.ZERO_PART_HELD: (
         "zero refused: a part is held, and its force would be taken for none"
     ),
@@ -62,6 +67,10 @@ TEXTS: Mapping[FaultCode, str] = {
     FaultCode.OTHER_OWNER: "command of owner {owner:.0f}, armed for {armed_owner:.0f}",
     FaultCode.COMMAND_AHEAD: (
         "command {seq:.0f} of the future, the newest sample is {newest_seq:.0f}"
+    ),
+    FaultCode.OTHER_ARMS: (
+        "it is for {arms:.0f} driven arms, the rig has {wanted_arms:.0f}: start all programs with "
+        "the same rig file"
     ),
     FaultCode.COMMAND_REPEATED: "command {seq:.0f} after {taken_seq:.0f}",
     FaultCode.SAMPLE_NOT_SEEN: "its sample was not seen here",
@@ -116,6 +125,8 @@ SUBJECTS: Mapping[FaultCode, str] = {
     FaultCode.POSITION_BEYOND_LIMITS: "position",
 }
 """What a fault is about, where it does not stand behind its cause."""
+ARMS: Mapping[float, str] = {1.0: "first arm", 2.0: "second arm"}
+"""On a rig that has two."""
 NAMES_ITS_COMMAND = frozenset({FaultCode.COMMAND_AHEAD, FaultCode.COMMAND_REPEATED})
 MEANINGS: Mapping[Cause, str] = {
     Cause.ABORT: "the job was aborted",
@@ -141,6 +152,8 @@ def fault_text(fault: Fault | None) -> str:
     text = TEXTS.get(fault.code, "").format_map(_with_milliseconds(values))
     if fault.code in IN_A_ROW and "samples" in values:
         text = f"{text}, {values['samples']:.0f} samples in a row"
+    if "arm" in values:
+        text = ": ".join(filter(None, (ARMS.get(values["arm"], ""), text)))
     if "seq" in values and fault.code not in NAMES_ITS_COMMAND:
         text = f"command {values['seq']:.0f}: {text}"
     return ": ".join(part for part in (text, fault.words) if part)

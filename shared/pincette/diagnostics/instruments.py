@@ -36,7 +36,12 @@ INSTRUMENTS_HELP = (
 
 
 def instruments(rig: RigFile) -> Iterator[Finding]:
-    """Open both instruments, one after the other, and look at what they say; moves nothing."""
+    """Open all instruments, one after the other, and look at what they say; moves nothing."""
+    for arm in rig.arms:
+        yield from _of_arm(arm)
+
+
+def _of_arm(rig: RigFile) -> Iterator[Finding]:
     for service in loop_services().values():
         url = rig.sensor.url if service.instrument == "position_sensor" else rig.output.url
         if service.instrument is None:

@@ -123,7 +123,11 @@ def shared_ports(rig: RigFile) -> Iterator[Finding]:
         users[str(rig.bus.port)].append("the router")
     if not (rig.joins or rig.bus.apart):
         users[str(rig.supervisor.port)].append("the supervisor")
-    for name, url in (("the sensor", rig.sensor.url), ("the output", rig.output.url)):
+    instruments = [("the sensor", rig.sensor.url), ("the output", rig.output.url)]
+    if rig.second is not None:
+        instruments.append(("the second arm's sensor", rig.second.sensor.url))
+        instruments.append(("the second arm's output", rig.second.output.url))
+    for name, url in instruments:
         place = urlsplit(url)
         if place.scheme == "grpc":
             continue  # both are channels of one device

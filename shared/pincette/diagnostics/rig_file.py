@@ -15,10 +15,16 @@ from pincette.instruments.options import read_options
 
 
 def rig_findings(rig: RigFile) -> Iterator[Finding]:
-    """Drivers, timing, watchdog, limits, model."""
-    drivers = (
-        (plugins.POSITION_SENSORS, rig.sensor.driver),
-        (plugins.VOLTAGE_OUTPUTS, rig.output.driver),
+    """Drivers, timing, watchdog, limits, model; of each arm what is its own."""
+    drivers = tuple(
+        dict.fromkeys(
+            named
+            for arm in rig.arms
+            for named in (
+                (plugins.POSITION_SENSORS, arm.sensor.driver),
+                (plugins.VOLTAGE_OUTPUTS, arm.output.driver),
+            )
+        )
     )
     for group, name in drivers:
         yield driver(group, name)
@@ -26,14 +32,16 @@ def rig_findings(rig: RigFile) -> Iterator[Finding]:
         if rig.simulation is None:
             yield from untested_drivers(drivers)
         yield timing(rig)
-        yield watchdog(rig)
+        for arm in rig.arms:
+            yield watchdog(arm)
     except plugins.PluginError as error:
         yield Finding(False, str(error), "install the driver, or name another in the rig file")
     except ConfigError as error:
         yield Finding(False, f"options: {error}", "mend the options in the rig file")
     yield from composed(rig)
-    yield from limits(rig)
-    yield model(rig)
+    for arm in rig.arms:
+        yield from limits(arm)
+        yield model(arm)
 
 
 def driver(group: str, name: str) -> Finding:

@@ -58,10 +58,11 @@ def ports(rig: RigFile) -> dict[int, str]:
     if not (rig.joins or rig.bus.apart):
         wanted[rig.supervisor.port] = "supervisor"
     if rig.simulation is not None:
-        for name, url in (("position sensor", rig.sensor.url), ("output", rig.output.url)):
-            port = urlsplit(url).port if url.startswith("socket://") else None
-            if port is not None:
-                wanted[port] = f"simulated {name}"
+        for arm in rig.arms:
+            for name, url in (("position sensor", arm.sensor.url), ("output", arm.output.url)):
+                port = urlsplit(url).port if url.startswith("socket://") else None
+                if port is not None:
+                    wanted[port] = f"simulated {name}"
     return wanted
 
 

@@ -1,10 +1,10 @@
 """The instruments of a service: opened by their drivers, read, and given voltages and waves."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import ceil, inf
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pincette.config import RigFile
 from pincette.core import plugins
@@ -22,6 +22,7 @@ from pincette.core.service import (
     SetVoltage,
     Wave,
 )
+from pincette.instruments.line.shared_line import one_line_for_each_url
 from pincette.instruments.protocols import (
     Block,
     BufferedSensor,
@@ -32,7 +33,22 @@ from pincette.instruments.protocols import (
     WaveOutput,
 )
 
-Device = PositionSensor | VoltageOutput | None
+
+class Both(NamedTuple):
+    """The instruments of two arms that one service has."""
+
+    first: PositionSensor | VoltageOutput
+    second: PositionSensor | VoltageOutput
+
+
+Device = PositionSensor | VoltageOutput | Both | None
+
+
+def of_arms(devices: Sequence[PositionSensor | VoltageOutput]) -> Device:
+    """The device of a service, or both where there are two arms."""
+    first, *others = devices
+    return Both(first, others[0]) if others else first
+
 
 ORDERS = (SetVoltage, Wave, CheckWave, ReadBack)
 """Outputs of a service that are for the instrument."""
@@ -96,19 +112,19 @@ class Instrument:
             return fault_of(error)
         return None
 
-    def recover(self) -> float:
+    def recover(self) -> PutOut:
         """For a reset: clear a watched output's trip, and return what is put out."""
         try:
             if self._watched is not None:
                 self._watched.clear_trip()
         except InstrumentError as error:
             raise RefusedError(f"the voltage output cannot be reset: {error}") from error
-        return self.read_back_V()
+        return self.read_back()
 
-    def read_back_V(self) -> float:
+    def read_back(self) -> PutOut:
         """What is put out; raises RefusedError where the output does not say."""
         try:
-            return float(self._device.read_V())
+            return PutOut(float(self._device.read_V()))
         except InstrumentError as error:
             raise RefusedError(f"the voltage output cannot be read back: {error}") from error
 
@@ -135,7 +151,7 @@ class Instrument:
 
 def published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ...]:
     """Outputs without what was for the instrument."""
-    return tuple(output for output in outputs if not isinstance(output, ORDERS))
+    return tuple([output for output in outputs if not isinstance(output, ORDERS)])
 
 
 def fault_of(error: InstrumentError) -> Fault:
@@ -155,7 +171,32 @@ _log = logging.getLogger(__name__)
 
 
 def open_device(service: AnyService, rig: RigFile, at_most_s: float = inf) -> Device:
-    """Open a service's instrument, a sensor within ``at_most_s``; None if it has none."""
+    """Open a service's instrument, a sensor within ``at_most_s``; None if it has none.
+
+    On a rig of two arms both are opened, or none stays open; at one url they share a line.
+    """
+    first, *others = rig.arms
+    if not others:
+        return _open(service, first, at_most_s)
+    with one_line_for_each_url():
+        return _open_both(service, first, others[0], at_most_s)
+
+
+def _open_both(service: AnyService, first: RigFile, second: RigFile, at_most_s: float) -> Device:
+    one = _open(service, first, at_most_s)
+    if one is None:
+        return None
+    try:
+        two = _open(service, second, at_most_s)
+    except BaseException:
+        one.close()
+        raise
+    return None if two is None else Both(one, two)
+
+
+def _open(
+    service: AnyService, rig: RigFile, at_most_s: float
+) -> PositionSensor | VoltageOutput | None:
     patience = {"timeout_s": LOCKSTEP_TIMEOUT_S} if rig.lockstep else {}
     if service.instrument == "position_sensor":
         patience = patience or {"timeout_s": min(rig.sensor.timeout_s, at_most_s)}

@@ -5,30 +5,23 @@ its neighbours in one process; what drives it hands it messages and the time.
 """
 
 from collections import deque
-from typing import Any, NamedTuple, cast
+from typing import Any
 
 from pincette import __version__
 from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse_calibration
-from pincette.control.safety.confirmation import READ_BACK_V
+from pincette.control.safety.confirmation import differs
 from pincette.core.faults import Cause, Fault, Predecessor
 from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
-from pincette.core.service import AnyService, ReadBack, RefusedError, Role, Slept
+from pincette.core.service import AnyService, PutOut, ReadBack, RefusedError, Role, Slept
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
-from pincette.engine.instrument import ORDERS, Device, Instrument, published
+from pincette.engine.instrument import ORDERS, Device, published
+from pincette.engine.instrument_pair import instrument_of
 from pincette.engine.request_log import RequestRecorder
-from pincette.engine.synchronizer import KEPT, Synchronizer, stream_of
+from pincette.engine.synchronizer import KEPT, Pending, Synchronizer, stream_of
 from pincette.engine.timing_budget import too_slow
-from pincette.instruments.protocols import VoltageOutput
 
 JOIN_WAIT_PERIODS = 0.25
-
-
-class Pending(NamedTuple):
-    """A trigger that waits for its partners; ``sample`` is None for a tick of the grid."""
-
-    sample: Sample | None
-    since: float
 
 
 class Node:
@@ -53,11 +46,11 @@ class Node:
         self.calibration = Calibration()
         self.config: Any = service.configure(rig)
         self.state: Any = service.start(self.config)
+        self._device = instrument_of(device, self.period_s)
         if service.booted is not None:
             self.state = service.booted(self.state, predecessor)
         if service.initialize_from_output is not None:
-            found_V = cast(VoltageOutput, device).read_V()
-            self.state = service.initialize_from_output(self.config, self.state, found_V)
+            self._begin_from(self._device.read_back())
         self.steps = 0
         self.missed = 0
         self.refused = 0
@@ -67,7 +60,6 @@ class Node:
         # Judged before the loop turns: loading a driver takes longer than a tick.
         judges = check_timing and service.instrument == "voltage_output"
         self._too_slow = too_slow(rig) if judges else ""
-        self._device = Instrument(device, self.period_s)
         self._instrument = service.instrument is not None
         self._said: tuple[Any, ...] = ()  # outputs of the newest step
         self._drives = service.instrument == "voltage_output"
@@ -78,6 +70,13 @@ class Node:
         self._notes = RequestRecorder(service)
         self._told_to_end: Predecessor | None = None
         self._at_rest = False
+
+    def _begin_from(self, found: PutOut) -> None:
+        """Begin from what is put out, whoever set it."""
+        if self.service.initialize_from_output is not None:
+            self.state = self.service.initialize_from_output(
+                self.config, self.state, found.voltage_V, found.second_V
+            )
 
     def accept(self, sample: Any, now: float) -> None:
         """Take a sample of one of its inputs."""
@@ -228,7 +227,7 @@ class Node:
             if isinstance(request, Arm):
                 config = self._may_arm(request)
             resets = self._drives and isinstance(request, Reset)
-            found_V = self._device.recover() if resets else None
+            found = self._device.recover() if resets else None
             self.state, reply, outputs = self.service.handle(config, self.state, request, now)
         except RefusedError as error:
             return str(error), ()
@@ -244,8 +243,8 @@ class Node:
             fault = self._device.put_out(outputs[0])
             if isinstance(fault, Fault):
                 return fault_text(fault), noted
-        elif found_V is not None and self.service.initialize_from_output is not None:
-            self.state = self.service.initialize_from_output(self.config, self.state, found_V)
+        elif found is not None:
+            self._begin_from(found)
         return reply, (*published(outputs), *noted)
 
     def _may_arm(self, request: Arm) -> Any:
@@ -265,9 +264,9 @@ class Node:
         if self.service.instrument == "position_sensor":
             self._device.capture(request.capture_hz)
         if self.service.initialize_from_output is not None:
-            found_V = self._device.read_back_V()
-            if abs(found_V - self.state.voltage_V) > READ_BACK_V:
-                self.state = self.service.initialize_from_output(self.config, self.state, found_V)
+            found = self._device.read_back()
+            if differs(self.state, found.voltage_V, found.second_V):
+                self._begin_from(found)
         if request.calibration == self.calibration.text():
             return self.config
         try:

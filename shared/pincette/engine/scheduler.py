@@ -27,6 +27,8 @@ class Task:
     """One node and its timing: the grid of a sensor, the wake-ups of an actuator, a join's wait."""
 
     __slots__ = (
+        "_said",
+        "_stepped_s",
         "_triggers",
         "due_at",
         "node",
@@ -40,6 +42,10 @@ class Task:
         self.node = node
         self.sequence_filter = SequenceFilter(node.period_s)
         triggers = {item.topic.message for item in node.service.inputs if item.role == "trigger"}
+        self._said: Outputs = ()
+        """Outputs of the newest step, and"""
+        self._stepped_s = 0.0
+        """when it began; both are counted once they are published."""
         self._triggers = frozenset(() if node.lockstep else triggers)
         """Whose numbers are judged; in lockstep the bus loses nothing."""
         reads = node.service.instrument == "position_sensor"
@@ -107,27 +113,29 @@ class Task:
 
     def fire(self, now: float) -> Outputs:
         """Make the step that messages have led to; ``finish`` it once its outputs are published."""
-        outputs = self.node.fire(now)
-        if self.stats is not None:
-            self.stats.fired(self.node.newest, now, outputs)
+        self._stepped_s = now
+        self._said = outputs = self.node.fire(now)
         return outputs
 
     def finish(self, now: float) -> None:
         """The outputs of that step are published."""
         if self.stats is not None:
+            self.stats.fired(self.node.newest, self._stepped_s, self._said)
             self.stats.published(now)
         self.node.look_ahead()
 
     def tick(self, now: float) -> Outputs:
         """Make the step of the timer; ``finish_tick`` once its outputs are published."""
-        outputs = self.node.tick(now) if self.on_grid else self.node.wake(now)
-        if self.stats is not None and self.due_at is not None:
-            self.stats.clocked(self.due_at, now, outputs)
+        self._stepped_s = now
+        self._said = outputs = self.node.tick(now) if self.on_grid else self.node.wake(now)
         return outputs
 
     def finish_tick(self, now: float) -> None:
         """That step is over: the next one keeps to the grid, and missed points are skipped."""
-        self.finish(now)
+        if self.stats is not None and self.due_at is not None:
+            self.stats.clocked(self.due_at, self._stepped_s, self._said)
+            self.stats.published(now)
+        self.node.look_ahead()
         interval_s = self.interval_s
         if self.due_at is None or interval_s is None:
             return

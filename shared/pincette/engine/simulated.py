@@ -3,42 +3,56 @@
 from collections.abc import Callable
 from typing import cast
 
+from msgspec import UNSET, UnsetType
+
 from pincette.bus.protocol import Bus
 from pincette.config import RigFile
 from pincette.core import plugins
 from pincette.core.messages import Ack, GroundTruth, Message, SimCommand
+from pincette.core.messages.second import SecondTruth
 from pincette.core.topics import SIM_COMMAND, Request
-from pincette.engine.instrument import Device
+from pincette.engine.instrument import Device, of_arms
 from pincette.instruments.line.memory_link import MemoryLink
-from pincette.instruments.protocols import Link
-from pincette.sim.bench import Bench, Fitted, open_bench
+from pincette.instruments.protocols import Link, PositionSensor, VoltageOutput
+from pincette.sim.bench import PREFIXES, Bench, Fitted, open_bench
 from pincette.sim.script.script import Script, script_of
 
 
 def simulated_bench(rig: RigFile, publish: Callable[[GroundTruth], None]) -> Bench:
     """Set up the simulated rig of this process, in lockstep, with its script if any."""
+
+    def tell(
+        seq: int,
+        x_um: float,
+        force_mN: float,
+        voltage_V: float,
+        second: SecondTruth | UnsetType = UNSET,
+    ) -> None:
+        publish(GroundTruth(seq, x_um, force_mN, voltage_V, second))
+
     simulation = rig.simulation
     scripted = simulation is not None and (simulation.scripts or simulation.script)
     return open_bench(
         rig,
         lambda: 0.0,
-        lambda seq, x_um, F_mN, u_V: publish(GroundTruth(seq, x_um, F_mN, u_V)),
+        tell,
         script_of(rig) if scripted else None,
     )
 
 
 def devices_on(bench: Bench, rig: RigFile) -> dict[str, Device]:
-    """Both instruments, as their drivers meet them: the real bytes, over memory."""
-    sensor = plugins.load(plugins.POSITION_SENSORS, rig.sensor.driver)
-    output = plugins.load(plugins.VOLTAGE_OUTPUTS, rig.output.driver)
-    return {
-        "sensor": sensor(rig.sensor, _link(bench.fitted["sensor"])),
-        "actuator": output(rig.output, _link(bench.fitted["output"])),
-    }
+    """All instruments, as their drivers meet them: the real bytes, over memory."""
+    each: dict[str, list[PositionSensor | VoltageOutput]] = {"sensor": [], "actuator": []}
+    for prefix, arm in zip(PREFIXES, rig.arms, strict=False):
+        sensor = plugins.load(plugins.POSITION_SENSORS, arm.sensor.driver)
+        output = plugins.load(plugins.VOLTAGE_OUTPUTS, arm.output.driver)
+        each["sensor"].append(sensor(arm.sensor, _link(bench.fitted[f"{prefix}sensor"])))
+        each["actuator"].append(output(arm.output, _link(bench.fitted[f"{prefix}output"])))
+    return {name: of_arms(found) for name, found in each.items()}
 
 
 def simulated_devices(rig: RigFile, publish: Callable[[GroundTruth], None]) -> dict[str, Device]:
-    """Both instruments of a simulated rig in this process, by the name of their service."""
+    """All instruments of a simulated rig in this process, by the name of their service."""
     return devices_on(simulated_bench(rig, publish), rig)
 
 

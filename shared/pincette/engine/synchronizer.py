@@ -2,7 +2,7 @@
 
 from copy import copy
 from math import floor
-from typing import Any
+from typing import Any, NamedTuple
 
 from pincette.core.messages import Command, Message, Sample
 from pincette.core.service import AnyService
@@ -17,6 +17,13 @@ CLOCKS_APART = 1e-3
 
 Waiting = dict[tuple[int, int], Sample]
 """Samples by epoch and number."""
+
+
+class Pending(NamedTuple):
+    """A trigger that waits for its partners; ``sample`` is None for a tick of the grid."""
+
+    sample: Sample | None
+    since: float
 
 
 class Synchronizer:
@@ -64,7 +71,7 @@ class Synchronizer:
 
     def row_of(self, sample: Sample) -> list[Any]:
         """Inputs of the step that a trigger leads to; a partner that has not come is None."""
-        row = self.row()
+        row = list(self._blank)
         row[self._places[type(sample)]] = sample
         for waiting, offset, place in self._partners:
             row[place] = waiting.pop((sample.epoch, sample.seq + offset), None)

@@ -24,6 +24,13 @@ class Budget:
     sensor: Timing
     output: Timing
     computing_s: float
+    second: tuple[Timing, Timing] | None = None
+    """Of the second arm's sensor and output, which are read and written after the first's."""
+
+    @property
+    def second_s(self) -> float:
+        """Exchanges with the instruments of the second arm."""
+        return 0.0 if self.second is None else sum(one.exchange_s for one in self.second)
 
     @property
     def total_s(self) -> float:
@@ -33,6 +40,7 @@ class Budget:
             + self.sensor.response_s
             + self.output.exchange_s
             + self.output.response_s
+            + self.second_s
             + self.computing_s
         )
 
@@ -53,6 +61,7 @@ class Budget:
             "sensor response": self.sensor.response_s,
             "command exchange": self.output.exchange_s,
             "output response": self.output.response_s,
+            "second arm's exchanges": self.second_s,
             "computing": self.computing_s,
         }
         shown = " + ".join(f"{name} {1e3 * part:.1f}" for name, part in parts.items() if part)
@@ -64,13 +73,13 @@ class Budget:
 
 
 def budget(rig: RigFile) -> Budget:
-    """Timing of both instruments as their drivers state it; raises PluginError or ConfigError."""
-    return Budget(
-        rig.rig.period_s,
-        stated(plugins.POSITION_SENSORS, rig.sensor),
-        stated(plugins.VOLTAGE_OUTPUTS, rig.output),
-        rig.realtime.computing_s,
-    )
+    """Timing of all instruments as their drivers state it; raises PluginError or ConfigError."""
+    first, *others = [
+        (stated(plugins.POSITION_SENSORS, arm.sensor), stated(plugins.VOLTAGE_OUTPUTS, arm.output))
+        for arm in rig.arms
+    ]
+    second = others[0] if others else None
+    return Budget(rig.rig.period_s, *first, rig.realtime.computing_s, second)
 
 
 def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
@@ -80,8 +89,9 @@ def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
     reads = any(one.instrument == "position_sensor" for one in together)
     if rig.lockstep or not (looks_s and reads):
         return inf
-    limit_s = PATIENCE_WAKES * min(looks_s)
-    needed_s = stated(plugins.POSITION_SENSORS, rig.sensor).exchange_s
+    # Of two arms both sensors may be silent, one after the other.
+    limit_s = PATIENCE_WAKES * min(looks_s) / len(rig.arms)
+    needed_s = max(stated(plugins.POSITION_SENSORS, arm.sensor).exchange_s for arm in rig.arms)
     if needed_s > limit_s:
         raise ConfigError(
             f"[rig] composed = {list(rig.rig.composed)}: an exchange with the sensor takes "
@@ -98,13 +108,17 @@ def lets_go_s(rig: RigFile) -> float:
     on_silence`` says: ∞ where the hardware holds, and 0 where it goes to a safe value at a time
     that nobody states, or where nothing is stated.
     """
+    return min(_lets_go_s(arm) for arm in rig.arms)
+
+
+def _lets_go_s(arm: RigFile) -> float:
     try:
-        own_s = stated(plugins.VOLTAGE_OUTPUTS, rig.output).lets_go_s
+        own_s = stated(plugins.VOLTAGE_OUTPUTS, arm.output).lets_go_s
     except (plugins.PluginError, ConfigError):
         own_s = None  # the driver may be installed on another machine alone
     if own_s is not None:
         return max(0.0, own_s)
-    return inf if rig.output.on_silence == "holds" else 0.0
+    return inf if arm.output.on_silence == "holds" else 0.0
 
 
 def too_slow(rig: RigFile) -> str:

@@ -32,6 +32,8 @@ MET = False
 URL = "/dev/ttyUSB1"
 """Where it usually is."""
 LIMIT_V = 10.0
+STEP_V = 20.0 / 2**14
+"""Of 14 bits over ±10 V; commands in whole mV name each step."""
 RESPONSE_S = 0.010
 LONGEST_WATCHDOG_S = 25.5
 

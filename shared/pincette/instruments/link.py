@@ -24,6 +24,7 @@ import serial
 from pincette.instruments.line.recording import Recorder, RecordingLink
 from pincette.instruments.line.replay import REPLAY, ReplayLink
 from pincette.instruments.line.serial_link import LONGEST_FRAME, RETRY_S, Line, Port
+from pincette.instruments.line.shared_line import end_of_line
 from pincette.instruments.protocols import InstrumentError, Link
 
 __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
@@ -68,6 +69,8 @@ def open_link(
 ) -> Link:
     """Open a line: ``/dev/…`` at 8N1 without flow control, ``socket://host:port``, ``replay:FILE``.
 
+    Within ``one_line_for_each_url`` a second one at a url is an end of the first.
+
     Parameters
     ----------
     timeout_s
@@ -87,6 +90,23 @@ def open_link(
     InstrumentError
         Where the port cannot be opened; the text names the url, the cause and what to do.
     """
+
+    def opened(prepare: Callable[[Link], None]) -> Link:
+        return _opened(url, baud, timeout_s, terminator, accept, prepare, record, clock)
+
+    return end_of_line(url, on_open, opened)
+
+
+def _opened(
+    url: str,
+    baud: int,
+    timeout_s: float,
+    terminator: bytes,
+    accept: Callable[[bytes], bool],
+    on_open: Callable[[Link], None],
+    record: str | Path | None,
+    clock: Callable[[], float],
+) -> Link:
     if url.startswith(REPLAY):
         return ReplayLink(url, on_open)
     recorder = Recorder(Path(record), url, terminator, clock) if record else None

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from msgspec import inspect
+from msgspec import UNSET, inspect
 from msgspec.structs import replace
 
 from pincette.core.messages import (
@@ -16,6 +16,14 @@ from pincette.core.messages import (
     Position,
     Sample,
     Telemetry,
+)
+from pincette.core.messages.second import (
+    SecondApplied,
+    SecondCommand,
+    SecondEstimate,
+    SecondPosition,
+    SecondTelemetry,
+    SecondTruth,
 )
 from pincette.core.units import unit_of
 from pincette.records.parquet import Field, Kind
@@ -37,11 +45,26 @@ def _column(message: type[Message], name: str, meaning: str, field: str = "") ->
     return Column(name, unit_of(field), meaning, kind, message, field)
 
 
+def _of_second(message: type[Message], name: str, meaning: str, field: str) -> Column:
+    """A column of what a message says of the second arm."""
+    kind = KINDS.get(scalar_of(SECONDS[message], field), "text")
+    return Column(name, unit_of(field), meaning, kind, message, f"second.{field}")
+
+
 KINDS: Mapping[type[inspect.Type], Kind] = {
     inspect.FloatType: "float",
     inspect.IntType: "int",
     inspect.BoolType: "bool",
 }
+SECONDS: Mapping[type[Message], Any] = {
+    Position: SecondPosition,
+    Estimate: SecondEstimate,
+    Command: SecondCommand,
+    Applied: SecondApplied,
+    Telemetry: SecondTelemetry,
+    GroundTruth: SecondTruth,
+}
+"""What a message has in its field ``second``."""
 COLUMNS = (
     _column(Position, "sensor_t_s", "the sensor's own time of the sample", "t_s"),
     _column(Position, "x_um", "measured position of the tip, x"),
@@ -89,6 +112,32 @@ COLUMNS = (
     _column(GroundTruth, "true_force_mN", "simulated rig: true contact force", "force_mN"),
     _column(GroundTruth, "true_voltage_V", "simulated rig: true voltage", "voltage_V"),
 )
+SECOND_COLUMNS = (
+    _of_second(Position, "second_x_um", "measured position of the second tip, x_2", "x_um"),
+    _of_second(Position, "second_position_valid", "its reading is a measurement", "valid"),
+    _of_second(
+        Estimate, "second_force_mN", "estimated contact force of the second arm", "force_mN"
+    ),
+    _of_second(Estimate, "second_force_uncertainty_mN", "its uncertainty", "force_uncertainty_mN"),
+    _of_second(Estimate, "second_zero_age_s", "time since it was zeroed", "zero_age_s"),
+    _of_second(Command, "second_command_V", "voltage asked of the second arm", "voltage_V"),
+    _of_second(Applied, "second_voltage_V", "voltage applied to it, u_2", "voltage_V"),
+    _of_second(
+        Applied, "second_limits_active", "its bits: max, min, slew up, down", "limits_active"
+    ),
+    _of_second(Telemetry, "second_x_r_um", "reference position of the second tip", "x_r_um"),
+    _of_second(Telemetry, "place_um", "place of the part, q = (x_1 - x_2)/2", "place_um"),
+    _of_second(Telemetry, "place_r_um", "reference of the place, q_r", "place_r_um"),
+    _of_second(GroundTruth, "true_second_x_um", "simulated rig: true second position", "x_um"),
+    _of_second(GroundTruth, "true_second_force_mN", "simulated rig: true second force", "force_mN"),
+    _of_second(
+        GroundTruth, "true_second_voltage_V", "simulated rig: true second voltage", "voltage_V"
+    ),
+    _of_second(
+        GroundTruth, "true_part_um", "simulated rig: where the first arm touches", "part_um"
+    ),
+)
+"""Beside those, of a rig of two arms."""
 Columns = Mapping[str, list[Any]]
 
 
@@ -116,13 +165,22 @@ def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]
         }
     )
     table: dict[str, list[Any]] = {"seq": numbers, "t_s": [seq * period_s for seq in numbers]}
-    for column in COLUMNS:
+    two = any(item.second is not UNSET for item in applied.values())
+    for column in (*COLUMNS, *SECOND_COLUMNS) if two else COLUMNS:
         samples = found.get(column.message, {})
         table[column.name] = [
-            _cell(getattr(samples[seq], column.field)) if seq in samples else None
-            for seq in numbers
+            _cell(_value(samples[seq], column.field)) if seq in samples else None for seq in numbers
         ]
     return table
+
+
+def _value(message: Message, field: str) -> Any:
+    """A field of a message, or of what it says of the second arm."""
+    of, _, inner = field.partition(".")
+    if not inner:
+        return getattr(message, of)
+    second = getattr(message, of)
+    return None if second is UNSET else getattr(second, inner)
 
 
 def _cell(value: Any) -> Any:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pincette.records import mcap_file, parquet
-from pincette.records.columns import COLUMNS, Columns
+from pincette.records.columns import COLUMNS, SECOND_COLUMNS, Columns
 from pincette.records.parquet import Field
 
 LIVE = mcap_file.NAME
@@ -49,7 +49,8 @@ OF_A_BURST = (
 def write_samples(path: Path, table: Columns, about: Mapping[str, str]) -> None:
     """Write columns as Parquet."""
     with _replacing(path) as draft:
-        parquet.write(draft, OF_SAMPLES, table, about)
+        two = SECOND_COLUMNS if SECOND_COLUMNS[0].name in table else ()
+        parquet.write(draft, (*OF_SAMPLES, *two), table, about)
 
 
 def write_burst(

@@ -10,8 +10,9 @@ from typing import Any, Generic, TypeVar, cast
 
 import msgspec
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from msgspec import inspect
+from msgspec import UNSET, inspect
 
+from pincette.core.codec.refusals import may_be_absent
 from pincette.core.messages import Message
 from pincette.core.topics import TOPICS
 
@@ -158,7 +159,7 @@ def _reader(kind: type, described: Any = None) -> Callable[[Any], Any]:
     for field in _fields(kind):
         if there is None or field.name in there:
             inner = None if there is None else there[field.name].message_type
-            takes[field.name] = _taker(field.name, field.type, inner)
+            takes[field.name] = _taker(field, inner)
         elif field.required:
             missing.append(field.name)
     if missing:
@@ -166,8 +167,9 @@ def _reader(kind: type, described: Any = None) -> Callable[[Any], Any]:
     return lambda proto: kind(**{name: take(proto) for name, take in takes.items()})
 
 
-def _taker(name: str, node: inspect.Type, described: Any = None) -> Callable[[Any], Any]:
-    inner, optional, repeated = _plain(node)
+def _taker(field: inspect.Field, described: Any = None) -> Callable[[Any], Any]:
+    name = field.name
+    inner, optional, repeated = _plain(field.type)
     read: Callable[[Any], Any] = _same
     if isinstance(inner, inspect.StructType):
         read = _reader(inner.cls, described)
@@ -175,6 +177,8 @@ def _taker(name: str, node: inspect.Type, described: Any = None) -> Callable[[An
         read = inner.cls
     if repeated:
         return lambda proto: tuple([read(item) for item in getattr(proto, name)])
+    if may_be_absent(field):
+        return lambda proto: read(getattr(proto, name)) if proto.HasField(name) else UNSET
     if optional:
         return lambda proto: read(getattr(proto, name)) if proto.HasField(name) else None
     return lambda proto: read(getattr(proto, name))

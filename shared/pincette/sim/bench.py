@@ -1,10 +1,12 @@
-"""The bench: the plant with both simulated instruments, as a rig file describes them."""
+"""The bench: the plant with its simulated instruments, as a rig file describes them."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from typing import Protocol
 
 from pincette.config import ConfigError, RigFile, Simulation
+from pincette.core.messages.second import SecondTruth
 from pincette.sim.instruments.fitting import (
     TABLES,
     Fitted,
@@ -14,37 +16,53 @@ from pincette.sim.instruments.fitting import (
     simulated_in,
 )
 from pincette.sim.instruments.protocol import Instrument
-from pincette.sim.rig.rig import SimulatedRig, TruthSink
+from pincette.sim.rig.pair_rig import ArmOfPair, SimulatedPair
+from pincette.sim.rig.rig import SimulatedRig
 from pincette.sim.script.script import Script
 from pincette.sim.wires.wire import serve
+
+PREFIXES = ("", "second_")
+"""Before the tables of each arm, in names of instruments and in a script."""
+
+
+class BenchTruthSink(Protocol):
+    """What a rig of either kind tells of its truth: ``TruthSink``, and ``PairTruthSink``."""
+
+    def __call__(
+        self, seq: int, x_um: float, force_mN: float, voltage_V: float, second: SecondTruth = ..., /
+    ) -> None:
+        """Take it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """A simulated rig and its two instruments."""
+    """A simulated rig and its instruments."""
 
-    rig: SimulatedRig
+    rig: SimulatedRig | SimulatedPair
     fitted: dict[str, Fitted]
-    """By table of the rig file: ``sensor`` and ``output``."""
+    """By table of the rig file: ``sensor`` and ``output``, ``second_sensor``, ``second_output``."""
 
     @property
     def sensor(self) -> Instrument:
-        """The position sensor."""
+        """The position sensor, of two arms that of the first."""
         return self.fitted["sensor"].instrument
 
     @property
     def output(self) -> Instrument:
-        """The voltage output."""
+        """The voltage output, of two arms that of the first."""
         return self.fitted["output"].instrument
 
     @contextmanager
     def offer(self) -> Generator[dict[str, str]]:
-        """Offer both instruments at their urls; yields where each one is; raises WireError."""
+        """Offer all instruments at their urls; yields where each one is; raises WireError."""
         with ExitStack() as ports:
             at: dict[str, str] = {}
             servers: dict[int, str] = {}
             for table, fitted in self.fitted.items():
                 if fitted.server is None or fitted.open_server is None:
+                    if (shared := id(fitted.instrument)) in servers:
+                        at[table] = servers[shared]
+                        continue
                     wire = serve(
                         fitted.url,
                         fitted.instrument,
@@ -52,7 +70,7 @@ class Bench:
                         fitted.terminator or b"",
                         afterwards=self.rig.pass_time,
                     )
-                    at[table] = ports.enter_context(wire).url
+                    at[table] = servers[shared] = ports.enter_context(wire).url
                     continue
                 shared = id(fitted.server)
                 if shared not in servers:
@@ -65,7 +83,7 @@ class Bench:
 def open_bench(
     rig_file: RigFile,
     clock: Callable[[], float],
-    truth: TruthSink | None = None,
+    truth: BenchTruthSink | None = None,
     script: Script | None = None,
     pace: Callable[[float], None] | None = None,
 ) -> Bench:
@@ -73,45 +91,102 @@ def open_bench(
     simulation = rig_file.simulation
     if simulation is None:
         raise ConfigError("[simulation] is missing: this rig file describes a real rig")
-    tables_of: dict[str, set[str]] = {}
-    for table in TABLES:
-        name = (rig_file.sensor if table == "sensor" else rig_file.output).driver
-        driver = simulated_driver(name)
-        if driver is None or table not in driver.tables:
-            known = ", ".join(map(repr, simulated_in(table)))
-            raise ConfigError(f"{table}.driver = {name!r}: only {known} are simulated")
-        tables_of.setdefault(name, set()).add(table)
-    plant = resolved(simulation, rig_file.output.driver)
+    for prefix, arm in zip(PREFIXES, rig_file.arms, strict=False):
+        _require_simulated(arm, prefix.replace("_", "."))
     try:
-        rig = SimulatedRig(plant, rig_file.rig.period_s, rig_file.lockstep, clock, truth)
+        rig, arms = _simulated(rig_file, simulation, clock, truth)
+    except ConfigError:
+        raise
     except ValueError as error:
         raise ConfigError(f"[simulation] is no possible rig: {error}") from error
     if script is not None:
         script.operate(rig)
-    setting = _setting(rig_file, simulation, rig, script, pace)
     fitted: dict[str, Fitted] = {}
-    for name, tables in tables_of.items():
-        if (driver := simulated_driver(name)) is not None:
-            fitted |= driver.fit(setting, frozenset(tables))
+    for prefix, arm, of_arm in zip(PREFIXES, rig_file.arms, arms, strict=False):
+        of_simulation = arm.simulation or simulation
+        beside = dict(fitted)
+        setting = _setting(arm, of_simulation, of_arm, script, prefix, pace, beside)
+        for name, tables in _tables_of(arm).items():
+            if (driver := simulated_driver(name)) is not None:
+                found = driver.fit(setting, frozenset(tables))
+                fitted |= {f"{prefix}{table}": one for table, one in found.items()}
+                fitted |= _shared(beside, found)
     return Bench(rig, fitted)
 
 
-def _setting(
+def _shared(beside: Mapping[str, Fitted], found: Mapping[str, Fitted]) -> dict[str, Fitted]:
+    """Instruments of the first arm that are the second's, too, with what a script does to both."""
+    modules = {id(one.module): one for one in found.values() if one.module is not None}
+    return {
+        table: modules[id(one.module)]
+        for table, one in beside.items()
+        if one.module is not None and id(one.module) in modules
+    }
+
+
+def _tables_of(arm: RigFile) -> dict[str, set[str]]:
+    """Tables by the driver that they name."""
+    tables_of: dict[str, set[str]] = {}
+    for table in TABLES:
+        name = (arm.sensor if table == "sensor" else arm.output).driver
+        tables_of.setdefault(name, set()).add(table)
+    return tables_of
+
+
+def _require_simulated(arm: RigFile, prefix: str) -> None:
+    for name, tables in _tables_of(arm).items():
+        driver = simulated_driver(name)
+        for table in sorted(tables):
+            if driver is None or table not in driver.tables:
+                known = ", ".join(map(repr, simulated_in(table)))
+                raise ConfigError(f"{prefix}{table}.driver = {name!r}: only {known} are simulated")
+
+
+def _simulated(
     rig_file: RigFile,
     simulation: Simulation,
-    rig: SimulatedRig,
+    clock: Callable[[], float],
+    truth: BenchTruthSink | None,
+) -> tuple[SimulatedRig | SimulatedPair, tuple[SimulatedRig | ArmOfPair, ...]]:
+    """The plant, and it or its arms as instruments meet them; raises ValueError."""
+    period_s, lockstep = rig_file.rig.period_s, rig_file.lockstep
+    if rig_file.second is None:
+        plant = resolved(simulation, rig_file.output.driver)
+        rig = SimulatedRig(plant, period_s, lockstep, clock, truth)
+        return rig, (rig,)
+    one, two = (resolved(arm.simulation or simulation, arm.output.driver) for arm in rig_file.arms)
+    pair = SimulatedPair(simulation, (one, two), period_s, lockstep, clock, truth)
+    return pair, (ArmOfPair(pair, 0), ArmOfPair(pair, 1))
+
+
+def _setting(
+    arm: RigFile,
+    simulation: Simulation,
+    rig: SimulatedRig | ArmOfPair,
     script: Script | None,
+    prefix: str,
     pace: Callable[[float], None] | None,
+    beside: Mapping[str, Fitted],
 ) -> Setting:
-    """The rig as the instruments meet it, at its pace, through the script where there is one."""
+    """The rig as the instruments of an arm meet it, at its pace, through the script if any."""
 
     def paced_um() -> float:
         if pace is not None:
             pace(rig.now_s())
         return rig.measure_um()
 
-    measure_um = rig.measure_um if pace is None else paced_um
+    # One arm is looked at first in each tick.
+    measure_um = rig.measure_um if pace is None or prefix else paced_um
     if script is None:
-        return Setting(rig_file, simulation, rig, measure_um, rig.put_out, lambda _table, one: one)
-    put_out = script.put_out(rig.put_out)
-    return Setting(rig_file, simulation, rig, script.measure(measure_um), put_out, script.link)
+        return Setting(
+            arm, simulation, rig, measure_um, rig.put_out, lambda _table, one: one, beside
+        )
+    return Setting(
+        arm,
+        simulation,
+        rig,
+        script.measure(measure_um, f"{prefix}sensor"),
+        script.put_out(rig.put_out, f"{prefix}output"),
+        lambda table, one: script.link(f"{prefix}{table}", one),
+        beside,
+    )

@@ -89,6 +89,13 @@ def test_every_place_of_a_rig_is_closed_where_its_file_names_certificates(tmp_pa
         assert all(place.startswith("tls/") for place in (*ends.listen, *ends.connect))
 
 
+def test_a_program_of_an_extra_shows_the_certificate_of_a_person(tmp_path: Path) -> None:
+    rig = demo_rig().secured(folder_for(tmp_path / "pki", "demo").path)
+    ends = program_endpoint(rig, "foxglove", lockstep=False)
+    assert ends.tls is not None
+    assert ends.tls.credentials.identity.name == rig.bus.identity
+
+
 def test_a_rig_without_certificates_of_its_own_is_refused_with_the_file(tmp_path: Path) -> None:
     rig = demo_rig().secured(folder_for(tmp_path / "pki", "left").path)
     with pytest.raises(SecurityError, match=r"demo/sensor\.crt: No such file"):

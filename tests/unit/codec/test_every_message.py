@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from msgspec import Struct, inspect
+from msgspec import UNSET, Struct, inspect
 
 from pincette.core.codec import KINDS, decode, encode
 from pincette.core.codec.refusals import CodecError, msgpack, unit_stated
@@ -27,6 +27,10 @@ PROMISES = {
 
 def tree_of(name: str) -> dict[str, Any]:
     return msgpack.unpackb(encode(sound(BY_NAME[name], random.Random(20131))))
+
+
+def fields_of(name: str) -> tuple[str, ...]:
+    return BY_NAME[name].__struct_fields__
 
 
 def packed(pairs: list[tuple[str, bytes]]) -> bytes:
@@ -83,10 +87,21 @@ def test_an_unknown_field_is_named(name: str) -> None:
 @EVERY
 def test_a_missing_field_is_named_though_it_has_a_default(name: str) -> None:
     tree = tree_of(name)
-    for field in tree:
+    for field in tree.keys() - {"second"}:
         fewer = {key: value for key, value in tree.items() if key != field}
         with pytest.raises(CodecError, match=f"^{name}: fields missing or unknown: {field}$"):
             decode(BY_NAME[name], msgpack.packb(fewer))
+
+
+@pytest.mark.parametrize("name", [name for name in BY_NAME if "second" in fields_of(name)])
+def test_what_is_of_a_second_arm_is_left_out_where_there_is_none(name: str) -> None:
+    tree = {key: value for key, value in tree_of(name).items() if key != "second"}
+    payload = msgpack.packb(tree)
+    alone: Any = decode(BY_NAME[name], payload)
+    assert alone.second is UNSET
+    assert encode(alone) == payload
+    with pytest.raises(CodecError, match=f"^{name}.second: not a map$"):
+        decode(BY_NAME[name], msgpack.packb(tree | {"second": None}))
 
 
 @EVERY

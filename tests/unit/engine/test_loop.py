@@ -212,7 +212,10 @@ def test_it_waits_for_whoever_is_first_to_be_due() -> None:
     assert scheduler.wait_s(10.0 + 0.9 * wake_s) == pytest.approx(0.1 * wake_s)
 
 
-def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest() -> None:
+@pytest.mark.parametrize("where", ["fire", "look_ahead"])
+def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where: str) -> None:
+    """In its step, or in what it has left until the outputs of a step are published."""
+
     def fails(*_given: Any) -> Any:
         raise ZeroDivisionError
 
@@ -221,7 +224,7 @@ def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest() -> 
     loop = Loop(nodes, outside)
     nodes[1].state = replace(nodes[1].state, voltage_V=1.5)
     failing: Any = nodes[0]
-    failing.fire = fails
+    setattr(failing, where, fails)
     estimate = Estimate(0, 0, 1.0, 0.0, 0.1, 0.0, None, None, 0.0, -1, 0, False, False)
     next(iter(outside.sinks.values()))(COMMAND, estimate)
     ended: list[BaseException] = []

@@ -49,17 +49,17 @@ def test_what_is_refused_or_changes_nothing_is_not_told() -> None:
 
 
 def test_an_actuator_tells_of_trip_and_reset_and_of_the_voltage_it_brings() -> None:
-    tape = Tape()
+    tape, found_V = Tape(), 1229 * RIG.output.step_V
     node = Node(ACTUATOR, RIG, tape)
-    tape.found_V = 1.5
+    tape.found_V = found_V
     asked(node, Reset(acknowledge=True))
     node.state = (
-        ACTUATOR.initialize_from_output(node.config, node.state, 1.5)
+        ACTUATOR.initialize_from_output(node.config, node.state, found_V, None)
         if ACTUATOR.initialize_from_output
         else None
     )
     (armed,) = asked(node, ARM)
-    assert armed.state_snapshot == '{"voltage_V":1.5}'
+    assert armed.state_snapshot == f'{{"voltage_V":{found_V}}}'
     (trip,) = asked(node, Trip(Cause.ESTOP))
     assert (trip.trip, trip.epoch, trip.seq) == (Trip(Cause.ESTOP), 3, -1)
 

@@ -12,6 +12,7 @@ from pincette.sim.plant.hysteresis import BoucWen
 from pincette.sim.plant.pair import advance_pair
 from pincette.sim.plant.pair_modes import Contact, Ground
 from pincette.sim.plant.pair_state import (
+    APART,
     PairParameters,
     PairState,
     pair_forces_mN,
@@ -133,6 +134,47 @@ def test_a_lifted_part_with_a_weight_falls_where_the_arms_open() -> None:
     assert [event.what for event in state.events] == ["lost"]
 
 
+def test_a_part_that_lands_lies_where_it_was_carried_to_and_is_gripped_again() -> None:
+    part = PartParameters(hold_mN=0.05, lift_after_s=0.1)
+    p = _pair(part=part, lands=True, ground_slip_mN=1.5)
+    state = _pressed(p, start_pair(p), (36.0, 36.0))
+    state = _pressed(p, state, (40.0, 32.0))
+    carried_um = state.part_um
+    assert carried_um > p.part_um + 3.0
+    state = _pressed(p, state, (24.0, 16.0))
+    assert [event.what for event in state.events] == ["landed"]
+    assert (state.part, state.contact) == ("there", APART)
+    assert state.part_um == state.anchor_um == pytest.approx(carried_um, abs=0.5)
+    state = _pressed(p, state, (40.0, 32.0))
+    assert min(pair_forces_mN(p, state)) > 1.0
+
+
+@pytest.mark.parametrize("aside_s", [0.0, 0.1])
+@pytest.mark.parametrize("shares", [(0.0,), (0.9, 0.3, 0.0)])
+@pytest.mark.parametrize("carried", [True, False])
+def test_a_part_that_stays_where_it_is_let_go_is_not_struck_again(
+    carried: bool, shares: tuple[float, ...], aside_s: float
+) -> None:
+    """By one step, as a watchdog does it, or by those of a tick each; one arm before the other."""
+    part = PartParameters(hold_mN=0.05, lift_after_s=0.1 if carried else math.inf)
+    p = _pair(part=part, lands=True, ground_slip_mN=1.5)
+    state = _pressed(p, start_pair(p), (35.0, 33.0))
+    held_V = state.first.drive_V, state.second.drive_V
+    held_mN = max(pair_forces_mN(p, state))
+    for share in shares:
+        state = set_pair_voltages(p, state, (share * held_V[0], held_V[1]))
+        for _ in range(round((aside_s + 0.02) / 2e-4)):
+            state = advance_pair(p, state, 2e-4)
+            assert max(pair_forces_mN(p, state)) <= held_mN
+    for share in shares:
+        state = set_pair_voltages(p, state, (0.0, share * held_V[1]))
+        for _ in range(100):
+            state = advance_pair(p, state, 2e-4)
+            assert max(pair_forces_mN(p, state)) <= held_mN
+    assert state.part == "there"
+    assert pair_forces_mN(p, state) == (0.0, 0.0)
+
+
 def test_a_part_breaks_above_its_force() -> None:
     p = _pair(part=PartParameters(break_mN=5.0))
     state = _pressed(p, start_pair(p), (36.0, 36.0))
@@ -157,6 +199,28 @@ def test_a_held_pair_swings_with_both_masses_on_both_springs() -> None:
     omega = p.first.natural_frequency_rad_per_s
     expected = math.sqrt((1 / s_1 + 1 / s_2) / (1 / s_1 / omega**2 + 1 / s_2 / omega**2))
     assert 2.0 * math.pi / period_s == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("step_s", [5e-4, 2e-4, 3.7e-5])
+def test_arms_that_part_from_a_loose_part_for_an_instant_close_on_it_again(
+    step_s: float,
+) -> None:
+    """Nothing but faces holds it: the force of a single face is exactly 0, and tells nothing."""
+    p = _pair(ground_slip_mN=1.5)
+    state = _pressed(p, start_pair(p), (30.5, 30.5))
+    held_mN = (2.0 * 30.5 - GAP_UM) / (p.first.compliance_um_per_mN + SOFTER + 2.0 / FACE)
+    apart = [replace(arm, speed_um_per_s=-500.0) for arm in (state.first, state.second)]
+    contact = Contact(first=True, second=True, ground=Ground.AWAY)
+    state = replace(state, first=apart[0], second=apart[1], contact=contact)
+    struck_mN, parted = 0.0, False
+    for _ in range(round(0.12 / step_s)):
+        state = advance_pair(p, state, step_s)
+        struck_mN = max(struck_mN, *pair_forces_mN(p, state))
+        parted |= max(pair_forces_mN(p, state)) == 0.0
+        assert sum(state.tips_um) < GAP_UM + 0.12
+    assert parted
+    assert struck_mN < 4.5
+    assert pair_forces_mN(p, state) == pytest.approx((held_mN, held_mN), abs=0.05)
 
 
 def test_touching_and_leaving_gives_the_arms_no_energy() -> None:

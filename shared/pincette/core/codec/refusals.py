@@ -10,7 +10,7 @@ from math import inf, isfinite
 from typing import Any, cast
 
 import msgpack as untyped_msgpack
-from msgspec import inspect
+from msgspec import NODEFAULT, inspect
 
 from pincette.control.quantities import MAX_ITEMS, MAX_TEXT
 
@@ -85,6 +85,14 @@ def _own_fields(kind: type) -> list[tuple[str, inspect.Type]]:
     return [(field.name, field.type) for field in node.fields]
 
 
+def may_be_absent(field: inspect.Field) -> bool:
+    """Whether a field is left out of the bytes where it is ``UNSET``; all others are always sent.
+
+    msgspec tells such a field as one that is not required and has no default that can be sent.
+    """
+    return not field.required and field.default is NODEFAULT and field.default_factory is NODEFAULT
+
+
 def unit_stated(node: inspect.Metadata) -> str:
     """Unit that a field's type states; empty where it states none."""
     # msgspec does not say of what type its items are.
@@ -155,10 +163,12 @@ def _record(place: str, node: inspect.StructType, value: Any) -> Any:
         raise CodecError(f"{place}: not a map")
     tree = cast("dict[Any, Any]", value)
     fields = {field.name: field.type for field in node.fields}
-    if tree.keys() != fields.keys():
-        odd = fields.keys() ^ tree.keys()
+    absent = {field.name for field in node.fields if may_be_absent(field)} - tree.keys()
+    if tree.keys() != fields.keys() - absent:
+        odd = (fields.keys() - absent) ^ tree.keys()
         raise FieldsError(f"{place}: fields missing or unknown: {_named(odd)}")
-    values = {name: _value(f"{place}.{name}", fields[name], tree[name]) for name in fields}
+    sent = [name for name in fields if name in tree]
+    values = {name: _value(f"{place}.{name}", fields[name], tree[name]) for name in sent}
     try:
         return node.cls(**values)
     except ValueError as error:  # data that refuses itself

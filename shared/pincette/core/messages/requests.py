@@ -114,7 +114,8 @@ class SimCommand(FrozenRecord, frozen=True):
     """
 
     target: Text
-    """``part``, ``weight``, ``arm``, ``sensor`` or ``output``."""
+    """``part``, ``weight``, ``arm``, ``sensor`` or ``output``; with two arms also ``second_sensor``
+    and ``second_output``."""
     what: Text
     """What is done to it: ``remove``, ``off``, ``stuck`` …"""
     value: Number | None = None

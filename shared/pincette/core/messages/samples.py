@@ -1,5 +1,7 @@
 """What is published: samples of the loop, each with its number, and what is told beside them."""
 
+from msgspec import UNSET, UnsetType
+
 from pincette.control.planning.sweep import Sweep
 from pincette.control.quantities import (
     Epoch,
@@ -16,6 +18,14 @@ from pincette.control.quantities import (
 )
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Acted, Cause, Fault, Mode, Outcome
+from pincette.core.messages.second import (
+    SecondApplied,
+    SecondCommand,
+    SecondEstimate,
+    SecondPosition,
+    SecondTelemetry,
+    SecondTruth,
+)
 from pincette.latency.histogram import Distribution
 
 
@@ -29,6 +39,13 @@ class Position(FrozenRecord, frozen=True):
     valid: bool = False
     fault: Fault | None = None
     """Why it is no measurement."""
+    second: SecondPosition | UnsetType = UNSET
+    """Of the second arm; where there is one arm, the field is not sent."""
+
+    @property
+    def usable(self) -> bool:
+        """Whether each arm there is was measured."""
+        return self.valid and (self.second is UNSET or self.second.valid)
 
 
 class Burst(FrozenRecord, frozen=True):
@@ -68,6 +85,8 @@ class Estimate(FrozenRecord, frozen=True):
     touch_mN: Millinewton | None = None
     """At least how hard: by how far the closing arm lags since a kink in its way, which takes no
     zero, or by the force less three uncertainties; below 0 where it is held from behind."""
+    second: SecondEstimate | UnsetType = UNSET
+    """Of the second arm; ``valid`` and ``fault`` are of both."""
 
 
 class Command(FrozenRecord, frozen=True):
@@ -96,6 +115,8 @@ class Command(FrozenRecord, frozen=True):
     """Number of the program's segment that the voltage is of; None: of none."""
     segment_tick: Whole = 0
     """Ticks into it."""
+    second: SecondCommand | UnsetType = UNSET
+    """Of the second arm. A rig of two arms refuses a command without it, one of one arm with it."""
 
 
 class Applied(FrozenRecord, frozen=True):
@@ -128,7 +149,10 @@ class Applied(FrozenRecord, frozen=True):
     """Time since the output moved last, a period at most, that the slew limit gave the command
     taken; None in lockstep, where it is a period."""
     unconfirmed: bool = False
-    """Whether the output has not confirmed ``voltage_V``: then nobody knows what is put out."""
+    """Whether the output has not confirmed ``voltage_V``: then nobody knows what is put out. Of two
+    arms, whether either has not."""
+    second: SecondApplied | UnsetType = UNSET
+    """Of the second arm."""
 
 
 class Telemetry(FrozenRecord, frozen=True):
@@ -169,6 +193,8 @@ class Telemetry(FrozenRecord, frozen=True):
     """With which force, as it turned back."""
     correction_um: Micrometre = 0.0
     """What was learned of earlier cycles, added to x_r for the law."""
+    second: SecondTelemetry | UnsetType = UNSET
+    """Of the second arm."""
 
 
 class GroundTruth(FrozenRecord, frozen=True):
@@ -178,6 +204,8 @@ class GroundTruth(FrozenRecord, frozen=True):
     x_um: Micrometre
     force_mN: Millinewton
     voltage_V: Volt
+    second: SecondTruth | UnsetType = UNSET
+    """Of the second arm."""
 
 
 class JobNotice(FrozenRecord, frozen=True):

@@ -40,7 +40,10 @@ class _Channel:
 
 @dataclass(slots=True)
 class SimulatedI7024:
-    """Four channels, one of which drives the plant; lines and idle times drive the watchdog."""
+    """Four channels, of which ``channel`` drives the plant; others by ``connect``.
+
+    Lines and idle times drive the watchdog, which is one for all channels.
+    """
 
     put_out: Callable[[float], None]
     clock: Callable[[], float]
@@ -51,6 +54,16 @@ class SimulatedI7024:
         default_factory=lambda: [_Channel() for _ in range(CHANNELS)], init=False
     )
     _watchdog: _Watchdog = field(default_factory=_Watchdog, init=False)
+    _drives: dict[int, Callable[[float], None]] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        self._drives[self.channel] = self.put_out
+
+    def connect(self, channel: int, put_out: Callable[[float], None]) -> None:
+        """Let another channel drive something, too; raises ValueError where it does already."""
+        if channel in self._drives:
+            raise ValueError(f"channel {channel} of module {self.address} drives an arm already")
+        self._drives[channel] = put_out
 
     @property
     def tripped(self) -> bool:
@@ -142,8 +155,8 @@ class SimulatedI7024:
 
     def _drive(self, number: int, voltage_V: float) -> None:
         self._channels[number].actual_V = voltage_V
-        if number == self.channel:
-            self.put_out(voltage_V)
+        if number in self._drives:
+            self._drives[number](voltage_V)
 
     @staticmethod
     def _number(text: bytes) -> int | None:

@@ -1,6 +1,6 @@
 """How a simulated instrument is fitted to a rig; one is registered under its driver's name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 from pincette.config import ConfigError, Output, RigFile, Sensor, Simulation
 from pincette.core import plugins
 from pincette.sim.instruments.protocol import Instrument
+from pincette.sim.rig.pair_rig import ArmOfPair
 from pincette.sim.rig.rig import SimulatedRig
 
 TABLES = ("sensor", "output")
@@ -51,6 +52,8 @@ class Fitted:
     """What answers at a port that both instruments may share, and"""
     open_server: OpenServer | None = None
     """what serves it at a url; None: a serial line or a socket."""
+    module: Instrument | None = None
+    """``instrument`` without what a script does to its line, where another arm may share it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +61,15 @@ class Setting:
     """What a simulated instrument is connected to."""
 
     rig_file: RigFile
+    """Of one arm; see ``RigFile.arms``."""
     simulation: Simulation
-    rig: SimulatedRig
+    rig: SimulatedRig | ArmOfPair
     measure_um: Callable[[], float]
     put_out: Callable[[float], None]
     line: Callable[[str, Instrument], Instrument]
     """Puts what a script does to a line before the instrument of a table."""
+    beside: Mapping[str, Fitted]
+    """What the first arm has, as the second is fitted; empty for the first."""
 
     def baud(self, settings: Sensor | Output) -> int | None:
         """Of a serial line; None in lockstep, where bytes take no time."""

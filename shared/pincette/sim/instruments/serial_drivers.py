@@ -1,5 +1,6 @@
 """Simulated instruments on serial lines, by the drivers that meet them."""
 
+from pincette.config import ConfigError
 from pincette.sim.instruments import dc205
 from pincette.sim.instruments.dc205 import SimulatedDC205
 from pincette.sim.instruments.dcon import SimulatedI7024
@@ -19,16 +20,27 @@ def _keyence(setting: Setting, _tables: frozenset[str]) -> dict[str, Fitted]:
 
 
 def _i7024(setting: Setting, _tables: frozenset[str]) -> dict[str, Fitted]:
-    output = setting.rig_file.output
+    output, baud = setting.rig_file.output, setting.baud(setting.rig_file.output)
+    address = int(output.options.get("address", 1))
+    channel = int(output.options.get("channel", 0))
+    checksum = bool(output.options.get("checksum", False))
+    for there in setting.beside.values():
+        if there.url == output.url:
+            module = there.module
+            if not isinstance(module, SimulatedI7024) or module.address != address:
+                raise ConfigError(
+                    f"second.output.url = {output.url!r}: another instrument is simulated there, "
+                    "and a line of several modules is not; give the address of [output], or "
+                    "another url"
+                )
+            module.connect(channel, setting.put_out)
+            line = setting.line("output", there.instrument)
+            return {"output": Fitted(line, output.url, TERMINATOR, baud, module=module)}
     module = SimulatedI7024(
-        setting.put_out,
-        setting.rig.now_s,
-        address=int(output.options.get("address", 1)),
-        channel=int(output.options.get("channel", 0)),
-        checksum=bool(output.options.get("checksum", False)),
+        setting.put_out, setting.rig.now_s, address=address, channel=channel, checksum=checksum
     )
     line = setting.line("output", module)
-    return {"output": Fitted(line, output.url, TERMINATOR, setting.baud(output))}
+    return {"output": Fitted(line, output.url, TERMINATOR, baud, module=module)}
 
 
 def _dc205(setting: Setting, _tables: frozenset[str]) -> dict[str, Fitted]:

@@ -7,6 +7,7 @@ over it (``pair_modes``), else it goes in pieces, with changes at their ends.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from pincette.sim.plant.drive import drive
@@ -54,12 +55,19 @@ def _substeps(p: PairParameters, state: PairState, dt_s: float, count: int) -> P
         for each, arm in zip(p.arms, (state.first, state.second), strict=True)
     ]
     (first, rests_1, _), (second, rests_2, _) = arms
-    numbers = pair_numbers(p)
     state = replace(state, first=first, second=second)
-    for number in range(count):
-        state = _pass_substep(p, numbers, state, dt_s, (rests_1[number], rests_2[number]))
+    return move_pair(p, state, dt_s, tuple(zip(rests_1, rests_2, strict=True)), begin_s)
+
+
+def move_pair(
+    p: PairParameters, state: PairState, dt_s: float, rests_um: Sequence[Pair], begin_s: float = 0.0
+) -> PairState:
+    """Substeps of equal length, each towards the free positions of both arms."""
+    numbers = pair_numbers(p)
+    for number, rests in enumerate(rests_um, start=1):
+        state = _pass_substep(p, numbers, state, dt_s, rests)
         if state.part == "there":
-            state = _befallen(p, state, dt_s, begin_s + (number + 1) * dt_s)
+            state = _befallen(p, state, dt_s, begin_s + number * dt_s)
     return state
 
 
@@ -160,10 +168,7 @@ def _changed(p: PairParameters, state: PairState, before_um: float) -> PairState
     if state.part != "there":
         return state
     contact, z = state.contact, state.part_um
-    x_1, x_2 = state.tips_um
-    off_1, off_2 = (pull_off_mN / p.face_mN_per_um for pull_off_mN in p.pull_off_mN)
-    first = x_1 - z > (-off_1 if contact.first else 0.0)
-    second = x_2 - p.gap_um + z > (-off_2 if contact.second else 0.0)
+    first, second = _touching(p, state)
     ground, anchor_um = contact.ground, state.anchor_um
     if ground == Ground.HOLDS:
         load_mN = p.ground_mN_per_um * (z - anchor_um)
@@ -182,6 +187,30 @@ def _changed(p: PairParameters, state: PairState, before_um: float) -> PairState
     return replace(state, contact=Contact(first, second, ground), part_um=z, anchor_um=anchor_um)
 
 
+def _touching(p: PairParameters, state: PairState) -> tuple[bool, bool]:
+    """Which faces touch from here on.
+
+    Of a part that nothing but faces holds both forces are one, and that of a single face is 0: no
+    sign of a difference tells then what leaves. Both go by the one force, and a single face by the
+    way that its arm goes: it pushes the part on, and pulls it where it sticks.
+    """
+    contact, z = state.contact, state.part_um
+    x_1, x_2 = state.tips_um
+    off_1, off_2 = (pull_off_mN / p.face_mN_per_um for pull_off_mN in p.pull_off_mN)
+    slips = contact.ground in (Ground.SLIPS_UP, Ground.SLIPS_DOWN)
+    if contact.ground == Ground.AWAY or (slips and p.ground_slip_mN == 0.0):
+        closed_um = x_1 + x_2 - p.gap_um
+        if contact.first and contact.second:
+            return 0.5 * closed_um > -off_1, 0.5 * closed_um > -off_2
+        if contact.first:
+            return off_1 > 0.0 or state.first.speed_um_per_s > 0.0, closed_um > 0.0
+        if contact.second:
+            return closed_um > 0.0, off_2 > 0.0 or state.second.speed_um_per_s > 0.0
+    first = x_1 - z > (-off_1 if contact.first else 0.0)
+    second = x_2 - p.gap_um + z > (-off_2 if contact.second else 0.0)
+    return first, second
+
+
 def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) -> PairState:
     """Lift, fall and break, by the weaker of both forces."""
     if not p.part.may_go:
@@ -197,9 +226,19 @@ def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) ->
     elif p.part.hold_mN > 0.0 or not (contact.first or contact.second):
         # One face carries a part that weighs nothing.
         event = Event(now_s, "lost", "the part fell: one arm alone does not carry it")
+    if event is not None and event.what == "lost" and p.lands:
+        return _landed(state, now_s)
     if event is not None:
         state = replace(state, events=(*state.events, event))
         return part_gone(state, "broken" if event.what == "broken" else "lost")
     if both and contact.ground != Ground.AWAY and held_s >= p.part.lift_after_s:
         contact = Contact(first=True, second=True, ground=Ground.AWAY)
     return replace(state, held_s=held_s, contact=contact)
+
+
+def _landed(state: PairState, now_s: float) -> PairState:
+    """On the ground where it was let go, by whatever still touches it."""
+    z = state.part_um
+    event = Event(now_s, "landed", f"the part lies on the ground again, touched at {z:.3f} µm")
+    contact = Contact(state.contact.first, state.contact.second, Ground.HOLDS)
+    return replace(state, contact=contact, anchor_um=z, held_s=0.0, events=(*state.events, event))

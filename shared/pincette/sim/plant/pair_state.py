@@ -40,6 +40,8 @@ class PairParameters:
     """Weight, lift and break; the faces' own numbers are those here."""
     pull_off_mN: Pair = (0.0, 0.0)
     """Of the face at each arm."""
+    lands: bool = False
+    """Whether a lifted part that is let go lies on the ground again, where it was."""
 
     def __post_init__(self) -> None:
         for arm in (self.first, self.second):
@@ -84,18 +86,21 @@ def start_pair(p: PairParameters) -> PairState:
 
 def set_pair_voltages(p: PairParameters, state: PairState, voltages_V: Pair) -> PairState:
     """Give each output stage a target, rounded to its step."""
-    targets = (quantised_V(arm, u) for arm, u in zip(p.arms, voltages_V, strict=True))
-    arms = [
-        arm.driven(
-            (target_V, arm.voltage_V, arm.slewed_V, arm.drive_V),
-            arm.hysteresis_um,
-            arm.creep_um,
-            0.0,
-            arm.turns,
-        )
-        for arm, target_V in zip((state.first, state.second), targets, strict=True)
-    ]
-    return replace(state, first=arms[0], second=arms[1])
+    state = set_arm_voltage(p, state, 0, voltages_V[0])
+    return set_arm_voltage(p, state, 1, voltages_V[1])
+
+
+def set_arm_voltage(p: PairParameters, state: PairState, arm: int, voltage_V: float) -> PairState:
+    """Give the output stage of one arm, 0 or 1, a target."""
+    one = (state.first, state.second)[arm]
+    driven = one.driven(
+        (quantised_V(p.arms[arm], voltage_V), one.voltage_V, one.slewed_V, one.drive_V),
+        one.hysteresis_um,
+        one.creep_um,
+        0.0,
+        one.turns,
+    )
+    return replace(state, second=driven) if arm else replace(state, first=driven)
 
 
 def pair_forces_mN(p: PairParameters, state: PairState) -> Pair:

@@ -24,8 +24,8 @@ class Orders:
         """Put a part between the arms, touched at ``contact_um`` or where the last one was."""
         with self._present() as timeline:
             if contact_um is not None:
-                finite = _finite("contact_um", contact_um, "µm")
-                timeline.parameters = replace(timeline.parameters, contact_um=finite)
+                at_um = finite("contact_um", contact_um, "µm")
+                timeline.parameters = replace(timeline.parameters, contact_um=at_um)
             timeline.state = plant.place_part(timeline.parameters, timeline.state)
             at_um = timeline.parameters.contact_um
             _tell(timeline, "placed", f"a part was placed, to be touched at {at_um:.3f} µm")
@@ -41,15 +41,15 @@ class Orders:
     def hang(self, weight_mN: float) -> None:
         """Hang a weight on the driven tip in place of what hung there; positive: towards -x."""
         with self._present() as timeline:
-            finite = _finite("weight_mN", weight_mN, "mN")
-            timeline.parameters = replace(timeline.parameters, hung_mN=finite)
+            hung_mN = finite("weight_mN", weight_mN, "mN")
+            timeline.parameters = replace(timeline.parameters, hung_mN=hung_mN)
             _tell(timeline, "hung", f"{weight_mN:.4f} mN hang on the driven tip")
 
     def scale_stiffness(self, factor: float) -> None:
         """Let the passive arm be stiffer by a factor from here on; its mass stays."""
         with self._present() as timeline:
             p, omega = timeline.parameters, timeline.parameters.passive_natural_frequency_rad_per_s
-            stiffness = p.environment_stiffness_mN_per_um * _positive(factor)
+            stiffness = p.environment_stiffness_mN_per_um * positive(factor)
             timeline.parameters = replace(
                 p,
                 environment_stiffness_mN_per_um=stiffness,
@@ -61,7 +61,7 @@ class Orders:
     def scale_hysteresis(self, factor: float) -> None:
         """Let the hysteretic part h of the motion be larger by a factor from here on."""
         with self._present() as timeline:
-            scale = timeline.parameters.hysteresis_scale * _positive(factor)
+            scale = timeline.parameters.hysteresis_scale * positive(factor)
             timeline.parameters = replace(timeline.parameters, hysteresis_scale=scale)
             _tell(timeline, "hysteresis", f"the hysteresis is {scale:.4g} times the rig file's")
 
@@ -75,13 +75,15 @@ def _tell(timeline: Timeline, what: str, text: str) -> None:
     timeline.events.append(Event(timeline.time_ns * 1e-9, what, text))
 
 
-def _finite(name: str, value: float, unit: str) -> float:
+def finite(name: str, value: float, unit: str) -> float:
+    """The value; raises ValueError where it is none."""
     if not math.isfinite(value):
         raise ValueError(f"{name} = {value} {unit}: must be finite")
     return value
 
 
-def _positive(factor: float) -> float:
+def positive(factor: float) -> float:
+    """The factor; raises ValueError where it is none."""
     if not 0.0 < factor < math.inf:
         raise ValueError(f"factor = {factor}: must be above 0 and finite")
     return factor

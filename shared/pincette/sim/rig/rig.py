@@ -17,7 +17,7 @@ from pincette.sim.rig.wave import NANOSECONDS, Grid, Wave, checked_V
 
 TruthSink = Callable[[int, float, float, float], None]
 """Takes the number of the tick from 0, and what was true at the sample before it: position in
-µm, contact force in mN; last the voltage in V that the output aims at."""
+µm, contact force in mN; then the voltage in V that the output aims at."""
 
 
 @dataclass(frozen=True, slots=True)

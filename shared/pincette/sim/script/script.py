@@ -11,7 +11,13 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 
 from pincette.config import RigFile
-from pincette.config.script import LONGEST_DELAY_S, ScriptedOrder, objection, operation_of
+from pincette.config.script import (
+    LONGEST_DELAY_S,
+    OF_SECOND,
+    ScriptedOrder,
+    objection,
+    operation_of,
+)
 from pincette.core.messages import SimCommand
 from pincette.sim.instruments.protocol import Instrument
 from pincette.sim.rig.commands import Orders
@@ -47,6 +53,7 @@ class Script:
         seed: int = 1,
         lockstep: bool = True,
         timeouts_s: Mapping[str, float] | None = None,
+        two_arms: bool = False,
     ) -> None:
         self._lockstep = lockstep
         self._seed = seed
@@ -56,7 +63,7 @@ class Script:
         self._waiting = [entry.order() for entry in orders]
         self._faults: list[Fault] = []
         self._operations: list[tuple[float, SimCommand]] = []
-        self._readings, self._voltages = Past(LONGEST_DELAY_S), Past(LONGEST_DELAY_S)
+        self._two_arms = two_arms
         self._lock = threading.Lock()
 
     def operate(self, rig: Orders) -> None:
@@ -71,6 +78,8 @@ class Script:
             return "there is no rig to operate"
         if words := objection(order):
             return words
+        if order.target in OF_SECOND and not self._two_arms:
+            return f"{order.target}: this rig has one driven arm; name {order.target[7:]}"
         with self._lock:
             self._take(self._rig.now_s(), order)
         return self._act(self._rig)
@@ -112,27 +121,33 @@ class Script:
         with self._lock:
             return now_s, holding(self._faults, target, now_s) if self._faults else Faults()
 
-    def measure(self, measure_um: Callable[[], float]) -> Callable[[], float]:
-        """Stand between the position and the sensor."""
+    def measure(
+        self, measure_um: Callable[[], float], target: str = "sensor"
+    ) -> Callable[[], float]:
+        """Stand between the position and a sensor."""
+        readings = Past(LONGEST_DELAY_S)
 
         def measured_um() -> float:
-            now_s, faults = self._look("sensor")
+            now_s, faults = self._look(target)
             x_um = measure_um()
             if faults.value("stuck") is None:
-                self._readings.note(now_s, x_um)
-            return misread_um(faults, self._readings, now_s) if faults else x_um
+                readings.note(now_s, x_um)
+            return misread_um(faults, readings, now_s) if faults else x_um
 
         return measured_um
 
-    def put_out(self, put_out_V: Callable[[float], None]) -> Callable[[float], None]:
-        """Stand between the output and the amplifier."""
+    def put_out(
+        self, put_out_V: Callable[[float], None], target: str = "output"
+    ) -> Callable[[float], None]:
+        """Stand between an output and its amplifier."""
+        voltages = Past(LONGEST_DELAY_S)
 
         def put_V(voltage_V: float) -> None:
             self._begin()
-            now_s, faults = self._look("output")
+            now_s, faults = self._look(target)
             if faults.value("stuck") is None:
-                self._voltages.note(now_s, voltage_V)
-            put_out_V(misput_V(faults, self._voltages, now_s) if faults else voltage_V)
+                voltages.note(now_s, voltage_V)
+            put_out_V(misput_V(faults, voltages, now_s) if faults else voltage_V)
 
         return put_V
 
@@ -145,7 +160,7 @@ class Script:
                     self._take(self._rig.now_s(), order)
 
     def link(self, name: str, instrument: Instrument) -> Instrument:
-        """Stand between an instrument and its line; ``name`` is ``sensor`` or ``output``."""
+        """Stand between an instrument and its line; ``name`` is its target in orders."""
         patience_s = self._timeouts_s.get(name, LONGEST_DELAY_S) if self._lockstep else None
         return ScriptedLine(
             instrument, lambda: self._look(name)[1], f"{self._seed}/{name}", patience_s
@@ -160,8 +175,20 @@ def script_of(rig_file: RigFile) -> Script:
         allowed=simulation is not None and simulation.scripts,
         seed=1 if simulation is None else simulation.seed,
         lockstep=rig_file.lockstep,
-        timeouts_s={"sensor": rig_file.sensor.timeout_s, "output": rig_file.output.timeout_s},
+        timeouts_s=timeouts_of(rig_file),
+        two_arms=rig_file.second is not None,
     )
+
+
+def timeouts_of(rig_file: RigFile) -> dict[str, float]:
+    """How long each instrument is waited for, by its target in orders."""
+    timeouts_s = {"sensor": rig_file.sensor.timeout_s, "output": rig_file.output.timeout_s}
+    if (second := rig_file.second) is not None:
+        timeouts_s |= {
+            "second_sensor": second.sensor.timeout_s,
+            "second_output": second.output.timeout_s,
+        }
+    return timeouts_s
 
 
 def carry_out(rig: Orders, order: SimCommand) -> None:

@@ -1,0 +1,77 @@
+"""Defaults of jobs: a request may replace each."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from pincette.config.tables import Positive, Table
+from pincette.control.planning.paths import Shape
+
+
+class QuickGrip(Table):
+    """Speeds of a quick grip, at most: its force, the period and the slew limit may ask for less.
+
+    A request may replace the first three.
+    """
+
+    approach_um_per_s: Positive = 120.0
+    """Peak speed of the free arm on its way to the part and back."""
+    seek_um_per_s: Positive = 40.0
+    """Speed with which the part is touched, and the load begins."""
+    load_um_per_s: Positive = 40.0
+    """Peak speed while the part is loaded and unloaded."""
+    zero_s: Positive = 0.3
+    """Time at rest in which the force estimate is set to zero."""
+
+
+class Grip(Table):
+    """Defaults of a grip job; a request may replace each.
+
+    The three speeds are those of a gentle grip, and of other jobs.
+    """
+
+    profile: Literal["quick", "gentle"] | None = None
+    """``quick``: the load begins at the touch without a stop, and the contact line is followed as
+    it is identified; ``gentle``: the arm stops at the touch, and the line is identified over the
+    load. None: quick where the free response is identified and the force is large enough."""
+    force_mN: Positive = 20.0
+    """Force that is held, compressive."""
+    hold_s: Positive = 4.0
+    """How long it is held."""
+    load_s: Positive = 2.0
+    """Time from the touch to the force; unloading takes as long."""
+    approach_um_per_s: Positive = 20.0
+    """Speed until just before the contact."""
+    seek_um_per_s: Positive = 4.0
+    """Speed from there until the part is touched."""
+    contact_force_mN: Positive = 2.0
+    """Estimated force that counts as touch."""
+    zero_s: Positive = 0.4
+    """Time at rest before the arm moves, in which the force estimate is set to zero."""
+    quick: QuickGrip = QuickGrip()
+    """Of a quick grip."""
+
+
+class Track(Table):
+    """Defaults of a track job; a request may replace each. Other values are those of a grip."""
+
+    shape: Shape = "sinusoid"
+    """Of the path."""
+    force_mean_mN: Positive = 12.0
+    """Middle of a sinusoid or triangle."""
+    force_pp_mN: Positive = 20.0
+    """Its height, peak to peak."""
+    frequency_hz: Positive = 0.5
+    """Of a sinusoid or triangle."""
+    cycles: int = Field(default=5, ge=1, le=1000)
+    """At full amplitude; one more before and one after blend in and out."""
+    levels_mN: tuple[Positive, ...] = Field(
+        default=(5.0, 10.0, 15.0, 20.0), min_length=1, max_length=100, strict=False
+    )
+    """Of steps, in their order."""
+    dwell_s: Positive = 2.0
+    """At each level."""
+    rate_um_per_s: Positive = 60.0
+    """Highest speed of x_r along a path; steps reach it."""
+    acceleration_um_per_s2: Positive = 2000.0
+    """Highest acceleration of x_r along a path; steps and corners reach it."""

@@ -1,0 +1,119 @@
+"""The second driven arm of a rig: its instruments, its model, its limits, where it touches."""
+
+from typing import Any, cast
+
+from pydantic import ValidationError
+from pydantic_core import InitErrorDetails
+
+from pincette.config.instruments import Output, Sensor
+from pincette.config.limits import Limits
+from pincette.config.model import Model
+from pincette.config.script import OF_SECOND
+from pincette.config.simulation import Simulation
+from pincette.config.tables import Table
+
+Tree = dict[str, Any]
+OWN_OF_AN_ARM = ("free_response", "recorded_response", "residuals")
+"""Of a model: taught to one arm, and no other's."""
+
+
+class Second(Table):
+    """A second driven arm opposite the first, on the same part.
+
+    x_1 and x_2 both count towards the part, so that x_1 + x_2 is by how much the gripper has
+    closed. Other tables hold for both arms.
+    """
+
+    sensor: Sensor
+    """Of this arm; its ``direction`` makes x_2 grow towards the part."""
+    output: Output
+    """Of this arm: a module on a line of its own, or with the url of ``[output]`` another channel,
+    or another module, on the same line. Then driver, ``timeout_s`` and ``record`` are the same."""
+    model: Model = Model()
+    """Of this arm. What is left out is as in ``[model]``, but for what is taught: a free response
+    is its arm's own."""
+    limits: Limits
+    """Of this arm; what is left out is as in ``[limits]``."""
+    contact_um: float
+    """Position of this arm at first touch; without it, ``part.contact_um``."""
+
+
+def completed(tables: Tree) -> Tree:
+    """The tables of a rig file with those values of the second arm that it has from the first."""
+    second = tables.get("second")
+    if not isinstance(second, dict):
+        return tables
+    own = cast(Tree, second)
+    model = {
+        name: value for name, value in _table(tables, "model").items() if name not in OWN_OF_AN_ARM
+    }
+    limits, part = _table(tables, "limits"), _table(tables, "part")
+    whole = dict(own)
+    for name, first in (("model", model), ("limits", limits)):
+        given = own.get(name, {})
+        if isinstance(given, dict):
+            whole[name] = first | cast(Tree, given)
+    if "contact_um" in part:
+        whole.setdefault("contact_um", part["contact_um"])
+    return tables | {"second": whole}
+
+
+def _table(tables: Tree, name: str) -> Tree:
+    found = tables.get(name, {})
+    return cast(Tree, found) if isinstance(found, dict) else {}
+
+
+def check_arms(
+    sensor: Sensor, output: Output, second: Second | None, simulation: Simulation | None
+) -> None:
+    """Raise ValidationError where the tables of two arms do not fit together."""
+    if second is None:
+        for name in ("second", "pair"):
+            if getattr(simulation, name, None) is not None:
+                raise _refused(
+                    ("simulation", name),
+                    "given without [second]: this rig has one driven arm; add [second.sensor] and "
+                    f"[second.output], or leave [simulation.{name}] out",
+                )
+        for number, order in enumerate(() if simulation is None else simulation.script):
+            if order.target in OF_SECOND:
+                raise _refused(
+                    ("simulation", "script", number, "target"),
+                    f"this rig has one driven arm; name {order.target.removeprefix('second_')}",
+                    order.target,
+                )
+        return
+    for name, first, other in (
+        ("sensor", sensor, second.sensor),
+        ("output", output, second.output),
+    ):
+        _check_line(name, first, other)
+        if (first.driver, first.url, first.options) == (other.driver, other.url, other.options):
+            raise _refused(
+                ("second", name, "url"),
+                f"is [{name}] with the same options: give another url, or options that name "
+                "another channel there",
+                other.url,
+            )
+
+
+def _check_line(name: str, first: Sensor | Output, other: Sensor | Output) -> None:
+    """Raise ValidationError where one line is described in two ways."""
+    if first.url != other.url:
+        return
+    for key in ("driver", "timeout_s", "record"):
+        wanted, given = getattr(first, key), getattr(other, key)
+        if wanted != given:
+            raise _refused(
+                ("second", name, key),
+                f"is {given!r} where [{name}] has {wanted!r}, and both are at {first.url!r}: give "
+                "the same, since they share the line, or another url",
+                given,
+            )
+
+
+def _refused(loc: tuple[str | int, ...], text: str, value: object = "…") -> ValidationError:
+    error = {"error": ValueError(text)}
+    return ValidationError.from_exception_data(
+        "second", [InitErrorDetails(type="value_error", loc=loc, input=value, ctx=error)]
+    )

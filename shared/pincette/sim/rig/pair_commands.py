@@ -1,0 +1,90 @@
+"""What a person may do to a simulated rig of two arms."""
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from pincette.sim.plant.pair import advance_pair
+from pincette.sim.plant.pair_state import APART, PairParameters, PairState, part_gone
+from pincette.sim.plant.state import Event
+from pincette.sim.rig.commands import Orders, finite, positive
+
+
+@dataclass(slots=True)
+class PairTimeline:
+    """Where both arms and the part are, and since when."""
+
+    parameters: PairParameters
+    state: PairState
+    time_ns: int = 0
+
+    def pass_to(self, end_ns: int, dt_s: float) -> None:
+        """Let ``dt_s`` pass, until ``end_ns``."""
+        self.state = advance_pair(self.parameters, self.state, dt_s)
+        self.time_ns = end_ns
+
+
+class PairOrders(Orders):
+    """Changes of a pair from outside, each an event; mixed into the rig, which keeps the lock."""
+
+    def _present(self) -> AbstractContextManager[PairTimeline]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        raise NotImplementedError
+
+    def place_part(self, contact_um: float | None = None) -> None:
+        """Put a part on the ground, touched by the first arm at ``contact_um``.
+
+        Raises
+        ------
+        ValueError
+            Where the arms are too close for it.
+        """
+        with self._present() as timeline:
+            state, gap_um = timeline.state, timeline.parameters.gap_um
+            wanted_um = timeline.parameters.part_um if contact_um is None else contact_um
+            at_um, (x_1, x_2) = finite("contact_um", wanted_um, "µm"), state.tips_um
+            if x_1 > at_um or x_2 > gap_um - at_um:
+                raise ValueError(
+                    f"the arms are at {x_1:.2f} µm and {x_2:.2f} µm, the part wants them up to "
+                    f"{at_um:.2f} µm and {gap_um - at_um:.2f} µm: open the gripper first"
+                )
+            placed = replace(
+                state, part="there", part_um=at_um, anchor_um=at_um, contact=APART, held_s=0.0
+            )
+            timeline.state = placed
+            _tell(timeline, "placed", f"a part was placed, to be touched at {at_um:.3f} µm")
+
+    def hang(self, weight_mN: float) -> None:
+        """Hang a weight on the first tip in place of what hung there; positive: towards -x."""
+        with self._present() as timeline:
+            first = replace(timeline.parameters.first, hung_mN=finite("weight_mN", weight_mN, "mN"))
+            timeline.parameters = replace(timeline.parameters, first=first)
+            _tell(timeline, "hung", f"{weight_mN:.4f} mN hang on the first tip")
+
+    def scale_stiffness(self, factor: float) -> None:
+        """Let the part's faces be stiffer by a factor from here on."""
+        with self._present() as timeline:
+            stiffness = timeline.parameters.face_mN_per_um * positive(factor)
+            timeline.parameters = replace(timeline.parameters, face_mN_per_um=stiffness)
+            text = f"each face's stiffness is {stiffness:.4f} mN/µm, {factor:.4g} times"
+            _tell(timeline, "stiffness", text)
+
+    def scale_hysteresis(self, factor: float) -> None:
+        """Let the hysteretic part of the first arm's motion be larger by a factor from here on."""
+        with self._present() as timeline:
+            first = timeline.parameters.first
+            scale = first.hysteresis_scale * positive(factor)
+            timeline.parameters = replace(
+                timeline.parameters, first=replace(first, hysteresis_scale=scale)
+            )
+            text = f"the first arm's hysteresis is {scale:.4g} times the rig file's"
+            _tell(timeline, "hysteresis", text)
+
+    def _take_part(self, what: Literal["removed", "lost"], text: str) -> None:
+        with self._present() as timeline:
+            timeline.state = part_gone(timeline.state, what)
+            _tell(timeline, what, text)
+
+
+def _tell(timeline: PairTimeline, what: str, text: str) -> None:
+    event = Event(timeline.time_ns * 1e-9, what, text)
+    timeline.state = replace(timeline.state, events=(*timeline.state.events, event))

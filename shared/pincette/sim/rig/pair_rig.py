@@ -1,0 +1,264 @@
+"""The simulated rig of two arms: each is measured and driven by itself, in either time."""
+
+import threading
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+from pincette.config import Simulation
+from pincette.core.messages.second import SecondTruth
+from pincette.sim.plant.drive import quantised_V
+from pincette.sim.plant.noise import GaussianNoise
+from pincette.sim.plant.pair_modes import Pair
+from pincette.sim.plant.pair_state import (
+    PairParameters,
+    PairState,
+    pair_forces_mN,
+    set_arm_voltage,
+    start_pair,
+)
+from pincette.sim.plant.parameters import plant_parameters
+from pincette.sim.plant.state import Event
+from pincette.sim.rig.pair_commands import PairOrders, PairTimeline
+from pincette.sim.rig.sensor_view import reading_um
+from pincette.sim.rig.wave import NANOSECONDS
+
+PairTruthSink = Callable[[int, float, float, float, SecondTruth], None]
+"""Takes what ``TruthSink`` takes of the first arm, and then what is of the second."""
+NO_WAVES = ValueError("a simulated rig of two arms plays no waves and acquires none")
+NOISE_STREAMS = (0, 2)
+"""Of the readings of each arm; 1 is that of captured samples."""
+
+
+@dataclass(frozen=True, slots=True)
+class PairSnapshot:
+    """What is true at a time."""
+
+    time_s: float
+    tips_um: Pair
+    forces_mN: Pair
+    voltages_V: Pair
+    """At the amplifiers' inputs."""
+    part_um: float
+    part_present: bool
+    events: tuple[Event, ...]
+
+
+class SimulatedPair(PairOrders):
+    """Two arms in simulated time; raises ValueError.
+
+    Time passes as in ``SimulatedRig``. In lockstep a tick ends once both voltages are written: both
+    old ones hold for ``actuation_delay_s`` and both new ones for the rest.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        outputs: tuple[Simulation, Simulation],
+        period_s: float,
+        lockstep: bool,
+        clock: Callable[[], float],
+        truth: PairTruthSink | None = None,
+    ) -> None:
+        """``outputs`` are the simulations of each arm, with step and lag of its output resolved."""
+        if lockstep and simulation.actuation_delay_s > period_s:
+            raise ValueError(
+                f"actuation_delay_s = {simulation.actuation_delay_s} s is above the period, "
+                f"{period_s} s"
+            )
+        parameters = pair_parameters(simulation, outputs)
+        self._timeline = PairTimeline(parameters, start_pair(parameters))
+        self._simulations, self._delay_s = outputs, simulation.actuation_delay_s
+        self._period_s, self._lockstep, self._clock, self._truth = period_s, lockstep, clock, truth
+        self._noise = [GaussianNoise(simulation.seed, stream) for stream in NOISE_STREAMS]
+        self._began_s = self._reached_s = 0.0 if lockstep else clock()
+        self._looks = [0, 0]
+        self._ticks = 0
+        self._sample: PairState | None = None
+        self._written_V: dict[int, float] = {}
+        """By arm, of the tick under way; in lockstep."""
+        self._due_V: Pair | None = None
+        """What has ended a tick that the plant has yet to pass through; in lockstep."""
+        self._lock = threading.Lock()
+        if not simulation.bead:
+            self.remove_part()
+
+    def now_s(self) -> float:
+        """Time as the rig counts it: simulated in lockstep, the clock's in real time."""
+        return self._ticks * self._period_s if self._lockstep else self._clock()
+
+    def measure_um(self, arm: int) -> float:
+        """Position of an arm, 0 or 1, with its sensor's noise, rounded to its step."""
+        with self._present() as timeline:
+            self._sample = self._sample or timeline.state
+            index = self._ticks if self._lockstep else self._looks[arm]
+            self._looks[arm] += 1
+            x_um, now_s = timeline.state.tips_um[arm], timeline.time_ns * 1e-9
+            return reading_um(self._simulations[arm], x_um, now_s, self._noise[arm].at, index)
+
+    def put_out(self, arm: int, voltage_V: float) -> None:
+        """Put out the voltage of an arm; in lockstep, the second of both ends the tick."""
+        with self._present() as timeline:
+            if not self._lockstep:
+                timeline.state = set_arm_voltage(
+                    timeline.parameters, timeline.state, arm, voltage_V
+                )
+                if arm == 1:
+                    self._end_tick(timeline.state)
+                else:  # told again with the second's: its own watchdog may have moved it alone
+                    self._tell(self._ticks, self._sample or timeline.state, timeline.state)
+                return
+            self._written_V[arm] = voltage_V
+            if len(self._written_V) == 2:
+                self._due_V, self._written_V = (self._written_V[0], self._written_V[1]), {}
+                self._end_tick(timeline.state)
+
+    def pass_time(self) -> None:
+        """In lockstep, let the plant move through the tick that the writes have ended."""
+        if self._lockstep:
+            with self._present():
+                pass
+
+    def snapshot(self) -> PairSnapshot:
+        """What is true now."""
+        with self._present() as timeline:
+            state = timeline.state
+            return PairSnapshot(
+                self._began_s + timeline.time_ns * 1e-9,
+                state.tips_um,
+                pair_forces_mN(timeline.parameters, state),
+                (state.first.voltage_V, state.second.voltage_V),
+                state.part_um,
+                state.part == "there",
+                tuple(self._dated(event) for event in state.events),
+            )
+
+    def events(self) -> list[Event]:
+        """What has befallen the rig so far, in its own time."""
+        return list(self.snapshot().events)
+
+    @contextmanager
+    def _present(self) -> Generator[PairTimeline]:
+        """Both arms as they are now, locked."""
+        with self._lock:
+            self._catch_up()
+            yield self._timeline
+
+    def _end_tick(self, now: PairState) -> None:
+        seq, sample = self._ticks, self._sample or now
+        self._ticks, self._sample = self._ticks + 1, None
+        self._tell(seq, sample, now)
+
+    def _tell(self, seq: int, sample: PairState, now: PairState) -> None:
+        if self._truth is None:
+            return
+        parameters = self._timeline.parameters
+        (x_1, x_2), (force_1, force_2) = sample.tips_um, pair_forces_mN(parameters, sample)
+        wanted_V = self._due_V or (now.first.target_V, now.second.target_V)
+        u_1, u_2 = (quantised_V(arm, u) for arm, u in zip(parameters.arms, wanted_V, strict=True))
+        part_um = sample.part_um if sample.part == "there" else None
+        self._truth(seq, x_1, force_1, u_1, SecondTruth(x_2, force_2, u_2, part_um))
+
+    def _catch_up(self) -> None:
+        timeline = self._timeline
+        if self._lockstep:
+            voltages_V, self._due_V = self._due_V, None
+            if voltages_V is None:
+                return
+            begin_s, delay_s = (self._ticks - 1) * self._period_s, self._delay_s
+            timeline.pass_to(round((begin_s + delay_s) * NANOSECONDS), delay_s)
+            for arm, voltage_V in enumerate(voltages_V):
+                timeline.state = set_arm_voltage(
+                    timeline.parameters, timeline.state, arm, voltage_V
+                )
+            end_ns = round(self._ticks * self._period_s * NANOSECONDS)
+            timeline.pass_to(end_ns, self._period_s - delay_s)
+            return
+        now_s = self._clock()
+        if now_s > self._reached_s:
+            end_ns = round((now_s - self._began_s) * NANOSECONDS)
+            timeline.pass_to(end_ns, now_s - self._reached_s)
+            self._reached_s = now_s
+
+    def _dated(self, event: Event) -> Event:
+        return event._replace(time_s=self._began_s + event.time_s)
+
+
+@dataclass(frozen=True, slots=True)
+class ArmOfPair:
+    """One arm of a pair as its instruments meet it."""
+
+    pair: SimulatedPair
+    arm: int
+    """0 or 1."""
+
+    def measure_um(self) -> float:
+        """Reading of this arm's sensor."""
+        return self.pair.measure_um(self.arm)
+
+    def put_out(self, voltage_V: float) -> None:
+        """Put out this arm's voltage."""
+        self.pair.put_out(self.arm, voltage_V)
+
+    def now_s(self) -> float:
+        """Time as the rig counts it."""
+        return self.pair.now_s()
+
+    def set_averaging(self, averaging_s: float) -> None:
+        """Refuse an average: the sensors of a simulated pair show the position itself."""
+        if averaging_s:
+            raise ValueError(f"averaging_s = {averaging_s} s: the sensors of a pair do not average")
+
+    @property
+    def wave_over(self) -> bool:
+        """No wave plays."""
+        return True
+
+    def end_capture(self) -> None:
+        """There is none."""
+
+    def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
+        """Refuse it, as it would end the tick of one arm alone."""
+        raise NO_WAVES
+
+    def extend_wave(self, voltages_V: Sequence[float]) -> None:  # noqa: ARG002
+        """Refuse it likewise."""
+        raise NO_WAVES
+
+    def go_on(self) -> None:
+        """Refuse it likewise."""
+        raise NO_WAVES
+
+    def begin_capture(self, rate_hz: float) -> None:  # noqa: ARG002
+        """Refuse it likewise."""
+        raise NO_WAVES
+
+    def drain(self) -> tuple[list[float], list[float]]:
+        """Refuse it likewise."""
+        raise NO_WAVES
+
+
+def pair_parameters(
+    simulation: Simulation, outputs: tuple[Simulation, Simulation]
+) -> PairParameters:
+    """Both arms and what lies between them, of a rig file's tables; raises ValueError."""
+    if any(one.averaging_s for one in outputs):
+        raise ValueError("averaging_s: the sensors of a pair do not average; leave it out")
+    if simulation.passive_natural_frequency_rad_per_s is not None:
+        raise ValueError("passive_natural_frequency_rad_per_s: a pair has no passive arm")
+    arms = [plant_parameters(one.model_copy(update={"bead": True})) for one in outputs]
+    between = simulation.pair_of_arms
+    first_um, second_um = outputs[0].bead_contact_um, outputs[1].bead_contact_um
+    part = replace(arms[0].part, hertz_um_per_mN23=0.0, pull_off_mN=0.0)
+    return PairParameters(
+        arms[0],
+        arms[1],
+        gap_um=first_um + second_um,
+        part_um=first_um,
+        face_mN_per_um=between.face_mN_per_um,
+        ground_mN_per_um=between.ground_mN_per_um,
+        ground_slip_mN=between.ground_slip_mN,
+        part=part,
+        pull_off_mN=between.pull_off_mN,
+        lands=between.lands,
+    )
