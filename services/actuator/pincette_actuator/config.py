@@ -5,6 +5,7 @@ from math import floor, pi
 
 from pincette.config import ConfigError, RigFile
 from pincette.control.safety.freshness import AgeLimits
+from pincette.control.safety.second import SecondLimits
 from pincette.control.safety.state import SafetyLimits
 
 GRACE_PERIODS = 50.0
@@ -42,7 +43,21 @@ def configure(rig: RigFile) -> SafetyLimits:
         ramp_s=safety.ramp_s,
         freeze_s=safety.freeze_s,
         safe_V=safety.safe_V,
+        second=_second(rig),
     )
+
+
+def _second(rig: RigFile) -> SecondLimits | None:
+    if rig.second is None:
+        return None
+    limits, safe_V = rig.second.limits, rig.safety.safe_V
+    if not limits.voltage_min_V <= safe_V <= limits.voltage_max_V:
+        raise ConfigError(
+            f"[safety] safe_V = {safe_V} V is outside {limits.voltage_min_V}.."
+            f"{limits.voltage_max_V} V of [second.limits]"
+        )
+    arm = rig.arms[1]
+    return SecondLimits(arm.voltage_limits, arm.monitors)
 
 
 def wake_s(period_s: float, natural_frequency_rad_per_s: float) -> float:

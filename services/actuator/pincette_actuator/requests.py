@@ -14,8 +14,8 @@ from pincette.control.safety.latch import (
 )
 from pincette.control.safety.state import SafetyLimits
 from pincette.core.messages import Ack, Arm, Message, Reset, Trip
-from pincette.core.service import DeviceCommand, RefusedError, SetVoltage
-from pincette_actuator.state import State, applied_of
+from pincette.core.service import DeviceCommand, RefusedError
+from pincette_actuator.state import State, applied_of, voltages_of
 
 Answer = tuple[State, Message, tuple[Message | DeviceCommand, ...]]
 
@@ -53,5 +53,6 @@ def _answer(limits: SafetyLimits, before: State, state: State) -> Answer:
     seq = newest_seq(state.arrivals)
     applied = applied_of(state, seq)
     echo = (applied,) if applied.final or not limits.lockstep else ()
-    moved = limits.lockstep and applied.final and state.voltage_V != before.voltage_V
-    return state, Ack(seq), (SetVoltage(state.voltage_V), *echo) if moved else echo
+    order = voltages_of(state)
+    moved = limits.lockstep and applied.final and order != voltages_of(before)
+    return state, Ack(seq), (order, *echo) if moved else echo

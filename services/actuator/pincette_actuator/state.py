@@ -1,12 +1,15 @@
 """The actuator's state beside that of the safety rules, and its messages and device commands."""
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.control.planning.sweep import Sweep
 from pincette.control.safety.admission import CommandFacts
 from pincette.control.safety.causes import Mode
+from pincette.control.safety.second import SecondArm, SecondFacts
 from pincette.control.safety.state import SafetyState
 from pincette.core.messages import Applied, Command
+from pincette.core.messages.second import SecondApplied, SecondCommand
 from pincette.core.service import CheckWave, DeviceCommand, SetVoltage, Wave
 
 
@@ -41,7 +44,12 @@ def facts_of(command: Command) -> CommandFacts:
         force_mN=command.force_mN,
         x_d_um=command.x_d_um,
         sweep_V=None if command.sweep is None else command.sweep.amplitude_V,
+        second=None if command.second is UNSET else _second_facts(command.second),
     )
+
+
+def _second_facts(command: SecondCommand) -> SecondFacts:
+    return SecondFacts(command.voltage_V, command.force_mN, command.x_d_um)
 
 
 def applied_of(
@@ -66,13 +74,23 @@ def applied_of(
         segment=None if command is None else command.segment,
         segment_tick=0 if command is None else command.segment_tick,
         slewing_s=None if command is None else state.slewing_s,
+        second=UNSET if state.second is None else _second_applied(state.second),
     )
+
+
+def _second_applied(second: SecondArm) -> SecondApplied:
+    return SecondApplied(second.voltage_V, second.limits_active)
+
+
+def voltages_of(state: State) -> SetVoltage:
+    """Command to the instruments to put out what the state has, of each arm there is."""
+    return SetVoltage(state.voltage_V, None if state.second is None else state.second.voltage_V)
 
 
 def order_of(state: State, before: State) -> DeviceCommand:
     """Command to the instrument: a voltage ends a sweep, a sweep that it plays goes on."""
     if state.sweep is None:
-        return SetVoltage(state.voltage_V)
+        return SetVoltage(state.voltage_V) if state.second is None else voltages_of(state)
     if state.sweep == before.sweep:
         return CheckWave()
     # It reckons with arrays, as no other program of the loop does; ``configure`` has loaded it.

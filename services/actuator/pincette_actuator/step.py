@@ -17,6 +17,7 @@ from pincette.control.safety.admission import (
 )
 from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.confirmation import (
+    begun,
     failed,
     found,
     read_back_due,
@@ -26,6 +27,7 @@ from pincette.control.safety.confirmation import (
 )
 from pincette.control.safety.freshness import newest_seq, skipped_seq
 from pincette.control.safety.latch import awake, booted, ending, pass_time, shutdown, trip
+from pincette.control.safety.second import SecondArm
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
 from pincette.core.messages import Command, Message, Position
@@ -33,7 +35,7 @@ from pincette.core.service import DeviceCommand, Input, PutOut, ReadBack, Servic
 from pincette.core.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TIMING_OF, TRIP
 from pincette_actuator.config import configure
 from pincette_actuator.requests import handle
-from pincette_actuator.state import State, applied_of, facts_of, order_of
+from pincette_actuator.state import State, applied_of, facts_of, order_of, voltages_of
 
 ANSWER_PERIODS = 0.75
 """A tick without a command by then is answered with the voltage that is kept."""
@@ -51,17 +53,15 @@ class Inputs(NamedTuple):
 
 def start(limits: SafetyLimits) -> State:
     """Boot latched, at the safe voltage."""
-    return State(voltage_V=limits.safe_V)
+    second = None if limits.second is None else SecondArm(limits.safe_V)
+    return State(voltage_V=limits.safe_V, second=second)
 
 
-def initialize_from_output(limits: SafetyLimits, state: State, found_V: float) -> State:
-    """Begin from what is put out, after a restart or a reset.
-
-    Where that is nearer to the safe voltage than to the one that was kept, the output has let a
-    part go by itself.
-    """
-    let_go = abs(found_V - limits.safe_V) < abs(found_V - state.voltage_V)
-    return replace(state, voltage_V=found_V, part_held=state.part_held and not let_go)
+def initialize_from_output(
+    limits: SafetyLimits, state: State, found_V: float, second_V: float | None = None
+) -> State:
+    """Begin from what is put out, after a restart or a reset."""
+    return begun(limits, state, found_V, second_V)
 
 
 def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tuple[State, Outputs]:
@@ -72,12 +72,14 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     skipped = -1
     if (position := inputs.position) is not None and position.epoch == state.epoch:
         x_um = position.x_um if position.valid else None
+        second_um = position.second.x_um if position.second and position.second.valid else None
         skipped = skipped_seq(state.arrivals, position.seq)
-        state = sampled(limits, state, position.seq, x_um, now).settled()
-    command = state.pending
+        state = sampled(limits, state, position.seq, x_um, now, second_um).settled()
+    command, facts = state.pending, None
     if inputs.command is not None:
-        state, command = _heard(state, inputs.command)
-    facts = None if command is None else facts_of(command)
+        state, command, facts = _heard(state, inputs.command)
+    elif command is not None:
+        facts = facts_of(command)
     if command is not None and facts is not None and not early(state, facts):
         if state.pending is not None:
             state = replace(state, pending=None)
@@ -102,11 +104,12 @@ def _device_said(
         state = suspended(limits, state, said.slept_s, now)
         return _answer_tick(limits, state, now)
     if isinstance(said, PutOut):
-        state = found(limits, state, said.voltage_V, now).settled()
+        state = found(limits, state, said.voltage_V, now, said.second_V).settled()
         return state, (applied_of(state, newest_seq(state.arrivals)),)
     if waits_for_read_back(limits, state) and said.code is FaultCode.INSTRUMENT_INVALID:
         # It answers, but cannot say what it puts out: it stands where it was told last.
-        return _device_said(limits, state, PutOut(state.voltage_V), now)
+        told = voltages_of(state)
+        return _device_said(limits, state, PutOut(told.voltage_V, told.second_V), now)
     state = _unconfirmed(state, said)
     state = trip(limits, state, Cause.DEVICE, now, faults=(said,))
     state, outputs = _answer_tick(limits, failed(state), now)
@@ -122,16 +125,18 @@ def _unconfirmed(state: State, device: Fault) -> State:
     return replace(state, faults=(*state.faults, doubt))
 
 
-def _heard(state: State, command: Command) -> tuple[State, Command | None]:
+def _heard(state: State, command: Command) -> tuple[State, Command | None, CommandFacts | None]:
     """Which command is to be judged; one without authority, or repeated, displaces none that
     waits."""
     facts, waits = facts_of(command), state.pending
     if why := unheard(state, facts):
-        return turned_away(state, facts, why), waits
-    if waits is not None and (waits.epoch, waits.seq) >= (command.epoch, command.seq):
+        state = turned_away(state, facts, why)
+    elif waits is not None and (waits.epoch, waits.seq) >= (command.epoch, command.seq):
         why = fault(FaultCode.COMMAND_REPEATED, seq=command.seq, taken_seq=waits.seq)
-        return replace(state, refused=state.refused + 1, refusal=why), waits
-    return state, command
+        state = replace(state, refused=state.refused + 1, refusal=why)
+    else:
+        return state, command, facts
+    return state, waits, None if waits is None else facts_of(waits)
 
 
 def _judge(
@@ -157,7 +162,10 @@ def _let_pass(
 ) -> tuple[State, Outputs]:
     """In real time: the age limit, the ramp, and ticks without a command."""
     later = pass_time(limits, state, now)
-    if later.mode != before.mode or later.voltage_V != before.voltage_V:
+    moved = later.voltage_V != before.voltage_V
+    if later.second is not before.second:
+        moved |= voltages_of(later) != voltages_of(before)
+    if moved or later.mode != before.mode:
         return _answer_tick(limits, later, now)
     if read_back_due(limits, later, now):
         return _answer_tick(limits, later, now)
@@ -208,7 +216,7 @@ SERVICE: Service[RigFile, SafetyLimits, State, Inputs] = Service(
     initialize_from_output=initialize_from_output,
     booted=booted,
     ending=ending,
-    state_snapshot=("voltage_V", "part_held", "refused"),
+    state_snapshot=("voltage_V", "second", "part_held", "refused"),
     shutdown=_shutdown,
     may_kick_watchdog=may_kick_watchdog,
 )

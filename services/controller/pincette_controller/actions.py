@@ -47,9 +47,25 @@ def stop(player: Player) -> Player:
         force_mN = None if resting else player.force_r_mN
         rest = Segment(Phase.HOLD, "force", None, force_to_mN=force_mN, move_s=STOP_S, law=law)
         return enter(player, -1, rest)
-    x_to_um = player.x_r_um + 0.5 * STOP_S * speed
-    rest = Segment(Phase.STOPPING, "free", STOP_S, x_to_um=x_to_um, law=law)
+    x_to_um, stop_s = _rest(player, speed)
+    rest = Segment(Phase.STOPPING, "free", stop_s, x_to_um=x_to_um, law=law)
     return enter(replace(player, zeroing=False), -1, rest)
+
+
+def _rest(player: Player, speed_um_per_s: float) -> tuple[float, float]:
+    """Where a free arm comes to rest that is stopped, and in what time: never nearer to a part.
+
+    It slows down over v·t/2, but not beyond where its segment leads. A seek may touch at any
+    sample: its arm goes back to where the seek began, where it was free.
+    """
+    x_um, to_um = player.x_r_um, player.segment.x_to_um
+    if player.segment.kind == "seek":
+        return player.from_x_um, STOP_S
+    way_um = 0.5 * STOP_S * speed_um_per_s
+    left_um = 0.0 if to_um is None else to_um - x_um
+    if player.segment.kind != "free" or way_um * left_um <= 0.0 or abs(way_um) <= abs(left_um):
+        return x_um + way_um, STOP_S
+    return x_um + left_um, 2.0 * left_um / speed_um_per_s
 
 
 def let_go(program: Program, player: Player) -> Player:

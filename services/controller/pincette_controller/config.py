@@ -1,5 +1,6 @@
 """What the controller takes from the rig file."""
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -8,9 +9,12 @@ from msgspec.structs import replace
 from pincette.config import RigFile, derived
 from pincette.config.laws import installed_laws
 from pincette.control.arm.plant import ArmParameters, OutputTiming
+from pincette.control.laws import two_arms
 from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.laws.law import Law, build
 from pincette.control.laws.parameters import LawSpec
+from pincette.control.laws.two_arm_law import LAW as TWO_ARMS
+from pincette.control.laws.two_arms import TwoArmParameters
 from pincette.control.planning.program import Program
 from pincette.control.response.free_response import FreeResponse
 from pincette.control.response.identified_response import IdentifiedResponse
@@ -36,6 +40,10 @@ class ControllerConfig:
     """When a voltage acts on the arm."""
     monitors: MonitorLimits
     voltage: VoltageLimits
+    part_um_per_mN: float = 0.0
+    """c, by which a part between two arms yields."""
+    second: "ControllerConfig | None" = None
+    """Of the second arm."""
 
     def laws(self, program: Program) -> tuple[Law, ...]:
         """Laws of a program, in its order; raises ValueError where one cannot be made."""
@@ -61,6 +69,40 @@ class ControllerConfig:
         return self.installed[spec.scheme].resolve(spec)
 
 
+def pair_laws(
+    config: ControllerConfig, second: ControllerConfig, program: Program
+) -> tuple[TwoArmParameters, ...]:
+    """Laws of a program of two arms; raises ValueError where one cannot be made."""
+    arms = config.arm, second.arm
+    return tuple(
+        two_arms.build(
+            arms,
+            TWO_ARMS.gains(spec, arms, config.period_s),
+            config.period_s,
+            config.part_um_per_mN,
+            config.output,
+        )
+        for spec in program.laws or (LawSpec(TWO_ARMS.name),)
+    )
+
+
+def check_pair_program(
+    config: ControllerConfig, second: ControllerConfig, program: Program
+) -> None:
+    """Raise ValueError for a program that cannot be played by two arms."""
+    try:
+        made = pair_laws(config, second, program)
+    except ValueError as error:
+        raise ValueError(f"a law of the program: {error}") from error
+    for segment in program.segments:
+        if segment.kind == "sweep":
+            raise ValueError(f"{segment.phase} is a sweep, which two arms do not play")
+        if segment.both is None and not segment.open_loop:
+            raise ValueError(f"{segment.phase} is for one arm, and this rig has two")
+        if not 0 <= segment.law < len(made):
+            raise ValueError(f"{segment.phase} names law {segment.law}, there are {len(made)}")
+
+
 def check_program(config: ControllerConfig, program: Program) -> None:
     """Raise ValueError for a program that cannot be played.
 
@@ -68,6 +110,11 @@ def check_program(config: ControllerConfig, program: Program) -> None:
     """
     if not program.segments:
         raise ValueError("the program has no segments")
+    if config.second is not None:
+        check_pair_program(config, config.second, program)
+        return
+    if any(segment.both is not None for segment in program.segments):
+        raise ValueError("the program is for two arms, and this rig has one")
     made = program.laws
     if not isinstance(config.response, IdentifiedResponse):
         made = tuple(spec for spec in made if spec.set != "identified")
@@ -85,6 +132,14 @@ def check_program(config: ControllerConfig, program: Program) -> None:
 
 def configure(rig: RigFile) -> ControllerConfig:
     """Take the controller's part of a rig file."""
+    first, *others = map(_of_arm, rig.arms)
+    if not others:
+        return first
+    c = 1.0 / rig.part.stiffness_mN_per_um
+    return dataclasses.replace(first, second=others[0], part_um_per_mN=c)
+
+
+def _of_arm(rig: RigFile) -> ControllerConfig:
     return ControllerConfig(
         period_s=rig.rig.period_s,
         arm=rig.model.arm(),

@@ -6,6 +6,9 @@ them is sent as invalid, with its fault and what is known of the sample, by whic
 the same and trips. Without it the actuator's age limit would act, since no valid command follows.
 """
 
+from operator import attrgetter
+
+from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
 from pincette.control.laws.law import LawState
@@ -15,12 +18,14 @@ from pincette.control.safety.monitors import Watches, finding, watch_command, wa
 from pincette.core.codec.refusals import largest_floats
 from pincette.core.faults import Acted, Fault, FaultCode, fault
 from pincette.core.messages import Command, Estimate, Telemetry
+from pincette.core.messages.second import SecondCommand
 from pincette_controller.config import ControllerConfig
 from pincette_controller.guarding import sure_force_mN
 from pincette_controller.player_state import Player
 
 NUMBERS = largest_floats(Telemetry)
 """Of telemetry, each with the largest magnitude that a decoder takes."""
+NUMBERS_OF = attrgetter(*[name for name, _ in NUMBERS])
 
 
 def known_force_mN(estimate: Estimate, player: Player | None) -> float | None:
@@ -45,7 +50,32 @@ def no_command(
         valid=False,
         fault=estimate.fault or silenced,
         force_mN=known_force_mN(estimate, player),
+        second=_no_command_of_second(estimate),
     )
+
+
+def second_view(estimate: Estimate) -> Estimate:
+    """The second arm's estimate as if it were the only one."""
+    second = estimate.second
+    if second is UNSET:
+        return estimate
+    return replace(
+        estimate,
+        x_um=second.x_um,
+        force_mN=second.force_mN,
+        force_uncertainty_mN=second.force_uncertainty_mN,
+        zero_age_s=second.zero_age_s,
+        applied_V=second.applied_V,
+        limits_active=second.limits_active,
+        second=UNSET,
+    )
+
+
+def _no_command_of_second(estimate: Estimate) -> SecondCommand | UnsetType:
+    if estimate.second is UNSET:
+        return UNSET
+    view = second_view(estimate)
+    return SecondCommand(view.applied_V, force_mN=known_force_mN(view, None))
 
 
 def telemetry_of(
@@ -87,8 +117,7 @@ def telemetry_of(
 
 def number_out_of_bounds(telemetry: Telemetry) -> Fault | None:
     """Fault of a law that has made a number that a decoder would refuse; None without one."""
-    for name, most in NUMBERS:
-        number = getattr(telemetry, name)
+    for (name, most), number in zip(NUMBERS, NUMBERS_OF(telemetry), strict=True):
         if number is not None and not -most <= number <= most:
             return fault(FaultCode.LAW_NUMBER, **{name: number})
     return None
@@ -126,4 +155,16 @@ def invalid_command(command: Command, estimate: Estimate, why: Fault, *, known: 
         sweep=None,
         force_mN=command.force_mN if known else None,
         x_d_um=command.x_d_um if known else None,
+        second=_kept_of_second(command, estimate, known=known),
     )
+
+
+def _kept_of_second(
+    command: Command, estimate: Estimate, *, known: bool
+) -> SecondCommand | UnsetType:
+    second = command.second
+    if second is UNSET or estimate.second is UNSET:
+        return second
+    if not known:
+        return SecondCommand(estimate.second.applied_V)
+    return replace(second, voltage_V=estimate.second.applied_V)

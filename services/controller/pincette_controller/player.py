@@ -14,7 +14,7 @@ from pincette.control.planning.program import Program
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.guarding import guard
-from pincette_controller.player_state import Player, at_tick, follow, jump
+from pincette_controller.player_state import Foreseen, Player, at_tick, follow, jump
 
 MOVING = ("seek", "sweep")
 """Kinds of segment that are nowhere at rest, not even at their end."""
@@ -41,20 +41,46 @@ def begin(program: Program, x_um: float, applied_V: float = 0.0) -> Player:
     )
 
 
-def advance(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
-    """Move on by one tick: guards first, then time, then the references of the next sample."""
-    player = replace(player, zero=False, bump=False, applied_V=estimate.applied_V)
+def advance(
+    program: Program,
+    player: Player,
+    estimate: Estimate,
+    period_s: float,
+    foreseen: Foreseen | None = None,
+) -> Player:
+    """Move on by one tick: guards first, then time, then the references of the next sample.
+
+    ``foreseen`` holds where nothing but time has moved the player on.
+    """
+    known = foreseen.player if foreseen is not None and foreseen.of is player else None
+    led = player = replace(player, zero=False, bump=False, applied_V=estimate.applied_V)
     if player.ended:
         return player
     player = guard(program, player, estimate, period_s)
     if player.resumed:
         player = replace(player, resumed=False)
     player = _pause_at_rest(player, period_s)
-    while not player.ended and not player.paused and _is_over(player, period_s):
+    while not player.ended and not player.paused and is_over(player, period_s):
         player = _pause_at_rest(_next(program, player, estimate), period_s)
     if player.ended or player.paused:
         return player
+    if known is not None and player is led:
+        return replace(
+            player,
+            ticks=known.ticks,
+            x_r_um=known.x_r_um,
+            speed_um_per_s=known.speed_um_per_s,
+            force_r_mN=known.force_r_mN,
+            voltage_V=known.voltage_V,
+        )
     return at_tick(player, player.ticks + 1, period_s)
+
+
+def foresee(player: Player, period_s: float) -> Foreseen | None:
+    """Work out the references of the next sample, if nothing but time moves the player on."""
+    if player.ended or player.paused:
+        return None
+    return Foreseen(player, at_tick(player, player.ticks + 1, period_s))
 
 
 def _pause_at_rest(player: Player, period_s: float) -> Player:
@@ -64,7 +90,7 @@ def _pause_at_rest(player: Player, period_s: float) -> Player:
     return replace(player, pausing=False, paused=True)
 
 
-def _is_over(player: Player, period_s: float) -> bool:
+def is_over(player: Player, period_s: float) -> bool:
     """Whether the segment has run its time."""
     segment = player.segment
     if segment.duration_s is None or player.zeroing:
@@ -76,7 +102,7 @@ def _at_rest(player: Player, period_s: float) -> bool:
     """Whether the references can stay at this sample without a jump of their speed."""
     if player.zeroing or player.segment.kind in MOVING:
         return False
-    if _is_over(player, period_s):
+    if is_over(player, period_s):
         return True
     begins_moving = player.from_speed_um_per_s if player.segment.kind == "free" else 0.0
     if player.ticks == 0 and (begins_moving != 0.0 or player.from_rate_mN_per_s != 0.0):

@@ -9,6 +9,7 @@ from pincette.control.planning.profiles import move, quintic, run_up
 from pincette.control.planning.program import Program, Segment
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Outcome, Phase
+from pincette_controller.pair_stand import PairStand
 
 
 class Player(FrozenRecord, frozen=True):
@@ -65,11 +66,20 @@ class Player(FrozenRecord, frozen=True):
     """What the arm met on its way through free space."""
     ends_after: str = ""
     """Phase under a law with which the program ends early; empty: none."""
+    pair: PairStand | None = None
+    """Of a rig of two arms; x_r is then the place of the part."""
 
     @property
     def pressing(self) -> bool:
         """Whether the force is an input of the law."""
         return self.segment.presses
+
+
+class Foreseen(FrozenRecord, frozen=True):
+    """Where a player will be a tick later, but for what a sample changes."""
+
+    of: Player
+    player: Player
 
 
 def at_tick(player: Player, ticks: int, period_s: float) -> Player:
@@ -152,6 +162,7 @@ def enter(player: Player, index: int, segment: Segment) -> Player:
         from_rate_mN_per_s=0.0,
         from_V=player.applied_V,
         voltage_V=player.applied_V,
+        pair=None if player.pair is None else player.pair.entered(),
     )
 
 
@@ -188,7 +199,12 @@ def leave(player: Player, following: Segment, x_um: float) -> Player:
     if player.segment.open_loop:
         held = player.held and following.presses
         force_mN = player.force_r_mN if held else 0.0
-        return replace(player, held=held, bump=True, x_r_um=x_um, force_r_mN=force_mN)
+        pair = None if player.pair is None else player.pair.left()
+        return replace(player, held=held, bump=True, x_r_um=x_um, force_r_mN=force_mN, pair=pair)
     if not player.pressing or following.presses:
         return player
+    if player.pair is not None:
+        # The place stays as it is led; the opening begins where both arms are.
+        left = player.pair.left()
+        return replace(player, held=False, force_r_mN=0.0, speed_um_per_s=0.0, pair=left)
     return replace(player, held=False, bump=True, x_r_um=x_um, force_r_mN=0.0)

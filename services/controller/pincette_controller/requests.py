@@ -2,12 +2,14 @@
 
 from msgspec.structs import replace
 
+from pincette.control.laws.law import Law
+from pincette.control.planning.program import Program
 from pincette.core.faults import FaultCode
 from pincette.core.messages import Ack, Action, Arm, Lease, Load, Message
 from pincette.core.service import RefusedError
 from pincette_controller.actions import RunningLease, action_objection, lease_objection
-from pincette_controller.config import ControllerConfig, check_program
-from pincette_controller.state import State
+from pincette_controller.config import ControllerConfig, check_program, pair_laws
+from pincette_controller.state import SecondState, State
 
 
 def handle(
@@ -24,11 +26,12 @@ def handle(
         if state.loaded is None:
             raise RefusedError("the controller has no program: load one first")
         try:
-            laws = config.laws(state.loaded)
+            laws, second = _armed_laws(config, state, state.loaded)
         except ValueError as error:
             raise RefusedError(f"a law of the program: {error}") from error
         fresh = State(
             state.arm.armed(config.response),
+            second=second,
             epoch=request.epoch,
             owner=request.owner,
             loaded=state.loaded,
@@ -43,6 +46,16 @@ def handle(
     if isinstance(request, Lease):
         return _lease(state, request, now)
     raise RefusedError(f"the controller does not answer {type(request).__name__}")
+
+
+def _armed_laws(
+    config: ControllerConfig, state: State, program: Program
+) -> tuple[tuple[Law, ...], SecondState | None]:
+    """Laws of one arm, or of both with the second's memory."""
+    if config.second is None or state.second is None:
+        return config.laws(program), None
+    arm = state.second.arm.armed(config.second.response)
+    return (), SecondState(arm, pair_laws(config, config.second, program))
 
 
 def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tuple[Message, ...]]:

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from pincette.control.laws.law import Law, LawState
+from pincette.control.laws.two_arms import TwoArmParameters, TwoArmState
 from pincette.control.planning.program import Program
 from pincette.control.record import FrozenRecord
 from pincette.control.safety.monitors import UNSEEN, Watches
@@ -11,13 +12,24 @@ from pincette.core.messages import Action, Estimate
 from pincette_controller.actions import RunningLease
 from pincette_controller.arm_memory import ArmMemory
 from pincette_controller.learning import Learning
-from pincette_controller.player_state import Player
+from pincette_controller.player_state import Foreseen, Player
 
 
 class Inputs(NamedTuple):
     """The estimate of the newest sample."""
 
     estimate: Estimate | None
+
+
+class SecondState(FrozenRecord, frozen=True):
+    """What a rig of two arms has beside: the second arm's memory, and the law of both."""
+
+    arm: ArmMemory
+    laws: tuple[TwoArmParameters, ...] = ()
+    memory: TwoArmState | None = None
+    """None where no law holds."""
+    watches: Watches = UNSEEN
+    """Of the hard limits of the second arm."""
 
 
 class State(FrozenRecord, frozen=True):
@@ -35,6 +47,8 @@ class State(FrozenRecord, frozen=True):
     laws: tuple[Law, ...] = ()
     """Those of ``program``."""
     player: Player | None = None
+    foreseen: Foreseen | None = None
+    """Of the player, while the next sample has not come."""
     memory: LawState | None = None
     learning: Learning | None = None
     """Along the cycles of a program that learns."""
@@ -48,6 +62,8 @@ class State(FrozenRecord, frozen=True):
     refused: int = 0
     found: Fault | None = None
     """Why it has stopped, or stops, without an action that asks for it."""
+    second: SecondState | None = None
+    """Of a rig of two arms."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:

@@ -1,12 +1,19 @@
 """The controller as a service: an estimate in, a command and the controller's own view out."""
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.laws import law as control_law
 from pincette.control.laws.planned_motion import RESTING
 from pincette.control.planning.program import Program
-from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
+from pincette.control.safety.voltage import (
+    SLEW_DOWN,
+    SLEW_UP,
+    VOLTAGE_MAX,
+    VOLTAGE_MIN,
+    limited,
+)
 from pincette.core.faults import Fault, FaultCode, Outcome
 from pincette.core.messages import (
     Command,
@@ -42,10 +49,11 @@ from pincette_controller.outputs import (
     number_out_of_bounds,
     telemetry_of,
 )
-from pincette_controller.player import advance, begin
+from pincette_controller.pair_step import followed_second, play_pair
+from pincette_controller.player import advance, begin, foresee
 from pincette_controller.preview import planned_motion
 from pincette_controller.requests import handle
-from pincette_controller.state import Inputs, State
+from pincette_controller.state import Inputs, SecondState, State
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
 """Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
@@ -54,7 +62,9 @@ TRIPPED = Fault(FaultCode.ACTUATOR_TRIPPED)
 
 def start(config: ControllerConfig) -> State:
     """Nothing is loaded."""
-    return State(ArmMemory(config.response, config.response))
+    second = config.second
+    other = None if second is None else SecondState(ArmMemory(second.response, second.response))
+    return State(ArmMemory(config.response, config.response), second=other)
 
 
 def step(
@@ -80,7 +90,11 @@ def _answer(
     if estimate.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
     state = replace(state, arm=state.arm.follow(estimate, config.period_s))
+    if state.second is not None and estimate.second is not UNSET:
+        state = replace(state, second=followed_second(state.second, estimate, config.period_s))
     if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
+        if config.second is not None and state.second is not None:
+            return play_pair(config, config.second, state, state.second, estimate)
         return _play(config, state, state.program, estimate)
     state = replace(state, seq=estimate.seq)
     if estimate.tripped and state.playing:
@@ -89,11 +103,25 @@ def _answer(
 
 
 def ahead(config: ControllerConfig, state: State, told: Message) -> State:
-    """Lead the arm's memory by the voltage commanded, as the actuator will mostly apply it."""
+    """Lead each arm's memory by the voltage commanded, as the actuator will mostly put it out, and
+    the references to the next sample."""
     if not isinstance(told, Command) or not told.valid or told.epoch != state.epoch:
         return state
-    arm = state.arm.expecting(told.voltage_V, told.seq + 1, config.period_s)
-    return replace(state, arm=arm)
+    arm = _led_ahead(config, state.arm, told.voltage_V, told.seq)
+    second, player = state.second, state.player
+    if second is None:
+        coming = None if player is None else foresee(player, config.period_s)
+        return replace(state, arm=arm, foreseen=coming)
+    if config.second is not None and told.second is not UNSET:
+        other = _led_ahead(config.second, second.arm, told.second.voltage_V, told.seq)
+        second = replace(second, arm=other)
+    return replace(state, arm=arm, second=second)
+
+
+def _led_ahead(config: ControllerConfig, arm: ArmMemory, voltage_V: float, seq: int) -> ArmMemory:
+    """Expect what the actuator makes of a voltage in time: its range, its slew, its step."""
+    put_out_V, _ = limited(config.voltage, arm.response.voltage_V, voltage_V)
+    return arm.expecting(put_out_V, seq + 1, config.period_s)
 
 
 def _silent(state: State, estimate: Estimate) -> Command:
@@ -114,19 +142,20 @@ def _play(
         memory=arm_memory,
     )
     player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
-    player = advance(program, player, estimate, config.period_s)
+    player = advance(program, player, estimate, config.period_s, state.foreseen)
     law = state.laws[player.segment.law]
     learning = state.learning or begin_learning(program)
     told_um = learning.correction_um
     learning = learn(learning, before, estimate, config.period_s)
     learning = correct(learning, player, config.period_s)
-    force_mN = estimate.force_mN if player.pressing else 0.0
-    force_r_mN = player.force_r_mN if player.pressing else 0.0
-    if player.segment.open_loop:
+    open_loop, pressing = player.segment.open_loop, player.pressing
+    force_mN = estimate.force_mN if pressing else 0.0
+    force_r_mN = player.force_r_mN if pressing else 0.0
+    if open_loop:
         pressed_mN = estimate.force_mN if player.held else 0.0
         player = replace(player, x_r_um=estimate.x_um, speed_um_per_s=0.0, force_r_mN=pressed_mN)
-    steered = state.memory is not None and not player.segment.open_loop
-    anew = player.bump or player.segment.open_loop or player.pressing != before.pressing
+    steered = state.memory is not None and not open_loop
+    anew = player.bump or open_loop or pressing != before.pressing
     if anew or player.segment.law != before.segment.law:
         # Another law alone: the references go on, and the newest sample belongs to those before.
         known = player if anew else before
@@ -140,7 +169,7 @@ def _play(
             x_um=estimate.x_um,
             x_r_um=x_r_um,
             force_mN=force_mN,
-            force_r_mN=r_mN if player.pressing else 0.0,
+            force_r_mN=r_mN if pressing else 0.0,
             seen_V=control_law.other_view(
                 law, state.laws[before.segment.law], estimate.applied_V, arm_memory
             ),
@@ -157,7 +186,7 @@ def _play(
         memory=arm_memory,
         plan=planned_motion(player, config.period_s) if law.definition.previews else RESTING,
     )
-    voltage_V = player.voltage_V if player.segment.open_loop else output.voltage_V
+    voltage_V = player.voltage_V if open_loop else output.voltage_V
     command = Command(
         epoch=state.epoch,
         seq=estimate.seq,
@@ -220,5 +249,5 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     step=step,
     handle=handle,
     ahead=ahead,
-    state_snapshot=("arm",),
+    state_snapshot=("arm", "second.arm"),
 )

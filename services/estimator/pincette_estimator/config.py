@@ -1,6 +1,6 @@
 """What the estimator takes from the rig file."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pincette.config import RigFile, derived
 from pincette.control.arm.plant import DifferenceEquation, discretize
@@ -44,10 +44,32 @@ class EstimatorConfig:
     """Range of the sensor, as positions of the arm."""
     voltage_V: tuple[float, float]
     """What can be put out at all: as far beyond the limits again as they are apart."""
+    moving: tuple[float, float] | None = None
+    """By how much this arm's voltage, and the other's, move the tip of an arm that holds a part
+    with another one: 1 - a and -a·d_j/d_i, with a = s_i/(s_1 + s_2 + 1/K_c). None: it is alone."""
+    second: "EstimatorConfig | None" = None
+    """Of the second arm."""
 
 
 def configure(rig: RigFile) -> EstimatorConfig:
     """Take the estimator's part of a rig file; raises ConfigError for an impossible observer."""
+    first, *others = map(_of_arm, rig.arms)
+    if not others:
+        return first
+    one, two = (arm.model for arm in rig.arms)
+    s_1, s_2, d_1, d_2 = (
+        one.compliance_um_per_mN,
+        two.compliance_um_per_mN,
+        one.piezo_um_per_V,
+        two.piezo_um_per_V,
+    )
+    squeeze = s_1 + s_2 + 1.0 / rig.part.stiffness_mN_per_um
+    moving = [(1.0 - s_1 / squeeze, -s_1 / squeeze * d_2 / d_1)]
+    moving.append((1.0 - s_2 / squeeze, -s_2 / squeeze * d_1 / d_2))
+    return replace(first, moving=moving[0], second=replace(others[0], moving=moving[1]))
+
+
+def _of_arm(rig: RigFile) -> EstimatorConfig:
     model, part, period_s = rig.model, rig.part, rig.rig.period_s
     observer = derived.force_observer(rig)
     s_p = model.compliance_um_per_mN

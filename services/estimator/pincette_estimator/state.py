@@ -9,6 +9,7 @@ from math import copysign, inf
 from typing import NamedTuple
 
 from msgspec import field
+from msgspec.structs import replace
 
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.force.contact_detector import ContactDetector
@@ -20,6 +21,7 @@ from pincette.control.response.reversal_memory import ReversalMemory
 from pincette.control.response.unknown_past import UnknownPast
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.messages import Applied, Position
+from pincette_estimator.both_arms import ForcesApart
 
 SURE = 3.0
 """Uncertainties beyond which a force is none of an error: a zero has not taken it off yet, and U
@@ -51,17 +53,21 @@ class StuckWatch(FrozenRecord, frozen=True):
     voltages_V: tuple[float, ...] = ()
     """At most ``SAMPLES``, for creep: a loop that holds the arm still moves the voltage slowly."""
     stuck: bool = False
+    held: bool = False
+    """Whether those voltages are of two arms that hold a part; see ``both_arms.moving_V``."""
 
-    def follow(self, x_um: float, voltage_V: float, moved_V: float) -> "StuckWatch":
+    def follow(
+        self, x_um: float, voltage_V: float, moved_V: float, *, held: bool = False
+    ) -> "StuckWatch":
         """Take a sample and the voltage behind it; once stuck, until the reading differs."""
-        if x_um != self.x_um:
-            return StuckWatch(x_um, (voltage_V,))
+        if x_um != self.x_um or (held != self.held and not self.stuck):
+            return StuckWatch(x_um, (voltage_V,), held=held)
         voltages_V = (*self.voltages_V[1 - SAMPLES :], voltage_V)
         settled_V = voltages_V[:-LATE_SAMPLES]
         stuck = self.stuck or (
             len(voltages_V) == SAMPLES and max(settled_V) - min(settled_V) > moved_V
         )
-        return StuckWatch(x_um, voltages_V, stuck)
+        return StuckWatch(x_um, voltages_V, stuck, held)
 
     @property
     def fault(self) -> Fault | None:
@@ -116,6 +122,15 @@ class Followed(FrozenRecord, frozen=True):
     """The voltage, and the memories that it was applied to."""
 
 
+class Foreseen(FrozenRecord, frozen=True):
+    """Uncertainty of the force at the sample to come, if nothing is zeroed there."""
+
+    u_F_mN: float
+    seq: int
+    of: tuple[FreeResponse, UnknownPast]
+    """The memories that it is of."""
+
+
 class State(FrozenRecord, frozen=True):
     """The free response in use, the samples behind it, and the past that a force needs."""
 
@@ -132,7 +147,9 @@ class State(FrozenRecord, frozen=True):
     observed_seq: int | None = None
     """The last sample that ``observer`` has seen; None before the first of an epoch."""
     free_motion: FreeMotion = field(default_factory=FreeMotion)
-    """Without the part, up to the newest sample."""
+    """Without the part, up to the newest sample but for ``unseen``."""
+    unseen: tuple[FreeResponse, float] | None = None
+    """The newest sample and what the arm's memory was then, until ``caught_up``."""
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
     """Since the zero, or the first sample of the epoch."""
     zero_s: float | None = None
@@ -154,6 +171,21 @@ class State(FrozenRecord, frozen=True):
     """The voltage since the start, for another model to be led through."""
     followed: Followed | None = None
     """By a voltage whose sample has not come yet."""
+    foreseen: Foreseen | None = None
+    second: "State | None" = None
+    """Of the second arm."""
+    second_applied: tuple[Applied, Applied] | None = None
+    """The voltages of both arms, and those of the second as it has been led ahead by them."""
+    apart: ForcesApart = field(default_factory=ForcesApart)
+    """How far the forces of two arms differ."""
+
+    def caught_up(self) -> "State":
+        """Take in the newest sample of free motion, which its own estimate did not wait for."""
+        if self.unseen is None:
+            return self
+        response, x_um = self.unseen
+        motion = self.free_motion.follow(response.sample(x_um))
+        return replace(self, free_motion=motion, unseen=None)
 
     @property
     def missed_um(self) -> float:
@@ -163,6 +195,14 @@ class State(FrozenRecord, frozen=True):
     @property
     def findings(self) -> tuple[Fault, ...]:
         """Faults of this program that people see."""
+        if self.second is None:
+            return self._findings
+        apart = self.apart.finding
+        both = (*self._findings, *self.second.findings)
+        return both if apart is None else (*both, apart)
+
+    @property
+    def _findings(self) -> tuple[Fault, ...]:
         stuck = self.stuck.fault
         found = () if stuck is None else (stuck,)
         if not self.unknown.matters(self.response):

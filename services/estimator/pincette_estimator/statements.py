@@ -16,9 +16,8 @@ def estimate(
     p_mN: float,
 ) -> Estimate:
     """State the force of the sample just taken in, and its uncertainty."""
-    t_s = position.seq * config.period_s
-    age_s = None if state.zero_s is None else t_s - state.zero_s
-    u_F_mN = uncertainty_mN(config, state, t_s if age_s is None else age_s)
+    age_s = None if state.zero_s is None else position.seq * config.period_s - state.zero_s
+    u_F_mN = _uncertainty_mN(config, state, position.seq)
     touch_x_um, touch_mN = touched(
         state,
         compliance_um_per_mN=config.compliance_um_per_mN,
@@ -45,6 +44,19 @@ def estimate(
         touch_x_um=touch_x_um,
         touch_mN=touch_mN,
     )
+
+
+def _uncertainty_mN(config: EstimatorConfig, state: State, seq: int) -> float:
+    """As it was foreseen, unless a zero or a rest has come between."""
+    found = state.foreseen
+    if (
+        found is not None
+        and found.seq == seq
+        and found.of[0] is state.response
+        and found.of[1] is state.unknown
+    ):
+        return found.u_F_mN
+    return uncertainty_mN(config, state, state.missed, state.zero_s, seq)
 
 
 def within(range_: tuple[float, float], value: float) -> bool:

@@ -1,5 +1,6 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -7,18 +8,21 @@ from pincette.control.arm.plant import perturbation
 from pincette.control.force.contact_detector import ContactDetector
 from pincette.control.force.zeroing import zero_refusal
 from pincette.control.response.reversal_memory import ReversalMemory
-from pincette.core.messages import Ack, Applied, Arm, Message, Position
+from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
+from pincette_estimator.both_arms import joined, moving_V, second_applied, second_position
 from pincette_estimator.config import EstimatorConfig, configure
-from pincette_estimator.state import Followed, FreeMotion, Inputs, State
+from pincette_estimator.following import ahead, follow_voltage
+from pincette_estimator.state import FreeMotion, Inputs, State
 from pincette_estimator.statements import degraded, estimate, within
 from pincette_estimator.uncertainty import creep_um, narrowed_past, rested_past
 
 
 def start(config: EstimatorConfig) -> State:
     """Nothing has been applied and nothing measured."""
-    return State(config.response, config.response, config.observer, config.unknown)
+    second = None if config.second is None else start(config.second)
+    return State(config.response, config.response, config.observer, config.unknown, second=second)
 
 
 def step(
@@ -30,71 +34,52 @@ def step(
         return state, ()
     if position.epoch != state.epoch:
         return replace(state, refused=state.refused + 1), ()
+    second, second_config = state.second, config.second
+    other_V = None
+    if applied is not None and applied.second is not UNSET:
+        other_V = applied.second.voltage_V
+    state, first = _estimated(config, state, position, applied, other_V)
+    if second is None or second_config is None:
+        return state, (first,)
+    known, voltage = state.second_applied, None
+    if applied is not None:
+        led = known is not None and known[0] is applied
+        voltage = known[1] if known is not None and led else second_applied(applied)
+    first_V = None if applied is None else applied.voltage_V
+    second, of_second = _estimated(
+        second_config, second, second_position(position), voltage, first_V
+    )
+    both = joined(first, of_second)
+    held = applied is not None and applied.part_held
+    apart = state.apart.follow(both, config.period_s, held=held)
+    return replace(state, second=second, second_applied=None, apart=apart), (both,)
+
+
+def _estimated(
+    config: EstimatorConfig,
+    state: State,
+    position: Position,
+    applied: Applied | None,
+    other_V: float | None,
+) -> tuple[State, Estimate]:
+    """Estimate the force of one arm; ``other_V`` is the other's voltage, where there is one."""
     if applied is not None and not within(config.voltage_V, applied.voltage_V):
         # Followed once, it would stay in the memory of the arm.
         state, applied = replace(state, refused=state.refused + 1), None
     if applied is None:
-        return state, (degraded(config, state, position, None),)
-    state = _follow_voltage(config, state, applied)
-    state = _follow_program(config, state, applied)
+        return state, degraded(config, state, position, None)
+    state = follow_voltage(config, state, applied)
     measured = position.valid and within(config.position_um, position.x_um)
     if measured:
-        stuck = state.stuck.follow(position.x_um, applied.voltage_V, config.stuck_V)
+        voltage_V, held = applied.voltage_V, False
+        if config.moving is not None and other_V is not None and applied.part_held:
+            voltage_V, held = moving_V(config.moving, voltage_V, other_V), True
+        stuck = state.stuck.follow(position.x_um, voltage_V, config.stuck_V, held=held)
         state = replace(state, stuck=stuck)
     if not measured or state.stuck.stuck:
-        return state, (degraded(config, state, position, applied),)
+        return state, degraded(config, state, position, applied)
     state, F_mN, p_mN = _take_sample(config, state, position, applied)
-    return state, (estimate(config, state, position, applied, F_mN, p_mN),)
-
-
-def ahead(config: EstimatorConfig, state: State, applied: Message) -> State:
-    """Lead the memories by a voltage as soon as it is applied, before the sample after it."""
-    if not isinstance(applied, Applied) or not within(config.voltage_V, applied.voltage_V):
-        return state
-    if applied.epoch != state.epoch or applied.seq < state.followed_seq:
-        return state
-    return replace(state, followed=_followed(config, state, applied))
-
-
-def _followed(config: EstimatorConfig, state: State, applied: Applied) -> Followed:
-    """What a voltage makes of the memories, over all samples since the last that had one."""
-    voltage_V = applied.voltage_V
-    passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
-    return Followed(
-        state.response.follow(voltage_V, passed_s),
-        state.past.follow(voltage_V, passed_s),
-        state.unknown.follow(voltage_V, passed_s),
-        state.reversal_memory.follow(voltage_V),
-        (applied, state.response, state.unknown),
-    )
-
-
-def _follow_voltage(config: EstimatorConfig, state: State, applied: Applied) -> State:
-    """Take in the voltage applied, as it may have been followed ahead."""
-    found = state.followed
-    if (
-        found is None
-        or found.of[0] is not applied
-        or found.of[1] is not state.response
-        or found.of[2] is not state.unknown
-    ):
-        found = _followed(config, state, applied)
-    return replace(
-        state,
-        response=found.response,
-        past=found.past,
-        unknown=found.unknown,
-        reversal_memory=found.reversal_memory,
-        followed_seq=applied.seq + 1,
-        followed=None,
-    )
-
-
-def _follow_program(config: EstimatorConfig, state: State, applied: Applied) -> State:
-    """Take up what x_1 misses at the tick that the voltage is of; without one it stays."""
-    if config.residual is None or applied.segment is None:
-        return state
-    return replace(state, missed=config.residual.at(applied.segment, applied.segment_tick))
+    return state, estimate(config, state, position, applied, F_mN, p_mN)
 
 
 def _take_sample(
@@ -140,17 +125,19 @@ def _follow_free_motion(
     detector = state.contact_detector
     if first:
         detector = ContactDetector(nominal_um, x_um, free_to_um=x_um)
-    motion = FreeMotion()
-    if not applied.part_held:
-        motion = state.free_motion.follow(response.sample(modelled_um))
+    state = state.caught_up()
     followed = replace(
         state,
         response=response,
         unknown=state.unknown.rezero(response) if first else state.unknown,
         contact_detector=detector.follow(config.kink_limits, x_um, nominal_um),
-        free_motion=motion,
+        free_motion=FreeMotion() if applied.part_held else state.free_motion,
+        unseen=None if applied.part_held else (response, modelled_um),
     )
-    if state.unknown.awaits_rest and motion.rests(config.zero_limits.rest_samples):
+    if not (applied.zero or state.unknown.awaits_rest):
+        return followed
+    followed = followed.caught_up()
+    if state.unknown.awaits_rest and followed.free_motion.rests(config.zero_limits.rest_samples):
         return replace(followed, unknown=rested_past(config, followed))
     return followed
 
@@ -193,10 +180,17 @@ def handle(
     """
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
+    begun = _begun(config, state, request)
+    if config.second is not None and state.second is not None:
+        begun = replace(begun, second=_begun(config.second, state.second, request))
+    return begun, Ack(0), ()
+
+
+def _begun(config: EstimatorConfig, state: State, request: Arm) -> State:
     same = config.response == state.model
     response = state.response if same else state.past.replayed(config.response)
     unknown = state.unknown if same else config.unknown.led_through(state.past)
-    begun = State(
+    return State(
         response,
         config.response,
         config.observer,
@@ -208,7 +202,6 @@ def handle(
         refused=state.refused,
         past=state.past,
     )
-    return begun, Ack(0), ()
 
 
 SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
@@ -223,5 +216,5 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
     step=step,
     handle=handle,
     ahead=ahead,
-    state_snapshot=("response", "unknown", "reversal_memory", "highest_V", "known_V"),
+    state_snapshot=("response", "unknown", "reversal_memory", "highest_V", "known_V", "second"),
 )

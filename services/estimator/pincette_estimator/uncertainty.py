@@ -4,31 +4,40 @@ from math import hypot, log10, sqrt
 
 from pincette.control.force.estimation import COVERAGE, uncertainty
 from pincette.control.response.free_response import MemoryResponse, rest_mean
+from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import forgotten_share
 from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um
 from pincette_estimator.config import EstimatorConfig
-from pincette_estimator.state import State
+from pincette_estimator.state import Followed, State
 
 
-def uncertainty_mN(config: EstimatorConfig, state: State, zero_age_s: float) -> float:
-    """Uncertainty of the force.
+def uncertainty_mN(
+    config: EstimatorConfig,
+    memories: State | Followed,
+    missed: Residual | None,
+    zero_s: float | None,
+    seq: int,
+) -> float:
+    """Uncertainty of the force at a sample, by the memories led up to it.
 
     A residual table has what x_1 misses of hysteresis, reversals and creep along the very motion;
     what is left of them is its error. Past the end of what was played creep begins anew.
     """
-    free_um = state.response.error_um()
-    share = forgotten_share(state.reversal_memory.total_V, config.forgotten_scale_V)
+    t_s = seq * config.period_s
+    age_s = t_s if zero_s is None else t_s - zero_s
+    free_um = memories.response.error_um()
+    share = forgotten_share(memories.reversal_memory.total_V, config.forgotten_scale_V)
     lost_mN = share * config.forgotten_mN
-    if config.residual is not None and state.missed is not None and state.zero_s is not None:
+    if config.residual is not None and missed is not None and zero_s is not None:
         free_um, lost_mN = config.residual.error_um, 0.0
-        zero_age_s = state.missed.beyond * config.period_s
-    unknown_um = standard_uncertainty_um(state.unknown.error_um(state.response))
+        age_s = missed.beyond * config.period_s
+    unknown_um = standard_uncertainty_um(memories.unknown.error_um(memories.response))
     return uncertainty(
         noise_um=config.noise_um,
         free_error_um=hypot(free_um, unknown_um),
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
-        zero_age_s=zero_age_s,
+        zero_age_s=age_s,
         forgotten_mN=lost_mN,
     )
 

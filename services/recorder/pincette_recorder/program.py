@@ -5,7 +5,7 @@ import queue
 import secrets
 import threading
 from contextlib import closing
-from time import monotonic, time
+from time import monotonic
 from typing import cast
 
 from pincette import __version__
@@ -14,9 +14,10 @@ from pincette.core.faults import FaultCode, fault
 from pincette.core.messages import Finish, Message, Record, Status
 from pincette.core.topics import FINISH, RECORD, STATUS, TOPICS
 from pincette.engine.program import Context
-from pincette_recorder import record_repair, retention
+from pincette_recorder import record_repair
 from pincette_recorder.config import RecorderConfig, configure
 from pincette_recorder.intake import Intake
+from pincette_recorder.mender import Mender
 from pincette_recorder.record_keeper import Keeper, Reply
 from pincette_recorder.wall_clock import WallClock
 
@@ -27,16 +28,16 @@ TIDY_S = 600.0
 
 
 class Recorder:
-    """A keeper at work in its own thread, the only one that touches files."""
+    """A keeper at work in its own thread, and a mender of what it has not open in another."""
 
     def __init__(self, config: RecorderConfig, bus: ZenohBus) -> None:
         self._config, self._bus = config, bus
         wall = WallClock()
         self._intake = Intake(wall.now_ns)
-        self._keeper = Keeper(config, self._intake, wall)
+        self._mender = Mender(config)
+        self._keeper = Keeper(config, self._intake, wall, self._mender)
         self._asked: queue.SimpleQueue[tuple[Message, Reply]] = queue.SimpleQueue()
         self._instance = secrets.randbits(48)
-        self._mended = self._deleted = 0
         self._tidy_at_s = monotonic()
 
     def serve(self) -> None:
@@ -52,8 +53,8 @@ class Recorder:
         lost = keeper.dropped + self._intake.dropped.total()
         counts = {
             "finished": keeper.finished,
-            "closed_after_a_crash": self._mended,
-            "old_ones_deleted": self._deleted,
+            "closed_after_a_crash": self._mender.mended,
+            "old_ones_deleted": self._mender.deleted,
             "messages_lost": lost,
         }
         doing = "idle" if record is None else f"records job {record.job}"
@@ -86,6 +87,7 @@ class Recorder:
                 self._keeper.close()
             finally:
                 stop.set()
+                self._mender.close()
 
     def _answer_one(self) -> None:
         try:
@@ -93,28 +95,17 @@ class Recorder:
         except queue.Empty:
             return
         if isinstance(request, Record):
-            reply(self._keeper.begin(request))
+            self._keeper.begin(request, reply)
         else:
             self._keeper.finish(cast(Finish, request), reply)
             self._tidy_at_s = min(self._tidy_at_s, monotonic() + 1.0)
 
     def _tidy(self) -> None:
-        """Close what a crash has left open, then delete what shall not stay."""
         self._tidy_at_s = monotonic() + TIDY_S
-        config = self._config
         try:
-            for folder in record_repair.unclosed(config.records):
-                record_repair.mend(folder, record_repair.KILLED)
-                self._mended += 1
-            retention.sweep(config.records)
-            if config.keep_s is None and config.keep_bytes is None:
-                return
-            kept = retention.ended(config.records)
-            for name in retention.doomed(kept, time(), config.keep_s, config.keep_bytes):
-                retention.delete(config.records, name)
-                self._deleted += 1
+            self._mender.tidy(record_repair.unclosed(self._config.records))
         except OSError as error:
-            log.error("%s: %s", config.records, error)
+            log.error("%s: %s", self._config.records, error)
 
 
 def run(context: Context) -> None:

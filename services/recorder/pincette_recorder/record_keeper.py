@@ -11,7 +11,7 @@ from typing import Any, cast
 from msgspec.structs import replace
 
 from pincette.control.checks import require_positive
-from pincette.core.messages import Ack, Finish, Message, Record, Recorded
+from pincette.core.messages import Ack, Finish, Record, Recorded
 from pincette.core.topics import TOPIC_OF
 from pincette.records import folder as files
 from pincette.records import mcap_reading
@@ -19,6 +19,7 @@ from pincette.records.mcap_file import NAME
 from pincette_recorder import record_repair
 from pincette_recorder.config import BYTES_PER_MB, RecorderConfig
 from pincette_recorder.intake import Intake
+from pincette_recorder.mender import MOST_TEXT, Mender, Reply
 from pincette_recorder.open_record import OpenRecord
 from pincette_recorder.wall_clock import WallClock
 
@@ -28,9 +29,6 @@ LAST_S, LAST_QUIET_S = 2.0, 0.3
 QUIET_S = 1.0
 """A loop that has not played for so long does not keep another job from being recorded."""
 JOB_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,79}")
-MOST_TEXT = 380
-"""Length of a reply's detail; see ``codec.MAX_TEXT``."""
-Reply = Callable[[Message | str], None]
 
 
 class Keeper:
@@ -41,19 +39,46 @@ class Keeper:
         config: RecorderConfig,
         intake: Intake,
         wall: WallClock,
+        mender: Mender,
         clock_s: Callable[[], float] = monotonic,
     ) -> None:
         self._config, self._intake = config, intake
-        self._wall, self._clock_s = wall, clock_s
+        self._wall, self._mender, self._clock_s = wall, mender, clock_s
         self._finishing: tuple[Finish, Reply, float] | None = None
+        self._beginning: tuple[Record, Reply, float] | None = None
         self.record: OpenRecord | None = None
         self.written = self.dropped = 0
         """Messages of all records since the start."""
         self.finished = 0
         """Records closed since the start."""
 
-    def begin(self, request: Record) -> Ack | str:
-        """Open a record, or make the tables of the one that is open; a text is a refusal."""
+    def begin(self, request: Record, reply: Reply) -> None:
+        """Open a record, or make the tables of the one that is open; a text is a refusal.
+
+        Where another job's loop still plays the reply comes later: who asks may have heard of its
+        last sample before it came here.
+        """
+        if self._beginning is not None:
+            reply(f"job {self._beginning[0].job} is about to be recorded")
+            return
+        self._beginning = (request, reply, self._clock_s() + LAST_S)
+        self.take()
+
+    def _begin_in_turn(self, request: Record, reply: Reply, until_s: float) -> None:
+        record, now_s = self.record, self._clock_s()
+        other = record is not None and (record.job, record.epoch) != (request.job, request.epoch)
+        if record is not None and other:
+            playing = record.over_seq is None and now_s - record.alive_at_s < QUIET_S
+            if now_s < until_s and (playing or self._finishing is not None):
+                return
+            self._beginning = None
+            if playing:
+                reply(f"job {record.job} is being recorded, and its loop plays")
+                return
+        self._beginning = None
+        reply(self._begin(request))
+
+    def _begin(self, request: Record) -> Ack | str:
         if not JOB_NAME.fullmatch(request.job):
             return f"job = {request.job[:90]!r}: no name of a folder"
         if request.epoch == 0:
@@ -73,15 +98,9 @@ class Keeper:
         record = self.record
         if record is not None:
             if (record.job, record.epoch) == (request.job, request.epoch):
-                self.take()
                 wrong = record.tables()
                 return "; ".join(wrong)[:MOST_TEXT] if wrong else Ack(0)
-            self.take()  # the last sample of the arming may have come, and wait its turn
-            if self.record is record:
-                playing = record.over_seq is None
-                if playing and self._clock_s() - record.alive_at_s < QUIET_S:
-                    return f"job {record.job} is being recorded, and its loop plays"
-                self._close(f"job {request.job} began before anybody had finished this one")
+            self._close(f"job {request.job} began before anybody had finished this one")
         try:
             return self._open(request, about, period_s)
         except OSError as error:
@@ -125,7 +144,12 @@ class Keeper:
         return found
 
     def take(self) -> None:
-        """Write what has come; with nothing to do, notice that a loop has fallen silent."""
+        """Write what has come, notice that a loop has fallen silent, and open what waits for it."""
+        self._write_arrivals()
+        if self._beginning is not None:
+            self._begin_in_turn(*self._beginning)
+
+    def _write_arrivals(self) -> None:
         record = self.record
         if record is None:
             return
@@ -154,7 +178,10 @@ class Keeper:
         """Close a record as soon as its last samples are there; the reply may come later."""
         record = self.record
         if record is None or (record.job, record.epoch) != (request.job, request.epoch):
-            reply(self._finished_before(request))
+            if JOB_NAME.fullmatch(request.job):
+                self._mender.tell_end(request, reply)
+            else:
+                reply(f"job = {request.job[:90]!r}: no name of a folder")
             return
         self._finishing = (request, reply, self._clock_s() + LAST_S)
         self.take()
@@ -207,27 +234,6 @@ class Keeper:
             record_repair.write_manifest(record.folder, about, closing)
         except OSError as error:
             log.error("%s: %s", record.job, error, extra={"job": record.job})
-
-    def _finished_before(self, request: Finish) -> Recorded | str:
-        """What became of a record that was closed without being asked, or broke off."""
-        folder = self._config.records / request.job
-        if not JOB_NAME.fullmatch(request.job) or not (folder / NAME).is_file():
-            return f"there is no record of job {request.job[:90]!r}"
-        try:
-            about, closing = mcap_reading.read_closing(folder / NAME)
-            if closing is None or not mcap_reading.is_closed(folder / NAME):
-                closing = record_repair.mend(folder, record_repair.KILLED)
-        except OSError as error:
-            return f"the record of job {request.job} cannot be read: {error}"
-        if about.get("epoch", str(request.epoch)) != str(request.epoch):
-            return f"the record of job {request.job} is of epoch {about['epoch']}"
-        return Recorded(
-            job=request.job,
-            messages=int(closing["messages"]),
-            dropped=int(closing["dropped"]),
-            complete=closing["complete"] == "true",
-            detail=closing["detail"][:MOST_TEXT],
-        )
 
     def close(self) -> None:
         """End: close the record that is open."""

@@ -3,10 +3,13 @@
 from math import isfinite
 from typing import NamedTuple
 
+from msgspec import UNSET, UnsetType
+
 from pincette.config import RigFile
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Fault, FaultCode, fault
 from pincette.core.messages import Ack, Arm, Burst, Message, Position
+from pincette.core.messages.second import SecondPosition
 from pincette.core.service import Acquired, DeviceCommand, Input, Reading, RefusedError, Service
 from pincette.core.topics import APPLIED, ARM, BURST, POSITION, STATUS, TIMING_OF
 from pincette_sensor.config import SensorConfig, configure
@@ -55,6 +58,15 @@ def _fault(config: SensorConfig, reading: Reading) -> Fault | None:
     return None
 
 
+def _second(config: SensorConfig, reading: Reading) -> SecondPosition:
+    """Position of the second arm; a fault that does not say whose it is gets to say so."""
+    found = _fault(config, reading)
+    x_um = 0.0 if found else config.direction * (reading.x_um - config.offset_um)
+    if found is not None and found.number("arm") is None:
+        found = found.with_values(arm=2)
+    return SecondPosition(x_um, found is None, found)
+
+
 def step(
     config: SensorConfig, state: State, inputs: Inputs, now: float
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
@@ -65,9 +77,14 @@ def step(
     began_s = now if state.began_s is None else state.began_s
     found = _fault(config, reading)
     x_um = 0.0 if found else config.direction * (reading.x_um - config.offset_um)
-    position = Position(state.epoch, state.seq, now - began_s, x_um, found is None, found)
-    refused = state.refused + (found is not None)
-    after = State(state.epoch, state.seq + 1, began_s, refused, found)
+    second: SecondPosition | UnsetType = UNSET
+    told = found
+    if config.second is not None and reading.second is not None:
+        second = _second(config.second, reading.second)
+        told = found or second.fault
+    position = Position(state.epoch, state.seq, now - began_s, x_um, found is None, found, second)
+    refused = state.refused + (told is not None)
+    after = State(state.epoch, state.seq + 1, began_s, refused, told)
     if reading.acquired is None:
         return after, (position,)
     return after, (position, _burst(config, state, reading.acquired))

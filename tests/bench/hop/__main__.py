@@ -17,7 +17,7 @@ from tests.bench.hop.times import LOOPS, fixed_us, hop_of
 from tests.bench.loop.report import keep
 
 TIMES = ("whole", "decode", "join", "step", "encode")
-COUNTS = ("calls", "kept_blocks", "peak_bytes", "said_bytes")
+COUNTS = ("calls", "calls_awaited", "kept_blocks", "peak_bytes", "said_bytes")
 
 
 def main() -> None:

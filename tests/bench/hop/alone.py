@@ -28,9 +28,13 @@ class NullBus:
     def __init__(self) -> None:
         self._sinks: dict[Topic, Sink] = {}
         self.sent = b""
+        self.noted: Callable[[], None] | None = None
+        """Called once a message has been sent."""
 
     def publish(self, message: Message) -> None:
         self.sent = encode(message)
+        if self.noted is not None:
+            self.noted()
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         self._sinks[topic] = sink
@@ -61,11 +65,14 @@ class Alone:
         self.ticks = sum(isinstance(item, Position) for item in said)
 
     def begun(
-        self, service: AnyService | None = None, each: Callable[[], None] | None = None
+        self,
+        service: AnyService | None = None,
+        each: Callable[[], None] | None = None,
+        sent: Callable[[], None] | None = None,
     ) -> Callable[[], None]:
         """A fresh service, armed; returns what plays all inputs to it, as a program would.
 
-        ``each`` is called before every input.
+        ``each`` is called before every input, ``sent`` after every message.
         """
         node, _ = service_alone(service or self.service, *self._run)
         bus = NullBus()
@@ -74,6 +81,7 @@ class Alone:
         def play() -> None:
             while loop.step():
                 pass
+            bus.noted = sent
             for topic, payload in self.inputs:
                 if each is not None:
                     each()

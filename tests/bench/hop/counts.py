@@ -3,6 +3,7 @@
 import gc
 import sys
 import tracemalloc
+from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
 from types import FrameType
@@ -17,6 +18,8 @@ class Counts:
 
     calls: float
     """Functions that are called, Python's own and built in."""
+    calls_awaited: float
+    """Of them those from the arrival of an input to the first message that it leads to."""
     kept_blocks: float
     """Blocks of memory that a tick leaves behind."""
     peak_bytes: float
@@ -29,6 +32,7 @@ def counts_of(alone: Alone) -> Counts:
     """Play the grip once for each count."""
     return Counts(
         calls=_calls(alone) / alone.ticks,
+        calls_awaited=_calls_awaited(alone) / alone.ticks,
         kept_blocks=_kept_blocks(alone) / alone.ticks,
         peak_bytes=_peak_bytes(alone),
         said_bytes=sum(len(encode(output)) for output in alone.outputs) / alone.ticks,
@@ -36,19 +40,48 @@ def counts_of(alone: Alone) -> Counts:
 
 
 def _calls(alone: Alone) -> int:
-    play, calls = alone.begun(), 0
+    calls = 0
 
-    def count(_frame: FrameType, event: str, _argument: object) -> None:
+    def called() -> None:
         nonlocal calls
+        calls += 1
+
+    _profiled(alone.begun(), called)
+    return calls
+
+
+def _calls_awaited(alone: Alone) -> int:
+    since: int | None = None
+    calls = awaited = 0
+
+    def called() -> None:
+        nonlocal calls
+        calls += 1
+
+    def came() -> None:
+        nonlocal since
+        since = calls
+
+    def sent() -> None:
+        nonlocal since, awaited
+        if since is not None:
+            awaited += calls - since - 1  # without that of this function
+            since = None
+
+    _profiled(alone.begun(each=came, sent=sent), called)
+    return awaited
+
+
+def _profiled(play: Callable[[], None], called: Callable[[], None]) -> None:
+    def count(_frame: FrameType, event: str, _argument: object) -> None:
         if event in ("call", "c_call"):
-            calls += 1
+            called()
 
     sys.setprofile(count)
     try:
         play()
     finally:
         sys.setprofile(None)
-    return calls
 
 
 def _kept_blocks(alone: Alone) -> int:

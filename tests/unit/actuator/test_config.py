@@ -52,7 +52,7 @@ def test_every_limit_comes_from_its_place(time: str) -> None:
             wake_s=pi / 2437.8,
             excused_s=10.0 * 0.01,
         ),
-        voltage=VoltageLimits(-2.0, 5.0, 8.0 * 0.01, 0.05),
+        voltage=VoltageLimits(-2.0, 5.0, 8.0 * 0.01, 0.05, 20.0 / 2**14),
         monitors=MonitorLimits(
             period_s=0.01,
             force_mN=1.5 * 30.0,

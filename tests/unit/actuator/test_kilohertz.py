@@ -17,7 +17,7 @@ from .bench import EPOCH, OWNER, WAKE, armed
 RIG = read_rig(Path("deploy/rigs/kilohertz.toml"))
 LIMITS = configure(RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "real"})}))
 T = LIMITS.period_s
-TICKS, HIGHEST_V = 200, 1.5
+TICKS, HIGHEST_V = 200, 4915 * RIG.output.step_V
 WAY_S = 0.65 * T
 """From a sample to its command."""
 STEP_V = 1e-9

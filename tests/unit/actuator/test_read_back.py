@@ -5,7 +5,7 @@ from pincette.core.messages import Applied
 from pincette.core.service import PutOut, ReadBack, SetVoltage, Slept
 from pincette_actuator.step import Inputs
 
-from .bench import OFF, WAKE, T, holding, play
+from .bench import OFF, WAKE, T, holding, play, position
 
 FAILED = Inputs(OFF, None, None)
 OVERLOADED = Inputs(fault(FaultCode.INSTRUMENT_INVALID, "overloaded"), None, None)
@@ -20,6 +20,14 @@ def test_it_is_asked_at_once_and_again_after_a_period_without_any_sample() -> No
     assert [type(output) for output in outputs] == [Applied]
     _, outputs = play(state, (WAKE, 0.01 + 1.1 * T))
     assert [type(output) for output in outputs] == [ReadBack, Applied]
+
+
+def test_a_tick_between_two_questions_is_answered_and_asks_nothing() -> None:
+    state, _ = play(holding(held=False), (FAILED, 0.01), (position(1), 0.011))
+    _, outputs = play(state, (WAKE, 0.011 + 0.8 * T))
+    (echo,) = outputs
+    assert isinstance(echo, Applied)
+    assert (echo.seq, echo.unconfirmed) == (1, True)
 
 
 def test_one_that_answers_but_cannot_say_stands_where_it_was_told() -> None:

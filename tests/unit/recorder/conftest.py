@@ -12,6 +12,7 @@ from pincette.core.messages import Ack, Finish, Message, Record, Recorded
 from pincette.core.topics import TOPIC_OF
 from pincette_recorder.config import RecorderConfig
 from pincette_recorder.intake import Intake
+from pincette_recorder.mender import Mender
 from pincette_recorder.record_keeper import Keeper
 from pincette_recorder.wall_clock import WallClock
 from tests.support.recorded import ABOUT, EPOCH, PERIOD_S, START_NS
@@ -39,15 +40,33 @@ class Bench:
         self.config = replace(CONFIG, records=self.jobs, models=folder / "models")
         self.intake = Intake(self.clock_ns, room)
         self.wall = WallClock(self.clock_ns, self.clock_ns)
-        self.keeper = Keeper(self.config, self.intake, self.wall, lambda: self.now_s)
+        self.mender = Mender(self.config)
+        self.keeper = self.new_keeper()
+        self.begun: list[Message | str] = []
         self.replies: list[Message | str] = []
+
+    def new_keeper(self) -> Keeper:
+        """As of a recorder that has just been started."""
+        return Keeper(self.config, self.intake, self.wall, self.mender, lambda: self.now_s)
 
     def clock_ns(self) -> int:
         return START_NS + round((self.now_s - 100.0) * 1e9)
 
-    def begin(self, job: str = "j-1", epoch: int = EPOCH, **about: str) -> Ack | str:
+    def begin(self, job: str = "j-1", epoch: int = EPOCH, **about: str) -> Ack | str | None:
+        """Ask for a record; None where the answer is still to come."""
         whose = {**ABOUT, "job": job, "epoch": str(epoch), **about}
-        return self.keeper.begin(Record(job, epoch, Document(json.dumps(whose))))
+        self.begun.clear()
+        self.keeper.begin(Record(job, epoch, Document(json.dumps(whose))), self.begun.append)
+        return self.answer
+
+    @property
+    def answer(self) -> Ack | str | None:
+        """The answer to ``begin``."""
+        if not self.begun:
+            return None
+        (answer,) = self.begun
+        assert isinstance(answer, Ack | str)
+        return answer
 
     def feed(self, messages: Sequence[Message]) -> None:
         """What the bus brings."""
@@ -81,3 +100,4 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     bench = Bench(tmp_path)
     yield bench
     bench.keeper.close()
+    bench.mender.close()

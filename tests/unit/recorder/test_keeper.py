@@ -2,16 +2,16 @@
 
 import json
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, cast
 
 import pyarrow.parquet as untyped_parquet
 import pytest
 from msgspec.structs import replace
 
-from pincette.core.messages import Ack, Applied, Message, Position, Recorded, Telemetry
+from pincette.core.messages import Ack, Applied, Finish, Message, Position, Recorded, Telemetry
 from pincette.records import mcap_reading
 from pincette.records.columns import columns
-from pincette_recorder.record_keeper import Keeper
 from tests.support.recorded import EPOCH, PERIOD_S, loop, notice
 
 from .conftest import Bench
@@ -216,8 +216,10 @@ def test_finishing_after_a_restart_of_the_recorder(bench: Bench) -> None:
     assert bench.keeper.record is not None
     bench.keeper.record.file.flush()
     bench.keeper.record.file.abandon()
-    bench.keeper = Keeper(bench.config, bench.intake, bench.wall, lambda: bench.now_s)
-    recorded = bench.finish(29)
+    bench.keeper = bench.new_keeper()
+    answers = SimpleQueue[Message | str]()
+    bench.keeper.finish(Finish("j-1", EPOCH, 29), answers.put)
+    recorded = answers.get(timeout=60.0)
     assert isinstance(recorded, Recorded)
     assert (recorded.complete, recorded.messages) == (False, len(messages))
     assert "the recorder ended" in recorded.detail

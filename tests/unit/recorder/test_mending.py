@@ -1,12 +1,25 @@
 """Records that nobody has closed are closed, and say so."""
 
 import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from queue import SimpleQueue
+from threading import Event, Thread
+from typing import Any, cast
 
+import pytest
+
+from pincette.bus.memory import MemoryBus
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.control.quantities import Document
+from pincette.core.messages import Ack, Finish, Message, Record, Recorded
+from pincette.core.topics import FINISH, RECORD, Request
 from pincette.records import mcap_reading
 from pincette_recorder import record_repair
-from tests.support.recorded import loop, write
+from pincette_recorder.program import Recorder
+from tests.support.recorded import ABOUT, EPOCH, loop, write
+from tests.unit.recorder.conftest import CONFIG
 
 
 def _orphan(records: Path, name: str = "j-1") -> Path:
@@ -70,3 +83,52 @@ def test_an_empty_file_is_closed_too(tmp_path: Path) -> None:
     assert closing["messages"] == "0"
     assert "control period" in closing["detail"]
     assert mcap_reading.is_closed(folder / "job.mcap")
+
+
+class Asked(MemoryBus):
+    """A bus whose answers may come later, from any thread."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._served: dict[Request, Callable[..., None]] = {}
+
+    def serve(self, question: Request, answerer: Callable[..., None]) -> None:
+        self._served[question] = answerer
+
+    def ask(self, question: Request, request: Message) -> "SimpleQueue[Message | str]":
+        answers = SimpleQueue[Message | str]()
+        self._served[question](question, request, answers.put)
+        return answers
+
+
+def test_a_job_begins_while_the_record_of_an_earlier_one_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mending, go_on, stop, mend = Event(), Event(), Event(), record_repair.mend
+
+    def slowly(folder: Path, why: str) -> Mapping[str, str]:
+        mending.set()
+        assert go_on.wait(60.0)
+        return mend(folder, why)
+
+    monkeypatch.setattr(record_repair, "mend", slowly)
+    orphan, bus = _orphan(tmp_path), Asked()
+    recorder = Recorder(replace(CONFIG, records=tmp_path), cast("ZenohBus", bus))
+    recorder.serve()
+    thread = Thread(target=recorder.work, args=[stop])
+    thread.start()
+    try:
+        assert mending.wait(60.0)
+        ended = bus.ask(FINISH, Finish(orphan.name, EPOCH, 19))
+        about = Document(json.dumps({**ABOUT, "job": "j-2"}))
+        assert bus.ask(RECORD, Record("j-2", EPOCH + 1, about)).get(timeout=30.0) == Ack(0)
+        assert ended.empty()
+        go_on.set()
+        found = ended.get(timeout=60.0)
+        assert isinstance(found, Recorded)
+        assert (found.complete, found.messages) == (False, 70)
+    finally:
+        go_on.set()
+        stop.set()
+        thread.join()
+    assert mcap_reading.is_closed(tmp_path / "j-2" / "job.mcap")

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from pincette.control.quantities import Document
-from pincette.core.messages import Ack, Record
-from pincette_recorder.record_keeper import Keeper
+from pincette.core.messages import Ack, Message, Record, Recorded
 from tests.support.recorded import EPOCH, loop
 
 from .conftest import Bench
@@ -18,8 +17,41 @@ def test_another_job_is_refused_while_the_loop_plays(bench: Bench) -> None:
     bench.begin()
     bench.feed(loop(20)[:60])
     bench.keeper.take()
-    answer = bench.begin("j-2", EPOCH + 2)
-    assert answer == "job j-1 is being recorded, and its loop plays"
+    assert bench.begin("j-2", EPOCH + 2) is None
+    for fed in range(60, 120, 20):
+        bench.feed(loop(60)[fed : fed + 20])
+        bench.wait(0.7)
+    assert bench.answer == "job j-1 is being recorded, and its loop plays"
+    assert bench.keeper.record is not None
+    assert bench.keeper.record.job == "j-1"
+
+
+def test_another_job_waits_for_the_last_sample_of_the_one_before(bench: Bench) -> None:
+    bench.begin()
+    played = loop(20)
+    bench.feed(played[:-3])
+    bench.keeper.take()
+    assert bench.begin("j-2", EPOCH + 2) is None
+    bench.wait(0.1)
+    assert bench.answer is None
+    bench.feed(played[-3:])
+    bench.wait(0.1)
+    assert bench.answer == Ack(0)
+    assert bench.keeper.record is not None
+    assert bench.keeper.record.job == "j-2"
+
+
+def test_a_job_that_waits_for_another_lets_it_finish_whole(bench: Bench) -> None:
+    bench.begin()
+    played = loop(20)
+    bench.feed(played[:-3])
+    bench.keeper.take()
+    assert bench.finish(19) is None
+    assert bench.begin("j-2", EPOCH + 2) is None
+    bench.feed(played[-3:])
+    bench.wait(0.1)
+    assert isinstance(bench.reply, Recorded)
+    assert (bench.reply.complete, bench.answer) == (True, Ack(0))
 
 
 def test_another_job_takes_over_from_one_that_nobody_finished(bench: Bench) -> None:
@@ -45,7 +77,7 @@ def test_a_folder_that_has_a_record_is_refused(bench: Bench) -> None:
 def test_a_full_disk_is_refused(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.config = replace(bench.config, min_free_bytes=10**18)
-    bench.keeper = Keeper(bench.config, bench.intake, bench.wall, lambda: bench.now_s)
+    bench.keeper = bench.new_keeper()
     answer = bench.begin()
     assert isinstance(answer, str)
     assert "must be at least 1000000000000 MB ([recorder] min_free_MB)" in answer
@@ -61,7 +93,9 @@ def test_a_job_that_is_no_name_of_a_folder_is_refused(bench: Bench, job: str) ->
 
 @pytest.mark.parametrize("about", ["[]", "{", '{"a": 1}', '{"period_s": "x"}', '{"period_s": "0"}'])
 def test_about_that_is_no_map_of_texts_is_refused(bench: Bench, about: str) -> None:
-    answer = bench.keeper.begin(Record("j-1", EPOCH, Document(about)))
+    answers: list[Message | str] = []
+    bench.keeper.begin(Record("j-1", EPOCH, Document(about)), answers.append)
+    (answer,) = answers
     assert isinstance(answer, str)
     assert answer.startswith("about: ")
 

@@ -1,0 +1,90 @@
+"""How the arm's memories follow a voltage: as a sample asks for it, or ahead of the sample.
+
+What is worked out ahead is kept beside the state with what it was made of. A step takes it only
+where that is still the same, so that it changes no number.
+"""
+
+from msgspec.structs import replace
+
+from pincette.control.response.residual_table import Residual
+from pincette.core.messages import Applied, Estimate, Message
+from pincette_estimator.both_arms import second_applied
+from pincette_estimator.config import EstimatorConfig
+from pincette_estimator.state import Followed, Foreseen, State
+from pincette_estimator.statements import within
+from pincette_estimator.uncertainty import uncertainty_mN
+
+
+def ahead(config: EstimatorConfig, state: State, told: Message) -> State:
+    """Catch up with what an estimate did not wait for; lead the memories by a voltage as soon as
+    it is applied, before the sample after it."""
+    if isinstance(told, Estimate):
+        second = state.second
+        if second is not None:
+            state = replace(state, second=second.caught_up())
+        return state.caught_up()
+    return _ahead_of_sample(config, state, told) if isinstance(told, Applied) else state
+
+
+def _ahead_of_sample(config: EstimatorConfig, state: State, applied: Applied) -> State:
+    if applied.epoch != state.epoch:
+        return state
+    state = _led_ahead(config, state, applied)
+    if state.second is None or config.second is None:
+        return state
+    if (voltage := second_applied(applied)) is None:
+        return state
+    second = _led_ahead(config.second, state.second, voltage)
+    return replace(state, second=second, second_applied=(applied, voltage))
+
+
+def _led_ahead(config: EstimatorConfig, state: State, applied: Applied) -> State:
+    if not within(config.voltage_V, applied.voltage_V) or applied.seq < state.followed_seq:
+        return state
+    followed, seq = _followed(config, state, applied), applied.seq + 1
+    missed = _missed(config, state, applied)
+    u_F_mN = uncertainty_mN(config, followed, missed, state.zero_s, seq)
+    foreseen = Foreseen(u_F_mN, seq, (followed.response, followed.unknown))
+    return replace(state, followed=followed, foreseen=foreseen)
+
+
+def _followed(config: EstimatorConfig, state: State, applied: Applied) -> Followed:
+    """What a voltage makes of the memories, over all samples since the last that had one."""
+    voltage_V = applied.voltage_V
+    passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
+    return Followed(
+        state.response.follow(voltage_V, passed_s),
+        state.past.follow(voltage_V, passed_s),
+        state.unknown.follow(voltage_V, passed_s),
+        state.reversal_memory.follow(voltage_V),
+        (applied, state.response, state.unknown),
+    )
+
+
+def follow_voltage(config: EstimatorConfig, state: State, applied: Applied) -> State:
+    """Take in the voltage applied, as it may have been followed ahead, and its tick."""
+    found = state.followed
+    if (
+        found is None
+        or found.of[0] is not applied
+        or found.of[1] is not state.response
+        or found.of[2] is not state.unknown
+    ):
+        found = _followed(config, state, applied)
+    return replace(
+        state,
+        missed=_missed(config, state, applied),
+        response=found.response,
+        past=found.past,
+        unknown=found.unknown,
+        reversal_memory=found.reversal_memory,
+        followed_seq=applied.seq + 1,
+        followed=None,
+    )
+
+
+def _missed(config: EstimatorConfig, state: State, applied: Applied) -> Residual | None:
+    """What x_1 misses at the tick that the voltage is of; without one it stays."""
+    if config.residual is None or applied.segment is None:
+        return state.missed
+    return config.residual.at(applied.segment, applied.segment_tick)

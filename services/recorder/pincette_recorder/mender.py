@@ -1,0 +1,104 @@
+"""Closes what a crash has left and deletes what shall not stay, beside the thread that records.
+
+To close a long record takes many seconds, in which a job that is about to begin gets its answer.
+"""
+
+import logging
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from time import time
+
+from pincette.core.messages import Finish, Message, Recorded
+from pincette.records import mcap_reading
+from pincette.records.mcap_file import NAME
+from pincette_recorder import record_repair, retention
+from pincette_recorder.config import RecorderConfig
+
+log = logging.getLogger(__name__)
+MOST_TEXT = 380
+"""Length of a reply's detail; see ``codec.MAX_TEXT``."""
+Reply = Callable[[Message | str], None]
+
+
+class Mender:
+    """One thread that works on folders of which no record is open."""
+
+    def __init__(self, config: RecorderConfig) -> None:
+        self._config = config
+        self._pool = ThreadPoolExecutor(1, "mender")
+        self.mended = self.deleted = 0
+        """Records since the start."""
+
+    def tidy(self, left: Iterable[Path]) -> None:
+        """Close these, then delete what the rig file asks for; errors are logged."""
+        self._pool.submit(self._tidy, tuple(left)).add_done_callback(_log_error)
+
+    def tell_end(self, request: Finish, reply: Reply) -> None:
+        """Tell what became of a record that was closed without being asked, or broke off.
+
+        One that broke off is closed first, and the reply comes later.
+        """
+        folder = self._config.records / request.job
+
+        def answer(*, mending: bool) -> None:
+            try:
+                if mending:
+                    self._mend(folder)
+                reply(_end_of(folder / NAME, request))
+            except OSError as error:
+                reply(f"the record of job {request.job} cannot be read: {error}")
+
+        try:
+            whole = mcap_reading.is_closed(folder / NAME)
+        except FileNotFoundError:
+            reply(f"there is no record of job {request.job[:90]!r}")
+            return
+        except OSError:
+            whole = True  # it is read once more, for the answer
+        if whole:
+            answer(mending=False)
+        else:
+            self._pool.submit(answer, mending=True).add_done_callback(_log_error)
+
+    def close(self) -> None:
+        """End what has begun, and begin nothing more."""
+        self._pool.shutdown(cancel_futures=True)
+
+    def _mend(self, folder: Path) -> None:
+        if not mcap_reading.is_closed(folder / NAME):
+            record_repair.mend(folder, record_repair.KILLED)
+            self.mended += 1
+
+    def _tidy(self, left: tuple[Path, ...]) -> None:
+        config = self._config
+        for folder in left:
+            self._mend(folder)
+        retention.sweep(config.records)
+        if config.keep_s is None and config.keep_bytes is None:
+            return
+        kept = retention.ended(config.records)
+        for name in retention.doomed(kept, time(), config.keep_s, config.keep_bytes):
+            retention.delete(config.records, name)
+            self.deleted += 1
+
+
+def _end_of(path: Path, request: Finish) -> Recorded | str:
+    """How a record has ended; raises OSError."""
+    about, closing = mcap_reading.read_closing(path)
+    if closing is None:
+        return f"the record of job {request.job} does not say how it has ended"
+    if about.get("epoch", str(request.epoch)) != str(request.epoch):
+        return f"the record of job {request.job} is of epoch {about['epoch']}"
+    return Recorded(
+        job=request.job,
+        messages=int(closing["messages"]),
+        dropped=int(closing["dropped"]),
+        complete=closing["complete"] == "true",
+        detail=closing["detail"][:MOST_TEXT],
+    )
+
+
+def _log_error(done: Future[None]) -> None:
+    if not done.cancelled() and (error := done.exception()) is not None:
+        log.error("a record is left as it is: %s", error)

@@ -1,0 +1,271 @@
+"""Programs of two arms: their phases, what ends them early, and the actions on them."""
+
+import dataclasses
+
+import pytest
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from pincette.config import read_rig
+from pincette.control.planning.pair_plan import (
+    PairHold,
+    PairPaths,
+    carry_program,
+    grip_program,
+    pair_guards,
+    track_program,
+)
+from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.program import Program, Segment
+from pincette.core.faults import ActionCode, Outcome
+from pincette.core.messages import Command, Estimate, Load, Telemetry
+from pincette.core.service import RefusedError
+from pincette_controller import SERVICE
+from tests.support.rigs import DEMO
+from tests.unit.controller.ideal_pair import (
+    GAP_UM,
+    NEAR_UM,
+    PERIOD_S,
+    RIG,
+    IdealPair,
+    request,
+    with_second,
+)
+
+STARTS_UM = (0.0, 0.0)
+MOST_MN = 30.0
+LIES_UM = NEAR_UM - 0.5 * GAP_UM
+
+
+def grip(hold_s: float | None = 1.0, *, centred: bool = False) -> Program:
+    return grip_program(request(centred=centred), PairHold(hold_s=hold_s), STARTS_UM, MOST_MN)
+
+
+def track() -> Program:
+    force = sinusoid("force", 8.0, 4.0, 0.7, 2)
+    place = sinusoid("position", LIES_UM, 4.0, 1.0, 2)
+    return track_program(request(), PairPaths(force=force, place=place), STARTS_UM, MOST_MN)
+
+
+def phases(told: list[Telemetry]) -> list[str]:
+    names = [each.phase for each in told]
+    return [name for at, name in enumerate(names) if at == 0 or names[at - 1] != name]
+
+
+def test_a_part_is_gripped_held_and_let_go() -> None:
+    pair = IdealPair(grip())
+    told = pair.play()
+    assert phases(told) == [
+        "zero",
+        "approach",
+        "contact",
+        "load",
+        "hold",
+        "unload",
+        "retreat",
+    ]
+    assert told[-1].outcome == Outcome.GRIPPED
+    assert not told[-1].held
+    assert [u == pytest.approx(0.0, abs=0.01) for u in pair.voltages_V] == [True, True]
+
+
+def test_what_is_held_has_the_force_that_is_planned_at_the_place_where_it_lay() -> None:
+    pair = IdealPair(grip())
+    while (told := pair.tick()[1]).phase != "unload":
+        pass
+    assert pair.forces() == pytest.approx((8.0, 8.0), abs=0.05)
+    assert told.second is not UNSET
+    assert told.second.place_um == pytest.approx(told.second.place_r_um, abs=0.01)
+
+
+def test_place_and_force_follow_their_own_paths() -> None:
+    told = IdealPair(track()).play()
+    on_path = [each for each in told if each.phase == "track" and each.second is not UNSET]
+    places = [each.second.place_um for each in on_path if each.second is not UNSET]
+    forces = [each.second.force_mN for each in on_path if each.second is not UNSET]
+    assert told[-1].outcome == Outcome.TRACKED
+    assert max(places) - min(places) == pytest.approx(4.0, abs=0.1)
+    assert max(forces) - min(forces) == pytest.approx(4.0, abs=0.1)
+    errors = [
+        abs(each.second.place_um - each.second.place_r_um)
+        for each in on_path
+        if each.second is not UNSET
+    ]
+    assert max(errors) < 0.1
+
+
+def test_a_part_is_found_from_each_side_before_both_close() -> None:
+    told = IdealPair(grip(centred=True)).play()
+    assert told[-1].outcome == Outcome.GRIPPED
+    met = next(each.contact_x_um for each in told if each.phase == "load")
+    assert met == pytest.approx(LIES_UM, abs=0.1)
+
+
+@pytest.mark.parametrize("drift_mN_per_s", [-0.1, 0.0, 0.1])
+def test_an_arm_that_looks_for_the_part_presses_little_more_than_its_touch(
+    drift_mN_per_s: float,
+) -> None:
+    """What is read of a free arm's force drifts along its way, as its model errs by."""
+    pair = IdealPair(grip(centred=True))
+    begun: list[int] = []
+
+    def drifting(estimate: Estimate) -> Estimate:
+        if not begun and pair.zeroed_at is not None:
+            begun.append(estimate.seq)
+        passed_s = (estimate.seq - begun[0]) * PERIOD_S if begun else 0.0
+        off_mN = drift_mN_per_s * min(passed_s, 4.0)
+        assert estimate.second is not UNSET
+        one, two = estimate.force_mN + off_mN, estimate.second.force_mN + off_mN
+        return with_second(replace(estimate, force_mN=one), force_mN=two)
+
+    pair.change = drifting
+    pressed_mN = [0.0, 0.0]
+    while (told := pair.tick()[1]).phase != "contact":
+        if told.phase == "centre":
+            pressed_mN = [max(each) for each in zip(pressed_mN, pair.forces(), strict=True)]
+    assert pair.state.player is not None
+    assert not pair.state.player.outcome
+    assert min(pressed_mN) > 0.6
+    assert max(pressed_mN) < 1.2
+
+
+def test_the_way_to_a_part_goes_on_until_its_touch_shows() -> None:
+    """A touch of F keeps an arm s·F behind its free way, also that of the part farthest off."""
+    compliant = dataclasses.replace(request(), compliances_um_per_mN=(0.46, 0.5))
+    ways = zip(compliant.furthest_um, request().furthest_um, strict=True)
+    assert [one - other for one, other in ways] == pytest.approx([0.8 * 0.46, 0.8 * 0.5])
+
+
+def test_a_stop_holds_both_references_and_a_release_lets_go() -> None:
+    pair = IdealPair(track())
+    told = pair.play({"track": ActionCode.STOP, "hold": ActionCode.RELEASE})
+    held = [each for each in told if each.phase == "hold"]
+    assert held
+    assert held[-1].second is not UNSET
+    assert held[-1].second.place_um == pytest.approx(held[-1].second.place_r_um, abs=0.02)
+    assert told[-1].outcome == Outcome.STOPPED
+    assert not told[-1].held
+
+
+def test_a_retract_lets_go_and_goes_back() -> None:
+    told = IdealPair(track()).play({"track": ActionCode.RETRACT})
+    assert phases(told)[-2:] == ["unload", "retreat"]
+
+
+def test_a_part_that_is_kept_stays_pressed_by_both() -> None:
+    pair = IdealPair(grip(None))
+    told = pair.play({"hold": ActionCode.KEEP})
+    assert told[-1].held
+    assert min(pair.forces()) == pytest.approx(8.0, abs=0.1)
+
+
+def test_a_pause_rests_where_the_place_turns_and_a_resume_goes_on() -> None:
+    pair = IdealPair(track())
+    while pair.tick()[1].phase != "track":
+        pass
+    told = pair.tick(ActionCode.PAUSE)[1]
+    while not told.paused:
+        told = pair.tick()[1]
+    rests = [pair.tick()[1] for _ in range(20)]
+    assert len({each.force_r_mN for each in rests}) == 1
+    assert len({each.second and each.second.place_r_um for each in rests}) == 1
+    pair.tick(ActionCode.RESUME)
+    assert pair.play()[-1].outcome == Outcome.TRACKED
+
+
+def test_a_part_that_one_arm_has_no_force_of_is_lost_to_both() -> None:
+    pair = IdealPair(grip(None))
+    while pair.tick()[1].phase != "hold":
+        pass
+    pair.change = lambda estimate: with_second(estimate, force_mN=0.0)
+    told = [pair.tick()[1] for _ in range(8)]
+    assert told[-1].outcome == Outcome.LOST
+    assert told[-1].phase == "retreat"
+
+
+@pytest.mark.parametrize("arm", [1, 2])
+def test_too_much_force_of_either_arm_opens_both(arm: int) -> None:
+    pair = IdealPair(grip(None))
+    while pair.tick()[1].phase != "hold":
+        pass
+    if arm == 1:
+        pair.change = lambda estimate: _pressing(estimate, MOST_MN + 1.0)
+    else:
+        pair.change = lambda estimate: with_second(estimate, force_mN=MOST_MN + 1.0)
+    told = pair.tick()[1]
+    assert told.outcome == Outcome.OVERFORCE
+    assert told.phase == "retreat"
+
+
+def _pressing(estimate: Estimate, force_mN: float) -> Estimate:
+    return replace(estimate, force_mN=force_mN)
+
+
+def test_without_a_part_both_arms_go_back() -> None:
+    pair = IdealPair(grip())
+    pair.part = False
+    told = pair.play()
+    assert told[-1].outcome == Outcome.NO_CONTACT
+    assert phases(told)[-1] == "retreat"
+
+
+def test_what_the_second_arm_meets_on_its_free_way_turns_both_back() -> None:
+    pair = IdealPair(grip())
+    while pair.tick()[1].phase != "approach":
+        pass
+    for _ in range(5):
+        pair.tick()
+    pair.change = lambda estimate: with_second(estimate, touch_x_um=1.0, touch_mN=3.0)
+    told = [pair.tick()[1] for _ in range(4)]
+    assert told[-1].outcome == Outcome.CONTACT
+    assert told[-1].touch_x_um == 1.0
+    assert told[-1].phase == "retreat"
+
+
+def carry() -> IdealPair:
+    guards = pair_guards(request(), MOST_MN)
+    pair = IdealPair(carry_program(3.0, 20.0, guards, release_s=0.5, safe_V=0.0))
+    pair.voltages_V = (0.6, 0.6)
+    return pair
+
+
+def test_a_held_part_is_carried_and_stays_held() -> None:
+    pair = carry()
+    begin = pair.forces()
+    first = pair.tick()[1]
+    told = pair.play()
+    assert phases(told) == ["move", "rest"]
+    assert told[-1].outcome == Outcome.MOVED
+    assert told[-1].held
+    assert first.second is not UNSET
+    assert told[-1].second is not UNSET
+    assert told[-1].second.place_um - first.second.place_um == pytest.approx(3.0, abs=0.05)
+    assert pair.forces() == pytest.approx(begin, abs=0.3)
+
+
+def test_a_part_that_is_carried_can_be_let_go() -> None:
+    pair = carry()
+    pair.tick()
+    pair.tick(ActionCode.RELEASE)
+    told = pair.play()
+    assert phases(told) == ["unload"]
+    assert not told[-1].held
+    assert pair.voltages_V == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_a_program_is_for_as_many_arms_as_the_rig_has() -> None:
+    one_arm = SERVICE.configure(read_rig(DEMO))
+    with pytest.raises(RefusedError, match="for two arms, and this rig has one"):
+        SERVICE.handle(one_arm, SERVICE.start(one_arm), Load(grip()), 0.0)
+    two_arms = SERVICE.configure(RIG)
+    segment = Segment("approach", "free", 1.0, x_to_um=1.0)
+    program = Program((segment,), pair_guards(request(), MOST_MN), 1.0)
+    with pytest.raises(RefusedError, match="for one arm, and this rig has two"):
+        SERVICE.handle(two_arms, SERVICE.start(two_arms), Load(program), 0.0)
+
+
+def test_each_command_is_for_both_arms() -> None:
+    pair = IdealPair(grip())
+    command = pair.tick()[0]
+    assert isinstance(command, Command)
+    assert command.second is not UNSET
