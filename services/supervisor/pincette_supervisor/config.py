@@ -11,6 +11,8 @@ from pincette.security.identity import SUPERVISOR, Credentials, program
 STORE = "supervisor.sqlite"
 STORE_URL = "PINCETTE_STORE"
 """Of the environment: a rig file is recorded and sent over the bus, and a URL may be secret."""
+RECORDS, MODELS = "jobs", "models"
+"""Folders of a rig below its home: one for each job, and the versions of its model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +34,6 @@ class SupervisorConfig:
     """SQLite: jobs, actions, results; the keys lie beside it."""
     store_url: str
     """Of a PostgreSQL database in its place; empty: the file."""
-    records: Path
-    """A folder for each job."""
-    models: Path
-    """A folder for each rig, with the versions of its model."""
 
 
 def configure(rig: RigFile, data: Path) -> SupervisorConfig:
@@ -61,6 +59,4 @@ def configure(rig: RigFile, data: Path) -> SupervisorConfig:
         always_keys=rig.supervisor.keys == "always",
         store=data / STORE,
         store_url=os.environ.get(STORE_URL, ""),
-        records=data / "jobs",
-        models=data / "models",
     )

@@ -68,7 +68,9 @@ def thing(
         "security": KEY if keys else NO_KEY,
         "schemaDefinitions": {"problem": described.schema("Problem")},
         "properties": {name: described.property(name) for name in PROPERTIES},
-        "actions": {name: described.action(name, keys=keys) for name in ACTIONS},
+        "actions": {
+            name: described.action(name, keys=keys, several=bool(others)) for name in ACTIONS
+        },
         "events": {name: described.event(name) for name in EVENTS},
         "links": [
             {"rel": "item", "href": f"{base}{WELL_KNOWN}?rig={quote(one)}", "type": THING_TYPE}
@@ -88,7 +90,7 @@ class _Described:
         told = self._answer(operation)
         return {**told, **self._words(operation), "readOnly": True, "forms": [form]}
 
-    def action(self, name: str, *, keys: bool) -> dict[str, Any]:
+    def action(self, name: str, *, keys: bool, several: bool) -> dict[str, Any]:
         """What is done; a plan does nothing."""
         operation = self._operation(ACTIONS[name], "post")
         form = self._form(name, ACTIONS[name], "POST", "invokeaction")
@@ -99,10 +101,20 @@ class _Described:
         body = operation.get("requestBody")
         if body is not None:
             found["input"] = self._inlined(body["content"]["application/json"]["schema"])
+            self._name_rig(found["input"], wanted=several)
         if keys and name in OPEN:
             form["security"] = NO_KEY
         safe = name == "plan"
         return {**found, "safe": safe, "idempotent": safe or name in OPEN, "forms": [form]}
+
+    def _name_rig(self, schema: dict[str, Any], *, wanted: bool) -> None:
+        """State the rig in what a request may be; where there are several it must be sent."""
+        for one in schema.get("oneOf", [schema]):
+            if "rig" not in one.get("properties", {}):
+                continue
+            one["properties"]["rig"] = {"type": "string", "const": self._rig}
+            if wanted:
+                one["required"] = sorted({*one.get("required", ()), "rig"})
 
     def event(self, name: str) -> dict[str, Any]:
         """What comes as server-sent events."""

@@ -29,22 +29,23 @@ class Bench:
     log: EventLog
     active: list[str] = field(default_factory=list[str])
 
-    def app(self, rig: RigFile) -> FastAPI:
+    def app(self, rig: RigFile, access: Access | None = None) -> FastAPI:
         bench = self
 
         class Stub:
             name = rig.rig.name
             context = SimpleNamespace(store=bench.store, events=bench.log)
 
-            def has_job(self, job: str) -> bool:
-                return job in bench.active
+            @property
+            def index(self) -> object:
+                return SimpleNamespace(has_job=bench.active.__contains__)
 
             @property
             def active(self) -> object:
                 return SimpleNamespace(id=bench.active[0]) if bench.active else None
 
         app = FastAPI()
-        app.state.access = Access()
+        app.state.access = access or Access()
         problems.install_handlers(app)
         app.state.rigs = Rigs(cast(JobManager, Stub()))
         app.include_router(routes_events.router)

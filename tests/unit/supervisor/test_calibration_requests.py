@@ -105,3 +105,12 @@ def test_slow_instruments_are_told_with_the_bandwidth_that_there_is(harness: Har
     assert [part["part"] for part in problem["parts"]] == ["sensor", "output"]
     for words in ("no buffered acquisition", "damping_ratio = 0.026", "assumed"):
         assert words in problem["detail"]
+
+
+def test_a_period_that_does_not_show_the_mode_is_told_with_the_remedy(harness: Harness) -> None:
+    response = harness.post("/jobs", body("output_timing"))
+    assert response.status_code == 422
+    problem = response.json()
+    assert problem["type"] == "urn:pincette:problem:calibration-unsupported"
+    assert problem["bandwidth_hz"] < problem["needed_hz"] == pytest.approx(388.0, abs=1.0)
+    assert "Choose a shorter period" in problem["detail"]

@@ -63,12 +63,20 @@ def test_a_rig_that_nobody_has_calibrated_begins_with_the_noise(harness: Harness
         "compliance": "later",
         "free_response": "later",
         "frequency_response": "unsupported",  # its instruments have no buffers
+        "output_timing": "unsupported",  # nor does its period show the mode
         "contact_stiffness": "later",
     }
     by_name = steps(harness)
     assert [need["code"] for need in by_name["compliance"]["needs"]] == ["part_removed", "weights"]
     assert codes(by_name["frequency_response"]) == ["not_calibrated", "unsupported"]
     assert "no buffered acquisition" in by_name["frequency_response"]["reasons"][1]["text"]
+    assert codes(by_name["output_timing"]) == ["not_calibrated", "unsupported"]
+
+
+def test_at_1_khz_bursts_take_the_place_of_the_sweep() -> None:
+    rig = read_rig(DEMO.parent / "kilohertz.toml")
+    needed = {step.variant.name: step.functions.needed(rig) for step in ordered()}
+    assert (needed["frequency_response"], needed["output_timing"]) == (False, True)
 
 
 def test_each_step_is_a_request_that_is_taken_as_it_is(harness: Harness) -> None:

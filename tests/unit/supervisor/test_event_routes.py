@@ -9,10 +9,14 @@ import pytest
 from fastapi import FastAPI
 
 from pincette.config import RigFile
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.journal import listeners
+from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.rest import routes_events
+from tests.support.keys import key_of_each_scope
 
 from .harness import Harness
 from .streams import Bench, Stream, events, get
@@ -222,3 +226,25 @@ def test_the_events_of_a_job_are_those_of_its_rig(
     after = again.get("/events", format="json", after=before[-1]["number"])
     assert [event for event in after["events"] if event["job"] == job] == []
     assert after["newest"] >= before[-1]["number"]
+
+
+@pytest.mark.parametrize("path", ["/events", "/rigs/demo/events", "/jobs/a/events"])
+def test_a_stream_ends_with_the_key_of_its_listener(
+    bench: Bench, rig_file: RigFile, path: str
+) -> None:
+    access = Access(Authenticator())
+    app = bench.app(rig_file, access)
+    keys = key_of_each_scope(bench.store, access.authenticator)
+    bench.job("a", "running")
+    bench.active.append("a")
+
+    async def scene() -> None:
+        async with Stream(app, path, **keys.headers("observe")) as stream:
+            assert await stream.chunk() == ": listening\n"
+            repository = KeyRepository(bench.store)
+            await asyncio.to_thread(repository.revoke, "an-observe")
+            access.authenticator.refresh(repository)
+            await asyncio.to_thread(bench.log.append, "state", "a", state="running")
+            assert await stream.event() == {}, "neither this nor anything after it is told"
+
+    asyncio.run(scene())

@@ -64,7 +64,7 @@ def test_the_page_shows_the_whole_file(language: str, file: str) -> None:
 
 def test_rest_tells_its_name_and_its_gains(harness: Harness) -> None:
     laws = {law["scheme"]: law for law in harness.get("/laws")["laws"]}
-    assert set(laws) == {"pbsmic", "dsmifc", "fpbsmic", NAME}
+    assert set(laws) == {"pbsmic", "dsmifc", "fpbsmic", "two_arms", NAME}
     gains = {gain["name"]: gain["default"] for gain in laws[NAME]["gains"]}
     assert gains == {"K_I": 0.3, "M": 1e-3, "B": 8.9221, "K": 1.9901e4, "K_f": 5000.0}
 

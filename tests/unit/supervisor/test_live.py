@@ -1,6 +1,7 @@
 """Samples joined while they come: in order, each once, bounded, whatever the bus does to them."""
 
-from collections.abc import Callable, Iterable
+import asyncio
+from collections.abc import Iterable
 from itertools import pairwise
 
 import pytest
@@ -9,10 +10,13 @@ from pydantic import ValidationError
 
 from pincette.api.live import LiveBatch
 from pincette.bus.memory import MemoryBus
-from pincette.config import RigFile
 from pincette.core.faults import FaultCode, fault
 from pincette.core.messages import Message, Position, Telemetry
 from pincette.core.topics import APPLIED, ESTIMATE, POSITION, TELEMETRY
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.authentication import Authenticator
+from pincette_supervisor.journal.access_rows import KeyRepository
+from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rigs.live import (
     EVENT_POINTS,
     HISTORY_POINTS,
@@ -23,9 +27,11 @@ from pincette_supervisor.rigs.live import (
     LiveSamples,
     TooManyListenersError,
 )
+from tests.support.keys import key_of_each_scope
 
 from . import samples
 from .harness import Harness
+from .streams import Stream
 
 PERIOD_S = samples.PERIOD_S
 NO_READING = fault(FaultCode.INSTRUMENT_INVALID, "no target")
@@ -253,37 +259,25 @@ def test_columns_that_are_no_numbers_are_refused() -> None:
         LiveBatch.model_validate({"rig": "demo", "seq": ["one"]})
 
 
+def test_samples_end_with_the_key_of_their_listener(harness: Harness) -> None:
+    access = Access(Authenticator())
+    harness.app = create_app(harness.rigs, access)
+    keys = key_of_each_scope(harness.store, access.authenticator)
+
+    async def scene() -> None:
+        path = "/api/v1/rigs/demo/live"
+        async with Stream(harness.app, path, **keys.headers("observe")) as stream:
+            assert await stream.chunk() is not None
+            repository = KeyRepository(harness.store)
+            await asyncio.to_thread(repository.revoke, "an-observe")
+            access.authenticator.refresh(repository)
+            # One may have been made before.
+            assert await stream.chunk() is None or await stream.chunk() is None
+
+    asyncio.run(scene())
+
+
 def test_an_unknown_rig_is_a_problem(harness: Harness) -> None:
     answer = harness.call("GET", "/api/v1/rigs/other/live")
     assert answer.status_code == 404
     assert "no rig 'other'; there are demo" in answer.json()["detail"]
-
-
-def test_the_page_names_the_rig_and_lets_nothing_in(harness: Harness) -> None:
-    page = harness.call("GET", "/")
-    assert page.status_code == 200
-    assert 'action="/api/v1/rigs/demo/estop"' in page.text
-    assert "{{" not in page.text
-    policy = page.headers["content-security-policy"]
-    assert policy.startswith("default-src 'none'; script-src 'self';")
-    assert "unsafe" not in policy
-    assert "<script>" not in page.text
-    assert " style=" not in page.text
-
-
-@pytest.mark.parametrize("name", ["js/main.js", "js/form/form.js", "css/page.css", "icon.svg"])
-def test_every_file_of_the_page_is_served(harness: Harness, name: str) -> None:
-    answer = harness.call("GET", f"/page/{name}")
-    assert answer.status_code == 200
-    assert answer.headers["x-content-type-options"] == "nosniff"
-
-
-@pytest.mark.parametrize("name", ["none.js", "index.html", "..%2Fconfig.py", "%2e%2e/config.py"])
-def test_nothing_else_is_served(harness: Harness, name: str) -> None:
-    assert harness.call("GET", f"/page/{name}").status_code == 404
-
-
-def test_a_rigs_name_is_no_markup(rig_file: RigFile, open_harness: Callable[..., Harness]) -> None:
-    named = rig_file.rig.model_copy(update={"name": 'a"><script>'})
-    harness = open_harness(rig_file.model_copy(update={"rig": named}))
-    assert "<script>" not in harness.call("GET", "/").text

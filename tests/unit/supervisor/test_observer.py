@@ -3,10 +3,12 @@
 from collections import Counter
 from collections.abc import Callable
 
+from msgspec.structs import replace
+
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import Sink
 from pincette.core.codec import decode, encode
-from pincette.core.messages import Message
+from pincette.core.messages import Applied, Message, Position
 from pincette.core.topics import Topic
 from pincette_supervisor.rigs.live import LiveSamples
 from pincette_supervisor.rigs.observer import Observer
@@ -33,6 +35,50 @@ class EncodedBus(MemoryBus):
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
         """Nobody comes or goes."""
+
+
+def test_a_position_from_before_the_end_of_a_ramp_is_not_where_the_arm_stands() -> None:
+    bus = EncodedBus()
+    observer = Observer(bus)
+    tick, *_ = samples.grip()
+    position, applied = (
+        next(one for one in tick.messages() if isinstance(one, kind))
+        for kind in (Position, Applied)
+    )
+
+    def hear(seq: int, x_um: float, voltage_V: float) -> float | None:
+        bus.publish(replace(position, seq=seq, x_um=x_um, valid=True))
+        bus.publish(replace(applied, seq=seq, voltage_V=voltage_V))
+        while bus.pump():
+            pass
+        stands = observer.standing()
+        return None if stands is None else stands.x_um
+
+    assert observer.standing() is None
+    assert hear(100, 40.9, 2.0) == 40.9
+    assert hear(101, 40.9, 1.99) == 40.9
+    assert hear(102, 39.3, 0.6) is None
+    assert hear(103, 23.7, 0.0) is None, "the loop in lockstep ends here"
+    assert hear(104, 4.1, 0.0) == 4.1
+
+
+def test_a_position_from_before_an_actuator_was_started_anew_is_not_where_the_arm_stands() -> None:
+    bus = EncodedBus()
+    observer = Observer(bus)
+    tick, *_ = samples.grip()
+    position, applied = (
+        next(one for one in tick.messages() if isinstance(one, kind))
+        for kind in (Position, Applied)
+    )
+    for message in (
+        replace(position, x_um=40.9, valid=True),
+        replace(applied, voltage_V=2.0),
+        replace(applied, epoch=applied.epoch + 1, seq=-1, voltage_V=0.0),
+    ):
+        bus.publish(message)
+        while bus.pump():
+            pass
+    assert observer.standing() is None
 
 
 def test_a_payload_is_decoded_once_for_all_who_hear_it() -> None:

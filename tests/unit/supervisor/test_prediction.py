@@ -26,6 +26,7 @@ REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 INSTRUMENTS = stated_instruments(read_rig(DEMO))
 STRAIGHT: Tree = {
     "model": {"free_response": None},
+    "output": {"step_V": 0.0},
     "simulation": {
         "piezo_um_per_V": 19.0,
         "hysteresis": {"A_over_d": 0.0},

@@ -95,7 +95,10 @@ def test_a_request_is_pinned_to_the_version_it_finds() -> None:
     [
         ({"recipe": "other"}, "no recipe 'other'"),
         ({"recipe": "bead@4"}, "no recipe 'bead@4'"),
-        ({"kind": "move", "to_um": 3.0}, "a recipe completes a grip or a track, not a move"),
+        (
+            {"kind": "move", "to_um": 3.0},
+            "pair_grip, centre or track, not a move",
+        ),
     ],
 )
 def test_a_recipe_that_cannot_be_followed_is_named(wishes: dict[str, Any], words: str) -> None:

@@ -2,13 +2,17 @@
 
 import threading
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 from pincette.bus.protocol import BusError
 from pincette.core.messages import Finish
 from pincette.records import folder
+from pincette_supervisor.results import archive
+from pincette_supervisor.results.drawing import Picture
 
+from .canned import IN_HOLD
 from .harness import Harness
 
 
@@ -67,6 +71,29 @@ def test_the_rig_is_free_for_the_next_job_which_waits_for_the_recorder_alone(
         assert harness.get(f"/jobs/{job}")["record_complete"] is True
 
 
+def test_a_part_is_handed_over_while_the_picture_of_the_job_before_is_drawn(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = threading.Event()
+    picture = archive.picture
+
+    def slow(*of: Any) -> Picture:
+        assert drawn.wait(20.0)
+        return picture(*of)
+
+    monkeypatch.setattr(archive, "picture", slow)
+    job = harness.playing_to(IN_HOLD)
+    harness.acted(job, "stop")
+    harness.reach(job, "stopped")
+    taken = harness.post("/jobs", {"kind": "hold", "autostart": True})
+    assert taken.status_code == 201, taken.text
+    harness.until(lambda: harness.get(f"/jobs/{taken.json()['id']}")["started_at"] is not None)
+    assert not drawn.is_set()
+    drawn.set()
+    ended = harness.ended(job)
+    assert (ended["artifacts"], ended["record_complete"]) == ("ready", True)
+
+
 def test_files_that_are_being_written_are_waited_for(
     harness: Harness, gate: threading.Event
 ) -> None:
@@ -114,6 +141,30 @@ def test_a_recorder_that_does_not_answer_is_told_of_a_job_that_has_ended(
     ended = harness.ended(harness.grip()["id"])
     assert (ended["state"], ended["record_complete"]) == ("succeeded", False)
     assert "does not answer" in ended["record_detail"]
+
+
+def test_an_interrupted_job_is_not_told_as_recorded_before_its_result_is_there(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = harness.ended(harness.grip()["id"])["id"]
+    row = harness.store.get(job)
+    assert row is not None
+    plan = {name: value for name, value in row.plan.items() if name != "record"}
+    harness.store.change(job, plan=plan, result=None)  # as an earlier supervisor has left it
+    harness.manager.index._lives = ()  # pyright: ignore[reportPrivateUsage]  another one is started
+    opened, call = threading.Event(), harness.bus.call
+
+    def slow(request: object, message: object, timeout_s: float = 1.0) -> object:
+        if isinstance(message, Finish):
+            assert opened.wait(20.0)
+        return call(request, message, timeout_s)  # pyright: ignore[reportArgumentType]  as it came
+
+    monkeypatch.setattr(harness.bus, "call", slow)
+    harness.manager.recover([])
+    waited = harness.get(f"/jobs/{job}", wait="recorded", timeout_s=0.05)
+    assert (waited["artifacts"], waited["result"]) == ("being_written", None)
+    opened.set()
+    assert harness.ended(job)["result"]["samples"] > 0
 
 
 def test_a_record_that_was_not_written_is_closed_after_a_restart(harness: Harness) -> None:

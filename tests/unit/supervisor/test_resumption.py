@@ -7,6 +7,7 @@ import pytest
 
 from pincette.config import RigFile
 from pincette.control.record import replace
+from pincette.core.faults import Outcome
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.resumption import BY_HAND, NO_MORE
 
@@ -166,3 +167,37 @@ def test_weights_go_on_with_the_one_that_was_not_read(real: Harness, read: int) 
     assert len(done["request"]["taken"]) == read
     (value,) = real.get(f"/calibrations/{second}")["values"]
     assert value["value"] == pytest.approx(TRUE_UM_PER_MN, rel=0.01)
+
+
+FAR_V, FAR_UM = -0.9, -31.0
+"""Where an arm has come that goes further than its gain says; the limit is -30 µm."""
+
+
+def too_far(ticks: list[samples.Tick]) -> list[samples.Tick]:
+    """A free motion that a limit of position ends; nothing trips."""
+    made = samples.rest(ticks[0].position.epoch)
+    for seq in range(100, 120):
+        tick = made[seq]
+        made[seq] = replace(
+            tick,
+            position=replace(tick.position, x_um=FAR_UM if seq > 100 else 0.0),
+            applied=replace(tick.applied, voltage_V=FAR_V),
+        )
+    last = made[-1]
+    made[-1] = replace(last, telemetry=replace(last.telemetry, outcome=Outcome.OVERTRAVEL))
+    return made
+
+
+def test_an_arm_that_went_too_far_moves_less_by_itself(real: Harness) -> None:
+    real.bus.edit = too_far
+    first = begun(real, "free_response", tries=2)
+    ended = real.ended(first)
+    assert ended["state"] == "failed"
+    second = following(real, first)
+    again = real.ended(second)
+    assert again["request"]["least_V"] == pytest.approx(0.8 * FAR_V)
+    assert again["request"]["tries"] == 1
+    assert again["state"] == "failed"
+    real.freed(second)
+    assert len(real.get("/jobs")["jobs"]) == 2
+    assert real.get("/rigs/demo")["latch"]["state"] == "idle"

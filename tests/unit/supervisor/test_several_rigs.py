@@ -50,6 +50,14 @@ def refusal(response: Any) -> tuple[int, str]:
     return response.status_code, response.json()["detail"]
 
 
+def test_a_rig_that_joins_may_state_that_its_supervisor_speaks_tls(
+    rigs_harness: RigsHarness, files: Files
+) -> None:
+    supervisor = files.right.supervisor.model_copy(update={"tls": True})
+    rigs_harness.come(files.right.model_copy(update={"supervisor": supervisor}))
+    rigs_harness.served("right")
+
+
 def test_a_rig_whose_programs_come_is_served_beside_the_own(
     both: RigsHarness, files: Files
 ) -> None:

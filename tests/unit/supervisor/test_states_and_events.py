@@ -65,7 +65,7 @@ def test_no_write_leaves_a_state_or_an_action_that_no_event_tells(
     rig_file: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     witness = Witness(monkeypatch)
-    harness = open_harness(rig_file)
+    harness = open_harness(rig_file, guard_s=60.0)  # as long as a busy machine writes a record
     job = harness.playing_to(IN_HOLD)
     waits = [harness.post("/jobs", {"kind": "grip", "queue": True}).json()["id"] for _ in range(3)]
     harness.acted(waits[0], "stop")

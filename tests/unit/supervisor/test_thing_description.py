@@ -52,3 +52,12 @@ def test_other_rigs_are_linked(document: Any) -> None:
     assert left["links"][0]["href"] == f"{BASE}/.well-known/wot?rig=right"
     assert left["id"] != right["id"]
     assert left["properties"]["state"]["forms"][0]["href"] == "api/v1/rigs/left"
+
+
+def test_a_request_names_the_rig_and_must_where_there_are_several(document: Any) -> None:
+    for others in ([], ["right"]):
+        actions = thing(document, "left", BASE, others=others)["actions"]
+        for name in ("plan", "start"):
+            kinds = [one for one in actions[name]["input"]["oneOf"] if "properties" in one]
+            assert {one["properties"]["rig"]["const"] for one in kinds} == {"left"}
+            assert {"rig" in one.get("required", ()) for one in kinds} == {bool(others)}

@@ -5,7 +5,9 @@ from itertools import pairwise
 import pytest
 
 from pincette.api.jobs import Progress
-from pincette.core.messages import Message
+from pincette.control.record import replace
+from pincette.core.messages import Estimate, Message
+from pincette.core.messages.second import SecondEstimate
 from pincette_supervisor.jobs.tracker import SETTLE_S, Tracker
 
 from . import samples
@@ -14,13 +16,32 @@ from .samples import PERIOD_S
 HOLD_AT_S = 6.0
 
 
-def followed(hold_at_s: float | None) -> list[Progress]:
+APART_MN = 1.5
+"""By how much the second arm is told to press more than the first."""
+
+
+def with_second(estimate: Estimate) -> Estimate:
+    """The same of a rig of two arms."""
+    second = SecondEstimate(
+        x_um=estimate.x_um,
+        force_mN=estimate.force_mN + APART_MN,
+        force_uncertainty_mN=estimate.force_uncertainty_mN,
+        zero_age_s=estimate.zero_age_s,
+        zero_refusal=None,
+        applied_V=estimate.applied_V,
+        limits_active=0,
+    )
+    return replace(estimate, second=second)
+
+
+def followed(hold_at_s: float | None, *, arms: int = 1) -> list[Progress]:
     """The progress after each tick of the canned grip."""
     ticks = list(samples.grip())
     tracker = Tracker(ticks[0].position.epoch, PERIOD_S, None, lockstep=True, hold_at_s=hold_at_s)
     found: list[Progress] = []
     for tick in ticks:
-        messages: list[Message] = [tick.position, tick.estimate, tick.applied, tick.telemetry]
+        estimate = tick.estimate if arms == 1 else with_second(tick.estimate)
+        messages: list[Message] = [tick.position, estimate, tick.applied, tick.telemetry]
         tracker.update(messages)
         found.append(tracker.progress())
     return found
@@ -46,3 +67,23 @@ def test_the_force_held_is_told_once_it_has_settled() -> None:
     settled = [one.force_mN for one in hold[len(waits) :] if one.force_mN is not None]
     assert hold[-1].force_held_mN == pytest.approx(sum(settled) / len(settled))
     assert found[-1].force_held_mN == pytest.approx(hold[-1].force_held_mN, abs=0.05)
+
+
+def test_the_force_held_is_the_mean_of_two_arms() -> None:
+    one, two = followed(HOLD_AT_S), followed(HOLD_AT_S, arms=2)
+    alone_mN, both_mN = one[-1].force_held_mN, two[-1].force_held_mN
+    assert alone_mN is not None
+    assert both_mN == pytest.approx(alone_mN + 0.5 * APART_MN)
+    assert [now.force_mN for now in two] == [now.force_mN for now in one]
+
+
+def test_no_phase_is_missed_where_many_samples_come_at_once() -> None:
+    ticks = list(samples.grip())
+    tracker = Tracker(ticks[0].position.epoch, PERIOD_S, None, lockstep=True)
+    tracker.update([tick.telemetry for tick in ticks])
+    begun = [
+        ticks[0].telemetry,
+        *(b.telemetry for a, b in pairwise(ticks) if a.telemetry.phase != b.telemetry.phase),
+    ]
+    assert tracker.phases == [(one.phase, one.seq, one.held) for one in begun]
+    assert len(begun) > 4

@@ -43,6 +43,7 @@ def of_rig(context: RigContext, active: LiveJob | None) -> list[Check]:
         _disk(context),
         _recorder(context),
         _memory(context),
+        *_forces(context),
         _lease(context, active),
         *_model(context),
     ]
@@ -155,6 +156,31 @@ def _memory(context: RigContext) -> Check:
         needed=False,
         value="unknown" if unknown or answer is None else "known",
         limit="known",
+    )
+
+
+def _forces(context: RigContext) -> Iterator[Check]:
+    """Of two arms, whether both forces on a held part agree."""
+    if context.rig.second is None:
+        return
+    answer = context.health.status("estimator")
+    found = next(
+        (
+            one
+            for one in (() if answer is None else answer.findings)
+            if one.code is FaultCode.FORCES_DISAGREE
+        ),
+        None,
+    )
+    told = {} if found is None else {value.name: value.value for value in found.values}
+    yield _check(
+        "estimator.forces",
+        found is None,
+        "the forces of both arms agree" if found is None else fault_text(found),
+        needed=False,
+        value=told.get("difference_mN"),
+        limit=told.get("uncertainty_mN"),
+        unit="mN",
     )
 
 

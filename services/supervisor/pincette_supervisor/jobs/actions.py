@@ -1,6 +1,6 @@
 """Actions of a person on a job, passed on to the rig."""
 
-from typing import cast
+from typing import Literal, cast
 
 from pincette.api.states import HOLDS, ActionType, JobState, TransitionError, allowed_actions
 from pincette.bus.protocol import BusError, RefusalError
@@ -24,6 +24,8 @@ ARMED: tuple[JobState, ...] = (
     "stopped",
 )
 """States in which an abort is asked of the actuator."""
+Moving = Literal["start", "pause", "resume", "stop", "abort"]
+"""Actions that change the state of a job by themselves."""
 ENDS: dict[ActionType, JobState] = {"stop": "stopped", "abort": "aborted"}
 
 FREED_S = 1.0
@@ -72,7 +74,7 @@ class JobActions:
                 self._context.bus.call(ACTION, Action(ActionCode(action)))
                 if action == "continue" and waiting is not None:
                     live.confirm_wait(waiting)
-            elif not live.terminal and not live.move(action, only_from=state):
+            elif not _moved(live, action, state):
                 raise TransitionError(f"the job has just become {live.state}")
             if trips:  # before anything is written
                 trip = policies.abort_trip(live.request, "")
@@ -86,6 +88,17 @@ class JobActions:
         except BusError as error:
             raise unanswered(error) from error
         return False
+
+
+def _moved(live: LiveJob, action: Moving, state: JobState) -> bool:
+    """Whether a job takes an action; a stop goes on where the job's state has just gone on."""
+    while not live.terminal and state not in HOLDS[action]:
+        if live.move(action, only_from=state):
+            return True
+        if action not in ("stop", "abort") or live.state == state:
+            return False
+        state = live.state
+    return True
 
 
 def await_end(active: LiveJob | None) -> None:

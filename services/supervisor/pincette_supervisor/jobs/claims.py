@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
 from time import monotonic
 
-from pincette.api.claims import Claim
+from pincette.api.access import Claim
 from pincette.api.states import ActionType
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store, StoreError

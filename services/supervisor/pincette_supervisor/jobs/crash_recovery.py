@@ -1,17 +1,20 @@
 """Recovery at start from an earlier supervisor's end."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
 from pathlib import Path
 
 from pincette.api.results import JobResult
 from pincette.api.states import STATES
-from pincette.bus.protocol import BusError, RefusalError
+from pincette.bus.protocol import Bus, BusError, RefusalError
 from pincette.core.faults import ActionCode, Mode
-from pincette.core.messages import Action, Applied
+from pincette.core.messages import Action, Applied, Recorded
 from pincette.core.topics import ACTION
 from pincette.records import folder, parquet
 from pincette.records.columns import Columns
 from pincette_supervisor.jobs import policies
+from pincette_supervisor.jobs.job_queue import CAPACITY
 from pincette_supervisor.jobs.job_recorder import NO_SAMPLE, finish_record
 from pincette_supervisor.jobs.lease import ended_text
 from pincette_supervisor.journal.job_filter import JobFilter
@@ -21,10 +24,32 @@ from pincette_supervisor.results.result import course
 from pincette_supervisor.rigs.rig_context import RigContext
 
 ASK_S = 1.0
+RECENT = CAPACITY + 4
+"""Jobs among which that which moved last is sought: those that wait are newer."""
 
 
-def recover_from_crash(context: RigContext, jobs: Sequence[str]) -> None:
-    """Stop a program that still plays, and close the record of the newest interrupted job."""
+@dataclass(frozen=True, slots=True)
+class Left:
+    """The job whose record an earlier supervisor has left open, and which is closed meanwhile."""
+
+    job: str = ""
+    stored: Future[None] | None = None
+
+    def being_written(self, job: str) -> bool:
+        """Whether what the closed record gives is still to be stored."""
+        return self.stored is not None and job == self.job and not self.stored.done()
+
+
+NOTHING = Left()
+
+
+def recover_from_crash(
+    context: RigContext, jobs: Sequence[str], notify: Callable[[], None]
+) -> Left:
+    """Stop a program that still plays, and close the record of the newest interrupted job.
+
+    ``notify`` is called once it is closed.
+    """
     # The program is asked once. A held part stays held until a person holds or releases it by a
     # job; a free arm comes to rest, and what a calibration presses is let go. No job is continued.
     row = context.store.get(jobs[-1]) if jobs else None
@@ -35,17 +60,28 @@ def recover_from_crash(context: RigContext, jobs: Sequence[str]) -> None:
         with context.events.transaction("rig", name, found="a program played", did=stopped):
             if row is not None:
                 context.store.change(row.id, cause=f"{row.cause}; {stopped}")
-    row = row or _unwritten(context)
+    if row is None or row.epoch is None:
+        row = _unwritten(context)
     if row is not None and row.epoch is not None:
         # Making its tables takes its time, and an emergency stop must be taken meanwhile.
-        context.archivist.submit(_close_record, context, row, row.epoch)
+        applied = context.observer.newest(Applied)
+        last_seq = NO_SAMPLE if applied is None or applied.epoch != row.epoch else applied.seq
+        whose = context.bus, row.id, row.epoch
+        closed = context.closer.submit(_closed, *whose, last_seq)
+        stored = context.archivist.submit(_store_end, context, row, closed)
+        stored.add_done_callback(lambda _: notify())
+        return Left(row.id, stored)
+    return NOTHING
 
 
 def _unwritten(context: RigContext) -> JobRow | None:
-    """The newest job of the rig, where its supervisor ended before its record was written."""
-    found = context.store.newest(1, JobFilter(rig=context.rig.rig.name))
-    ended = [row for row in found if STATES[row.state].terminal and "record" not in row.plan]
-    return ended[0] if ended else None
+    """The job that moved last, where its supervisor ended before its record was closed."""
+    found = context.store.newest(RECENT, JobFilter(rig=context.rig.rig.name))
+    last = next((row for row in found if row.epoch is not None), None)
+    if last is None or not STATES[last.state].terminal:
+        return None
+    record = last.plan.get("record")
+    return last if record is None or record.get("open") else None
 
 
 def _stop(context: RigContext, how: ActionCode) -> str:
@@ -72,13 +108,17 @@ def _stopped_by_itself(context: RigContext) -> str:
     return words
 
 
-def _close_record(context: RigContext, row: JobRow, epoch: int) -> None:
-    """Have the recorder close its open record, and store whether it is complete."""
-    applied = context.observer.newest(Applied)
-    last_seq = NO_SAMPLE if applied is None or applied.epoch != epoch else applied.seq
-    recorded = finish_record(context.bus, row.id, epoch, last_seq)
+def _closed(bus: Bus, job: str, epoch: int, last_seq: int) -> Recorded | str:
+    """Have the recorder close its open record."""
+    recorded = finish_record(bus, job, epoch, last_seq)
     if isinstance(recorded, str):  # it may still make the tables of an unfinished record
-        recorded = finish_record(context.bus, row.id, epoch, last_seq)
+        recorded = finish_record(bus, job, epoch, last_seq)
+    return recorded
+
+
+def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str]) -> None:
+    """Store whether a record is complete that was closed after the restart, and how far it came."""
+    recorded = closed.result()
     found = _result(context.records / row.id / folder.SAMPLES, context.rig.rig.period_s)
     values: dict[str, object] = {}
     if found is not None and row.result is None:

@@ -13,6 +13,7 @@ from pincette.api.states import STATES, ActionType, Event, JobState, next_state
 from pincette.core.faults import Acted
 from pincette.core.messages import JobNotice
 from pincette_supervisor.jobs.lease import Renewal
+from pincette_supervisor.jobs.resumption import NextJob
 from pincette_supervisor.journal.store import ActionRow, JobRow, utc_now
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.rigs.rig_context import RigContext
@@ -83,8 +84,8 @@ class LiveJob:
         self.cause = ""
         self.ending: Ending | None = None
         """Why it ends, by what was found first; of an ended job never None."""
-        self.next_request: JobRequest | None = None
-        """Of the job that goes on where a stall has tripped this one."""
+        self.next_job: NextJob | None = None
+        """The one that goes on where a stall has tripped this one, or it went too far."""
         self.held = False
         self.phase = ""
         self.progress: Progress | None = None
@@ -223,22 +224,21 @@ class LiveJob:
         self.cause = f"{self.cause}; {cause}" if self.cause else cause
         self.store(cause=self.cause)
 
-    def update_progress(
-        self, progress: Progress, *, phase: str, held: bool, waiting: int | None
-    ) -> None:
-        """Set progress, phase and what the program waits for."""
+    def update_progress(self, progress: Progress, *, held: bool, waiting: int | None) -> None:
+        """Set progress and what the program waits for."""
         self.progress = progress
         before = (self.held, self.waiting)
         self.waiting = None if waiting is None or waiting <= self._passed else waiting
         self.held = held
         if (held, self.waiting) != before:
             self.store()
-        if phase != self.phase:
-            self.phase = phase
-            body = {"phase": phase, "seq": progress.seq, "held": held}
-            append = self._context.events.append
-            self._context.write_queue.submit(partial(append, "phase", self.id, **body))
-            self.notify()
+
+    def begin_phase(self, phase: str, seq: int, held: bool) -> None:
+        """Set the phase and tell it."""
+        self.phase = phase
+        append, body = self._context.events.append, {"phase": phase, "seq": seq, "held": held}
+        self._context.write_queue.submit(partial(append, "phase", self.id, **body))
+        self.notify()
 
     def confirm_wait(self, segment: int) -> None:
         """Note that a person has confirmed the wait of a segment."""

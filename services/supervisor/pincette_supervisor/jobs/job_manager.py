@@ -15,9 +15,11 @@ from pincette_supervisor.jobs.actions import JobActions, await_end, hand_over
 from pincette_supervisor.jobs.claims import Claims
 from pincette_supervisor.jobs.crash_recovery import recover_from_crash
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
+from pincette_supervisor.jobs.job_index import JobIndex
 from pincette_supervisor.jobs.job_queue import CAPACITY, JobQueue
-from pincette_supervisor.jobs.job_view import fingerprint_of, job_view, new_row
+from pincette_supervisor.jobs.job_view import fingerprint_of, new_row
 from pincette_supervisor.jobs.key_turns import KeyTurns
+from pincette_supervisor.jobs.resumption import NextJob
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.journal.store import JobRow, KeyTakenError, StoreError
 from pincette_supervisor.model.proposals import Calibrations
@@ -43,11 +45,11 @@ class JobManager:
         self.alarm_monitor = AlarmMonitor(context, lambda: self.active)
         self.predictions = PredictionCache(play)
         self.queue = JobQueue(context.store, context.events)
+        self.index = JobIndex(context, self.queue, self.changes)
         self.claims = Claims(context.store, context.events, context.clock)
         self._lock = threading.RLock()
         self._acting = JobActions(context)
         self.turns = KeyTurns()
-        self._live: LiveJob | None = None
         self._thread: threading.Thread | None = None
         self._closing = False
 
@@ -64,12 +66,11 @@ class JobManager:
     @property
     def active(self) -> LiveJob | None:
         """The job that has the rig; a stopped job keeps it while it holds a part."""
-        live = self._live
-        return None if live is None or live.done.is_set() else live
+        return self.index.active
 
     def recover(self, unfinished: list[str]) -> None:
         """Recover from an earlier run of the supervisor; nothing moves by itself."""
-        recover_from_crash(self.context, unfinished)
+        self.index.left = recover_from_crash(self.context, unfinished, self.changes.notify_all)
         with self._lock:
             self.queue.load(self.name)
 
@@ -93,13 +94,15 @@ class JobManager:
         with self.turns.of(key):
             known = None if key is None else self.context.store.created(key)
             if known is not None:
-                return self.job(refusals.require_same(known, fingerprint)), True
+                return self.index.job(refusals.require_same(known, fingerprint)), True
             self.claims.require(claim)
-            request = planner.with_version(self.context, request)
+            request = planner.as_kept(self.context, request)
             planned = refusals.require_feasible(self.plan(request))
             if predict and (self.active is None or request.queue):
                 refusals.require_feasible(self.predictions.checked(planned))
             await_end(self.active)
+            if planned.present is None:  # another job moved the arm as it was planned
+                planned = refusals.require_feasible(self.plan(request))
             if gone():
                 raise refusals.caller_gone()
             hand_over(self.context, self.active, planned)
@@ -108,8 +111,8 @@ class JobManager:
                     self.claims.require(claim)
                     name = self._accept(request, planned, key, fingerprint, by)
             except KeyTakenError as error:
-                return self.job(refusals.require_same(error, fingerprint)), True
-        return self.job(name), False
+                return self.index.job(refusals.require_same(error, fingerprint)), True
+        return self.index.job(name), False
 
     def _accept(
         self,
@@ -144,20 +147,18 @@ class JobManager:
     def _begin(self, row: JobRow, request: JobRequest, planned: Planned | None) -> None:
         completed = planner.with_recipe(self.context, request)
         live = LiveJob(row, completed, planned, self.context, self.changes)
-        self._live = live
+        self.index.started(live)
         self._thread = threading.Thread(target=self._run_job, args=[live], name=row.id)
         self._thread.start()
 
     def _run_job(self, live: LiveJob) -> None:
         try:
-            Run(
-                self.context, live, lambda asked: refusals.require_feasible(self.plan(asked))
-            ).main()
+            Run(self.context, live, lambda r: refusals.require_feasible(self.plan(r))).main()
         finally:
             with self._lock:
                 try:
-                    again = live.next_request if live.state == "failed" else None
-                    if live.state != "succeeded" and not self._closing and again is None:
+                    again = live.next_job if live.state == "failed" else None
+                    if live.state != "succeeded" and not (self._closing or again):
                         self.queue.halt(f"job {live.id} {live.state}: {live.cause}".rstrip(": "))
                     live.finish()
                     if again is not None and not self._closing:
@@ -168,11 +169,12 @@ class JobManager:
                 finally:
                     live.finish()
 
-    def _go_on(self, live: LiveJob, request: JobRequest) -> None:
+    def _go_on(self, live: LiveJob, again: NextJob) -> None:
         """Begin the job that goes on; what stands in its way is told, and waits for a person."""
-        by = f"job {live.id}"
+        request, by = again.request, f"job {live.id}"
         try:
-            self.latch.reset(by)
+            if again.acknowledges:
+                self.latch.reset(by)
             planned = refusals.require_feasible(self.plan(request))
             name = self._accept(request, planned, None, fingerprint_of(request), by)
         except ProblemError as error:
@@ -213,13 +215,13 @@ class JobManager:
             if entry is not None:
                 self._acting.on_queued(self.queue, entry, action, by)
                 self.changes.notify_all()
-                return self.job(name), False
+                return self.index.job(name), False
         live = self.active
         if live is None or live.id != name:
             holds = self._acting.on_ended(refusals.require_job(self.context.store, name), action)
         else:
             holds = self._acting.on_live(live, action, by)
-        return self.job(name), holds
+        return self.index.job(name), holds
 
     @contextmanager
     def free(self) -> Generator[None]:
@@ -228,50 +230,6 @@ class JobManager:
         with self._lock:
             refusals.require_free(self.active)
             yield
-
-    def job(self, name: str) -> Job:
-        """One job; raises ProblemError if there is none of this name."""
-        return self.view(refusals.require_job(self.context.store, name))
-
-    def _started(self, name: str) -> LiveJob | None:
-        """The job that was started last, if it has this name; look into the queue first."""
-        live = self._live
-        return live if live is not None and live.id == name else None
-
-    def is_over(self, name: str) -> bool:
-        """Whether a job has ended, without reading the journal."""
-        if self.queue.entry(name) is not None:
-            return False
-        live = self._started(name)
-        return live is None or live.terminal
-
-    def is_recorded(self, name: str) -> bool:
-        """Whether a job has ended, and its record is written, without reading the journal."""
-        live = self._started(name)
-        return self.is_over(name) and (live is None or live.recorded.is_set())
-
-    def changed_since(self, name: str, revision: int) -> bool:
-        """Whether a job has changed since a revision, without reading the journal."""
-        entry = self.queue.entry(name)
-        if entry is not None:
-            return entry.revision != revision
-        live = self._started(name)
-        return live is None or live.done.is_set() or live.revision != revision
-
-    def has_job(self, name: str) -> bool:
-        """Whether a job is queued or was started last, without reading the journal."""
-        return self.queue.entry(name) is not None or self._started(name) is not None
-
-    def note_revision(self, name: str, revision: int) -> None:
-        """Let those who wait for a change of a job know of one that the journal has."""
-        for known in filter(None, (self.queue.entry(name), self._started(name))):
-            known.revision = max(known.revision, revision)
-        self.changes.notify_all()
-
-    def view(self, row: JobRow) -> Job:
-        """One job of this rig."""
-        place = self.queue.position(row.id)
-        return job_view(row, self._started(row.id), place, self.context.records)
 
     def retire(self) -> bool:
         """Accept no more jobs; returns False, without effect, if one is active or queued."""
@@ -284,7 +242,7 @@ class JobManager:
     def close(self) -> None:
         """End: a job that runs becomes ``interrupted`` and the rig is asked to stop."""
         self._closing = True
-        live, thread = self._live, self._thread
+        live, thread = self.index.newest, self._thread
         if live is not None and thread is not None:
             live.interrupted = True
             live.wake.set()
@@ -295,6 +253,6 @@ class JobManager:
     def release(self) -> None:
         """Release threads and bus, once no request needs them."""
         self.latch.threads.shutdown()
-        self.context.archivist.shutdown()  # a record that is being written comes to its end
+        self.context.finish_records()
         self.context.health.close()
         self.context.bus.close()

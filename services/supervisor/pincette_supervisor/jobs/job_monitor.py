@@ -14,7 +14,7 @@ from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import ended_words
 from pincette_supervisor.jobs.missing_samples import MissingSamples
-from pincette_supervisor.jobs.resumption import resumption
+from pincette_supervisor.jobs.resumption import moving_less, resumption
 from pincette_supervisor.jobs.stalls import stall_words
 from pincette_supervisor.jobs.tracker import Tracker, gone_words
 from pincette_supervisor.jobs.watch import Watch
@@ -113,7 +113,10 @@ class JobMonitor:
         held = tracker.held and not tracker.over and tracker.trip is None
         waiting = None if wait is None else tracker.segment
         progress = tracker.progress(wait)
-        job.update_progress(progress, phase=tracker.phase, held=held, waiting=waiting)
+        job.update_progress(progress, held=held, waiting=waiting)
+        for phase, seq, held_then in tracker.phases:
+            job.begin_phase(phase, seq, held_then)
+        tracker.phases.clear()
         now = self._context.clock()
         if now - self._progress_sent_at >= PROGRESS_S:
             self._progress_sent_at = now
@@ -246,20 +249,27 @@ class JobMonitor:
         if fault and event == "done":
             job.note_cause(fault, Ending(code="no_finding"))
             event = "fail"
-        if event == "fail" and tracker.trip is not None and not gone and not self._trip_asked:
+        if event == "fail" and not gone and not self._trip_asked:
             self._prepare_resumption(tracker.trip)
         self._job.recorded.clear()  # whoever sees the end sees that the record is not there yet
         job.end(event)
         self._recorder.publish_result()
         self._recorder.write(tracker, over=over)
 
-    def _prepare_resumption(self, trip: TripReason) -> None:
-        """Find how a calibration goes on that a stall has tripped, and say so."""
+    def _prepare_resumption(self, trip: TripReason | None) -> None:
+        """Find how a calibration goes on that a stall has tripped, or that went too far."""
         job, run = self._job, self._recorder.run
-        found = None if run is None else resumption(job.request, run, trip)
-        if found is not None:
-            job.cause = f"{job.cause}; {found.words}"
-            job.next_request = found.request
+        if run is None:
+            return
+        found = None
+        if trip is not None:
+            found = resumption(job.request, run, trip)
+        elif self._tracker.final_outcome() == Outcome.OVERTRAVEL:
+            found = moving_less(job.request, run)
+        if found is None:
+            return
+        job.cause = f"{job.cause}; {found.words}"
+        job.next_job = found.next_job
 
     def _interrupt(self) -> None:
         """The supervisor ends: leave the rig stopped, a part held but for a calibration's."""

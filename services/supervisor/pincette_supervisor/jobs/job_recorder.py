@@ -4,7 +4,9 @@
 
 import json
 import logging
+import threading
 from collections.abc import Mapping
+from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 from typing import Any, cast
@@ -62,6 +64,8 @@ class JobRecorder:
         self._row: JobRow | None = None
         """As it was last read: a journal on a server may be out of reach at the end."""
         self._gathered: Gathered | None = None
+        self._writes, self._turn = 0, threading.Lock()
+        """How often it was to be written: once more where a part was held beyond the end."""
 
     @property
     def run(self) -> Run | None:
@@ -71,9 +75,11 @@ class JobRecorder:
     def begin(self, row: JobRow) -> str:
         """Have a record begun; returns why there is none."""
         self._row = row
-        # The recorder has one record at a time: that of the job before may still be written.
-        self._context.archivist.submit(int).result()
-        return begin_record(self._context.bus, self._job.id, self._epoch, self._about(row))
+        closer, whose = self._context.closer, (self._context.bus, self._job.id, self._epoch)
+        trouble = closer.submit(begin_record, *whose, self._about(row)).result()
+        if trouble:  # one that did not answer in time may open it all the same
+            closer.submit(finish_record, *whose, NO_SAMPLE)
+        return trouble
 
     def _about(self, row: JobRow) -> dict[str, str]:
         about = archive.about(self._planned, row, self._epoch)
@@ -81,13 +87,13 @@ class JobRecorder:
 
     def evaluate(self, tracker: Tracker, collection: MessageBuffer) -> str:
         """Store the result of the samples so far; returns the result's fault."""
-        context, job, planned = self._context, self._job, self._planned
+        job, planned = self._job, self._planned
         row = self._current_row()
         if row is None:
             return ""
         take = Take(self._epoch, tracker.messages, collection.dropped)
-        gather = context.archivist.submit(archive.gather, planned.model.rig, row, planned, take)
-        self._gathered = record = gather.result()
+        # Not by the archivist, who may still draw: the rig is not free before this is done.
+        self._gathered = record = archive.gather(planned.model.rig, row, planned, take)
         job.store(result=record.tree)
         self._keep_learned(record)
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}
@@ -105,32 +111,47 @@ class JobRecorder:
             self._job.finish_record()
             return
         last_seq = tracker.last_seq if tracker.messages else NO_SAMPLE
-        self._job.recorded.clear()
-        self._context.archivist.submit(self._write, self._gathered, last_seq if over else None)
+        with self._turn:
+            self._writes += 1
+            self._job.recorded.clear()
+        whose = self._context.bus, self._job.id, self._epoch
+        closed: Future[Recorded | str]
+        if over:
+            closed = self._context.closer.submit(finish_record, *whose, last_seq)
+        else:
+            about = self._about(self._gathered.job)
+            closed = self._context.closer.submit(begin_record, *whose, about)
+        self._context.archivist.submit(self._write, self._gathered, closed, self._writes, over)
 
-    def _write(self, record: Gathered, last_seq: int | None) -> None:
+    def _write(
+        self, record: Gathered, closed: Future[Recorded | str], number: int, over: bool
+    ) -> None:
+        try:
+            recorded = closed.result() or GOES_ON
+            if number == self._writes:  # else the part was let go before anything was drawn
+                self._write_documents(record, recorded, over=over)
+        except Exception:  # nobody asks for what this thread comes to
+            log.exception("the record of job %s was not written", self._job.id)
+            raise
+        finally:
+            with self._turn:
+                if number == self._writes:
+                    self._job.finish_record()
+
+    def _write_documents(self, record: Gathered, recorded: Recorded | str, *, over: bool) -> None:
         job = self._job
         # What was said of it meanwhile belongs into the documents.
         row = self._current_row() or record.job
-        record = replace(record, job=row)
         try:
-            recorded = GOES_ON if last_seq is None else ""
-            if last_seq is None:
-                about = self._about(row)
-                recorded = begin_record(self._context.bus, job.id, self._epoch, about) or GOES_ON
-            else:
-                recorded = finish_record(self._context.bus, job.id, self._epoch, last_seq)
-            try:
-                record.write(self._context.records / job.id, recorded)
-            except OSError as error:
-                job.note_cause(f"the record is incomplete: {error}")
-                job.store(cause=job.cause)
-            state = completeness(recorded)
-            job.store(plan={**row.plan, "record": state})
-            append = self._context.events.append
-            self._context.write_queue.submit(partial(append, "record", job.id, **state))
-        finally:
-            job.finish_record()
+            replace(record, job=row).write(self._context.records / job.id, recorded)
+        except OSError as error:
+            job.note_cause(f"the record is incomplete: {error}")
+            job.store(cause=job.cause)
+        state = completeness(recorded)
+        # Open until the part is let go: a supervisor that is started meanwhile closes it.
+        job.store(plan={**row.plan, "record": state | {"open": not over}})
+        append = self._context.events.append
+        self._context.write_queue.submit(partial(append, "record", job.id, **state))
 
     def _current_row(self) -> JobRow | None:
         try:
@@ -164,7 +185,8 @@ class JobRecorder:
 
     def _close(self, row: JobRow, last_seq: int) -> Recorded | str:
         """Have the record closed; an incomplete record never fails the job."""
-        recorded = finish_record(self._context.bus, self._job.id, self._epoch, last_seq)
+        whose = self._context.bus, self._job.id, self._epoch
+        recorded = self._context.closer.submit(finish_record, *whose, last_seq).result()
         self._job.store(plan={**row.plan, "record": completeness(recorded)})
         return recorded
 

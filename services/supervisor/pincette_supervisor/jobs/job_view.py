@@ -12,6 +12,7 @@ from pincette.api.endings import Ending
 from pincette.api.jobs import Action, ArtifactState, Job
 from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, allowed_actions
+from pincette_supervisor.jobs.crash_recovery import NOTHING, Left
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.store import JobRow, utc_now
@@ -54,7 +55,9 @@ def _ending(row: JobRow) -> Ending | None:
     return None if row.ending is None else Ending.model_validate_json(json.dumps(row.ending))
 
 
-def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: Path) -> Job:
+def job_view(
+    row: JobRow, live: LiveJob | None, position: int | None, records: Path, left: Left = NOTHING
+) -> Job:
     """One job, with its live state and its place in the queue where it has one."""
     if live is not None and live.revision > row.revision:  # not written to the journal yet
         ended = live.ending.model_dump(mode="json") if live.terminal and live.ending else None
@@ -73,7 +76,7 @@ def job_view(row: JobRow, live: LiveJob | None, position: int | None, records: P
     artifacts: ArtifactState = "none"
     if deleted:
         artifacts = "deleted"
-    elif live is not None and not live.recorded.is_set():
+    elif left.being_written(row.id) or (live is not None and not live.recorded.is_set()):
         artifacts = "being_written"
     elif record:
         artifacts = "ready"

@@ -21,7 +21,7 @@ def edit(manager: JobManager, name: str, said: JobEdit, by: str) -> Job:
     if values:
         with context.events.transaction("edit", name, changed=sorted(values), by=by):
             revision = context.store.change(name, **values)
-        manager.note_revision(name, revision)
+        manager.index.note_revision(name, revision)
         row = require_job(context.store, name)
         try:
             context.archivist.submit(partial(_restate, context.records / name, row)).result()
@@ -29,7 +29,7 @@ def edit(manager: JobManager, name: str, said: JobEdit, by: str) -> Job:
             raise ProblemError(
                 503, "store-failed", "The record cannot be written", f"{name}: {error}"
             ) from error
-    return manager.job(name)
+    return manager.index.job(name)
 
 
 def _restate(where: Path, row: JobRow) -> None:
@@ -58,8 +58,8 @@ def delete_record(manager: JobManager, name: str, by: str) -> Job:
         ) from error
     with context.events.transaction("edit", name, changed=["record"], by=by):
         revision = context.store.change(name, plan={**row.plan, "record": record})
-    manager.note_revision(name, revision)
-    return manager.job(name)
+    manager.index.note_revision(name, revision)
+    return manager.index.job(name)
 
 
 def _kept(why: str) -> ProblemError:

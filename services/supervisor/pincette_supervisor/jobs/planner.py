@@ -3,11 +3,14 @@
 from dataclasses import replace
 
 from pincette.api.requests import JobRequest
+from pincette.config import RigFile
 from pincette.control.record import replace as changed
 from pincette_supervisor import problems
 from pincette_supervisor.journal.learned import LearnedRepository
 from pincette_supervisor.journal.recipes import RecipeRepository
 from pincette_supervisor.kinds.functions import kind_of
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.kinds.pair_grip import PairGripJobRequest
 from pincette_supervisor.model.residuals import learning_digest
 from pincette_supervisor.planning.errors import FaultyRequestError, UnsupportedError
 from pincette_supervisor.planning.planned import Planned
@@ -25,6 +28,7 @@ def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
     if request.rig is not None and request.rig != rig.rig.name:
         raise problems.not_found("rig", request.rig, [rig.rig.name])
     try:
+        request = for_arms(request, rig)
         stands = None if moving and not kind_of(request).from_present else present(context)
         if request.plays is not None:
             recorded = recorded_motion(context.store, context.records, rig, request.plays)
@@ -34,10 +38,7 @@ def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
         )
         return with_learned(context, planned)
     except FaultyRequestError as error:
-        fault = {"pointer": error.pointer, "message": str(error)}
-        raise ProblemError(
-            422, "invalid-request", "The request cannot be used", str(error), errors=[fault]
-        ) from error
+        raise _refused(error) from error
     except UnsupportedError as error:
         raise problems.unsupported(error) from error
     except ValueError as error:
@@ -58,11 +59,53 @@ def with_learned(context: RigContext, planned: Planned) -> Planned:
     return replace(planned, program=program)
 
 
-def with_version(context: RigContext, request: JobRequest) -> JobRequest:
-    """The request with the version of the recipe that it names, so that it stays the same."""
+def as_kept(context: RigContext, request: JobRequest) -> JobRequest:
+    """The request for the arms that the rig has, with the version of the recipe that it names.
+
+    So it stays the same. Raises ProblemError where it does not go with two arms.
+    """
+    try:
+        request = for_arms(request, context.rig)
+    except FaultyRequestError as error:
+        raise _refused(error) from error
     return pinned(request, RecipeRepository(context.store).find)
+
+
+def _refused(error: FaultyRequestError) -> ProblemError:
+    fault = {"pointer": error.pointer, "message": str(error)}
+    return ProblemError(
+        422, "invalid-request", "The request cannot be used", str(error), errors=[fault]
+    )
 
 
 def with_recipe(context: RigContext, request: JobRequest) -> JobRequest:
     """The request completed by its recipe; raises FaultyRequestError without that recipe."""
     return completed(request, RecipeRepository(context.store).find)
+
+
+def for_arms(request: JobRequest, rig: RigFile) -> JobRequest:
+    """A grip as a grip with both arms where the rig has two; every other request as it is.
+
+    Whoever asks for a force and a hold means whatever arms there are.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where the grip says what is of one arm alone.
+    """
+    if rig.second is None or not isinstance(request, GripJobRequest):
+        return request
+    given = request.model_dump(exclude_unset=True)
+    alone = sorted(given.keys() - PairGripJobRequest.model_fields.keys())
+    if alone:
+        raise FaultyRequestError(
+            f"/{alone[0]}",
+            f"{alone[0]} is of a grip with one driven arm, and this rig has two: leave it out, or "
+            "ask for pair_grip",
+        )
+    gains = given.get("gains")
+    if isinstance(gains, str):
+        raise FaultyRequestError(
+            "/gains", f"gains = {gains!r}: of two arms they are given by their names"
+        )
+    return PairGripJobRequest.model_validate({**given, "kind": "pair_grip"})

@@ -11,7 +11,7 @@ from pincette_supervisor.journal.tables import Creation
 from pincette_supervisor.kinds.functions import kind_of
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.problems import ProblemError, not_found
-from pincette_supervisor.rigs.part import held_words, reset_words
+from pincette_supervisor.rigs.part import held_words, playing_words, reset_words
 from pincette_supervisor.rigs.rig_context import RigContext
 
 
@@ -51,9 +51,12 @@ def require_ready(context: RigContext, planned: Planned | None) -> None:
         raise ProblemError(409, code, "Nothing may move", words, cause=str(latched.cause))
     if reasons := context.lasting_reasons():
         raise unready(reasons)
-    words = held_words(context)
-    if words and planned is not None and not planned.begins_held:
+    if planned is None or planned.begins_held:
+        return
+    if words := held_words(context):
         raise part_held(words)
+    if words := playing_words(context):
+        raise unready([words])
 
 
 def require_startable(context: RigContext, kind: JobKind) -> None:

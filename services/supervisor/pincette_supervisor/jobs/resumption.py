@@ -1,7 +1,9 @@
-"""A calibration that a stall of the machine has tripped with the arm free: it begins again.
+"""A calibration that begins again by itself, with the arm free.
 
-A person has acknowledged that one trip beforehand, by ``tries`` of the request; every other latch
-waits for a person. What presses a part is begun by a person again, who sees where the part is.
+One that a stall of the machine has tripped: a person has acknowledged that one trip beforehand, by
+``tries`` of the request; every other latch waits for a person. And one that has led the arm beyond
+a limit of position, which trips nothing: it moves less. What presses a part is begun by a person
+again, who sees where the part is.
 """
 
 from typing import NamedTuple
@@ -17,13 +19,21 @@ BY_HAND = "a person begins it again from its start, since it presses a part"
 NO_MORE = "it has begun as often as `tries` says"
 
 
+class NextJob(NamedTuple):
+    """The job that goes on."""
+
+    request: JobRequest
+    acknowledges: bool
+    """Whether it resets the latch of the job before."""
+
+
 class Resumption(NamedTuple):
-    """What follows a calibration that has tripped by a stall."""
+    """What follows a calibration that has tripped by a stall, or gone too far."""
 
     words: str
     """Where it goes on, or why it does not by itself."""
-    request: JobRequest | None
-    """Of the job that goes on; None where a person must begin it."""
+    next_job: NextJob | None
+    """None where a person must begin it."""
 
 
 def resumption(request: JobRequest, run: Run, reason: TripReason) -> Resumption | None:
@@ -33,11 +43,32 @@ def resumption(request: JobRequest, run: Run, reason: TripReason) -> Resumption 
     functions = functions_of(request.calibration)
     if functions.meets_part:
         return Resumption(BY_HAND, None)
-    if request.tries <= 1:
+    following = _following(request)
+    if following is None:
         return Resumption(NO_MORE, None)
-    left: dict[str, object] = {"tries": request.tries - 1, "autostart": True, "queue": False}
-    following: JobRequest = request.model_copy(update=left)
     if functions.goes_on is None:
-        return Resumption("begins again from its start", following)
+        return Resumption("begins again from its start", NextJob(following, acknowledges=True))
     following, words = functions.goes_on(following, run)
-    return Resumption(words, following)
+    return Resumption(words, NextJob(following, acknowledges=True))
+
+
+def moving_less(request: JobRequest, run: Run) -> Resumption | None:
+    """How a job goes on that has led the arm too far; None where it does not by itself."""
+    if not isinstance(request, CalibrationRequest):
+        return None
+    less, following = functions_of(request.calibration).moves_less, _following(request)
+    if less is None or following is None:
+        return None
+    found = less(following, run)
+    if found is None:
+        return None
+    following, words = found
+    return Resumption(words, NextJob(following, acknowledges=False))
+
+
+def _following(request: CalibrationRequest) -> CalibrationRequest | None:
+    """The request with one try fewer; None where it has had them all."""
+    if request.tries <= 1:
+        return None
+    left: dict[str, object] = {"tries": request.tries - 1, "autostart": True, "queue": False}
+    return request.model_copy(update=left)

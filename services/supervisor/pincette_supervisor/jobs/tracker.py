@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from typing import cast
 
+from msgspec import UNSET
+
 from pincette.api.jobs import Progress
 from pincette.api.states import OUTCOMES
 from pincette.config import RigFile
@@ -49,6 +51,8 @@ class Tracker:
         self.released = False
         self.held = False
         self.phase = ""
+        self.phases: list[tuple[str, int, bool]] = []
+        """Phases begun since this list was last emptied, each with its seq and whether held."""
         self.segment = -1
         """Number of the program's segment."""
         self.stop_took_effect = False
@@ -106,6 +110,8 @@ class Tracker:
 
     def _view(self, sample: Telemetry) -> None:
         self._telemetry = sample
+        if sample.phase != self.phase:
+            self.phases.append((sample.phase, sample.seq, sample.held))
         self.phase, self.held, self.segment = sample.phase, sample.held, sample.segment
         self.paused, self.telemetry_seq = sample.paused, sample.seq
         self._paused_ticks += sample.paused
@@ -118,7 +124,7 @@ class Tracker:
             self.released = self.released or acted == Acted.RELEASE
 
     def _follow_hold(self, sample: Estimate) -> None:
-        force_mN, _ = self._force()
+        force_mN = self._pressed_mN()
         if self.phase != Phase.HOLD or self._hold_seq is None or force_mN is None:
             return
         if (sample.seq - self._hold_seq) * self._period_s >= SETTLE_S:
@@ -210,6 +216,14 @@ class Tracker:
         if estimate is None or not estimate.valid or estimate.zero_age_s is None:
             return None, None
         return estimate.force_mN, estimate.force_uncertainty_mN
+
+    def _pressed_mN(self) -> float | None:
+        """What the part is pressed with: of two arms the mean, as their job's result has it."""
+        force_mN, _ = self._force()
+        second = UNSET if self._estimate is None else self._estimate.second
+        if force_mN is None or second is UNSET:
+            return force_mN
+        return None if second.zero_age_s is None else 0.5 * (force_mN + second.force_mN)
 
 
 def outcome_words(outcome: Outcome, telemetry: Telemetry | None = None) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pincette.api.models import ModelChange
 from pincette.config import RigFile
-from pincette.config.calibration import CALIBRATED
+from pincette.config.calibration import CALIBRATED, OF_SECOND
 from pincette_supervisor.model.quantities import values_of
 
 MEASURED_WITH: Mapping[str, tuple[str, ...]] = {
@@ -29,6 +29,7 @@ BESIDE_THE_ARM = {
     "passive_natural_frequency_rad_per_s",
     "passive_damping_ratio",
     "part",
+    "pair",
     "baud",
     "truth",
     "scripts",
@@ -61,7 +62,7 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[ModelChan
 
 def doubtful(found: list[ModelChange]) -> list[ModelChange]:
     """Changes that concern the whole model."""
-    return [change for change in found if change.key not in CALIBRATED]
+    return [change for change in found if change.key not in (*CALIBRATED, *OF_SECOND)]
 
 
 def words(found: list[ModelChange], version: int) -> str:

@@ -6,7 +6,7 @@ from typing import Any, cast
 from pydantic import BaseModel
 
 from pincette.config import Calibration, RigFile
-from pincette.config.calibration import CALIBRATED
+from pincette.config.calibration import CALIBRATED, OF_SECOND
 
 ASSUMED = "assumed"
 """Source of what no calibration has found."""
@@ -16,9 +16,11 @@ FORCE_DRIFTS = (
     "model.forgotten_scale_V",
 )
 """What the uncertainty of the force grows by after a zero."""
-UNITS: Mapping[str, str] = {
+OF_ONE_ARM: Mapping[str, str] = {
     "model.natural_frequency_rad_per_s": "rad/s",
     "model.damping_ratio": "1",
+    "model.output_delay_s": "s",
+    "model.output_lag_s": "s",
     "model.piezo_um_per_V": "µm/V",
     "model.compliance_um_per_mN": "µm/mN",
     "model.hysteresis_fraction": "1",
@@ -31,12 +33,14 @@ UNITS: Mapping[str, str] = {
     "part.stiffness_mN_per_um": "mN/µm",
     "sensor.noise_um": "µm",
 }
+UNITS = {**OF_ONE_ARM, **{name: OF_ONE_ARM[name.partition(".")[2]] for name in OF_SECOND}}
 
 
 def value_of(rig: RigFile, quantity: str) -> Any:
     """Value of a quantity as JSON has it; None where the rig file has none."""
-    table, _, name = quantity.partition(".")
-    value = getattr(getattr(rig, table), name)
+    value: Any = rig
+    for name in quantity.split("."):
+        value = getattr(value, name)
     if isinstance(value, tuple):
         items = cast("tuple[BaseModel, ...]", value)
         return [item.model_dump(mode="json") for item in items]
@@ -45,7 +49,12 @@ def value_of(rig: RigFile, quantity: str) -> Any:
 
 def values_of(rig: RigFile) -> dict[str, Any]:
     """Values of every quantity that a calibration may replace."""
-    return {quantity: value_of(rig, quantity) for quantity in CALIBRATED}
+    return {quantity: value_of(rig, quantity) for quantity in calibrated_of(rig)}
+
+
+def calibrated_of(rig: RigFile) -> tuple[str, ...]:
+    """Quantities that a calibration may replace, of the arms that the rig has."""
+    return CALIBRATED if rig.second is None else (*CALIBRATED, *OF_SECOND)
 
 
 def assumed_for_force(rig: RigFile, calibration: Calibration) -> list[str]:

@@ -13,7 +13,7 @@ from pincette.config import RigFile
 from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.steady import steady_error_ranges
 from pincette.control.planning.contact_plan import ContactPlan
-from pincette.control.planning.contact_plan import Violation as Broken
+from pincette.control.planning.feasibility import Violation as Broken
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.laws import choose_law
 from pincette_supervisor.planning.planned import Planned, decimated
@@ -94,7 +94,7 @@ def contact_pointer(quantity: str, phase: str) -> str:
     """Member of a request that leads beyond a limit on the way to the part; empty: none does."""
     if phase == "contact" and quantity == "force":
         return "/contact_force_mN"
-    if phase in ("approach", "retreat") and quantity == "slew":
+    if phase in ("open", "approach", "retreat") and quantity == "slew":
         return "/approach_um_per_s"
     return ""
 

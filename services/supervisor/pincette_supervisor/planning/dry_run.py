@@ -2,17 +2,25 @@
 
 from dataclasses import dataclass
 
+from pincette.api.job_kinds import job_kinds
+from pincette.api.pairs import PairResult
+from pincette.api.results import JobResult
 from pincette.config import ConfigError, RigFile
 from pincette.core import plugins
 from pincette.engine.timing_budget import budget
+from pincette.records.columns import columns
+from pincette_supervisor.kinds.functions import Run, functions_of
 from pincette_supervisor.planning.identified_arm import (
     TIME_CONSTANTS,
+    IdentifiedArm,
     Instruments,
     identified_arm,
 )
+from pincette_supervisor.planning.identified_pair import IdentifiedPair, identified_pair
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.predicted_samples import Samples
 from pincette_supervisor.planning.present import Present
-from pincette_supervisor.planning.rig_emulator import RigEmulator, Samples
+from pincette_supervisor.planning.rig_emulator import RigEmulator
 
 LONGEST_S, LONGEST_SAMPLES = 120.0, 30_000
 """Of a plan, that is played: whichever is shorter."""
@@ -28,6 +36,8 @@ class DryRun:
     outcome: str
     cut: str
     instruments: Instruments
+    figures: JobResult | None = None
+    """Of two arms: what the samples are evaluated to, as those of a job are."""
 
 
 def stated_instruments(rig: RigFile) -> Instruments:
@@ -55,14 +65,29 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
     rig = planned.armed.rig
     rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"time": "lockstep"})})
     instruments, period_s = stated_instruments(rig), rig.rig.period_s
-    arm = identified_arm(rig, instruments, present.stand_V(rig), rig.part if part else None)
-    if present.x_um is not None and not planned.begins_held:
-        arm = arm.at(present.x_um)
+    arm: IdentifiedArm | IdentifiedPair
+    if rig.second is not None:
+        held = planned.begins_held
+        arm = identified_pair(rig, instruments, present, part=part, held=held)
+    else:
+        arm = identified_arm(rig, instruments, present.stand_V(rig), rig.part if part else None)
+        if present.x_um is not None and not planned.begins_held:
+            arm = arm.at(present.x_um)
     emulator = RigEmulator(rig, arm, planned.program)
     cut, released = _played(emulator, planned, period_s)
     # The controller leaves open how a hold ends that a person ended.
     otherwise = "released" if released and not cut else "unfinished"
-    return DryRun(emulator.samples, emulator.outcome or otherwise, cut, instruments)
+    outcome = emulator.outcome or otherwise
+    return DryRun(emulator.samples, outcome, cut, instruments, _figures(planned, rig, emulator))
+
+
+def _figures(planned: Planned, rig: RigFile, emulator: RigEmulator) -> JobResult | None:
+    """What a job of both arms would come to; None where it is none, or nothing was played."""
+    kind = job_kinds()[planned.plan.kind]
+    if not emulator.heard or not emulator.samples.t_s or kind.result is not PairResult:
+        return None
+    table = columns(emulator.heard, rig.rig.period_s)
+    return functions_of(kind).evaluate(Run(rig, planned, table, emulator.heard)).result
 
 
 def _played(emulator: RigEmulator, planned: Planned, period_s: float) -> tuple[str, bool]:
@@ -78,7 +103,7 @@ def _played(emulator: RigEmulator, planned: Planned, period_s: float) -> tuple[s
             continue
         wait = planned.waits.get(place)
         if wait is not None and wait.weight_mN is not None and told.segment_tick <= 1:
-            emulator.arm = emulator.arm.hang(wait.weight_mN)
+            emulator.hang(wait.weight_mN, planned.values.get("arm", 1))
         waited = segment.duration_s is None and told.segment_tick * period_s >= ENDLESS_S
         if waited and place != prompted:
             prompted, released = place, wait is None

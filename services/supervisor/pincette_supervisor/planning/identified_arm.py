@@ -28,6 +28,10 @@ TIME_CONSTANTS = 3.0
 """Of an output, within the response that its driver states: to 5 %."""
 
 
+Stretch = tuple[float, list[float]]
+"""Length of a substep in s, and where the free arm rests in each, in µm."""
+
+
 @dataclass(frozen=True, slots=True)
 class Instruments:
     """What lies between a sample and the voltage that answers it."""
@@ -80,6 +84,19 @@ class IdentifiedArm:
 
         ``missed_um`` is what the free response misses then; None: as much as before.
         """
+        driven, stretches = self.driven(voltage_V, missed_um)
+        state = self.state
+        for dt_s, rests_um in stretches:
+            state, _ = move_plain_arm(self.parameters, state, dt_s, rests_um)
+        return replace(driven, state=state)
+
+    def driven(
+        self, voltage_V: float, missed_um: float | None = None
+    ) -> tuple["IdentifiedArm", list[Stretch]]:
+        """The arm with its response a period later and its tip as it is, and the way of x_f.
+
+        That way is in stretches, each of substeps of one length and of where the free arm rests.
+        """
         delay_s = self.instruments.delay_s
         waiting = self._stretch(delay_s, self.target_V, self.output_V)
         waited_V = waiting[-1][1] if waiting else self.output_V
@@ -90,7 +107,8 @@ class IdentifiedArm:
         response = self.response.follow(output_V, self.period_s)
         missed_um = self.missed_um if missed_um is None else missed_um
         way_um = response.position_um() + missed_um - self.missed_um - sag_um - before_um
-        travel_V, state, passed_s = output_V - self.output_V, self.state, 0.0
+        travel_V, passed_s = output_V - self.output_V, 0.0
+        stretches: list[Stretch] = []
         for stretch in (waiting, moving):
             rests_um = list[float]()
             for dt_s, reached_V in stretch:
@@ -101,15 +119,15 @@ class IdentifiedArm:
                     share = (reached_V - self.output_V) / travel_V
                 rests_um.append(before_um + self.missed_um + share * way_um)
             if stretch:
-                state, _ = move_plain_arm(self.parameters, state, stretch[0][0], rests_um)
-        return replace(
+                stretches.append((stretch[0][0], rests_um))
+        driven = replace(
             self,
             response=response,
-            state=state,
             target_V=voltage_V,
             output_V=output_V,
             missed_um=missed_um,
         )
+        return driven, stretches
 
     def _stretch(
         self, length_s: float, target_V: float, output_V: float

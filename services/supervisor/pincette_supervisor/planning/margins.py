@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from pincette.api.predictions import Margin, Peaks, Quantity, Side, Violation
 from pincette.config import RigFile
-from pincette_supervisor.planning.rig_emulator import Samples
+from pincette_supervisor.planning.predicted_samples import Samples
 
 ROUNDING = 1e-9
 """What touches a limit is within it, rounding included."""

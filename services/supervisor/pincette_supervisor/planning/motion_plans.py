@@ -10,9 +10,12 @@ from pincette.api.plans import MotionPlan as PlanView
 from pincette.api.plans import Pose
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile, derived
+from pincette.control.laws.parameters import LawSpec
+from pincette.control.laws.two_arm_law import LAW as TWO_ARMS
 from pincette.control.planning.contact_plan import MotionPlan, PlannedRig
 from pincette.control.planning.motion_plan import Stand
 from pincette.control.planning.profiles import minimum_duration
+from pincette.control.planning.program import BothArms, Program
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.contact_plans import planned_phase, violation_view
 from pincette_supervisor.planning.laws import rig_law
@@ -62,6 +65,8 @@ def motion_job(
     )
     # A stop is under the law even where the motion is not.
     program = replace(made.program, laws=(law.settings.spec(),))
+    if rig.second is not None:
+        program = _of_both(made.program)
     return Planned(plan, program, values, model, meets_part=meets_part)
 
 
@@ -83,6 +88,15 @@ def releasing_job(
     return motion_job(request, model, present, made, values, warnings, meets_part=True)
 
 
+def _of_both(program: Program) -> Program:
+    """The same motion of the voltages of both arms, with the law of both."""
+    segments = tuple(
+        replace(segment, both=BothArms(second_to_V=segment.voltage_to_V))
+        for segment in program.segments
+    )
+    return replace(program, segments=segments, laws=(LawSpec(TWO_ARMS.name),))
+
+
 def _unknown(present: Present, rig: RigFile) -> list[str]:
     if present.voltage_V is not None:
         return []
@@ -96,8 +110,9 @@ def _release_duration_s(rig: RigFile, present: Present) -> float:
     """As long as a grip unloads, or where the way is far as the slew limit allows."""
     limits, safe_V = rig.limits, rig.safety.safe_V
     way_V = max(limits.voltage_max_V - safe_V, safe_V - limits.voltage_min_V)
-    if present.voltage_V is not None:
-        way_V = abs(present.voltage_V - safe_V)
+    known = [each for each in (present.voltage_V, present.second_V) if each is not None]
+    if len(known) == len(rig.arms):
+        way_V = max(abs(voltage_V - safe_V) for voltage_V in known)
     return max(rig.grip.load_s, minimum_duration(way_V, limits.slew_V_per_s))
 
 

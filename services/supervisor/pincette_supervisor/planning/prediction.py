@@ -2,10 +2,13 @@
 
 from dataclasses import replace
 from math import ceil
+from typing import Any
 
 from pincette.api.job_kinds import job_kinds
-from pincette.api.predictions import PredictedCurves, PredictedPhase, Prediction
+from pincette.api.pairs import PairPrediction, PairResult, PredictedPairCurves
+from pincette.api.predictions import PredictedCurves, PredictedPhase, Prediction, Violation
 from pincette.api.states import GOOD_OUTCOMES
+from pincette.config import RigFile
 from pincette.config.laws import resolved_law
 from pincette_supervisor.kinds.functions import functions_of
 from pincette_supervisor.model.model_in_use import ModelInUse
@@ -15,10 +18,11 @@ from pincette_supervisor.planning.identified_arm import Instruments
 from pincette_supervisor.planning.laws import SENSITIVITY_PEAK, SPECTRAL_RADIUS
 from pincette_supervisor.planning.margins import margins, peaks, violations
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.predicted_samples import Samples, SecondSamples
 from pincette_supervisor.planning.present import Present
-from pincette_supervisor.planning.rig_emulator import Samples
 
 CURVE_POINTS = 400
+SECOND = "second."
 ARM = (
     "model.natural_frequency_rad_per_s",
     "model.damping_ratio",
@@ -54,19 +58,56 @@ def predict(planned: Planned, dry_run: DryRun) -> Prediction:
     if not samples.t_s:
         raise ValueError(f"nothing of the plan can be played: {dry_run.cut}")
     complete = not dry_run.cut
-    switches = any(resolved_law(spec).switches for spec in planned.program.laws)
-    return Prediction(
-        outcome=dry_run.outcome,
-        succeeds=complete and dry_run.outcome in GOOD_OUTCOMES,
-        duration_s=samples.t_s[-1] + rig.rig.period_s,
-        complete=complete,
-        cut=dry_run.cut,
-        curves=curves(samples),
-        phases=phases(samples, rig.rig.period_s),
-        peaks=peaks(rig, samples),
-        margins=margins(rig, samples, switches=switches),
-        violations=violations(rig, samples, functions_of(job_kinds()[planned.plan.kind]).pointer),
-        assumptions=_assumptions(planned, dry_run.instruments),
+    arms = list(enumerate(zip(rig.arms, samples.of_arms(), strict=True), start=1))
+    switches = len(arms) == 1 and any(resolved_law(spec).switches for spec in planned.program.laws)
+    pointer = functions_of(job_kinds()[planned.plan.kind]).pointer
+    common: dict[str, Any] = {
+        "outcome": dry_run.outcome,
+        "succeeds": complete and dry_run.outcome in GOOD_OUTCOMES,
+        "duration_s": samples.t_s[-1] + rig.rig.period_s,
+        "complete": complete,
+        "cut": dry_run.cut,
+        "phases": phases(samples, rig.rig.period_s),
+        "peaks": peaks(rig, samples),
+        "margins": [
+            near.model_copy(update={"arm": number})
+            for number, (one, seen) in arms
+            for near in margins(one, seen, switches=switches)
+        ],
+        "violations": [
+            _of_arm(broken, number, len(arms))
+            for number, (one, seen) in arms
+            for broken in violations(one, seen, pointer)
+        ],
+        "assumptions": _assumptions(planned, dry_run.instruments),
+    }
+    if samples.second is None:
+        return Prediction(curves=curves(samples), **common)
+    figures = dry_run.figures
+    return PairPrediction(
+        curves=_pair_curves(samples, samples.second),
+        second_peaks=peaks(*arms[1][1]),
+        figures=figures if isinstance(figures, PairResult) else None,
+        **common,
+    )
+
+
+def _of_arm(broken: Violation, arm: int, arms: int) -> Violation:
+    """A violation that says of which arm it is, where there are two."""
+    if arms == 1:
+        return broken
+    return broken.model_copy(update={"message": f"arm {arm}: {broken.message}"})
+
+
+def _pair_curves(samples: Samples, second: SecondSamples) -> PredictedPairCurves:
+    stride = max(1, ceil(len(samples.t_s) / CURVE_POINTS))
+    return PredictedPairCurves(
+        **curves(samples).model_dump(),
+        second_x_um=second.x_um[::stride],
+        second_force_mN=second.force_mN[::stride],
+        second_voltage_V=second.voltage_V[::stride],
+        place_um=second.place_um[::stride],
+        place_r_um=second.place_r_um[::stride],
     )
 
 
@@ -106,7 +147,13 @@ def phases(samples: Samples, period_s: float) -> list[PredictedPhase]:
 def _assumptions(planned: Planned, instruments: Instruments) -> list[str]:
     """What a prediction takes for granted, in words."""
     model = planned.armed
-    words = [f"arm: {_values(model, ARM)}", f"free response: {_free_response(model)}"]
+    words: list[str] = []
+    for number, arm in enumerate(model.rig.arms, start=1):
+        name = "arm" if model.rig.second is None else f"arm {number}"
+        of = "" if model.rig.second is None else f" of arm {number}"
+        prefix = SECOND if number == 2 else ""
+        words.append(f"{name}: {_values(model, ARM, prefix)}")
+        words.append(f"free response{of}: {_free_response(arm)}")
     if planned.meets_part:
         words.append(f"part: {_values(model, PART)}; rigid, and where it is expected")
     else:
@@ -118,19 +165,19 @@ def _assumptions(planned: Planned, instruments: Instruments) -> list[str]:
     return words
 
 
-def _values(model: ModelInUse, quantities: tuple[str, ...]) -> str:
+def _values(model: ModelInUse, quantities: tuple[str, ...], prefix: str = "") -> str:
     sources = model.calibration.sources
     return ", ".join(
-        f"{quantity.partition('.')[2]} = {value_of(model.rig, quantity):g} "
-        f"{UNITS[quantity]} ({sources.get(quantity, ASSUMED)})"
+        f"{quantity.rpartition('.')[2]} = {value_of(model.rig, prefix + quantity):g} "
+        f"{UNITS[quantity]} ({sources.get(prefix + quantity, ASSUMED)})"
         for quantity in quantities
     )
 
 
-def _free_response(model: ModelInUse) -> str:
+def _free_response(rig: RigFile) -> str:
     begin = "unpoled, at rest at the begin"
-    if model.rig.model.free_response is not None:
+    if rig.model.free_response is not None:
         return f"as identified, with hysteresis and creep; {begin}"
-    if model.rig.model.recorded_response is not None:
+    if rig.model.recorded_response is not None:
         return f"as recorded, with hysteresis and without creep; {begin}"
     return "a straight line, without hysteresis and creep: none was identified"

@@ -16,6 +16,9 @@ class Present:
     held: bool | None = None
     recorded: RecordedMotion | None = None
     """Motion of the job that the request plays again; None: it names none."""
+    second_V: float | None = None
+    second_um: float | None = None
+    """Of the second arm, where there is one."""
 
     def stand_V(self, rig: RigFile) -> float:
         """The voltage applied, or where that is not known the rig file's safe voltage."""

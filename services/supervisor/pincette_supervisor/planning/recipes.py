@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from pincette.api.job_kinds import JobKind, RecipeRules, job_kinds
 from pincette.api.requests import JobRequest, PartExpectation
 from pincette.config import Calibration, calibrated
-from pincette.config.laws import installed_laws
+from pincette.config.laws import laws_by_name
 from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.recipes import RecipeRow
 from pincette_supervisor.kinds.functions import kind_of
@@ -23,6 +23,8 @@ Lookup = Callable[[str], RecipeRow | None]
 
 OF_THE_JOB = set(JobRequest.model_fields)
 """Members that a recipe has not: they say how a job begins, not what becomes of the object."""
+OF_ANY_LAW = {"gains"}
+"""Members that are of one law or another: kinds of job for two arms do not judge them here."""
 
 
 class FaultyValuesError(ValueError):
@@ -51,6 +53,8 @@ def checked_values(values: Mapping[str, Any]) -> dict[str, Any]:
     known = {"part"}
     for kind in completed_kinds():
         names = kind.request.model_fields.keys() - OF_THE_JOB
+        if 1 not in kind.arms:
+            names = names - OF_ANY_LAW
         known |= names
         _check(kind, {name: values[name] for name in names & values.keys()}, kept, errors)
     if "part" in values:
@@ -63,7 +67,7 @@ def checked_values(values: Mapping[str, Any]) -> dict[str, Any]:
     gains = values.get("gains")
     if isinstance(gains, dict):
         stated = cast("dict[str, Any]", gains)
-        laws = installed_laws().values()
+        laws = laws_by_name().values()
         gain_names = {"force_age", *(one.name for law in laws for one in law.parameters)}
         unknown = sorted(stated.keys() - gain_names)
         errors += [_unknown(("gains", name), stated[name]) for name in unknown]
@@ -158,7 +162,8 @@ def _recipe(request: JobRequest, lookup: Lookup) -> RecipeRow | None:
     if request.recipe is None:
         return None
     if kind_of(request).recipe is None:
-        kinds = " or a ".join(kind.name for kind in completed_kinds())
+        *others, last = (kind.name for kind in completed_kinds())
+        kinds = f"{', '.join(others)} or {last}"
         raise FaultyRequestError("/recipe", f"a recipe completes a {kinds}, not a {request.kind}")
     found = lookup(request.recipe)
     if found is None:

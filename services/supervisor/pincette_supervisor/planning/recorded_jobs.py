@@ -60,7 +60,11 @@ def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> Reco
 
 
 def _row(store: Store, rig: str, job: str) -> JobRow:
-    kinds = [kind.name for kind in job_kinds().values() if kind.predicted and kind.holds_part]
+    kinds = [
+        kind.name
+        for kind in job_kinds().values()
+        if kind.predicted and kind.holds_part and 1 in kind.arms
+    ]
     words = " or ".join(kinds)
     if not job:
         for row in store.newest(LOOKED_AT, JobFilter(state="succeeded", rig=rig)):

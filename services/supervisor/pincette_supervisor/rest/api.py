@@ -22,6 +22,7 @@ from pincette_supervisor.rest import (
     routes_probes,
     routes_recipes,
     routes_rigs,
+    routes_simulation,
     routes_trajectories,
 )
 from pincette_supervisor.rest.limits import BodyLimit, RateLimit
@@ -39,6 +40,7 @@ VERSIONED = (
     routes_calibrations,
     routes_learning,
     routes_recipes,
+    routes_simulation,
     routes_trajectories,
     routes_events,
     routes_alarms,

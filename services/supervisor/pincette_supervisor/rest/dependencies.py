@@ -57,14 +57,17 @@ def caller_of(scope: AsgiScope, authenticator: Authenticator) -> Caller:
     """The sender of a request; identified once, and kept in its ASGI scope."""
     known = scope.get(CALLER)
     if known is None:
-        headers, client = Headers(scope=scope), scope.get("client")
-        scheme, shown = get_authorization_scheme_param(headers.get("authorization"))
-        address = "unknown" if client is None else str(client[0])
-        # Another scheme than Bearer authenticates nobody, and hides the cookie.
-        key = (shown if scheme.lower() == "bearer" else "") if scheme else None
-        known = authenticator.identify(address, key, HTTPConnection(scope).cookies.get(COOKIE))
-        scope[CALLER] = known
+        known = scope[CALLER] = _identified(scope, authenticator)
     return known
+
+
+def _identified(scope: AsgiScope, authenticator: Authenticator) -> Caller:
+    headers, client = Headers(scope=scope), scope.get("client")
+    scheme, shown = get_authorization_scheme_param(headers.get("authorization"))
+    address = "unknown" if client is None else str(client[0])
+    # Another scheme than Bearer authenticates nobody, and hides the cookie.
+    key = (shown if scheme.lower() == "bearer" else "") if scheme else None
+    return authenticator.identify(address, key, HTTPConnection(scope).cookies.get(COOKIE))
 
 
 def decoded(header: str) -> str:
@@ -136,6 +139,17 @@ def _needs(scope: Scope) -> Any:
 
 OBSERVE, OPERATE, ADMIN = _needs("observe"), _needs("operate"), _needs("admin")
 """Dependencies of a route that demand a scope."""
+
+
+async def _permitted(request: Request, access: AccessState) -> Callable[[], bool]:
+    def permitted() -> bool:
+        return _identified(request.scope, access.authenticator).scope is not None
+
+    return permitted
+
+
+Permitted = Annotated[Callable[[], bool], Depends(_permitted)]
+"""Whether the caller's key or session is still valid: a stream outlives the check at its begin."""
 
 
 async def _sender(request: Request, caller: AnyCaller) -> str:

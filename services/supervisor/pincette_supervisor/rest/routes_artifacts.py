@@ -19,7 +19,7 @@ WRITTEN_S = 30.0
 async def _written(job: str, rigs: AllRigs) -> None:
     manager = rigs.with_live_job(job)
     await manager.changes.wait(
-        lambda: manager.is_recorded(job) or not manager.is_over(job), WRITTEN_S
+        lambda: manager.index.is_recorded(job) or not manager.index.is_over(job), WRITTEN_S
     )
 
 

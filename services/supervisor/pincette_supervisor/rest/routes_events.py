@@ -5,6 +5,7 @@ The streams wait on the event loop; the journal is read in threads.
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
 from dataclasses import dataclass
 from time import monotonic
 from typing import Annotated, Any, Literal
@@ -21,7 +22,7 @@ from pincette_supervisor.journal.events import LIFE_S, EventLog, EventSubscripti
 from pincette_supervisor.journal.listeners import TooManyListenersError
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs, Journal, Manager
+from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs, Journal, Manager, Permitted
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 MOST = 500
@@ -91,7 +92,7 @@ router = APIRouter(tags=["events"], route_class=StrictRoute)
     dependencies=[OBSERVE],
     responses={**ANSWERS, **responses(404, 422, 503)},
 )
-async def of_job(job: str, wish: Wished, rigs: AllRigs) -> Response:
+async def of_job(job: str, wish: Wished, rigs: AllRigs, permitted: Permitted) -> Response:
     """Events of one job, from its first or beyond a number on; ends when the job is over."""
     if wish.listed:
         await asyncio.to_thread(_state, rigs.store, job)
@@ -109,7 +110,7 @@ async def of_job(job: str, wish: Wished, rigs: AllRigs) -> Response:
         return active is not None and active.id == job
 
     over = STATES[state].terminal
-    return EventSourceResponse(until_over(subscription, busy, over=over), headers=HEADERS)
+    return _stream(until_over(subscription, busy, over=over), permitted)
 
 
 @router.get(
@@ -118,12 +119,14 @@ async def of_job(job: str, wish: Wished, rigs: AllRigs) -> Response:
     dependencies=[OBSERVE],
     responses={**ANSWERS, **responses(404, 422, 503)},
 )
-async def of_rig(rig: str, manager: Manager, wish: Wished, store: Journal) -> Response:
+async def of_rig(
+    rig: str, manager: Manager, wish: Wished, store: Journal, permitted: Permitted
+) -> Response:
     """Events of a rig and its jobs: those to come, and where it is named, beyond a number."""
     if wish.listed:
         return await _list(store, wish, rig=rig)
     subscription = await _listen(manager.context.events, wish.after)
-    return EventSourceResponse(endless(subscription), headers=HEADERS)
+    return _stream(endless(subscription), permitted)
 
 
 @router.get(
@@ -132,12 +135,27 @@ async def of_rig(rig: str, manager: Manager, wish: Wished, store: Journal) -> Re
     dependencies=[OBSERVE],
     responses={**ANSWERS, **responses(422, 503)},
 )
-async def of_all(wish: Wished, rigs: AllRigs) -> Response:
+async def of_all(wish: Wished, rigs: AllRigs, permitted: Permitted) -> Response:
     """Events of every rig: those to come, and where it is named, beyond a number."""
     if wish.listed:
         return await _list(rigs.store, wish)
     subscription = await _listen(rigs.own.context.events, wish.after, every_rig=True)
-    return EventSourceResponse(endless(subscription), headers=HEADERS)
+    return _stream(endless(subscription), permitted)
+
+
+def _stream(blocks: AsyncGenerator[bytes], permitted: Callable[[], bool]) -> EventSourceResponse:
+    return EventSourceResponse(_while(permitted, blocks), headers=HEADERS)
+
+
+async def _while(
+    permitted: Callable[[], bool], blocks: AsyncGenerator[bytes]
+) -> AsyncGenerator[bytes]:
+    """A stream that ends with the key or session of its listener, ``LIFE_S`` later at most."""
+    async with aclosing(blocks):
+        async for block in blocks:
+            if not permitted():
+                return
+            yield block
 
 
 def _state(store: Store, job: str) -> JobState:

@@ -136,7 +136,7 @@ def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedRequest:
     if known is None:
         return StoppedRequest(job=None)
     manager = rigs.of_job(known.job)
-    job = manager.job(known.job)
+    job = manager.index.job(known.job)
     if not STATES[job.state].terminal:
         job, _ = manager.perform(job.id, "stop", asker.by)
     return StoppedRequest(job=job)
@@ -182,13 +182,13 @@ async def job_state(
     known = matched_revision(job, if_none_match) if since is None else since
     manager = rigs.with_live_job(job)
     if wait == "terminal":
-        await manager.changes.wait(lambda: manager.is_over(job), timeout_s)
+        await manager.changes.wait(lambda: manager.index.is_over(job), timeout_s)
     elif wait == "recorded":
-        await manager.changes.wait(lambda: manager.is_recorded(job), timeout_s)
+        await manager.changes.wait(lambda: manager.index.is_recorded(job), timeout_s)
     elif wait == "change":
         if known is None:
             known = (await run_in_threadpool(rigs.job, job)).revision
-        await manager.changes.wait(lambda: manager.changed_since(job, known), timeout_s)
+        await manager.changes.wait(lambda: manager.index.changed_since(job, known), timeout_s)
     found = await run_in_threadpool(rigs.job, job)
     tag = etag(found.id, found.revision)
     if matched_revision(job, if_none_match) == found.revision:

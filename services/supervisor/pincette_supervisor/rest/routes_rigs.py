@@ -8,8 +8,8 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Header, Query
 from fastapi.sse import EventSourceResponse
 
+from pincette.api.access import Claim, ClaimRequest
 from pincette.api.checklist import Checklist
-from pincette.api.claims import Claim, ClaimRequest
 from pincette.api.history import History
 from pincette.api.live import LiveBatch, LoopTiming
 from pincette.api.models import ModelAction, ModelView
@@ -38,6 +38,7 @@ from pincette_supervisor.rest.dependencies import (
     Manager,
     Note,
     Operator,
+    Permitted,
     Sender,
 )
 from pincette_supervisor.rest.strict_route import StrictRoute
@@ -214,10 +215,12 @@ async def _live_cursor(manager: Manager) -> AsyncIterator[LiveCursor]:
     dependencies=[OBSERVE],
 )
 async def samples(
-    manager: Manager, cursor: Annotated[LiveCursor, Depends(_live_cursor)]
+    manager: Manager,
+    cursor: Annotated[LiveCursor, Depends(_live_cursor)],
+    permitted: Permitted,
 ) -> AsyncIterator[LiveBatch]:
     """Samples in batches, 15 events a second at most; the first bring the last minute."""
-    while not manager.closed:
+    while not manager.closed and permitted():
         for batch in cursor.batches(KEEP_ALIVE_S):
             yield batch.model_copy(update={"standing": standing(manager.context)})
         await asyncio.sleep(LIVE_INTERVAL_S)

@@ -21,6 +21,14 @@ from pincette_supervisor.journal.trajectories import TrajectoryRow
 from pincette_supervisor.kinds.bodies import TrajectoryBody
 from pincette_supervisor.kinds.functions import kind_of
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.sample_formats import (
+    MEDIA_TYPES,
+    Format,
+    as_csv,
+    as_parquet,
+    columns_of,
+    table,
+)
 from pincette_supervisor.planning.trajectory_store import TrajectoryStore
 from pincette_supervisor.rest.dependencies import (
     OBSERVE,
@@ -32,14 +40,6 @@ from pincette_supervisor.rest.dependencies import (
 )
 from pincette_supervisor.rest.middleware import DRY_RUN
 from pincette_supervisor.rest.routes_jobs import take
-from pincette_supervisor.rest.sample_formats import (
-    COLUMNS,
-    MEDIA_TYPES,
-    Format,
-    as_csv,
-    as_parquet,
-    table,
-)
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results.plan_plot import plan_png
 
@@ -168,7 +168,7 @@ def samples(
             digest=row.digest,
             period_s=rig.rig.period_s,
             cut=dry_run.cut,
-            columns=list(COLUMNS),
+            columns=list(columns_of(dry_run.samples)),
             samples=table(dry_run.samples),
         )
     about = {

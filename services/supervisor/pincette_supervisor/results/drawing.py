@@ -20,8 +20,11 @@ LEFT, RIGHT, TOP, BOTTOM = 0.085, 0.985, 0.89, 0.065
 DOT = {"linestyle": "none", "marker": "o", "markersize": 5.0}
 INK, FAINT = "#22282f", "#8a939c"
 MEASURED, REFERENCE, TRUE = "#1f5f8b", "#d1792b", "#3f8f5f"
+SECOND = "#8a4f9e"
+"""Of the second arm."""
 SHADES: Mapping[str, str] = {
     "zero": "#eef1f4",
+    "open": "#e4ebf2",
     "approach": "#e4ebf2",
     "contact": "#f6ecd9",
     "load": "#f3e0cf",

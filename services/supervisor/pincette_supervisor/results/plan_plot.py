@@ -8,12 +8,13 @@ import numpy as np
 from pincette.api.predictions import Prediction, Violation
 from pincette.config import RigFile
 from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.rig_emulator import Samples
+from pincette_supervisor.planning.predicted_samples import Samples
 from pincette_supervisor.results import drawing
 from pincette_supervisor.results.drawing import (
     FAINT,
     MEASURED,
     REFERENCE,
+    SECOND,
     Axis,
     Sheet,
 )
@@ -62,7 +63,8 @@ def plan_png(planned: Planned, samples: Samples, *, name: str) -> bytes:
     axes: list[Axis] = list(figure.subplots(4, 1, sharex=True, height_ratios=(3.0, 3.0, 1.8, 1.2)))
     top = 0.875 - ROW * len(told)
     figure.subplots_adjust(left=0.085, right=0.985, top=top, bottom=0.06, hspace=0.12)
-    labels = ("position / µm", "contact force / mN", "voltage / V", "sliding / µm")
+    last = "sliding / µm" if samples.second is None else "place / µm"
+    labels = ("position / µm", "contact force / mN", "voltage / V", last)
     for axis, label in zip(axes, labels, strict=True):
         drawing.prepare(axis, label)
         drawing.shade(axis, phased)
@@ -91,13 +93,23 @@ def _courses(axes: Sequence[Axis], samples: Samples) -> None:
     def draw(axis: Axis, values: list[float], color: str, label: str, *, dashed: bool) -> None:
         drawing.line(axis, t_s, np.array(values), color, label, dashed=dashed)
 
+    second = samples.second
+    if second is not None:
+        draw(axes[1], second.force_mN, SECOND, "$F_2$ predicted", dashed=False)
+        draw(axes[2], second.voltage_V, SECOND, "$u_2$ predicted", dashed=False)
+        draw(axes[3], second.place_um, MEASURED, "$q$ predicted", dashed=False)
+        draw(axes[3], second.place_r_um, REFERENCE, "$q_r$ reference", dashed=True)
+        draw(axes[0], second.x_um, SECOND, "$x_2$ predicted", dashed=False)
     draw(axes[0], samples.x_um, MEASURED, "$x$ predicted", dashed=False)
     draw(axes[0], samples.x_r_um, REFERENCE, "$x_r$ reference", dashed=True)
     draw(axes[1], samples.force_mN, MEASURED, "$F$ predicted", dashed=False)
     draw(axes[1], samples.force_r_mN, REFERENCE, "$F_r$ reference", dashed=True)
     draw(axes[2], samples.voltage_V, MEASURED, "$u$ predicted", dashed=False)
-    draw(axes[3], samples.sliding_um, MEASURED, "s", dashed=False)
-    axes[3].axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
+    if second is None:
+        draw(axes[3], samples.sliding_um, MEASURED, "s", dashed=False)
+        axes[3].axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
+    else:
+        drawing.legend(axes[3], columns=2)
     for axis in axes[:2]:
         drawing.legend(axis, columns=2)
 

@@ -6,13 +6,15 @@
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import groupby
 from math import ceil
 from time import monotonic
 from typing import Any
 
-from pincette.api.live import LiveBatch
+from msgspec import UNSET
+
+from pincette.api.live import LiveBatch, SecondColumns
 from pincette.core.messages import Applied, Estimate, Message, Position, Telemetry
 from pincette.core.topics import Topic
 from pincette_supervisor.journal.listeners import TooManyListenersError
@@ -54,9 +56,24 @@ class Row:
     force_uncertainty_mN: float | None = None
     voltage_V: float | None = None
     sliding_um: float | None = None
+    second: "SecondRow | None" = field(default=None, metadata={"column": False})
 
 
-COLUMNS = [field.name for field in fields(Row) if field.default is None]
+@dataclass(slots=True)
+class SecondRow:
+    """What a row has of the second arm, and of the part that both hold."""
+
+    x_um: float | None = None
+    force_mN: float | None = None
+    voltage_V: float | None = None
+    place_um: float | None = None
+    place_r_um: float | None = None
+
+
+COLUMNS = [
+    each.name for each in fields(Row) if each.default is None and each.metadata.get("column", True)
+]
+SECOND_COLUMNS = [each.name for each in fields(SecondRow)]
 
 
 class LiveSamples:
@@ -99,6 +116,9 @@ class LiveSamples:
         self._close(position.seq - LATE_TICKS * self._stride)
         row = Row(position.epoch, position.seq, self.clock(), position.t_s)
         row.x_um = position.x_um if position.valid else None
+        if position.second is not UNSET:
+            other = position.second
+            row.second = SecondRow(x_um=other.x_um if other.valid else None)
         self._pending[position.seq] = row
 
     def _close(self, seq: int) -> None:
@@ -144,7 +164,21 @@ class LiveSamples:
             self._listeners -= 1
 
 
+def _fill_second(row: SecondRow, message: Estimate | Telemetry | Applied) -> None:
+    if isinstance(message, Estimate):
+        second = message.second
+        if second is not UNSET and message.valid and second.zero_age_s is not None:
+            row.force_mN = second.force_mN
+    elif isinstance(message, Applied):
+        row.voltage_V = None if message.second is UNSET else message.second.voltage_V
+    elif message.second is not UNSET:
+        row.place_um = message.second.place_um
+        row.place_r_um = message.second.place_r_um if message.playing else None
+
+
 def _fill(row: Row, message: Estimate | Telemetry | Applied) -> None:
+    if row.second is not None:
+        _fill_second(row.second, message)
     if isinstance(message, Estimate):
         row.estimated = True
         if message.valid and message.zero_age_s is not None:
@@ -205,8 +239,19 @@ def _batch(rig: str, now_s: float, rows: list[Row]) -> LiveBatch:
         at_s=[round(row.at_s, 4) for row in rows],
         t_s=[round(row.t_s, 6) for row in rows],
         after_gap=[row.after_gap for row in rows],
+        second=_second_columns(rows),
         **columns,
     )
+
+
+def _second_columns(rows: list[Row]) -> SecondColumns | None:
+    if all(row.second is None for row in rows):
+        return None
+    seconds = [row.second or SecondRow() for row in rows]
+    columns: dict[str, Any] = {
+        name: [_rounded(getattr(each, name)) for each in seconds] for name in SECOND_COLUMNS
+    }
+    return SecondColumns(**columns)
 
 
 def _rounded(value: float | None) -> float | None:

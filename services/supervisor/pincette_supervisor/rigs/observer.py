@@ -23,6 +23,8 @@ from pincette_supervisor.metrics.counters import RigCounters
 
 CAPACITY = 4_000_000
 """Messages a buffer can hold; about three hours at 50 Hz. What comes after is counted."""
+STEP_V = 0.05
+"""Change of the voltage from tick to tick beyond which the arm does not stand where it was."""
 M = TypeVar("M", bound=Message)
 FETCHED_AT_START = (POSITION, APPLIED, TELEMETRY)
 """Topics whose last message is fetched at start, since an idle loop publishes nothing."""
@@ -77,6 +79,10 @@ class Observer:
         """With the time of arrival by both clocks; None if it was fetched."""
         self._position_read_at: float | None = None
         self._confirmed_at: float | None = None
+        self._stepped: tuple[int, int] | None = None
+        """Epoch and tick of the last step of the voltage, and"""
+        self._position_before: Position | None = None
+        """the newest position as it was told."""
         self._alive: dict[str, bool] = {}
         self.tokens_changed = 0
         """How often a program has come or gone; what it said before counts no more."""
@@ -115,6 +121,11 @@ class Observer:
         # Trips first: a trip that is learnt of in another way is found there.
         self.trips.take(topic, message)
         awake_s = self.awake_clock()
+        if isinstance(message, Applied):
+            before = self.newest(Applied)
+            if before is not None and abs(message.voltage_V - before.voltage_V) > STEP_V:
+                self._stepped = (message.epoch, message.seq)
+                self._position_before = self.newest(Position)
         self._newest[type(message)] = (message, (self.clock(), awake_s))
         if isinstance(message, Position) and message.valid:
             self._position_read_at = awake_s
@@ -137,6 +148,18 @@ class Observer:
         """The newest message of a kind."""
         entry = self._newest.get(kind)
         return None if entry is None else cast(M, entry[0])
+
+    def standing(self) -> Position | None:
+        """The sample that says where the arm stands.
+
+        None before the first valid one, and after a step of the voltage that no sample has
+        followed: a loop in lockstep ends with the ramp of a trip, or with programs that died.
+        """
+        position = self.newest(Position)
+        if position is None or position is self._position_before or not position.valid:
+            return None
+        epoch, seq = self._stepped or (None, 0)
+        return None if position.epoch == epoch and position.seq <= seq else position
 
     def age_s(self, kind: type[Message]) -> float | None:
         """Seconds since the newest message of a kind came; None before the first."""

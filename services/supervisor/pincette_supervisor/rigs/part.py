@@ -1,7 +1,9 @@
 """The held part, the running program, and whether the stage may move, by the newest samples."""
 
+from msgspec import UNSET
+
 from pincette.core.faults import Mode, Phase
-from pincette.core.messages import Applied, Estimate, Position, Telemetry
+from pincette.core.messages import Applied, Estimate, Telemetry
 from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.planning.present import Present
@@ -16,10 +18,19 @@ ABOUT_TO = ("preparing", "resuming")
 
 
 def is_playing(context: RigContext) -> bool:
-    """Whether a program plays."""
+    """Whether a program plays, by the actuator's samples; before the first comes by its answer."""
     silent_s = context.observer.silent_s(Applied)
-    armed = context.health.latch().mode == Mode.ARMED
-    return armed and silent_s is not None and silent_s < PLAYING_S
+    if silent_s is None:
+        actuator = context.health.status("actuator")
+        return actuator is not None and actuator.mode == Mode.ARMED
+    return context.health.latch().mode == Mode.ARMED and silent_s < PLAYING_S
+
+
+def playing_words(context: RigContext) -> str:
+    """Why a job that arms the rig anew cannot start; empty where no program plays."""
+    if not is_playing(context):
+        return ""
+    return "actuator: armed for another program than a job of this supervisor; wait until it ends"
 
 
 def held_words(context: RigContext) -> str:
@@ -44,10 +55,17 @@ def present(context: RigContext) -> Present | None:
     applied = context.observer.newest(Applied)
     if applied is None:
         return None
-    position = context.observer.newest(Position)
-    x_um = position.x_um if position is not None and position.valid else None
+    position = context.observer.standing()
+    x_um = None if position is None else position.x_um
+    other = UNSET if position is None else position.second
     known = standing(context).part
-    return Present(applied.voltage_V, x_um, None if known == "unknown" else known == "held")
+    return Present(
+        applied.voltage_V,
+        x_um,
+        None if known == "unknown" else known == "held",
+        second_V=None if applied.second is UNSET else applied.second.voltage_V,
+        second_um=other.x_um if other is not UNSET and other.valid else None,
+    )
 
 
 def unsafe_to_move(context: RigContext, active: LiveJob | None) -> str:

@@ -1,7 +1,7 @@
 """Where jobs run: the rig with the model in use, its bus, and what is kept of both."""
 
 from collections.abc import Callable
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -62,6 +62,16 @@ class RigContext:
     def alarms(self) -> AlarmLog:
         """Of the rig."""
         return AlarmLog(self.store, self.events, self.write_queue)
+
+    @cached_property
+    def closer(self) -> Executor:
+        """Asks the recorder, which has one record at a time: in order, and behind no drawing."""
+        return ThreadPoolExecutor(1, thread_name_prefix="closer")
+
+    def finish_records(self) -> None:
+        """Let the record that is being written come to its end; none is written any more."""
+        self.closer.shutdown()
+        self.archivist.shutdown()
 
     @cached_property
     def write_queue(self) -> WriteQueue:

@@ -2,6 +2,8 @@
 
 from datetime import UTC, datetime
 
+from msgspec import UNSET
+
 from pincette.api.job_kinds import job_kinds
 from pincette.api.rig_states import RIG_STATES
 from pincette.api.rigs import (
@@ -26,7 +28,7 @@ from pincette_supervisor.jobs import job_queue
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.rigs.health import PROGRAMS
-from pincette_supervisor.rigs.part import held_words, is_playing, unsafe_to_move
+from pincette_supervisor.rigs.part import held_words, is_playing, playing_words, unsafe_to_move
 from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import standing
 
@@ -57,6 +59,7 @@ def rig_view(manager: JobManager) -> Rig:
         name=rig.rig.name,
         time=rig.rig.time,
         period_s=rig.rig.period_s,
+        arms=len(rig.arms),
         digest=context.digest,
         model=ModelInUse(**context.model.in_use.stamp),
         programs=[_program(context, name) for name in PROGRAMS],
@@ -90,17 +93,14 @@ def _taken(context: RigContext, active: LiveJob | None) -> list[str]:
     if active is not None:
         doing = "holds a part" if active.terminal else f"is {active.state}"
         return [f"job {active.id} {doing}"]
-    words = held_words(context)
-    if words:
-        return [words]
-    if is_playing(context):
-        return ["actuator: armed for another program than a job of this supervisor"]
-    return []
+    words = held_words(context) or playing_words(context)
+    return [words] if words else []
 
 
 def _startable(context: RigContext, active: LiveJob | None) -> list[str]:
     """Kinds of job that can start while no program has a fault."""
-    kinds = job_kinds()
+    arms = len(context.rig.arms)
+    kinds = {name: kind for name, kind in job_kinds().items() if arms in kind.arms}
     holding = [kind.name for kind in kinds.values() if kind.begins_held]
     if active is not None:
         return holding if active.terminal and active.held else []
@@ -200,4 +200,19 @@ def _newest(context: RigContext) -> Newest | None:
         force_uncertainty_mN=None if known is None else known.force_uncertainty_mN,
         zero_age_s=None if known is None else known.zero_age_s,
         voltage_V=None if applied is None else applied.voltage_V,
+        **_newest_of_second(position, known, applied),
     )
+
+
+def _newest_of_second(
+    position: Position | None, known: Estimate | None, applied: Applied | None
+) -> dict[str, float | None]:
+    """The same of the second arm; nothing where there is none."""
+    found: dict[str, float | None] = {}
+    if position is not None and position.second is not UNSET:
+        found["second_x_um"] = position.second.x_um if position.second.valid else None
+    if known is not None and known.second is not UNSET:
+        found["second_force_mN"] = known.second.force_mN
+    if applied is not None and applied.second is not UNSET:
+        found["second_voltage_V"] = applied.second.voltage_V
+    return found

@@ -13,7 +13,7 @@ from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette.config.rig_file import JOINED
 from pincette_supervisor import problems
-from pincette_supervisor.config import configure
+from pincette_supervisor.config import MODELS, RECORDS
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.jobs.job_view import job_view
 from pincette_supervisor.jobs.refusals import require_job, unready
@@ -113,7 +113,7 @@ class Rigs:
 
     def with_live_job(self, job: str) -> JobManager:
         """The rig with a live or queued job, without reading the journal."""
-        return next((one for one in self.all() if one.has_job(job)), self.own)
+        return next((one for one in self.all() if one.index.has_job(job)), self.own)
 
     def job(self, name: str) -> Job:
         """One job; raises ProblemError if there is none of this name."""
@@ -133,7 +133,7 @@ class Rigs:
         manager = self.find(row.rig)
         if manager is None:
             return job_view(row, None, None, self.records(row.rig))
-        return manager.view(row)
+        return manager.index.view(row)
 
     def records(self, rig: str) -> Path:
         """Folder of a rig's records, whether or not it is served."""
@@ -196,15 +196,16 @@ class RigFactory:
         return manager
 
     def _context(self, rig: RigFile, bus: WatchedBus) -> RigContext:
-        config = configure(rig, rig.home(self.data))
+        # A rig that joins states where the supervisor is too; certificates are the own rig's.
+        home = rig.home(self.data)
         observer = Observer(bus, monotonic, self.awake_clock)
         return RigContext(
-            model=RigModel(rig, config.models, self.store),
+            model=RigModel(rig, home / MODELS, self.store),
             bus=bus,
             observer=observer,
             health=Health(rig, bus, observer, self.store),
             store=self.store,
             events=EventLog(self.store, rig.rig.name, self.listeners),
-            records=config.records,
+            records=home / RECORDS,
             archivist=archive.archivist(),
         )

@@ -22,5 +22,6 @@ KIND = JobKind(
     waits=True,
     proposes=True,
     picture="calibration.png",
+    arms=(1, 2),
     place=60,
 )

@@ -50,6 +50,9 @@ class CalibrationFunctions:
     """After a stall has tripped it, the request that keeps what is measured, and words that say
     where it goes on. None: it begins again from its start, since the voltage went to the safe one
     and no branch of the hysteresis was left as it was."""
+    moves_less: Callable[[Any, Run], tuple[Any, str] | None] | None = None
+    """After it has led the arm beyond a limit of position, the request of a smaller motion, and
+    words that say which; None where there is none."""
 
 
 def functions_of(calibration: str) -> CalibrationFunctions:

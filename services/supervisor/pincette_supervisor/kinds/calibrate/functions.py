@@ -13,6 +13,12 @@ from pincette.control.planning.course import require_bounded
 from pincette.control.planning.program import Program
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds.calibrate.calibration import functions_of
+from pincette_supervisor.kinds.calibrate.one_arm import (
+    model_of_arm,
+    named_of_arm,
+    program_for_both,
+    run_of_arm,
+)
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 from pincette_supervisor.kinds.calibrate.voltages import planned_phases
 from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
@@ -43,16 +49,18 @@ def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Pl
         Where the numbers make no program, or one that a limit of the rig forbids.
     """
     functions = functions_of(request.calibration)
-    made, values, waits = functions.program(request, model, present)
-    rig = model.rig
-    program = _guarded(made, rig, weights="weights" in functions.needs)
-    require_bounded([(segment.phase, segment.duration_s or 0.0) for segment in program.segments])
+    of_arm = model_of_arm(model, request.arm)
+    made, values, waits = functions.program(request, of_arm, present)
+    rig = of_arm.rig
+    made = _guarded(made, rig, weights="weights" in functions.needs)
+    require_bounded([(segment.phase, segment.duration_s or 0.0) for segment in made.segments])
     phases, low_V, high_V = planned_phases(
-        program, derived.planned_rig(rig), rig.part.contact_um, rig.safety.safe_V
+        made, derived.planned_rig(rig), rig.part.contact_um, rig.safety.safe_V
     )
+    program = program_for_both(made, model.rig, request.arm)
     for number, wait in waits.items():
         phases[number] = phases[number].model_copy(update={"instruction": wait.instruction})
-    violations = _violations(program, rig.limits.sweep_V)
+    violations = _violations(made, rig.limits.sweep_V)
     law = rig_law(rig) if functions.meets_part else None
     if law is not None and not law.assessment.stable:
         violations.append(law.violation())
@@ -67,10 +75,10 @@ def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Pl
         voltage_min_V=low_V,
         voltage_max_V=high_V,
         violations=violations,
-        assumptions=assumptions(request.calibration, model),
+        assumptions=assumptions(request.calibration, of_arm),
         law=None if law is None else law.view(),
     )
-    values = {"calibration": request.calibration, **values}
+    values = {"calibration": request.calibration, "arm": request.arm, **values}
     return Planned(view, program, values, model, waits, meets_part=functions.meets_part)
 
 
@@ -128,14 +136,15 @@ def _violations(program: Program, sweep_limit_V: float) -> list[Violation]:
 
 def evaluate(run: Run) -> Evaluation:
     """Analyse the samples of a motion that was played to its end."""
-    name = run.planned.values["calibration"]
+    name, arm = run.planned.values["calibration"], run.planned.values.get("arm", 1)
     analysis, fault = None, ""
     if outcome_of(run.table) in GOOD_OUTCOMES:
         try:
-            analysis = functions_of(name).analyse(run)
+            analysis = functions_of(name).analyse(run_of_arm(run, arm))
+            analysis = named_of_arm(analysis, arm)
         except ValueError as error:
             fault = f"no values: {error}"
-    resting = assumptions(name, run.planned.model)
+    resting = assumptions(name, model_of_arm(run.planned.model, arm))
     result = CalibrationResult(
         **course(run.table, period_s=run.period_s, dropped=run.dropped),
         calibration=name,

@@ -15,5 +15,7 @@ class CalibrationRequest(JobRequest, frozen=True):
 
     kind: Literal["calibrate"] = "calibrate"
     calibration: str
+    arm: Literal[1, 2] = 1
+    """Of a rig of two driven arms, the one that is calibrated; the other rests."""
     tries: Annotated[int, Field(ge=1, le=10), WHOLE] = TRIES
     """How often it begins in all where a stall trips it; that trip is acknowledged beforehand."""

@@ -34,7 +34,7 @@ SETTLE_S = 0.5
 """Left out at the begin of the hold, or a quarter of it where it is shorter than 2 s."""
 
 
-def plan(request: GripJobRequest, model: ModelInUse, _present: Present) -> Planned:
+def plan(request: GripJobRequest, model: ModelInUse, present: Present) -> Planned:
     """Plan a grip."""
     rig = model.rig
     values = contact_values(request, ("force_mN", "hold_s", *CONTACT_FIELDS), rig)
@@ -45,7 +45,7 @@ def plan(request: GripJobRequest, model: ModelInUse, _present: Present) -> Plann
     if speeds is not None:
         values |= speeds.values()
         part |= {"zero_s": rig.grip.quick.zero_s, "quick": True}
-    made = plan_grip(GripRequest(**values, **part), derived.planned_rig(rig))
+    made = plan_grip(GripRequest(**values, **part), derived.planned_rig(rig, present.x_um))
     if speeds is not None:
         made = replace(made, violations=(*speeds.violations, *made.violations))
     values["profile"] = "gentle" if speeds is None else "quick"

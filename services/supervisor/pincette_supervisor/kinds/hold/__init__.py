@@ -55,5 +55,6 @@ KIND = JobKind(
     figures=fields.MOTION,
     begins_held=True,
     from_present=True,
+    arms=(1, 2),
     place=40,
 )

@@ -42,7 +42,7 @@ LEARNED_CYCLES = 3
 learns changes from cycle to cycle, and would pass for noise."""
 
 
-def plan(request: TrackJobRequest, model: ModelInUse, _present: Present) -> Planned:
+def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Planned:
     """Plan a tracked path."""
     rig = model.rig
     contact = contact_values(request, CONTACT_FIELDS, rig)
@@ -56,7 +56,7 @@ def plan(request: TrackJobRequest, model: ModelInUse, _present: Present) -> Plan
         acceleration_um_per_s2=values["acceleration_um_per_s2"],
         pointer=pointer,
     )
-    made = plan_track(track, derived.planned_rig(rig))
+    made = plan_track(track, derived.planned_rig(rig, present.x_um))
     found = peaks(path)
     planned = contact_job(
         request, model, made, (found.lowest, found.highest), {**values, **contact}

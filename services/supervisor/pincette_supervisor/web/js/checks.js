@@ -14,7 +14,8 @@ function row(check) {
   const tone = TONES[check.ok ? "ok" : check.needed ? "needed" : "look"];
   const sized = typeof check.value === "number";
   return h("tr", {},
-    h("th", { scope: "row" }, check.name),
+    // It may break after its dot alone.
+    h("th", { scope: "row" }, check.name.replaceAll(".", ".\u200b")),
     h("td", {}, chip(check.words, tone)),
     h("td", { class: "figures" }, sized ? figure(check.value, check.unit) : "–",
       sized && check.limit !== null

@@ -87,7 +87,8 @@ export class Current {
         h("p", { id: "course", class: "course" })),
       buttons.length ? h("div", { class: "buttons" }, ...buttons) : null,
       ended || !buttons.length ? null : h("p", { class: "hint", id: "current-hint" },
-        `Stop ${stopping(job)}; Abort trips the actuator, which latches.`),
+        job.position ? "Nothing of it has moved: Stop and Abort take it out of the queue."
+          : `Stop ${stopping(job)}; Abort trips the actuator, which latches.`),
       this.sent, this.fault,
       h("p", { class: "muted small" },
         h("button", { type: "button", id: "current-open", class: "link",

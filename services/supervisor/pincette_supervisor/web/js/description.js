@@ -3,11 +3,20 @@
 import { patch, told } from "./api.js";
 import { byId, h } from "./dom.js";
 
+const SHORT = 14;
 export const SAID = [["sample", "Sample", 200], ["batch", "Batch", 200], ["operator", "Operator", 80],
   ["notes", "Notes", 4000]];
 
-/** Sample and batch, then labels, in one line. */
-export const saidOf = (job) => [job.sample, job.batch, ...Object.values(job.labels)].filter(Boolean).join(" · ");
+/** Sample and batch, then labels. */
+const partsOf = (job) => [job.sample, job.batch,
+  ...Object.entries(job.labels).map(([name, text]) => `${name}=${text}`)].filter(Boolean);
+
+/** The same in one line. */
+export const saidOf = (job) => partsOf(job).join(" · ");
+
+/** The same for a narrow column, in which what is short keeps its line. */
+export const saidIn = (job) => partsOf(job).flatMap((text, place) => [place ? " · " : "",
+  h("span", { class: text.length <= SHORT ? "whole" : "" }, text)]);
 
 /** Label and text of everything that was said. */
 export const factsOf = (job) => [...SAID.map(([name, label]) => [label, job[name]]),

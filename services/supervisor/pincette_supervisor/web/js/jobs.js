@@ -2,9 +2,9 @@
 
 import { BASE, get, jobsOfRig } from "./api.js";
 import { outcomeOf } from "./current.js";
-import { describe, factsOf, saidOf } from "./description.js";
+import { describe, factsOf, saidIn, saidOf } from "./description.js";
 import { byId, chip, h, show } from "./dom.js";
-import { figuresOf, kindOf, kinds, mainFigure } from "./kinds.js";
+import { assumedOf, figuresOf, kindOf, kinds, mainFigure } from "./kinds.js";
 import { clock, number, plain, toneOfState } from "./words.js";
 
 const PAGE = 30;
@@ -134,7 +134,7 @@ export class Jobs {
         "aria-pressed": String(job.id === this.chosen),
         onclick: () => this.choose(job.id) }, clock(job.created_at))),
       h("td", {}, plain(job.values?.[kindOf(job.kind).variant_field] ?? job.kind),
-        saidOf(job) ? h("span", { class: "muted block" }, saidOf(job)) : null),
+        saidOf(job) ? h("span", { class: "muted block" }, ...saidIn(job)) : null),
       h("td", {}, chip(plain(job.state) + place, toneOfState(job.state)),
         outcome ? h("span", { class: "muted block" }, outcome) : null),
       h("td", { class: "figures" }, mainFigure(job)[1]));
@@ -146,16 +146,21 @@ export class Jobs {
     const place = (file) => `${BASE}/jobs/${job.id}/artifacts/${encodeURIComponent(file.name)}`;
     const facts = [...factsOf(job), ...figuresOf(job), ...losses(job)].map(([label, text]) => h("div", {},
       h("dt", {}, label), h("dd", {}, text)));
+    const assumed = assumedOf(job);
+    const [label, main] = mainFigure(job);
     return h("article", { class: "detail", "aria-labelledby": "job-title" },
       h("h3", { id: "job-title", tabindex: "-1" }, `${plain(job.kind)} ${job.id}`),
       h("p", {}, chip(plain(job.state), toneOfState(job.state)), " ", outcomeOf(job)),
+      label ? h("p", { class: "sum" }, `${label} ${main}`) : null,
       job.by ? h("p", { class: "muted" }, `Asked for by ${job.by}`) : null,
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       job.record_detail ? h("p", { class: "cause" }, `Record: ${job.record_detail}`) : null,
-      facts.length ? h("dl", { class: "figures-list" }, ...facts) : null,
       ...pictures.map((file) => h("a", { href: place(file), target: "_blank", rel: "noopener" },
         h("img", { src: place(file), class: "picture", loading: "lazy",
           alt: `${plain(job.kind)}: position, force and voltage over time` }))),
+      facts.length ? h("dl", { class: "figures-list" }, ...facts) : null,
+      assumed.length ? h("p", { class: "muted small assumed" },
+        `Assumed, as nobody has calibrated it: ${assumed.join(", ")}`) : null,
       this.actions(job),
       describe(job, (changed) => this.take(changed)),
       files.length ? h("ul", { class: "files", "aria-label": "Files of the record" },

@@ -11,6 +11,9 @@ export async function loadKinds() {
 
 export const kinds = () => known;
 
+/** The kinds of job that a rig of so many arms takes. */
+export const kindsFor = (arms) => known.filter((each) => each.arms.includes(arms));
+
 /** A kind by its name; of one that is not installed any more, what all kinds have. */
 export const kindOf = (name) => known.find((each) => each.name === name)
   ?? { name, label: plain(name), form: [], figures: [], actions: [], variant_field: "", variants: [] };
@@ -18,14 +21,15 @@ export const kindOf = (name) => known.find((each) => each.name === name)
 /** A member of a result; a dot leads to a member of a member. */
 const memberOf = (result, name) => name.split(".").reduce((part, each) => part?.[each], result);
 
-function shown(result, figure, brief = false) {
+const assumedBy = (result, figure) => (figure.assumed && memberOf(result, figure.assumed)) || [];
+
+function shown(result, figure) {
   const value = memberOf(result, figure.name);
   if (typeof value === "boolean") return value ? "yes" : "no";
   if (typeof value !== "number") return value === null || value === undefined ? "–" : plain(value);
   const spread = figure.uncertainty ? memberOf(result, figure.uncertainty) : null;
   const more = typeof spread === "number" ? ` ± ${withUnit(spread, "", figure.digits).trim()}` : "";
-  const assumed = more && figure.assumed ? memberOf(result, figure.assumed) ?? [] : [];
-  const by = assumed.length ? ` (assumed${brief ? "" : `: ${assumed.join(", ")}`})` : "";
+  const by = more && assumedBy(result, figure).length ? " (assumed)" : "";
   return `${withUnit(value, "", figure.digits).trim()}${more} ${figure.unit}${by}`.trim();
 }
 
@@ -37,10 +41,15 @@ export function figuresOf(job) {
     .map((each) => [each.label, shown(result, each)]);
 }
 
+/** What the uncertainty of a figure is worked out from, but nobody has calibrated. */
+export function assumedOf(job) {
+  return [...new Set(kindOf(job.kind).figures.flatMap((each) => assumedBy(job.result ?? {}, each)))];
+}
+
 /** The figure of a job that lists show: its label and its text. */
 export function mainFigure(job) {
   const figure = kindOf(job.kind).figures.find((each) => each.main);
-  return figure && job.result ? [figure.label, shown(job.result, figure, true)] : ["", "–"];
+  return figure && job.result ? [figure.label, shown(job.result, figure)] : ["", "–"];
 }
 
 /** A job as it was asked for, in a few words. */

@@ -51,13 +51,13 @@ export class Queue {
       h("button", { type: "button", class: "link", id: `wait-${job.id}`,
         onclick: () => this.choose(job.id) }, asked(job)),
       h("span", { class: "muted" }, clock(job.created_at)),
-      h("button", { type: "button", class: "quiet", id: `drop-${job.id}`, "data-needs": "operate",
-        "aria-label": `Take ${asked(job)}, place ${job.position}, out of the queue`,
-        onclick: () => this.ask(`/jobs/${job.id}/actions`, "stop") }, "Remove"),
       job.position > 1 ? h("button", { type: "button", class: "quiet", id: `first-${job.id}`,
         "data-needs": "operate", "aria-label": `Move ${asked(job)}, place ${job.position}, to the front`,
         onclick: () => this.ask(`${RIG_PATH}/queue/actions`, "move", { job: job.id, position: 1 }) },
-      "First") : null);
+      "First") : null,
+      h("button", { type: "button", class: "quiet", id: `drop-${job.id}`, "data-needs": "operate",
+        "aria-label": `Take ${asked(job)}, place ${job.position}, out of the queue`,
+        onclick: () => this.ask(`/jobs/${job.id}/actions`, "stop") }, "Remove"));
   }
 
   async ask(path, type, more = {}) {

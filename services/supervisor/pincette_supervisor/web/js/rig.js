@@ -19,7 +19,9 @@ function safeToMove(rig) {
 
 /** What is told, with its age where it is not known any more but believed. */
 function trusted(text, certainty, age_s) {
-  return certainty === "believed" ? `${text}, believed (${duration(Math.round(age_s ?? 0))} old)` : text;
+  if (certainty !== "believed") return text;
+  const age = Math.round(age_s ?? 0);
+  return age ? `${text}, believed (${duration(age)} old)` : `${text}, believed`;
 }
 
 function stands(rig) {

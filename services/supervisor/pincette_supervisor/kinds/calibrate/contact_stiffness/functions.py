@@ -52,7 +52,7 @@ class ContactFound:
 
 
 def program(
-    request: ContactStiffnessRequest, model: ModelInUse, _present: Present
+    request: ContactStiffnessRequest, model: ModelInUse, present: Present
 ) -> CalibrationProgram:
     """Press the part by a sinusoid of voltage at several levels; raises FaultyRequestError.
 
@@ -67,7 +67,8 @@ def program(
             "not identified: calibrate free_response first",
         )
     given = contact_values(request, CONTACT_FIELDS, rig)
-    contact, planned = ContactRequest(**given, **part_values(rig)), derived.planned_rig(rig)
+    contact = ContactRequest(**given, **part_values(rig))
+    planned = derived.planned_rig(rig, present.x_um)
     levels_V = tuple(request.levels_V or levels_within(contact, planned))
     made = contact_stiffness_program(contact, planned, levels_V)
     return made, {"levels_V": list(levels_V), **given}, {}

@@ -23,6 +23,11 @@ class FreeResponseRequest(CalibrationRequest, frozen=True):
     """Lowest voltage of the motion."""
     high_V: float | None = None
     """Voltages that a grip needs lie between both."""
+    least_V: float | None = None
+    """Below it no part of the motion goes, nor above ``most_V``; the cycles of 2 V make room.
+    Where the arm has gone beyond a limit of position, the next try has them."""
+    most_V: float | None = None
+    """Highest voltage of all the motion."""
     rate_V_per_s: Positive | None = None
     """Peak rate of the fastest moves."""
 

@@ -7,6 +7,7 @@ from pincette.config import IdentifiedFreeResponse, RigFile, derived
 from pincette.control.planning.calibration_programs import full_cycles
 from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
+    GAIN_PP_V,
     PRESS_CYCLES,
     free_response_program,
     rehearsed_grips,
@@ -38,6 +39,8 @@ from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
 
 BELOW_REST = 0.1
 """How far the free motion goes below rest, as a share of its height above."""
+LESS = 0.8
+"""Of the voltage from rest at which the arm came beyond a limit of position."""
 QUICKEST = 0.9
 """Share of the slew limit up to which a grip is rehearsed at the speed of a quick one."""
 GAIN_DIFFERENCE = 0.01
@@ -48,7 +51,7 @@ def program(
     request: FreeResponseRequest, model: ModelInUse, _present: Present
 ) -> CalibrationProgram:
     """Over the voltages that a grip needs, within the limits, where the request names no range."""
-    rig = model.rig
+    rig = _within(model.rig, request)
     limits, d_p, rest_V = rig.limits, rig.model.piezo_um_per_V, rig.safety.safe_V
     high_V = request.high_V
     if high_V is None:
@@ -70,6 +73,44 @@ def program(
         grip_V_per_s=min(quick, QUICKEST * limits.slew_V_per_s),
     )
     return made, {"low_V": low_V, "high_V": high_V, "rate_V_per_s": rate}, {}
+
+
+def _within(rig: RigFile, request: FreeResponseRequest) -> RigFile:
+    """The rig with the voltages of the request as limits, where they are closer."""
+    limits = rig.limits
+    least_V, most_V = limits.voltage_min_V, limits.voltage_max_V
+    if request.least_V is not None:
+        least_V = max(least_V, request.least_V)
+    if request.most_V is not None:
+        most_V = min(most_V, request.most_V)
+    closer = {"voltage_min_V": least_V, "voltage_max_V": most_V}
+    return rig.model_copy(update={"limits": limits.model_copy(update=closer)})
+
+
+def moves_less(request: FreeResponseRequest, run: Run) -> tuple[FreeResponseRequest, str] | None:
+    """Keep to ``LESS`` of the voltage at which the arm came beyond a limit of position.
+
+    The gain of an arm that no model knows may be 1.6 times the assumed one, and its remanence moves
+    the rest. None where cycles of 2 V would not find room.
+    """
+    rig = _within(run.rig, request)
+    taken, limits, rest_V = samples(run.table, run.period_s), rig.limits, rig.safety.safe_V
+    low = np.flatnonzero(taken.x_um < limits.position_min_um)
+    high = np.flatnonzero(taken.x_um > limits.position_max_um)
+    least_V, most_V = limits.voltage_min_V, limits.voltage_max_V
+    if len(low):
+        least_V = rest_V + LESS * (float(taken.voltage_V[low[0]]) - rest_V)
+    if len(high):
+        most_V = rest_V + LESS * (float(taken.voltage_V[high[0]]) - rest_V)
+    if not least_V <= rest_V <= most_V or most_V - least_V < GAIN_PP_V:
+        return None
+    less: dict[str, object] = {"least_V": least_V, "most_V": most_V}
+    if request.low_V is not None:
+        less["low_V"] = max(request.low_V, least_V)
+    if request.high_V is not None:
+        less["high_V"] = min(request.high_V, most_V)
+    words = f"begins again and keeps to {least_V:.2f} V to {most_V:.2f} V"
+    return request.model_copy(update=less), words
 
 
 def _pressed_um(rig: RigFile) -> float:
@@ -210,6 +251,7 @@ FUNCTIONS = CalibrationFunctions(
     program=program,
     analyse=analyse,
     draw=draw,
+    moves_less=moves_less,
     assumes=("model.compliance_um_per_mN",),
     finds=(
         "model.piezo_um_per_V",

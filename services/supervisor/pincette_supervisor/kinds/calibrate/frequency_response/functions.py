@@ -12,6 +12,7 @@ from pincette_supervisor.calibration.samples import acquisition
 from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
 from pincette_supervisor.kinds.calibrate.frequency_response import FrequencyResponseRequest
 from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
+from pincette_supervisor.kinds.calibrate.output_timing import bursts_are_needed
 from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.errors import InstrumentBandwidth, UnsupportedError
@@ -29,7 +30,7 @@ def program(
     """Sweep a sine through the resonance."""
     rig = model.rig
     _require_sweep(rig, request.to_hz, request.capture_hz)
-    amplitude_V = request.amplitude_V or _amplitude_V(model)
+    amplitude_V = request.amplitude_V or sweep_amplitude_V(model)
     made = frequency_response_program(
         derived.planned_rig(rig),
         amplitude_V=amplitude_V,
@@ -44,7 +45,7 @@ def program(
     return made, {**values, "amplitude_V": amplitude_V}, {}
 
 
-def _amplitude_V(model: ModelInUse) -> float:
+def sweep_amplitude_V(model: ModelInUse) -> float:
     """Limit of a sweep, or where less, what moves the arm by a share of its room at resonance."""
     limits, arm = model.rig.limits, model.rig.model
     room_um = min(limits.position_max_um, -limits.position_min_um)
@@ -172,8 +173,11 @@ def draw(sheet: Sheet, found: SweptMode) -> None:
 
 
 def _moves_fast(rig: RigFile) -> bool:
-    """Whether the estimator takes the mode into account; a quasi-static one does not."""
-    return rig.model.force_observer != "quasi_static"
+    """Whether the estimator takes the mode into account; a quasi-static one does not.
+
+    Where bursts at the period of the loop show the mode, ``output_timing`` finds it.
+    """
+    return rig.model.force_observer != "quasi_static" and not bursts_are_needed(rig)
 
 
 FUNCTIONS = CalibrationFunctions(

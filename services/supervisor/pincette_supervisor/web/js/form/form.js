@@ -6,7 +6,7 @@ import { field, SAID } from "../description.js";
 import { byId, h, setText } from "../dom.js";
 import { Fields } from "./fields.js";
 import { Jog } from "./jog.js";
-import { defaultsOf, kindOf, kinds, plannedFields } from "../kinds.js";
+import { defaultsOf, kindOf, kindsFor, plannedFields } from "../kinds.js";
 import { PlanView } from "./plan.js";
 import { plain } from "../words.js";
 
@@ -56,10 +56,12 @@ export class StartForm {
     byId("panel-start").append(this.jog.element, this.form);
   }
 
-  /** Offer the kinds of job that the supervisor has. */
-  offer() {
-    this.kind.replaceChildren(...kinds().map(({ name, label }) => h("option", { value: name }, label)));
-    this.choose(kinds()[0].name);
+  /** Offer the kinds of job that the supervisor has for rigs of so many arms. */
+  offer(arms = 1) {
+    this.arms = arms;
+    const offered = kindsFor(arms);
+    this.kind.replaceChildren(...offered.map(({ name, label }) => h("option", { value: name }, label)));
+    this.choose(offered[0].name);
   }
 
   choose(name) {
@@ -87,7 +89,8 @@ export class StartForm {
     try {
       this.sources.recipes = (await get("/recipes")).recipes.map((each) => each.name);
       if (!may("operate")) return;
-      for (const { name, form } of kinds().filter((kind) => plannedFields(kind.form).length)) {
+      const offered = kindsFor(this.rig?.arms ?? this.arms);
+      for (const { name, form } of offered.filter((kind) => plannedFields(kind.form).length)) {
         this.defaults[name] = defaultsOf(await planOf({ kind: name }, false), form);
       }
       if (!this.form.contains(document.activeElement)) this.choose(this.kind.value);
@@ -100,6 +103,10 @@ export class StartForm {
   follow(rig) {
     if (!rig) return;
     this.rig = rig;
+    if (rig.arms !== this.arms) {
+      this.offer(rig.arms);
+      this.prefill();
+    }
     this.fields.limit(Object.fromEntries(rig.limits.map((each) => [each.quantity, each.value])));
     const { startable } = rig;
     const fits = !startable.length || startable.includes(this.kind.value);

@@ -34,12 +34,27 @@ function table(caption, head, rows) {
 function margins(plan) {
   const found = plan.prediction?.margins;
   if (!found?.length) return [];
+  const arms = found.some((each) => each.arm > 1);
   return [table("How near it comes to the limits", ["Limit", "Left", "Where"],
     found.map((each) => h("tr", { class: each.distance < 0 ? "broken" : "" },
-      h("th", { scope: "row" }, `${plain(each.quantity)} ${significant(each.limit, 3)}`,
+      h("th", { scope: "row" }, `${arms ? `arm ${each.arm}, ` : ""}${plain(each.quantity)} ${
+        significant(each.limit, 3)}`,
         h("span", { class: "unit" }, each.unit)),
       h("td", {}, `${significant(each.distance, 3)} ${each.unit}`),
       h("td", { class: "muted" }, `${plain(each.phase)}, ${number(each.at_s, 2)} s`))))];
+}
+
+/** Of two arms: what the job would come to, with what the estimators state of it. */
+function figures(plan) {
+  const found = plan.prediction?.figures;
+  if (!found || found.force_held_mN === null) return [];
+  const rows = [["force of both arms", `${number(found.force_held_mN, 2)} ± ${
+    number(found.force_uncertainty_mN, 2)} mN`], ["place", `${number(found.held_place_um, 2)} µm`]];
+  if (found.place_um) rows.push(["RMSE of the place", `${number(found.place_um.rmse, 3)} µm`]);
+  if (found.force_mN) rows.push(["RMSE of the force", `${number(found.force_mN.rmse, 3)} mN`]);
+  rows.push(["difference of both forces", `0 ± ${number(found.difference_uncertainty_mN, 2)} mN`]);
+  return [table("What it would come to, without noise", ["", ""], rows.map(([name, value]) =>
+    h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value))))];
 }
 
 /** The law of a job, and what it errs where the part is not as expected. */
@@ -94,7 +109,7 @@ export class PlanView {
     this.body.replaceChildren(...violations(plan),
       ...(plan.warnings ?? []).map((text) => h("p", { class: "cause warn" }, text)),
       plan.prediction?.cut ? h("p", { class: "muted" }, plan.prediction.cut) : "",
-      ...drawPrediction(plan, limits), ...margins(plan), ...law(plan),
+      ...drawPrediction(plan, limits), ...figures(plan), ...margins(plan), ...law(plan),
       ...notes(plan.prediction?.assumptions, "What this rests on"));
   }
 }

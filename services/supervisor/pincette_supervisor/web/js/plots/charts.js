@@ -15,6 +15,7 @@ export class Charts {
     this.recent = recent;
     this.past = past;
     this.view = { seconds: 30, from: -30, to: 0, cross: null, held: null, shows: "values", expert: false };
+    this.arms = 1;
     this.strips = QUANTITIES.map((each) => new Strip(each));
     this.readouts = QUANTITIES.map((each) => new Readout(each));
     byId("charts").append(...this.strips.map((strip) => strip.element));
@@ -45,8 +46,9 @@ export class Charts {
       view.cross = null;
       view.held = null;
     }
-    const seen = this.strips.filter(({ quantity }) => (quantity.expert ? view.expert
-      : !quantity.shows || quantity.shows === view.shows));
+    const most = this.past.hours ? 1 : this.arms;
+    const seen = this.strips.filter(({ quantity }) => (quantity.arms ?? 1) <= most
+      && (quantity.expert ? view.expert : !quantity.shows || quantity.shows === view.shows));
     for (const [place, strip] of this.strips.entries()) {
       const shown = seen.includes(strip);
       strip.element.hidden = !shown;
@@ -58,6 +60,10 @@ export class Charts {
 
   /** The limits of the rig, and the tolerances of the job that runs or has run last. */
   follow(rig, job) {
+    if (this.arms !== (rig.arms ?? 1)) {
+      this.arms = rig.arms;
+      this.choose({});
+    }
     for (const [place, strip] of this.strips.entries()) {
       strip.limits = rig.limits.filter((each) => strip.quantity.limits.includes(each.quantity))
         .map((each) => each.value);

@@ -9,10 +9,16 @@ const CURVES = [
     limits: ["position_min", "position_max"], quantity: "position" },
   { name: "Contact force", unit: "mN", value: "force_mN", reference: "force_r_mN", least: 1,
     limits: ["force_max"], quantity: "force" },
+  { name: "Place", unit: "µm", value: "place_um", reference: "place_r_um", least: 1, limits: [],
+    quantity: "place" },
+  { name: "Second force", unit: "mN", value: "second_force_mN", reference: "force_r_mN", least: 1,
+    limits: ["force_max"], quantity: "force", arms: 2 },
   { name: "Voltage", unit: "V", value: "voltage_V", least: 0.1,
     limits: ["voltage_min", "voltage_max"], quantity: "voltage" },
+  { name: "Second voltage", unit: "V", value: "second_voltage_V", least: 0.1,
+    limits: ["voltage_min", "voltage_max"], quantity: "voltage", arms: 2 },
   { name: "Sliding function", unit: "µm", value: "sliding_um", least: 0.1, limits: [],
-    quantity: "sliding" },
+    quantity: "sliding", arms: 1 },
 ];
 
 /** Figures of the curves of a plan, drawn once they have a size. */
@@ -21,7 +27,9 @@ export function drawPrediction(plan, limits) {
   if (!found?.t_s || found.t_s.length < 2) return [];
   const colours = palette();
   const phases = plan.prediction?.phases ?? plan.phases ?? [];
-  return CURVES.filter(({ value, reference }) => found[value] || found[reference]).map((curve, place) => {
+  const arms = found.second_voltage_V ? 2 : 1;
+  return CURVES.filter(({ value, reference, arms: of = arms }) => of === arms
+    && (found[value] || found[reference])).map((curve, place) => {
     const columns = [curve.value, curve.reference].map((name) => found[name] ?? null);
     const all = columns.flatMap((column) => column ?? []).filter(Number.isFinite);
     const [low, high] = [Math.min(...all), Math.max(...all)];

@@ -2,13 +2,17 @@
 
 export const COLUMNS = ["x_um", "x_r_um", "force_mN", "force_r_mN", "force_uncertainty_mN",
   "voltage_V", "sliding_um"];
+/** Of a rig of two arms: what a batch has in `second`, and what it is called here. */
+const OF_SECOND = { second_x_um: "x_um", second_force_mN: "force_mN", second_voltage_V: "voltage_V",
+  place_um: "place_um", place_r_um: "place_r_um" };
 const CAPACITY = 8192;
 /** What is worked out of two columns: measured or estimated, less its reference. */
-const ERRORS = { x_error_um: ["x_um", "x_r_um"], force_error_mN: ["force_mN", "force_r_mN"] };
+const ERRORS = { x_error_um: ["x_um", "x_r_um"], force_error_mN: ["force_mN", "force_r_mN"],
+  place_error_um: ["place_um", "place_r_um"], apart_mN: ["force_mN", "second_force_mN"] };
 
 export class Recent {
   constructor() {
-    this.columns = new Map(COLUMNS.map((name) => [name, new Float64Array(CAPACITY)]));
+    this.columns = new Map([...COLUMNS, ...Object.keys(OF_SECOND)].map((name) => [name, new Float64Array(CAPACITY)]));
     this.at = new Float64Array(CAPACITY);
     this.phases = new Array(CAPACITY).fill("");
     this.gaps = new Uint8Array(CAPACITY);
@@ -31,7 +35,10 @@ export class Recent {
       const place = this.count % CAPACITY;
       this.at[place] = newest;
       this.phases[place] = batch.playing ? batch.phase : "";
-      for (const [name, column] of this.columns) column[place] = batch[name][i] ?? NaN;
+      for (const [name, column] of this.columns) {
+        const values = batch[name] ?? batch.second?.[OF_SECOND[name]];
+        column[place] = values?.[i] ?? NaN;
+      }
       this.gaps[place] = batch.after_gap[i] ? 1 : 0;
       this.count += 1;
     }

@@ -4,7 +4,8 @@ import { h, setText } from "../dom.js";
 import { number } from "../words.js";
 import { Axes, niceRange, niceStep } from "./axes.js";
 
-/** `shows`: only among the values, or the errors; `tolerance`: what a job may state for it. */
+/** `shows`: only among the values, or the errors; `tolerance`: what a job may state for it; `arms`:
+ * of rigs with so many, of which the records of hours say nothing. */
 export const QUANTITIES = [
   { name: "Position", unit: "µm", value: "x_um", reference: "x_r_um", least: 1,
     decimals: 2, limits: ["position_min", "position_max"], shows: "values" },
@@ -15,8 +16,20 @@ export const QUANTITIES = [
   { name: "Force error", unit: "mN", value: "force_error_mN", half: "force_uncertainty_mN", least: 0.5,
     decimals: 2, zero: true, key: "estimate − reference, ± u", limits: [],
     tolerance: "force_tolerance_mN", shows: "errors" },
+  { name: "Place", unit: "µm", value: "place_um", reference: "place_r_um", least: 1, decimals: 2,
+    limits: [], shows: "values", arms: 2 },
+  { name: "Second position", unit: "µm", value: "second_x_um", least: 1, decimals: 2, key: "measured",
+    limits: ["position_min", "position_max"], shows: "values", arms: 2 },
+  { name: "Second force", unit: "mN", value: "second_force_mN", reference: "force_r_mN", least: 2,
+    decimals: 2, key: "estimate", limits: ["force_max"], shows: "values", arms: 2 },
+  { name: "Place error", unit: "µm", value: "place_error_um", least: 0.2, decimals: 3, zero: true,
+    key: "measured − reference", limits: [], shows: "errors", arms: 2 },
+  { name: "Forces apart", unit: "mN", value: "apart_mN", least: 0.5, decimals: 2, zero: true,
+    key: "first − second", limits: [], shows: "errors", arms: 2 },
   { name: "Voltage", unit: "V", value: "voltage_V", least: 0.2, decimals: 3, key: "applied",
     limits: ["voltage_min", "voltage_max"] },
+  { name: "Second voltage", unit: "V", value: "second_voltage_V", least: 0.2, decimals: 3, key: "applied",
+    limits: ["voltage_min", "voltage_max"], arms: 2 },
   { name: "Sliding function", unit: "µm", value: "sliding_um", zero: true, least: 0.2, decimals: 3,
     key: "of the law", limits: [], expert: true },
 ];

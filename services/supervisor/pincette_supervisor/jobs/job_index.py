@@ -1,0 +1,81 @@
+"""The jobs of a rig by name: how each stands, whether it waits, lives, or is over.
+
+Requests that wait for a change ask here again and again; only ``job`` reads the journal.
+"""
+
+from pincette.api.jobs import Job
+from pincette_supervisor.jobs import refusals
+from pincette_supervisor.jobs.crash_recovery import NOTHING
+from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
+from pincette_supervisor.jobs.job_queue import JobQueue
+from pincette_supervisor.jobs.job_view import job_view
+from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.rigs.rig_context import RigContext
+
+
+class JobIndex:
+    """How the jobs of one rig stand."""
+
+    def __init__(self, context: RigContext, queue: JobQueue, changes: ChangeNotifier) -> None:
+        self._context, self._queue, self._changes = context, queue, changes
+        self._lives: tuple[LiveJob, ...] = ()
+        """The job that was started last, after those whose record is still being written."""
+        self.left = NOTHING
+        """The job whose record an earlier supervisor has left open."""
+
+    @property
+    def newest(self) -> LiveJob | None:
+        """The job that was started last."""
+        return next(reversed(self._lives), None)
+
+    @property
+    def active(self) -> LiveJob | None:
+        """The job that has the rig; a stopped job keeps it while it holds a part."""
+        live = self.newest
+        return None if live is None or live.done.is_set() else live
+
+    def started(self, live: LiveJob) -> None:
+        """Take in a job that starts; those that are recorded need no place any more."""
+        self._lives = (*(one for one in self._lives if not one.recorded.is_set()), live)
+
+    def job(self, name: str) -> Job:
+        """One job; raises ProblemError if there is none of this name."""
+        return self.view(refusals.require_job(self._context.store, name))
+
+    def view(self, row: JobRow) -> Job:
+        """A job of the journal as it stands."""
+        live, place = self._live(row.id), self._queue.position(row.id)
+        return job_view(row, live, place, self._context.records, self.left)
+
+    def has_job(self, name: str) -> bool:
+        """Whether a job is queued or was started last."""
+        return self._queue.entry(name) is not None or self._live(name) is not None
+
+    def is_over(self, name: str) -> bool:
+        """Whether a job has ended."""
+        waits = self._queue.entry(name) is not None
+        return not waits and ((live := self._live(name)) is None or live.terminal)
+
+    def is_recorded(self, name: str) -> bool:
+        """Whether a job has ended, and its record is written."""
+        live = self._live(name)
+        written = live is None or live.recorded.is_set()
+        return written and self.is_over(name) and not self.left.being_written(name)
+
+    def changed_since(self, name: str, revision: int) -> bool:
+        """Whether a job has changed since a revision."""
+        entry = self._queue.entry(name)
+        if entry is not None:
+            return entry.revision != revision
+        live = self._live(name)
+        return live is None or live.done.is_set() or live.revision != revision
+
+    def note_revision(self, name: str, revision: int) -> None:
+        """Let those who wait for a change of a job know of one that the journal has."""
+        for known in filter(None, (self._queue.entry(name), self._live(name))):
+            known.revision = max(known.revision, revision)
+        self._changes.notify_all()
+
+    def _live(self, name: str) -> LiveJob | None:
+        """A job that was started and may not be recorded yet; look into the queue first."""
+        return next((live for live in self._lives if live.id == name), None)

@@ -1,0 +1,114 @@
+"""A calibration of one arm of two: its program moves that arm's voltage, the other rests.
+
+Each calibration is written for a rig of one arm. Here that rig is taken out of one of two, its
+program is put on the arm's voltage, and its columns and quantities are found under their names.
+"""
+
+import dataclasses
+
+from msgspec.structs import replace
+
+from pincette.config import Calibration, RigFile
+from pincette.control.planning.program import BothArms, Program, Segment
+from pincette.records.columns import Columns
+from pincette_supervisor.calibration.findings import Analysis
+from pincette_supervisor.kinds.functions import Run
+from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.planning.errors import FaultyRequestError
+
+SECOND = "second."
+COLUMNS = {
+    "x_um": "second_x_um",
+    "position_valid": "second_position_valid",
+    "force_mN": "second_force_mN",
+    "force_uncertainty_mN": "second_force_uncertainty_mN",
+    "zero_age_s": "second_zero_age_s",
+    "command_V": "second_command_V",
+    "voltage_V": "second_voltage_V",
+    "limits_active": "second_limits_active",
+    "true_x_um": "true_second_x_um",
+    "true_force_mN": "true_second_force_mN",
+    "true_voltage_V": "true_second_voltage_V",
+}
+"""Columns of the first arm, and those of the second."""
+
+
+def model_of_arm(model: ModelInUse, arm: int) -> ModelInUse:
+    """The rig as one of this arm alone; raises FaultyRequestError where it has no such arm."""
+    arms = model.rig.arms
+    if arm > len(arms):
+        raise FaultyRequestError("/arm", f"arm = {arm}, and this rig has one driven arm")
+    if arm == 1:
+        return dataclasses.replace(model, rig=arms[0])
+    sources = {
+        name.removeprefix(SECOND): source
+        for name, source in model.calibration.sources.items()
+        if name.startswith((SECOND, "part."))
+    }
+    calibration = Calibration(sources=sources)
+    return dataclasses.replace(model, rig=arms[1], calibration=calibration)
+
+
+def program_for_both(program: Program, rig: RigFile, arm: int) -> Program:
+    """The program on the arm's voltage, the other at rest; of a rig of one arm as it is.
+
+    Raises
+    ------
+    ValueError
+        Where it is more than a motion of the voltage.
+    """
+    if rig.second is None:
+        return program
+    if program.capture_hz or any(segment.kind != "voltage" for segment in program.segments):
+        raise ValueError(
+            "a calibration that sweeps, acquires or meets a part is for rigs of one driven arm; of "
+            "two, calibrate noise and free_response of each"
+        )
+    if arm == 1:
+        return program
+    return replace(program, segments=tuple(map(_on_second, program.segments)))
+
+
+def _on_second(segment: Segment) -> Segment:
+    both = BothArms(
+        second_to_V=segment.voltage_to_V,
+        second_path=segment.path,
+        second_voltages_V=segment.voltages_V,
+    )
+    return replace(segment, voltage_to_V=None, path=None, voltages_V=(), both=both)
+
+
+def _on_first(segment: Segment) -> Segment:
+    both = segment.both
+    if both is None:
+        return segment
+    return replace(
+        segment,
+        voltage_to_V=both.second_to_V,
+        path=both.second_path,
+        voltages_V=both.second_voltages_V,
+        both=None,
+    )
+
+
+def run_of_arm(run: Run, arm: int) -> Run:
+    """What a job has gathered of this arm, as if it were the only one."""
+    planned = run.planned
+    model = model_of_arm(planned.model, arm)
+    segments = planned.program.segments if arm == 1 else map(_on_first, planned.program.segments)
+    program = replace(planned.program, segments=tuple(segments))
+    table: Columns = run.table
+    if arm == 2:
+        table = {**run.table, **{name: run.table[other] for name, other in COLUMNS.items()}}
+    of_arm = dataclasses.replace(planned, model=model, program=program, expecting=None)
+    return dataclasses.replace(run, rig=model.rig, planned=of_arm, table=table)
+
+
+def named_of_arm(analysis: Analysis, arm: int) -> Analysis:
+    """Quantities under the names that the rig file of two arms has for them."""
+    if arm == 1:
+        return analysis
+    values = tuple(
+        value.model_copy(update={"quantity": SECOND + value.quantity}) for value in analysis.values
+    )
+    return dataclasses.replace(analysis, values=values)

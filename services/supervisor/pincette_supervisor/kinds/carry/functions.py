@@ -1,0 +1,60 @@
+"""Plan of a held part that is moved by both arms."""
+
+import dataclasses
+
+from msgspec.structs import replace
+
+from pincette.control.laws.two_arms import Pair
+from pincette.control.planning.calibration_programs import FREE
+from pincette.control.planning.pair_plan import carry_program
+from pincette_supervisor.kinds.carry import CarryJobRequest
+from pincette_supervisor.kinds.functions import JobFunctions
+from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.planning.errors import FaultyRequestError
+from pincette_supervisor.planning.pair_plans import contacts_um, pair_job, pair_values
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.results.pair import evaluate, plot
+
+MORE_TOUCHES = 2.0
+"""Contact forces that the squeeze may grow by on the way: how large it is, is not known."""
+
+
+def plan(request: CarryJobRequest, model: ModelInUse, present: Present) -> Planned:
+    """Plan a carry from where both tips stand."""
+    rig = model.rig
+    tips: Pair | None = None
+    if present.x_um is not None and present.second_um is not None:
+        tips = present.x_um, present.second_um
+    by_um = request.by_um or 0.0
+    if request.to_um is not None:
+        if tips is None:
+            raise FaultyRequestError(
+                "/to_um", "where the tips are is not known yet: ask for by_um, or wait"
+            )
+        by_um = request.to_um - 0.5 * (tips[0] - tips[1])
+    values = pair_values(request, rig)
+    limits = rig.limits
+    guards = replace(
+        FREE,
+        force_max_mN=MORE_TOUCHES * values["contact_force_mN"],
+        position_min_um=limits.position_min_um,
+        position_max_um=limits.position_max_um,
+    )
+    program = carry_program(
+        by_um,
+        values["approach_um_per_s"],
+        guards,
+        release_s=values["load_s"],
+        safe_V=rig.safety.safe_V,
+    )
+    pointer = "/to_um" if request.to_um is not None else "/by_um"
+    values |= {"by_um": by_um, "to_um": request.to_um}
+    planned = pair_job(request, model, program, values, {"move": pointer}, tips or contacts_um(rig))
+    if tips is not None and present.held:
+        return planned
+    words = "that a part is held is not told by the rig: the operator is taken at their word"
+    return dataclasses.replace(planned, plan=planned.plan.model_copy(update={"warnings": [words]}))
+
+
+FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot)

@@ -1,0 +1,59 @@
+"""``centre``: find the part from both sides, and close both arms on it without moving it."""
+
+from typing import Literal
+
+from pydantic import model_validator
+
+from pincette.api import example
+from pincette.api.job_kinds import JobKind, RecipeRules
+from pincette.api.pairs import PairPlan, PairResult
+from pincette.api.requests import Duration, Positive
+from pincette_supervisor.kinds import fields
+from pincette_supervisor.kinds.pair_grip import GRIP_FORM
+from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
+
+
+class CentreJobRequest(PairJobRequest, frozen=True):
+    """Look for a part with one arm after the other, then grip it where it lies.
+
+    The ground must hold the part by more than the contact force: a loose one gives way to the
+    first arm unseen. It may lie off by the rig file's ``part.contact_tolerance_um``.
+    """
+
+    model_config = example(kind="centre", autostart=True, force_mN=15.0, hold_s=4.0)
+
+    kind: Literal["centre"]
+    force_mN: Positive | None = None
+    """Force to hold."""
+    hold_s: Duration | None = None
+    """Time to hold it."""
+    until_released: bool = False
+    """Hold until the action ``release``; excludes ``hold_s``."""
+    place_um: float | None = None
+    """Place to which the part is carried once it is held; left out, where it was met."""
+
+    @model_validator(mode="after")
+    def _one_hold(self) -> "CentreJobRequest":
+        if self.until_released and self.hold_s is not None:
+            raise ValueError(
+                f"hold_s = {self.hold_s} s and until_released = true exclude each other: "
+                "leave one out"
+            )
+        return self
+
+
+KIND = JobKind(
+    name="centre",
+    label="Centre and grip",
+    summary="Find the part from both sides, and close both arms on it without moving it.",
+    request=CentreJobRequest,
+    plan=PairPlan,
+    result=PairResult,
+    functions="pincette_supervisor.kinds.pair_grip.functions:FUNCTIONS",
+    form=(fields.RECIPE, *GRIP_FORM, *FORM),
+    figures=FIGURES,
+    predicted=True,
+    recipe=RecipeRules(exclusive=(("hold_s", "until_released"),)),
+    arms=(2,),
+    place=14,
+)

@@ -1,0 +1,147 @@
+"""Plan of place and force that each follow a path."""
+
+from typing import Any, Literal
+
+from pincette.config import RigFile
+from pincette.control.planning.pair_plan import PairPaths, track_program
+from pincette.control.planning.path_shapes import sinusoid, steps, triangle, waypoints
+from pincette.control.planning.paths import Path, Shape
+from pincette_supervisor.kinds.functions import JobFunctions
+from pincette_supervisor.kinds.pair_track import ForcePath, PairTrackJobRequest, PlacePath
+from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.planning.errors import FaultyRequestError
+from pincette_supervisor.planning.pair_plans import (
+    STARTS_UM,
+    contacts_um,
+    most_mN,
+    pair_job,
+    pair_request,
+    pair_values,
+)
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
+from pincette_supervisor.results.pair import evaluate, plot
+
+LONGEST_S = 3600.0
+MEMBERS = {
+    "sinusoid": ("mean", "pp", "frequency_hz", "cycles"),
+    "triangle": ("mean", "pp", "frequency_hz", "cycles"),
+    "step": ("levels", "dwell_s"),
+    "waypoints": ("points",),
+}
+POINTERS = {"load": "/force", "settle": "/place", "track": "", "unload": "/force"}
+
+
+def plan(request: PairTrackJobRequest, model: ModelInUse, _present: Present) -> Planned:
+    """Plan a track."""
+    rig = model.rig
+    values = pair_values(request, rig)
+    first, second = contacts_um(rig)
+    force = None if request.force is None else _force_path(request.force, rig)
+    place = None if request.place is None else _place_path(request.place, rig, first - second)
+    force_mN = request.force_mN or rig.grip.force_mN
+    paths = PairPaths(force=force, place=place)
+    made = pair_request(values, rig, force_mN, centred=request.centre)
+    program = track_program(made, paths, STARTS_UM, most_mN(rig))
+    values |= {
+        "force_mN": force_mN,
+        "force": None if request.force is None else request.force.model_dump(),
+        "place": None if request.place is None else request.place.model_dump(),
+    }
+    return pair_job(request, model, program, values, POINTERS)
+
+
+def _force_path(path: ForcePath, rig: RigFile) -> Path:
+    track, models = rig.track, [arm.model for arm in rig.arms]
+    squeeze = sum(m.compliance_um_per_mN for m in models) + 1.0 / rig.part.stiffness_mN_per_um
+    given: dict[str, Any] = {
+        "mean": path.mean_mN,
+        "pp": path.pp_mN,
+        "frequency_hz": path.frequency_hz,
+        "cycles": path.cycles,
+        "levels": path.levels_mN,
+        "dwell_s": path.dwell_s,
+        "points": path.points and [(point.t_s, point.force_mN) for point in path.points],
+    }
+    usual = {
+        "mean": track.force_mean_mN,
+        "pp": track.force_pp_mN,
+        "frequency_hz": track.frequency_hz,
+        "cycles": track.cycles,
+        "levels": list(track.levels_mN),
+        "dwell_s": track.dwell_s,
+    }
+    speeds = track.rate_um_per_s / squeeze, track.acceleration_um_per_s2 / squeeze
+    return _path("force", "/force", path.shape, given, usual, speeds)
+
+
+def _place_path(path: PlacePath, rig: RigFile, apart_um: float) -> Path:
+    track = rig.track
+    given: dict[str, Any] = {
+        "mean": path.mean_um,
+        "pp": path.pp_um,
+        "frequency_hz": path.frequency_hz,
+        "cycles": path.cycles,
+        "levels": path.levels_um,
+        "dwell_s": path.dwell_s,
+        "points": path.points and [(point.t_s, point.place_um) for point in path.points],
+    }
+    usual = {
+        "mean": 0.5 * apart_um,
+        "frequency_hz": track.frequency_hz,
+        "cycles": track.cycles,
+        "dwell_s": track.dwell_s,
+    }
+    speeds = track.rate_um_per_s, track.acceleration_um_per_s2
+    return _path("position", "/place", path.shape, given, usual, speeds)
+
+
+def _path(
+    quantity: Literal["force", "position"],
+    pointer: str,
+    shape: Shape,
+    given: dict[str, Any],
+    usual: dict[str, Any],
+    speeds: tuple[float, float],
+) -> Path:
+    """A path of what is given and usual; raises FaultyRequestError where it makes none."""
+    members = MEMBERS[shape]
+    for name, value in given.items():
+        if value is not None and name not in members:
+            taken = ", ".join(members)
+            raise FaultyRequestError(
+                pointer, f"{name} does not go with a {shape}, which takes {taken}"
+            )
+    values: dict[str, Any] = {
+        name: usual.get(name) if given[name] is None else given[name] for name in members
+    }
+    missing = [name for name, value in values.items() if value is None]
+    if missing:
+        raise FaultyRequestError(pointer, f"a {shape} of {quantity} wants {', '.join(missing)}")
+    rate, acceleration = speeds
+    try:
+        if shape == "step":
+            path = steps(quantity, values["levels"], values["dwell_s"], rate, acceleration)
+        elif shape == "waypoints":
+            path = waypoints(quantity, values["points"])
+        else:
+            swing = values["mean"], values["pp"], values["frequency_hz"], values["cycles"]
+            if shape == "triangle":
+                path = triangle(quantity, *swing, acceleration)
+            else:
+                path = sinusoid(quantity, *swing)
+    except ValueError as error:
+        raise FaultyRequestError(pointer, str(error)) from error
+    if path.duration_s > LONGEST_S:
+        raise FaultyRequestError(
+            pointer, f"the path takes {path.duration_s:g} s, limit {LONGEST_S:g} s"
+        )
+    return path
+
+
+def pointer(_quantity: str, phase: str) -> str:
+    """Member of the request that leads beyond a limit in a phase; empty: none."""
+    return POINTERS.get(phase, "")
+
+
+FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot, pointer=pointer)

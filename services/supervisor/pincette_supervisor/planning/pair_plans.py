@@ -1,0 +1,182 @@
+"""What plans of two arms have in common: values of the contact, law and its judgement, curves."""
+
+from dataclasses import asdict
+from functools import lru_cache
+from math import ceil, inf
+from typing import Any
+
+from msgspec.structs import replace
+
+from pincette.api.pairs import PairCurves, PairPlan
+from pincette.api.plans import Law, PlannedPhase
+from pincette.api.predictions import Violation
+from pincette.api.requests import JobRequest
+from pincette.config import RigFile, derived
+from pincette.config.derived import X_START_UM
+from pincette.control.laws.parameters import Gain, LawSpec
+from pincette.control.laws.two_arm_law import LAW
+from pincette.control.laws.two_arms import Pair
+from pincette.control.planning.feasibility import named_violation
+from pincette.control.planning.pair_course import PairCourse, broken_limits, sample_pair
+from pincette.control.planning.pair_plan import PairRequest
+from pincette.control.planning.program import Program
+from pincette.control.stability.two_arms import TwoArmAssessment, TwoArmLoop, assess_two_arms
+from pincette_supervisor.kinds.pair_request import PairJobRequest
+from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.planning.contact_plans import unidentified, violation_view
+from pincette_supervisor.planning.errors import FaultyRequestError
+from pincette_supervisor.planning.laws import SENSITIVITY_PEAK, SPECTRAL_RADIUS
+from pincette_supervisor.planning.planned import CURVE_POINTS, Planned
+
+FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
+STARTS_UM: Pair = (X_START_UM, X_START_UM)
+assessed = lru_cache(maxsize=16)(assess_two_arms)
+
+
+def contacts_um(rig: RigFile) -> Pair:
+    """Tips at first touch of both arms; raises FaultyRequestError on a rig of one arm."""
+    if rig.second is None:
+        raise FaultyRequestError("/kind", "this rig has one driven arm, and the job is for two")
+    return rig.part.contact_um, rig.second.contact_um
+
+
+def pair_values(request: PairJobRequest, rig: RigFile) -> dict[str, Any]:
+    """Members of a request by their names, those left out as the rig file's grip has them."""
+    return {
+        name: given if (given := getattr(request, name)) is not None else getattr(rig.grip, name)
+        for name in FIELDS
+    }
+
+
+def pair_request(
+    values: dict[str, Any], rig: RigFile, force_mN: float, *, centred: bool
+) -> PairRequest:
+    """How the part is met; raises ValueError for an impossible number."""
+    first, second = rig.arms
+    return PairRequest(
+        **{name: values[name] for name in FIELDS},
+        force_mN=force_mN,
+        zero_s=rig.grip.zero_s,
+        contacts_um=contacts_um(rig),
+        contact_tolerance_um=rig.part.contact_tolerance_um,
+        stiffness_mN_per_um=rig.part.stiffness_mN_per_um,
+        centred=centred,
+        compliances_um_per_mN=(
+            first.model.compliance_um_per_mN,
+            second.model.compliance_um_per_mN,
+        ),
+    )
+
+
+def most_mN(rig: RigFile) -> float:
+    """Force that no arm may have."""
+    return min(arm.limits.force_max_mN for arm in rig.arms)
+
+
+def pair_job(
+    request: PairJobRequest,
+    model: ModelInUse,
+    program: Program,
+    values: dict[str, Any],
+    pointers: dict[str, str],
+    held_um: Pair | None = None,
+) -> Planned:
+    """Add the law to a program; limits that the course of either arm breaks are violations.
+
+    Parameters
+    ----------
+    held_um
+        Tips of arms that hold the part as it begins; None: they rest without one.
+    """
+    rig = model.rig
+    first, second = rig.arms
+    rigs = derived.planned_rig(first), derived.planned_rig(second)
+    # What the voltages alone do comes after the plan's end, for who lets the part go.
+    led = replace(program, segments=tuple(s for s in program.segments if not s.open_loop))
+    course = sample_pair(led, rigs, held_um or STARTS_UM, held_um or contacts_um(rig))
+    spec, loop = chosen_law(request, rig)
+    assessment = assessed(loop)
+    violations = [
+        violation_view(named_violation(found, pointers.get(found.phase, ""))).model_copy(
+            update={"message": f"arm {arm}: {named_violation(found, '').message}"}
+        )
+        for arm, found in broken_limits(course, rigs)
+    ]
+    if assessment.reason:
+        violations.append(_unstable(assessment))
+    plan = PairPlan(
+        kind=request.kind,
+        rig=rig.rig.name,
+        feasible=not violations,
+        duration_s=course.duration_s,
+        phases=[PlannedPhase(**asdict(phase)) for phase in course.phases],
+        violations=violations,
+        curves=_curves(course),
+        law=_law_view(loop, assessment, request),
+        warnings=list(dict.fromkeys([*unidentified(first), *unidentified(second)])),
+    )
+    values = {**values, "law": plan.law.model_dump()}
+    return Planned(plan, replace(program, laws=(spec,)), values, model)
+
+
+def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:
+    """The law of both arms with its gains; raises FaultyRequestError for a gain that is none."""
+    asked = getattr(request, "gains", None)
+    named = () if asked is None else tuple(Gain(n, v) for n, v in asked.by_name.items())
+    first, second = (arm.model.arm() for arm in rig.arms)
+    period_s = rig.rig.period_s
+    try:
+        gains = LAW.gains(LawSpec(LAW.name, gains=named), (first, second), period_s)
+    except ValueError as error:
+        raise FaultyRequestError("/gains", str(error)) from error
+    c = 1.0 / rig.part.stiffness_mN_per_um
+    output = rig.model.output(period_s)
+    loop = TwoArmLoop((first, second), tuple(gains.items()), period_s, c, output)
+    return LAW.spec(gains), loop
+
+
+def _law_view(loop: TwoArmLoop, judged: TwoArmAssessment, request: PairJobRequest) -> Law:
+    return Law(
+        scheme=LAW.name,
+        set="identified",
+        gains=dict(loop.gains),
+        force_age="newest",
+        gains_from="default" if request.gains is None else "request",
+        spectral_radius=judged.radius,
+        spectral_radius_limit=judged.limit_radius,
+        sensitivity_peak=judged.sensitivity_peak if judged.sensitivity_peak < inf else None,
+        sensitivity_peak_limit=judged.limit_peak if judged.limit_peak < inf else None,
+    )
+
+
+def _unstable(judged: TwoArmAssessment) -> Violation:
+    by_peak = judged.radius < judged.limit_radius and (judged.sensitivity_peak > judged.limit_peak)
+    value, limit = judged.radius, judged.limit_radius
+    if by_peak:
+        value, limit = judged.sensitivity_peak, judged.limit_peak
+    elif judged.radius < judged.limit_radius:
+        value, limit = judged.untold_radius, judged.limit_untold_radius
+    return Violation(
+        pointer="/gains",
+        quantity=SENSITIVITY_PEAK if by_peak else SPECTRAL_RADIUS,
+        side="above",
+        value=value,
+        limit=limit,
+        unit="",
+        at_s=0.0,
+        message=judged.reason,
+    )
+
+
+def _curves(course: PairCourse) -> PairCurves:
+    first, second = course.arms
+    stride = max(1, ceil((len(first.t_s) - 1) / CURVE_POINTS))
+    return PairCurves(
+        t_s=first.t_s[::stride],
+        x_r_um=first.x_r_um[::stride],
+        force_r_mN=first.force_r_mN[::stride],
+        voltage_V=first.voltage_V[::stride],
+        place_r_um=course.place_um[::stride],
+        second_x_r_um=second.x_r_um[::stride],
+        second_voltage_V=second.voltage_V[::stride],
+    )

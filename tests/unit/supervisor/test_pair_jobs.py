@@ -1,0 +1,152 @@
+"""Jobs of two arms from their request to a plan."""
+
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from pincette.api.job_kinds import job_kinds
+from pincette.api.pairs import PairPlan
+from pincette.api.requests import JobRequest
+from pincette.config import ConfigError, RigFile, read_rig
+from pincette.config.laws import installed_laws, law_definition, laws_by_name
+from pincette.control.planning.program import Segment
+from pincette_supervisor.kinds.bodies import Body
+from pincette_supervisor.planning.errors import FaultyRequestError
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.present import Present
+from tests.support.rigs import demo_rig
+from tests.support.two_arms import TWO_ARMS
+
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
+RIG = read_rig(TWO_ARMS)
+HELD = Present(1.5, 30.0, True, second_V=1.6, second_um=29.0)
+
+
+def plan(body: dict[str, Any], present: Present | None = None, rig: RigFile = RIG) -> Planned:
+    return plan_job(REQUEST.validate_python(body), rig, present)
+
+
+def phases(planned: Planned) -> list[str]:
+    return [segment.phase for segment in planned.program.segments]
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ({"kind": "pair_grip"}, ["load", "hold", "unload", "retreat"]),
+        ({"kind": "pair_grip", "place_um": 4.0}, ["load", "carry", "hold", "unload", "retreat"]),
+        ({"kind": "centre"}, ["load", "hold", "unload", "retreat"]),
+        ({"kind": "pair_track", "place": {"pp_um": 4.0}}, ["settle", "track", "unload", "retreat"]),
+        ({"kind": "carry", "by_um": 3.0}, ["move", "rest", "unload"]),
+        ({"kind": "hold", "hold_s": 2.0}, ["hold", "unload"]),
+        ({"kind": "release"}, ["unload"]),
+    ],
+)
+def test_jobs_of_two_arms_are_planned(body: dict[str, Any], expected: list[str]) -> None:
+    planned = plan(body, HELD if body["kind"] in ("carry", "hold", "release") else None)
+    assert planned.plan.feasible, planned.plan.violations
+    assert phases(planned)[-len(expected) :] == expected
+    assert [spec.scheme for spec in planned.program.laws] == ["two_arms"]
+    assert all(segment.both is not None for segment in planned.program.segments)
+
+
+def test_a_plan_has_the_course_of_both_arms_and_the_judgement_of_the_loop() -> None:
+    made = plan({"kind": "pair_grip"}).plan
+    assert isinstance(made, PairPlan)
+    curves = made.curves
+    assert len({len(getattr(curves, name)) for name in type(curves).model_fields}) == 1
+    assert max(curves.force_r_mN) == pytest.approx(RIG.grip.force_mN)
+    assert made.law.scheme == "two_arms"
+    assert made.law.spectral_radius < made.law.spectral_radius_limit
+
+
+@pytest.mark.parametrize("arm", [1, 2])
+def test_a_limit_that_one_arm_breaks_is_told_with_the_arm(arm: int) -> None:
+    made = plan({"kind": "pair_track", "place": {"pp_um": 70.0}, "force_mN": 10.0}).plan
+    assert not made.feasible
+    assert any(f"arm {arm}: position" in each.message for each in made.violations)
+
+
+def test_too_much_force_is_laid_to_its_member() -> None:
+    made = plan({"kind": "pair_grip", "force_mN": 200.0}).plan
+    assert {each.pointer for each in made.violations} >= {"/force_mN"}
+
+
+def test_each_path_is_of_its_own_shape_and_time() -> None:
+    points = [{"t_s": 0.0, "place_um": 0.0}, {"t_s": 2.0, "place_um": 3.0}]
+    body = {
+        "kind": "pair_track",
+        "place": {"shape": "waypoints", "points": points},
+        "force": {"shape": "step", "levels_mN": [8.0, 12.0], "dwell_s": 3.0},
+    }
+    track: Segment = next(s for s in plan(body).program.segments if s.kind == "path")
+    assert track.path is not None
+    assert track.both is not None
+    assert track.both.place_path is not None
+    assert track.both.place_path.duration_s == 2.0
+    assert track.duration_s == track.path.duration_s > 2.0
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ({"kind": "pair_track", "place": {"shape": "step", "pp_um": 3.0}}, "pp does not go with"),
+        ({"kind": "pair_track", "place": {"frequency_hz": 1.0}}, "wants pp"),
+        ({"kind": "pair_grip", "gains": {"K_P": 0.5}}, "no gain K_P; there are n, f_q, f_F"),
+        ({"kind": "carry", "to_um": 3.0}, "where the tips are is not known"),
+        ({"kind": "track"}, "track is for 1 driven arm, and this rig has 2: it takes pair_grip"),
+    ],
+)
+def test_what_makes_no_job_is_refused(body: dict[str, Any], said: str) -> None:
+    with pytest.raises(FaultyRequestError, match=said):
+        plan(body)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"kind": "pair_track"},
+        {"kind": "pair_track", "force": {}, "force_mN": 3.0},
+        {"kind": "carry"},
+        {"kind": "carry", "by_um": 1.0, "to_um": 1.0},
+        {"kind": "centre", "hold_s": 1.0, "until_released": True},
+        {"kind": "pair_grip", "gains": "tuned"},
+    ],
+)
+def test_members_that_exclude_each_other_are_refused(body: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        REQUEST.validate_python(body)
+
+
+def test_kinds_and_laws_are_for_as_many_arms_as_a_rig_has() -> None:
+    of_two = {name for name, kind in job_kinds().items() if 2 in kind.arms}
+    assert of_two == {
+        *("pair_grip", "pair_track", "centre", "carry", "hold", "release", "calibrate"),
+    }
+    with pytest.raises(FaultyRequestError, match="pair_grip is for 2 driven arms"):
+        plan({"kind": "pair_grip"}, rig=demo_rig())
+    assert laws_by_name()["two_arms"].arms == 2
+    assert "two_arms" not in installed_laws()
+    with pytest.raises(ValueError, match="drives two arms"):
+        law_definition("two_arms")
+    with pytest.raises((ConfigError, ValidationError), match="drives two arms"):
+        type(RIG.law)(scheme="two_arms")
+
+
+def test_one_arm_of_two_is_calibrated_while_the_other_rests() -> None:
+    body = {"kind": "calibrate", "calibration": "free_response"}
+    first, second = (plan({**body, "arm": arm}).program for arm in (1, 2))
+    assert all(segment.both is None for segment in first.segments)
+    assert all(segment.path is None for segment in second.segments)
+    paths = [segment.both.second_path for segment in second.segments if segment.both is not None]
+    assert len(paths) == len(first.segments)
+    assert any(path is not None for path in paths)
+
+
+def test_a_calibration_that_meets_a_part_is_for_one_arm() -> None:
+    with pytest.raises(ValueError, match="rigs of one driven arm"):
+        plan({"kind": "calibrate", "calibration": "contact_stiffness"})
+    with pytest.raises(FaultyRequestError, match="this rig has one driven arm"):
+        plan({"kind": "calibrate", "calibration": "noise", "arm": 2}, rig=demo_rig())

@@ -1,0 +1,54 @@
+"""A stop that meets a job between two states is taken, not refused for the state that was."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pincette.api.states import ActionType, JobState
+from pincette_supervisor.jobs.actions import JobActions
+from pincette_supervisor.problems import ProblemError
+
+
+class GoesOn:
+    """A live job whose state goes on whenever an action has looked at it."""
+
+    held = terminal = False
+    waiting = None
+
+    def __init__(self, *states: JobState) -> None:
+        self._states = list(states)
+        self.moved: list[tuple[ActionType, JobState]] = []
+
+    @property
+    def state(self) -> JobState:
+        return self._states[0]
+
+    def move(self, action: ActionType, only_from: JobState) -> bool:
+        if len(self._states) > 1:
+            del self._states[0]
+        if only_from != self.state:
+            return False
+        self.moved.append((action, only_from))
+        return True
+
+    def record_action(self, action: ActionType, by: str) -> None:
+        """Nothing."""
+
+
+def act(job: Any, action: ActionType) -> bool:
+    context: Any = SimpleNamespace()
+    return JobActions(context).on_live(job, action, "me")
+
+
+def test_a_stop_follows_the_state() -> None:
+    job = GoesOn("preparing", "ready", "running")
+    assert act(job, "stop") is False
+    assert job.moved == [("stop", "running")]
+
+
+def test_another_action_is_refused_with_the_state_that_is() -> None:
+    job = GoesOn("running", "stopping")
+    with pytest.raises(ProblemError, match="has just become stopping"):
+        act(job, "pause")
+    assert job.moved == []
