@@ -15,7 +15,7 @@ TEST := not full and not slow and not engine
 FULL := full and not slow and not engine
 # What keeps no clock runs on every core; what keeps one runs alone, afterwards.
 PARALLEL := -n logical --dist worksteal
-OTHERS := tests/contract tests/integration tests/orchestrators tests/project tests/replay tests/unit
+OTHERS := tests/contract tests/foxglove tests/integration tests/orchestrators tests/project tests/replay tests/unit
 TESTS := tests/system $(OTHERS)
 # those of them that have tests that keep a clock
 TIMED = $(filter tests/system tests/contract,$(TESTS))
@@ -35,7 +35,7 @@ SITE := $(BIN)/sphinx-build -b html -W --keep-going --quiet
 
 .DEFAULT_GOAL := help
 .PHONY: help venv dev browser demo up test test-full test-all test-one lint mutants \
-  paper bench bench-check soak engine pins sbom wheels docs dist site clean
+  paper bench bench-check soak adapters engine pins sbom wheels docs dist site clean
 
 help: ## this list
 	@echo "pincette: position and force control of a piezoelectric microgripper"
@@ -78,6 +78,15 @@ done; \
 if test $$parallel$$sila$$alone = $(NO_TEST)$(NO_TEST)$(NO_TEST); then \
   echo "ARGS='$(ARGS)' leave no test" >&2; status=$(NO_TEST); \
 fi
+endef
+
+# apart WORDS PLACES: pytest, and the tests of SiLA in a process of their own (see `tested`).
+define apart
+$(BIN)/pytest --ignore tests/sila $(1) $(2); others=$$?; \
+$(BIN)/pytest $(1) tests/sila; sila=$$?; \
+for one in $$others $$sila; do \
+  test $$one -eq 0 -o $$one -eq $(NO_TEST) || exit $$one; \
+done
 endef
 
 venv:
@@ -146,7 +155,11 @@ bench-check: dev ## compare with the ratios that are expected; ARGS=--short leav
 
 soak: dev ## the tests that take minutes or hours each; figures go into data/figures
 	@mkdir -p data/figures
-	@PINCETTE_FIGURES=$(CURDIR)/data/figures $(BIN)/pytest -m slow $(ARGS)
+	@export PINCETTE_FIGURES=$(CURDIR)/data/figures; \
+	$(if $(filter tests/%,$(ARGS)),$(BIN)/pytest -m slow $(ARGS),$(call apart,-m slow $(ARGS)))
+
+adapters: dev ## stock clients of orchestrators and viewers, in environments of their own; half an hour
+	@$(call apart,$(ARGS),tests/orchestrators tests/foxglove)
 
 engine: dev ## the tests in containers, with a Docker engine; some minutes
 	@$(BIN)/pytest -m engine $(ARGS) tests/engine
@@ -155,6 +168,8 @@ pins: dev ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 	@$(COMPILE) --extra dev --output-file requirements/dev.txt $(ARGS) pyproject.toml
 	@$(COMPILE) -c requirements/dev.txt --output-file requirements/run.txt pyproject.toml
 	@$(COMPILE) -c requirements/dev.txt --group loop --output-file requirements/loop.txt
+	@$(COMPILE) -c requirements/dev.txt --group adapters --output-file requirements/adapters.txt
+	@$(COMPILE) --group madsci --output-file requirements/madsci.txt
 	@echo hatchling | $(COMPILE) -c requirements/dev.txt --output-file requirements/build.txt -
 	@printf 'editables\nhatchling\nuv\n' | $(COMPILE) -c requirements/dev.txt --output-file requirements/tools.txt -
 	@grep -c == requirements/*.txt

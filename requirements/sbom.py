@@ -22,7 +22,12 @@ from packageurl import PackageURL
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[1]
-IMAGES = {"pincette-loop": "loop", "pincette": "run"}
+IMAGES = {
+    "pincette-loop": "loop",
+    "pincette": "run",
+    "pincette-adapters": "adapters",
+    "pincette-madsci": "madsci",
+}
 """Images, and the pins that each is filled from."""
 MakeBom: Any = Bom
 MakeComponent: Any = Component

@@ -1,10 +1,12 @@
 """A rig as a node of MADSci: ``python node.py``, in an environment of its own."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 from madsci.common.types.action_types import ActionFailed, ActionResult, ActionSucceeded
+from madsci.common.types.admin_command_types import AdminCommandResponse
 from madsci.common.types.base_types import Error
 from madsci.common.types.node_types import RestNodeConfig
 from madsci.node_module.helpers import action
@@ -29,6 +31,8 @@ class GripperConfig(RestNodeConfig):
 
     supervisor_url: str = "http://127.0.0.1:8000"
     supervisor_key: str | None = None
+    supervisor_authority: Path | None = None
+    """Certificate that is believed where the supervisor speaks TLS: its ``authority.crt``."""
     rig: str | None = None
     enable_rate_limiting: bool = False
     """As shipped, MADSci would refuse a safety stop after 100 requests of a minute."""
@@ -42,8 +46,13 @@ class Gripper(RestNode):
 
     def startup_handler(self) -> None:
         """Prepare the client; the supervisor may come later."""
-        url, key = self.config.supervisor_url, self.config.supervisor_key
-        self._supervisor = Supervisor(url, key=key, operator=LABEL)
+        config = self.config
+        self._supervisor = Supervisor(
+            config.supervisor_url,
+            key=config.supervisor_key or None,
+            operator=LABEL,
+            authority=config.supervisor_authority,
+        )
         self._keys: set[str] = set()
 
     def state_handler(self) -> None:
@@ -60,6 +69,7 @@ class Gripper(RestNode):
             "job": state.active_job,
             "reasons": [] if state.can_start else state.reasons,
             "force_mN": None if newest is None else newest.force_mN,
+            "second_force_mN": None if newest is None else newest.second_force_mN,
         }
 
     @action
@@ -98,16 +108,24 @@ class Gripper(RestNode):
             return failed(error)
         return ActionSucceeded(json_result={"job": job.id})
 
-    def cancel(self) -> bool:
+    def cancel(self) -> AdminCommandResponse:
         """Bring a motion to rest, also one that is being planned; a held part stays held."""
-        rig = self._rig()
-        for key in list(self._keys):
-            rig.stop(key)
-        return True
 
-    def safety_stop(self) -> bool:
+        def stop() -> None:
+            rig = self._rig()
+            for key in list(self._keys):
+                rig.stop(key)
+
+        return done(stop)
+
+    def safety_stop(self) -> AdminCommandResponse:
         """Stop at once and latch. There is no reset here: a person must look first."""
-        return self._rig().patient(0.0).estop().acknowledged
+
+        def stop() -> str:
+            found = self._supervisor.patient(0.0).rig(self.config.rig).estop()
+            return "" if found.acknowledged else found.detail or found.cause
+
+        return done(stop)
 
     def _rig(self) -> RigHandle:
         return self._supervisor.rig(self.config.rig)
@@ -123,10 +141,25 @@ def last(moments: Iterable[Progress]) -> Progress | None:
 
 def failed(error: ClientError) -> ActionFailed:
     """The action fails with the problem's code; to raise it would put the node out of use."""
+    return ActionFailed(errors=[error_of(error)])
+
+
+def done(command: Callable[[], str | None]) -> AdminCommandResponse:
+    """What comes of an admin command, which must not raise either; a text says why it failed."""
+    try:
+        trouble = command()
+    except ClientError as error:
+        return AdminCommandResponse(success=False, errors=[error_of(error)])
+    errors = [Error(message=trouble, error_type="not-confirmed")] if trouble else []
+    return AdminCommandResponse(success=not trouble, errors=errors)
+
+
+def error_of(error: ClientError) -> Error:
+    """An error in words of MADSci."""
     code = error.code if isinstance(error, ProblemError) else ""
     if isinstance(error, RigLatchedEndError):
         code = "rig-latched"
-    return ActionFailed(errors=[Error(message=str(error), error_type=code or type(error).__name__)])
+    return Error(message=str(error), error_type=code or type(error).__name__)
 
 
 if __name__ == "__main__":

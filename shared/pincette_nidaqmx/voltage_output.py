@@ -23,6 +23,8 @@ MET = False
 """Whether this driver has met its instrument."""
 URL = "ni:cDAQ1Mod2/ao0"
 """Where it usually is."""
+STEP_V = 20.0 / 2**16
+"""Of 16 bits over ±10 V."""
 SETTLING_S = 3e-6
 NOTE = (
     "an exchange of 1 ms unless stated, settling in 3 µs and waves at the stated rate are assumed"

@@ -3,6 +3,8 @@
 import json
 import logging
 import os
+import secrets
+import ssl
 from pathlib import Path
 from time import time_ns
 from typing import Any
@@ -16,6 +18,7 @@ from pincette.core.messages import Message
 from pincette.core.topics import TOPICS, Topic, key
 from pincette.engine.program import Context as Started
 from pincette.records.schemas import SCHEMAS
+from pincette_foxglove.door import Door
 
 log = logging.getLogger("pincette.foxglove")
 KEY = "PINCETTE_KEY"
@@ -45,25 +48,31 @@ def run(context: Started) -> None:
 
     bus = context.open_bus()
     server: WebSocketServer | None = None
+    door: Door | None = None
     try:
         for topic in TOPICS:
             bus.subscribe(topic, send)
+        # No page can guess where this is; everybody else may come through the door anyway.
+        behind = f"127.{'.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))}"
         server = start(
             name=f"pincette {rig}",
-            host=settings.host,
-            port=settings.port,
+            host=behind,
+            port=0,
             capabilities=[Capability.Services],
             supported_encodings=["json"],
             services=[estop_service(context)],
             context=viewers,
             message_backlog_size=BACKLOG,
-            **certificate(settings.certificate),
         )
-        scheme = "ws" if settings.certificate is None else "wss"
+        place, proof = (settings.host, settings.port), certificate(settings.certificate)
+        door = Door(place, (behind, server.port), settings.origins, proof)
+        scheme = "ws" if proof is None else "wss"
         context.ready(f"Foxglove at {scheme}://{settings.host}:{settings.port}")
         context.stop.wait()
     finally:
         bus.close()
+        if door is not None:
+            door.close()
         if server is not None:
             server.stop()
 
@@ -80,12 +89,13 @@ def channel(rig: str, topic: Topic, viewers: Context) -> Channel:
     )
 
 
-def certificate(name: str | None) -> dict[str, Any]:
+def certificate(name: str | None) -> ssl.SSLContext | None:
     """What the server proves itself with; the private key lies beside the certificate."""
     if name is None:
-        return {}
-    path = Path(name)
-    return {"tls_cert": path.read_bytes(), "tls_key": path.with_suffix(".key").read_bytes()}
+        return None
+    proof = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    proof.load_cert_chain(name, Path(name).with_suffix(".key"))
+    return proof
 
 
 def estop_service(context: Started) -> Service:

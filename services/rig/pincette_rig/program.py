@@ -3,8 +3,11 @@
 import time
 from collections.abc import Callable
 
+from msgspec import UNSET, UnsetType
+
 from pincette.config import ConfigError
 from pincette.core.messages import GroundTruth
+from pincette.core.messages.second import SecondTruth
 from pincette.engine.program import Context
 from pincette.engine.realtime.os_scheduling import raise_priority
 from pincette.engine.simulated import serve_sim_commands
@@ -37,7 +40,7 @@ class Pace:
 
 
 def run(context: Context) -> None:
-    """Serve both instruments at their urls, and simulation commands, until stopped."""
+    """Serve all instruments at their urls, and simulation commands, until stopped."""
     rig, simulation = context.rig, context.rig.simulation
     if simulation is None:
         raise ConfigError(
@@ -49,8 +52,14 @@ def run(context: Context) -> None:
     bus = context.open_bus()
 
     # From the output's thread, before the write is answered; ``seq`` counts ticks from 0.
-    def tell(seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:
-        bus.publish(GroundTruth(seq, x_um, force_mN, voltage_V))
+    def tell(
+        seq: int,
+        x_um: float,
+        force_mN: float,
+        voltage_V: float,
+        second: SecondTruth | UnsetType = UNSET,
+    ) -> None:
+        bus.publish(GroundTruth(seq, x_um, force_mN, voltage_V, second))
 
     try:
         script = script_of(rig)
@@ -60,7 +69,8 @@ def run(context: Context) -> None:
         with bench.offer():
             serve_sim_commands(bus, script)
             bus.announce("rig")
-            context.ready(f"simulates {rig.sensor.url} and {rig.output.url}")
+            urls = dict.fromkeys(fitted.url for fitted in bench.fitted.values())
+            context.ready(f"simulates {' and '.join(urls)}")
             context.stop.wait()
     finally:
         bus.close()

@@ -73,6 +73,8 @@ class Callers:
             session = self._background.call(supervisor.session())
         except (ClientError, CommandError, ValueError) as error:
             raise AuthenticationFailed(str(error)) from error
+        if not session.keys:  # it would take any word
+            raise AuthenticationFailed("the supervisor has no keys; make one: pincette key add")
         if session.scope is None:
             raise AuthenticationFailed("the supervisor does not know this key")
         token = secrets.token_urlsafe(32)

@@ -4,18 +4,20 @@ from collections.abc import Mapping
 
 from sila2.framework import DefinedExecutionError, Feature
 
-from pincette.api.jobs import Job
 from pincette.client import (
     ClientError,
     ForeignAnswerError,
     InvalidRequestError,
+    JobEndedError,
     LimitViolationError,
     NoAnswerError,
+    NothingHeldError,
     NotPermittedError,
     PartHeldError,
     ProblemError,
     RequestStoppedError,
     RigBusyError,
+    RigLatchedEndError,
     RigLatchedError,
     RigNotReadyError,
 )
@@ -25,14 +27,17 @@ NAMES: Mapping[type[ClientError], str] = {
     InvalidRequestError: "InvalidRequest",
     RigBusyError: "RigBusy",
     PartHeldError: "PartHeld",
+    NothingHeldError: "NothingHeld",
     RigLatchedError: "RigLatched",
+    RigLatchedEndError: "RigLatched",
     RigNotReadyError: "RigNotReady",
     NotPermittedError: "NotPermitted",
     RequestStoppedError: "Cancelled",
     NoAnswerError: "SupervisorUnreachable",
     ForeignAnswerError: "SupervisorUnreachable",
 }
-"""Identifiers in the feature definition; any other refusal is ``RigNotReady``."""
+"""Identifiers in the feature definition; any other refusal is ``RigNotReady``. A job that has ended
+otherwise than it was asked to has one by its ending."""
 UNCONFIRMED = "estop-unconfirmed"
 RECOVERABLE = ("no_contact",)
 """Outcomes after which the arm is back, and nothing is held."""
@@ -49,9 +54,11 @@ class CommandError(Exception):
 
 
 def command_error(error: ClientError) -> CommandError:
-    """The error of a command that the supervisor refuses, or does not answer."""
+    """The error of a command that is refused, not answered, or has not come to its end."""
     if isinstance(error, ProblemError) and error.code == UNCONFIRMED:
         return CommandError("StopUnconfirmed", str(error))
+    if isinstance(error, JobEndedError) and not isinstance(error, RigLatchedEndError):
+        return _ended(error)
     return CommandError(NAMES.get(type(error), "RigNotReady"), str(error))
 
 
@@ -61,15 +68,13 @@ def defined(feature: Feature, error: CommandError | ClientError) -> DefinedExecu
     return DefinedExecutionError(feature.defined_execution_errors[found.identifier], str(found))
 
 
-def require_success(job: Job) -> Job:
-    """Return a job that has succeeded; raises CommandError for any other end."""
-    if job.state == "succeeded":
-        return job
+def _ended(error: JobEndedError) -> CommandError:
+    """The error of a job that has ended on a rig that is not latched, or no more."""
+    job = error.job
     code = "" if job.ending is None else job.ending.code
-    words = f"job {job.id} {job.state}: {job.cause}".rstrip(": ")
     if job.state == "aborted" or code == "tripped":
-        raise CommandError("RigLatched", words)
+        return CommandError("RigLatched", str(error))
     if job.state == "stopped" and code == "requested":
-        raise CommandError("Cancelled", words)
+        return CommandError("Cancelled", str(error))
     recoverable = (job.result or {}).get("outcome") in RECOVERABLE
-    raise CommandError("JobFailed", words, recoverable=recoverable)
+    return CommandError("JobFailed", str(error), recoverable=recoverable)

@@ -14,9 +14,9 @@ from pincette.client import AsyncJobHandle, AsyncRigHandle, ClientError
 from pincette_sila import motion
 from pincette_sila.background import Background
 from pincette_sila.callers import Callers
-from pincette_sila.errors import CommandError, defined
+from pincette_sila.errors import CommandError, command_error, defined
 from pincette_sila.features import MICROGRIPPER, command, feature
-from pincette_sila.motion import UNKNOWN, Execution, Sample
+from pincette_sila.motion import Execution, Sample, known
 from pincette_sila.recovery import ErrorRecovery
 
 T = TypeVar("T")
@@ -116,21 +116,17 @@ class Gripper(FeatureImplementationBase):
 
     def Hold(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
         """Go on holding what is held."""
-
-        async def require_held(rig: AsyncRigHandle) -> None:
-            motion.require_held(await rig.state())
-
-        self._call(require_held(self._callers.rig(metadata)))
+        self._call(motion.require_held(self._callers.rig(metadata)))
         return self._begin("Hold", instance, metadata, "hold", until_released=True)
 
     def Release(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
         """Let go of the part."""
-        rig = self.rigs[instance.execution_uuid] = self._callers.rig(metadata)
+        execution = instance.execution_uuid
+        rig = self.rigs[execution] = self._callers.rig(metadata)
         instance.begin_execution()
-        job = self._call(motion.let_go(rig, instance))
-        with self._noted(instance.execution_uuid, job):
-            self._call(motion.released(rig, job, instance))
-        return job.id, "released"
+        job = self._call(rig.let_go(str(execution), labels=motion.labels("Release", execution)))
+        with self._noted(execution, job):
+            return self._call(_released(job, instance))
 
     def Track(
         self,
@@ -193,9 +189,9 @@ class Gripper(FeatureImplementationBase):
             current = job
             while True:
                 try:
-                    followed = FOLLOWERS[command](current, instance)
-                    return await motion.or_latched(rig, followed)
-                except CommandError as error:
+                    return await FOLLOWERS[command](current, instance)
+                except ClientError as raised:
+                    error = command_error(raised)
                     if not await self._recovery.wants_retry(execution, command, error):
                         raise
                 key = self.keys[execution] = str(uuid4())
@@ -243,38 +239,39 @@ class Gripper(FeatureImplementationBase):
 
 async def _gripped(job: AsyncJobHandle, instance: Execution) -> Responses:
     if job.job.values.get("hold_s") is None:
-        now = await motion.held(job, instance, settled=True)
-        uncertainty_mN = now.force_uncertainty_mN
-        return job.id, "held", now.force_held_mN or 0.0, known(uncertainty_mN)
-    result = (await motion.ended(job, instance)).result or {}
+        now = await motion.follow(job.to_hold(), instance)
+        held_mN, uncertainty_mN = now and now.force_held_mN, now and now.force_uncertainty_mN
+        return job.id, "held", held_mN or 0.0, known(uncertainty_mN)
+    result = await _succeeded(job, instance)
     held_mN, uncertainty_mN = result.get("force_held_mN"), result.get("force_uncertainty_mN")
     return job.id, result.get("outcome", ""), held_mN or 0.0, known(uncertainty_mN)
 
 
 async def _held(job: AsyncJobHandle, instance: Execution) -> Responses:
-    await motion.held(job, instance, settled=False)
+    await motion.until_held(job, instance)
     return job.id
 
 
 async def _released(job: AsyncJobHandle, instance: Execution) -> Responses:
-    await motion.ended(job, instance)
+    await motion.follow(job.to_release(), instance)
     return job.id, "released"
 
 
 async def _tracked(job: AsyncJobHandle, instance: Execution) -> Responses:
-    result = (await motion.ended(job, instance)).result or {}
+    result = await _succeeded(job, instance)
     error: dict[str, float] = result.get("force_mN") or {}
     return job.id, result.get("outcome", ""), known(error.get("rmse"))
 
 
 async def _calibrated(job: AsyncJobHandle, instance: Execution) -> Responses:
-    result = (await motion.ended(job, instance)).result or {}
+    result = await _succeeded(job, instance)
     return job.id, bool(result.get("values")), result.get("statement", "")
 
 
-def known(value: float | None) -> float:
-    """A figure as SiLA has it."""
-    return UNKNOWN if value is None else value
+async def _succeeded(job: AsyncJobHandle, instance: Execution) -> dict[str, Any]:
+    """The result of a job that is followed to its end."""
+    await motion.follow(job.to_success(), instance)
+    return job.job.result or {}
 
 
 Follower = Callable[[AsyncJobHandle, Execution], Coroutine[Any, Any, Responses]]

@@ -21,6 +21,7 @@ from pincette_sila.features import (
     ERROR_RECOVERY,
     MICROGRIPPER,
     PAUSE_CONTROLLER,
+    SECOND_ARM,
     SIMULATION_CONTROLLER,
     command,
     feature,
@@ -28,6 +29,7 @@ from pincette_sila.features import (
 from pincette_sila.gripper import Gripper, moving_commands
 from pincette_sila.lock import Lock
 from pincette_sila.recovery import ErrorRecovery
+from pincette_sila.second_arm import SecondArm
 from pincette_sila.watching import watch_rig, watch_samples
 
 KEY = "PINCETTE_KEY"
@@ -71,6 +73,10 @@ def run(context: Context) -> None:
         ),
         (LockControllerFeature, Lock(server, moving)),
     ]
+    second = None
+    if context.rig.second is not None:
+        second = SecondArm(server)
+        features.append((feature(SECOND_ARM), second))
     if settings.login:
         wants_token = [*moving, command("Plan")]
         features.append((AuthenticationServiceFeature, Authentication(server, callers)))
@@ -80,7 +86,7 @@ def run(context: Context) -> None:
     _quieten()
     _listen(server, context)
     background.begin(watch_rig(server, gripper, callers, pausing))
-    background.begin(watch_samples(gripper, callers))
+    background.begin(watch_samples(gripper, callers, second))
     try:
         context.ready(f"SiLA 2 at {settings.host}:{settings.port}, for the supervisor at {url}")
         context.stop.wait()

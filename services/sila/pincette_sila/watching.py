@@ -13,8 +13,9 @@ from pincette.client import AsyncJobHandle, ClientError
 from pincette_sila.callers import Callers
 from pincette_sila.controllers import Pausing
 from pincette_sila.features import command
-from pincette_sila.gripper import FOLLOWERS, Gripper, known
-from pincette_sila.motion import LABEL, Sample
+from pincette_sila.gripper import FOLLOWERS, Gripper
+from pincette_sila.motion import LABEL, Sample, known
+from pincette_sila.second_arm import SecondArm
 
 log = logging.getLogger("pincette.sila")
 LOOK_S = 0.5
@@ -57,8 +58,8 @@ async def watch_rig(
         await asyncio.sleep(LOOK_S)
 
 
-async def watch_samples(gripper: Gripper, callers: Callers) -> None:
-    """Tell the newest whole sample of a motion, some times a second."""
+async def watch_samples(gripper: Gripper, callers: Callers, second: SecondArm | None) -> None:
+    """Tell the newest whole sample of a motion, some times a second, and of a second arm too."""
     told_at_s = 0.0
     while True:
         try:
@@ -71,6 +72,8 @@ async def watch_samples(gripper: Gripper, callers: Callers) -> None:
                 uncertainty_mN = known(one.force_uncertainty_mN)
                 row = (one.x_um, one.force_mN, uncertainty_mN, one.voltage_V, one.phase == "hold")
                 gripper.tell_sample(Sample(one.phase, *row))
+                if second is not None:
+                    second.tell(one)
         except ClientError:
             await asyncio.sleep(RETRY_S)
 

@@ -178,6 +178,8 @@ class JobKind:
     """File of its plot in the record; left out, its name with ``.png``."""
     place: int = LAST
     """Place in lists."""
+    arms: tuple[int, ...] = (1,)
+    """Numbers of driven arms of the rigs that it is offered for."""
 
     @property
     def holds_part(self) -> bool:

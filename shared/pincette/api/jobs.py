@@ -114,7 +114,8 @@ class Progress(Model):
     hold_in_s: float | None = None
     """When the hold begins, as planned; 0 while it lasts, null where none comes."""
     force_held_mN: float | None = None
-    """Mean of the force in the hold, without its first half second; null until then."""
+    """Mean of the force in the hold, of both arms where there are two, without its first half
+    second; null until then."""
     target: float | None = None
     """What the phase is about, as it should be: the force while a part is held, else x."""
     current: float | None = None

@@ -85,6 +85,7 @@ class Kind(Model):
         takes_recipe=True,
         jogs=False,
         proposes=False,
+        arms=[1],
     )
 
     name: str
@@ -116,6 +117,8 @@ class Kind(Model):
     """A page offers steps of the arm and taught poses beside its form."""
     proposes: bool
     """Its result proposes values for the model in use."""
+    arms: list[int]
+    """Numbers of driven arms of the rigs that it is offered for."""
 
 
 class KindList(Model):
@@ -151,6 +154,7 @@ def described(kind: JobKind) -> Kind:
         takes_recipe=kind.recipe is not None,
         jogs=kind.jogs,
         proposes=kind.proposes,
+        arms=list(kind.arms),
     )
 
 

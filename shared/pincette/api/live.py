@@ -8,6 +8,24 @@ from pincette.api.rigs import STANDING, Standing
 Column = list[float | None]
 
 
+class SecondColumns(Model):
+    """Columns of the second arm, and of the part that both hold."""
+
+    model_config = example(
+        x_um=[29.4, 29.4],
+        force_mN=[15.1, 15.0],
+        voltage_V=[1.66, 1.66],
+        place_um=[0.51, 0.52],
+        place_r_um=[0.5, 0.5],
+    )
+
+    x_um: Column
+    force_mN: Column
+    voltage_V: Column
+    place_um: Column
+    place_r_um: Column
+
+
 class LiveBatch(Model):
     """Samples joined by their number, in columns of one length, all of one epoch and one phase.
 
@@ -61,6 +79,8 @@ class LiveBatch(Model):
     force_uncertainty_mN: Column
     voltage_V: Column
     sliding_um: Column
+    second: SecondColumns | None = None
+    """Of a rig of two arms."""
     standing: Standing | None = None
     """How the actuator and the part stand as this is sent."""
 

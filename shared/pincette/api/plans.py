@@ -234,6 +234,11 @@ class DescribedLaw(Protocol):
         """Gains that a search varies; empty: no search."""
         ...
 
+    @property
+    def arms(self) -> int:
+        """Arms that it drives."""
+        ...
+
 
 class InstalledLaw(Model):
     """A control law that a job may choose."""
@@ -244,6 +249,7 @@ class InstalledLaw(Model):
         summary="position-based sliding mode impedance control",
         gains=[],
         tunable=True,
+        arms=1,
     )
 
     scheme: str
@@ -253,6 +259,8 @@ class InstalledLaw(Model):
     gains: list[LawGain]
     tunable: bool
     """Whether ``"gains": "tuned"`` is offered."""
+    arms: int = 1
+    """Driven arms of the rigs that it is offered for."""
 
     @classmethod
     def of(cls, law: DescribedLaw) -> "InstalledLaw":
@@ -263,6 +271,7 @@ class InstalledLaw(Model):
             summary=law.summary,
             gains=[LawGain.model_validate(gain, from_attributes=True) for gain in law.parameters],
             tunable=bool(law.search),
+            arms=law.arms,
         )
 
 

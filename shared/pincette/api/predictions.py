@@ -107,6 +107,8 @@ class Margin(Model):
     unit: str
     at_s: float
     phase: str
+    arm: int = 1
+    """Of two driven arms, the one that comes so near."""
 
 
 class Peaks(Model):

@@ -22,7 +22,8 @@ MEANINGS = {
         "job-active",
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
         "part-held, queue-full, rig-claimed (with claim), estop-engaged, "
-        "rig-latched (with cause), reset-refused, model-changed, trajectory-stale, recipe-limit",
+        "rig-latched (with cause), reset-refused, model-changed, trajectory-stale, recipe-limit, "
+        "rig-is-real, simulation-refused",
     ),
     413: ("body-too-large", "the body is larger than a request may be"),
     415: ("unsupported-media-type", "the body is not declared as JSON (Content-Type)"),
@@ -31,8 +32,8 @@ MEANINGS = {
         "limit-violation",
         "invalid-request (with errors: pointer, message), limit-violation (with violations: "
         "pointer, quantity, value, limit, unit, at_s, message), calibration-unsupported (with "
-        "needed_hz, bandwidth_hz, parts), impossible-model, no-prediction, or "
-        "idempotency-key-reused (with job)",
+        "needed_hz, bandwidth_hz, parts), impossible-model, no-prediction, "
+        "simulation-impossible (with the operation), or idempotency-key-reused (with job)",
     ),
     429: ("too-many-requests", "the client asks too often (Retry-After)"),
     503: (
@@ -74,6 +75,9 @@ REMEDIES: Mapping[str, str] = {
     "calibration-unsupported": "choose another calibration, or faster instruments",
     "impossible-model": "choose another version of the model",
     "no-prediction": "send it with `predict=false`, or change the values",
+    "rig-is-real": "do at the rig's bench what you want done",
+    "simulation-refused": "set `scripts = true` in [simulation] of the rig file",
+    "simulation-impossible": "take an operation and a value from the list of commands",
     "key-stopped": "use a new key for another request",
     "idempotency-key-reused": "use a new key for a new request",
     "too-many-requests": "wait as long as Retry-After says",

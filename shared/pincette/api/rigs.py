@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from pincette.api import WHOLE, Model, example
+from pincette.api.access import Claim
 from pincette.api.checks import Check, FaultView
-from pincette.api.claims import Claim
 from pincette.api.rig_states import RigState
 
 Certainty = Literal["known", "believed", "unknown"]
@@ -154,6 +154,10 @@ class Newest(Model):
     force_uncertainty_mN: float | None
     zero_age_s: float | None
     voltage_V: float | None
+    second_x_um: float | None = None
+    """Of the second arm, as what follows; null on a rig of one arm. All else is of the first."""
+    second_force_mN: float | None = None
+    second_voltage_V: float | None = None
 
 
 class Queue(Model):
@@ -200,6 +204,7 @@ class Rig(Model):
         name="demo",
         time="real",
         period_s=0.02,
+        arms=1,
         digest="3f2a9d1c0b7e6655",
         model={"version": 0, "digest": ""},
         programs=[],
@@ -224,6 +229,8 @@ class Rig(Model):
     name: str
     time: Literal["real", "lockstep"]
     period_s: float
+    arms: int = 1
+    """Driven arms; kinds of job and laws say for how many they are."""
     digest: str
     """Of the rig file; all programs must have the same."""
     model: ModelInUse

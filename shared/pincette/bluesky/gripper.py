@@ -21,12 +21,12 @@ from ophyd_async.core import (
 from pincette.api.jobs import Progress
 from pincette.bluesky.motion import Motion, motion_of, rest
 from pincette.bluesky.readings import (
-    COLUMNS,
-    NUMBERS,
     STANDING,
     TEXTS,
+    columns,
     data_keys,
     newest,
+    numbers,
     readings,
     standing,
 )
@@ -70,6 +70,7 @@ class Gripper(Device):
     ) -> None:
         self._supervisor = AsyncSupervisor(url, key=key, operator=LABEL, authority=authority)
         self._rig_name, self._found = rig, None
+        self._arms = 1
         self._setpoint_mN = 0.0
         self._prepared: dict[str, Any] | None = None
         self._flight: AsyncJobHandle | None = None
@@ -81,7 +82,7 @@ class Gripper(Device):
         """Find the rig; raises NotConnectedError where nobody answers, or it is not named."""
         try:
             found = await self._supervisor.patient(timeout_s).rig(self._rig_name)
-            await found.patient(timeout_s).state()
+            self._arms = (await found.patient(timeout_s).state()).arms
         except (ClientError, WhichRigError) as error:
             raise NotConnectedError(str(error)) from error
         self._found = AsyncRigHandle(self._supervisor.transport, found.name)
@@ -103,7 +104,7 @@ class Gripper(Device):
 
     async def describe(self) -> dict[str, DataKey]:
         """What ``read`` gives, each with its unit; a figure that is not known is NaN."""
-        return data_keys(self.name, self._source("newest"), (*NUMBERS, *TEXTS))
+        return data_keys(self.name, self._source("newest"), (*numbers(self._arms), *TEXTS))
 
     async def read(self) -> dict[str, Reading[Any]]:
         """The newest sample, whether a part is held, and which job has the rig."""
@@ -222,13 +223,13 @@ class Gripper(Device):
 
     async def describe_collect(self) -> dict[str, DataKey]:
         """The samples that ``collect`` gives, each value with its unit."""
-        return data_keys(self.name, self._source("samples"), COLUMNS)
+        return data_keys(self.name, self._source("samples"), columns(self._arms))
 
     async def collect_pages(self) -> AsyncGenerator[PartialEventPage]:
         """The samples of the record of the job that has completed."""
         if self._flown is not None:
             job, self._flown = self._flown, None
-            async for page in pages(job, self.name):
+            async for page in pages(job, self.name, self._arms):
                 yield page
 
     @AsyncStatus.wrap

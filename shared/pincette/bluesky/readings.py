@@ -29,8 +29,22 @@ COLUMNS = (
     "sliding_um",
 )
 """Of a record, which has more."""
+OF_SECOND = ("second_x_um", "second_force_mN", "second_voltage_V")
+"""Of a rig of two arms, both in the newest sample and in a record. All else is of the first."""
+OF_PART = ("place_um", "place_r_um")
+"""Of a record: of the part that two arms hold."""
 SAID = (*TEXTS, "phase", "rig", "rig_digest", "model_digest")
 COUNTED = ("seq",)
+
+
+def numbers(arms: int) -> tuple[str, ...]:
+    """What is read of a rig with that many driven arms."""
+    return NUMBERS if arms == 1 else (*NUMBERS, *OF_SECOND)
+
+
+def columns(arms: int) -> tuple[str, ...]:
+    """What is collected of a record of such a rig."""
+    return COLUMNS if arms == 1 else (*COLUMNS, *OF_SECOND, *OF_PART)
 
 
 def data_keys(name: str, source: str, fields: Iterable[str]) -> dict[str, DataKey]:
@@ -47,7 +61,7 @@ def readings(name: str, found: Mapping[str, Any]) -> dict[str, Reading[Any]]:
 def newest(rig: Rig) -> dict[str, Any]:
     """The newest sample of a rig, whether a part is held, and which job has it."""
     now = rig.newest
-    values = {field: None if now is None else getattr(now, field) for field in NUMBERS}
+    values = {field: None if now is None else getattr(now, field) for field in numbers(rig.arms)}
     known = {field: math.nan if value is None else value for field, value in values.items()}
     return {**known, "part": rig.part, "job": rig.active_job or ""}
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from event_model.documents.event_page import PartialEventPage
 
-from pincette.bluesky.readings import COLUMNS, SAID
+from pincette.bluesky.readings import SAID, columns
 from pincette.client import AsyncJobHandle
 
 ROWS = 1000
@@ -18,30 +18,28 @@ ROWS = 1000
 RECORD = "samples.parquet"
 
 
-async def pages(job: AsyncJobHandle, name: str) -> AsyncGenerator[PartialEventPage]:
+async def pages(job: AsyncJobHandle, name: str, arms: int) -> AsyncGenerator[PartialEventPage]:
     """The samples of a job, whose times are counted from its start."""
     started = job.job.started_at
     begin_s = 0.0 if started is None else datetime.fromisoformat(started).timestamp()
     with TemporaryDirectory(prefix="pincette-") as folder:
         path = await job.download(RECORD, folder)
-        columns = await asyncio.to_thread(_columns, path)
-    times = [begin_s + t_s for t_s in columns["t_s"]]
+        found = await asyncio.to_thread(_read, path, columns(arms))
+    times = [begin_s + t_s for t_s in found["t_s"]]
     for first in range(0, len(times), ROWS):
         part = slice(first, first + ROWS)
-        data = {f"{name}-{field}": columns[field][part] for field in COLUMNS}
+        data = {f"{name}-{field}": found[field][part] for field in columns(arms)}
         stamps = dict.fromkeys(data, times[part])
         yield PartialEventPage(data=data, timestamps=stamps, time=times[part])
 
 
-def _columns(path: Path) -> dict[str, list[Any]]:
+def _read(path: Path, wanted: tuple[str, ...]) -> dict[str, list[Any]]:
     # Loaded with the first record; the package carries no types.
     import pyarrow.parquet
 
     parquet: Any = pyarrow.parquet
-    table = parquet.read_table(path, columns=list(COLUMNS))
-    return {
-        field: [_known(value, field) for value in table[field].to_pylist()] for field in COLUMNS
-    }
+    table = parquet.read_table(path, columns=list(wanted))
+    return {field: [_known(value, field) for value in table[field].to_pylist()] for field in wanted}
 
 
 def _known(value: Any, field: str) -> Any:

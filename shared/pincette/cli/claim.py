@@ -11,7 +11,7 @@ from pincette.cli.options import number
 from pincette.cli.terminal import command, group
 
 if TYPE_CHECKING:
-    from pincette.api.claims import Claim
+    from pincette.api.access import Claim
 
 
 app = group()

@@ -186,11 +186,11 @@ class Driver:
 def drivers(form: Json) -> None:
     """List the drivers and laws that a rig file can name, and why one cannot be used."""
     from pincette.api.plans import InstalledLaw
-    from pincette.config.laws import installed_laws
+    from pincette.config.laws import laws_by_name
 
     if form.json:
         found = {kind: [asdict(one) for one in installed(name)] for name, kind in TABLES.items()}
-        laws = [InstalledLaw.of(law).model_dump() for law in installed_laws().values()]
+        laws = [InstalledLaw.of(law).model_dump() for law in laws_by_name().values()]
         emit({**found, "laws": laws})
         return
     for name, kind in plugins.DRIVERS.items():
@@ -203,14 +203,18 @@ def drivers(form: Json) -> None:
 
 
 def _law_lines(entry: EntryPoint) -> Iterator[str]:
-    from pincette.config.laws import law_definition
+    from pincette.config.laws import law_definition, laws_by_name
 
     yield f"{entry.name}, from {plugins.origin(entry)}"
-    try:
-        law = law_definition(entry.name)
-    except ValueError as error:
-        yield f"    cannot be used: {error}"
-        return
+    law = laws_by_name().get(entry.name)
+    if law is None:
+        try:
+            law = law_definition(entry.name)
+        except ValueError as error:
+            yield f"    cannot be used: {error}"
+            return
+    if law.arms > 1:
+        yield f"    of rigs with {law.arms} driven arms, which need not name it"
     yield f"    {law.title}: {law.summary}"
     gains = (f"{gain.name} = {gain.default:g} {gain.unit}".rstrip() for gain in law.parameters)
     yield f"    gains: {', '.join(gains)}"

@@ -139,6 +139,7 @@ def _side(side: str, answer: Answer, given: dict[str, Any], values: dict[str, Va
         raise CliError(f"driver {driver} has no option {', '.join(own)}", Exit.USAGE)
     if side == "output":
         values["on_silence"] = _on_silence(dict(options), answer)
+        values["step_V"] = getattr(module, "STEP_V", 0.0)
     return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in options]
 
 

@@ -223,7 +223,7 @@ def teach(
         Option("--source", help="a model of hysteresis and creep, or the branches as recorded"),
     ] = "identified",
 ) -> None:
-    """Print the table of a free response, and write it to a file if asked."""
+    """Print the table of a free response, of each arm there is, and write it if asked."""
     from pincette.control.response.identification import Identification
     from pincette.engine import teaching
 
@@ -234,18 +234,27 @@ def teach(
             f"{path} has no [simulation]: on hardware, `pincette calibrate free_response` "
             "measures the free response"
         )
-    try:
-        found = teaching.teach(file) if source == "identified" else teaching.record(file)
-    except ValueError as error:
-        raise CliError(f"the free response could not be {source}: {error}") from error
-    residual_mN = found.residual_um / file.model.compliance_um_per_mN
-    table = as_toml(found) if isinstance(found, Identification) else recorded_as_toml(found)
-    sys.stdout.write(
-        f"# residual on motion not {'fitted' if source == 'identified' else 'recorded'}: "
-        f"{found.residual_um:.3f} µm r.m.s., as force {residual_mN:.2f} mN\n{table}"
-    )
+    tables = ""
+    for prefix, arm in zip(("", "second."), file.arms, strict=False):
+        to_limits = file.second is not None
+        try:
+            found = (
+                teaching.teach(arm, to_limits=to_limits)
+                if source == "identified"
+                else teaching.record(arm, to_limits=to_limits)
+            )
+        except ValueError as error:
+            raise CliError(f"the free response could not be {source}: {error}") from error
+        residual_mN = found.residual_um / arm.model.compliance_um_per_mN
+        table = as_toml(found) if isinstance(found, Identification) else recorded_as_toml(found)
+        table = f"[{prefix}{table[1:]}"
+        sys.stdout.write(
+            f"# residual on motion not {'fitted' if source == 'identified' else 'recorded'}: "
+            f"{found.residual_um:.3f} µm r.m.s., as force {residual_mN:.2f} mN\n{table}"
+        )
+        tables += table
     if write is not None:
-        write.write_text(table, encoding="utf-8")
+        write.write_text(tables, encoding="utf-8")
 
 
 def as_toml(found: "Identification") -> str:

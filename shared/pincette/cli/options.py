@@ -197,11 +197,15 @@ def _reader(kind: Any, unit: str) -> tuple[Reader, str]:
     if kind is int:
         return integer, "N"
     if values := _values(kind):
-        return choice(values), "|".join(values)
+        named_by = dict(zip(values, get_args(kind), strict=True))
+        read = choice(values)
+        return (lambda text: named_by[read(text)]), "|".join(values)
     if get_origin(kind) is list:
         return _list_reader(_bare(get_args(kind)[0]), unit)
     if isinstance(kind, tuple):
         return _named_or_values(cast("tuple[Any, ...]", kind))
+    if hasattr(kind, "model_fields"):
+        return _named_or_values((kind,))
     return str, ""
 
 
@@ -235,10 +239,21 @@ def _tuples(fields: Sequence[tuple[str, str]], shape: str) -> Reader:
     return read
 
 
+def _with_lists(text: str) -> list[str]:
+    found: list[str] = []
+    for item in text.split(","):
+        if "=" in item or not item or not found:
+            found.append(item)
+        else:
+            found[-1] += f",{item}"
+    return found
+
+
 def _named_or_values(kinds: tuple[Any, ...]) -> tuple[Reader, str]:
     """Reader of a word, or of several members of a model as NAME=VALUE,NAME=VALUE.
 
-    Of a model that takes other members as well, these are numbers.
+    A value may be a list: what has no name goes on with the value before. Of a model that takes
+    other members as well, these are numbers.
     """
     from pydantic import BaseModel
 
@@ -253,13 +268,11 @@ def _named_or_values(kinds: tuple[Any, ...]) -> tuple[Reader, str]:
         if text in words:
             return text
         found: dict[str, Any] = {}
-        for item in text.split(","):
+        for item in _with_lists(text):
             name, equals, value = item.partition("=")
             if not equals or not name or (name not in fields and not free):
-                raise BadParameter(
-                    f"{item!r} cannot be used: give {', '.join(words)}, or {some}, "
-                    f"such as {shown}=0.5"
-                )
+                wanted = f"{', '.join(words)}, or {some}" if words else some
+                raise BadParameter(f"{item!r} cannot be used: give {wanted}, such as {shown}=0.5")
             kind = _bare(fields[name].annotation) if name in fields else float
             found[name] = _reader(kind, unit_of(name))[0](value)
         return found

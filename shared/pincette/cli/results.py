@@ -52,11 +52,27 @@ def predicted_lines(prediction: "Prediction") -> list[tuple[str, str]]:
         ("  position", f"{peaks.x_min_um:.2f} to {peaks.x_max_um:.2f} µm"),
         ("  voltage", f"{peaks.voltage_min_V:.3f} to {peaks.voltage_max_V:.3f} V"),
     ]
+    of_both = getattr(prediction, "figures", None)
+    if of_both is not None and of_both.force_held_mN is not None:
+        lines += [
+            (
+                "  force of both arms",
+                f"{of_both.force_held_mN:.2f} mN ± {of_both.force_uncertainty_mN:.2f} mN",
+            ),
+            ("  place", f"{of_both.held_place_um:.2f} µm"),
+        ]
+        for name, errors, unit in (
+            ("place", of_both.place_um, "µm"),
+            ("force", of_both.force_mN, "mN"),
+        ):
+            if errors is not None:
+                lines.append((f"  RMSE of the {name}", f"{errors.rmse:.3f} {unit}, without noise"))
     for name in dict.fromkeys(margin.quantity for margin in prediction.margins):
         margins = (margin for margin in prediction.margins if margin.quantity == name)
         near = min(margins, key=lambda margin: margin.distance)
         left = f"{near.distance:.3g} {near.unit} to the limit {near.limit:g} {near.unit}"
-        lines.append((f"  {name} left", f"{left}, at {near.at_s:.2f} s ({near.phase})"))
+        where = near.phase if of_both is None else f"{near.phase}, arm {near.arm}"
+        lines.append((f"  {name} left", f"{left}, at {near.at_s:.2f} s ({where})"))
     if not prediction.complete:
         lines.append(("  not all of it", prediction.cut))
     return lines

@@ -217,7 +217,8 @@ def demo(
         supervisor = stack.enter_context(
             Supervisor(file.supervisor.url, key=key_of(None), authority=authority)
         )
-        job = follow(supervisor.rig(file.rig.name).start("grip"), console)
+        kind = "grip" if file.second is None else "pair_grip"
+        job = follow(supervisor.rig(file.rig.name).start(kind), console)
     if form.json:
         emit(job)
     else:

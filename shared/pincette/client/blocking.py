@@ -181,6 +181,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
     queue = blocking(AsyncRigHandle.queue)
     move = blocking(AsyncRigHandle.move)
     timing = blocking(AsyncRigHandle.timing)
+    simulate = blocking(AsyncRigHandle.simulate)
     model = blocking(AsyncRigHandle.model)
     checklist = blocking(AsyncRigHandle.checklist)
     use_model = blocking(AsyncRigHandle.use_model)

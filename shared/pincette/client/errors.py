@@ -162,6 +162,7 @@ RAISED: Mapping[str, type[ProblemError]] = {
     "impossible-model": InvalidRequestError,
     "no-prediction": InvalidRequestError,
     "trajectory-stale": InvalidRequestError,
+    "simulation-impossible": InvalidRequestError,
     "job-active": RigBusyError,
     "queue-full": RigBusyError,
     "queue-moved": RigBusyError,

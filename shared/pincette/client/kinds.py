@@ -4,8 +4,6 @@ A kind that is installed at the supervisor alone is read by what all plans and r
 other members are there as they came.
 """
 
-from collections.abc import Callable
-
 import httpx
 
 from pincette.api.job_kinds import job_kinds
@@ -15,12 +13,11 @@ from pincette.api.results import JobResult
 from pincette.client.call import model
 
 
-def plan_of(kind: str) -> Callable[[httpx.Response], JobPlan]:
-    """Reader of a plan."""
-    known = job_kinds().get(kind)
-    if known is None:
-        return lambda answer: JobPlan.model_validate_json(answer.content, extra="allow")
-    return model(known.plan)
+def plan_of(answer: httpx.Response) -> JobPlan:
+    """Read a plan of any kind, which a supervisor may have made of another one."""
+    plan = JobPlan.model_validate_json(answer.content, extra="allow")
+    known = job_kinds().get(plan.kind)
+    return plan if known is None else model(known.plan)(answer)
 
 
 def result_of(job: Job) -> JobResult | None:

@@ -31,6 +31,12 @@ class LiveSample(NamedTuple):
     force_uncertainty_mN: float | None
     voltage_V: float | None
     sliding_um: float | None
+    second_x_um: float | None = None
+    second_force_mN: float | None = None
+    second_voltage_V: float | None = None
+    place_um: float | None = None
+    """Of the part that two arms hold; None on a rig of one arm."""
+    place_r_um: float | None = None
 
 
 class LiveBookmark:
@@ -71,4 +77,18 @@ def _sample(batch: LiveBatch, place: int) -> LiveSample:
         force_uncertainty_mN=batch.force_uncertainty_mN[place],
         voltage_V=batch.voltage_V[place],
         sliding_um=batch.sliding_um[place],
+        **_of_second(batch, place),
     )
+
+
+def _of_second(batch: LiveBatch, place: int) -> dict[str, float | None]:
+    second = batch.second
+    if second is None:
+        return {}
+    return {
+        "second_x_um": second.x_um[place],
+        "second_force_mN": second.force_mN[place],
+        "second_voltage_V": second.voltage_V[place],
+        "place_um": second.place_um[place],
+        "place_r_um": second.place_r_um[place],
+    }

@@ -4,8 +4,8 @@ from collections.abc import AsyncGenerator
 from typing import Any, Literal
 from uuid import uuid4
 
+from pincette.api.access import Claim
 from pincette.api.checklist import Checklist
-from pincette.api.claims import Claim
 from pincette.api.events import Event, EventList
 from pincette.api.jobs import Job, JobList, StoppedRequest
 from pincette.api.learning import Erased, LearnedList
@@ -14,6 +14,7 @@ from pincette.api.models import ModelView
 from pincette.api.plans import JobPlan
 from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
+from pincette.api.simulation import SimulationCommand
 from pincette.client.call import Call, content, get, model, post
 from pincette.client.errors import NothingHeldError
 from pincette.client.job import AsyncJobHandle
@@ -44,8 +45,7 @@ class AsyncRigHandle:
     async def plan(self, request: JobRequest | str, **fields: Any) -> JobPlan:
         """What a job would do, feasible or not; nothing moves."""
         body = self._body(request, fields)
-        read = plan_of(body.get("kind", ""))
-        call = Call("POST", "/jobs", read, {"dry_run": "true"}, body, repeatable=True)
+        call = Call("POST", "/jobs", plan_of, {"dry_run": "true"}, body, repeatable=True)
         return await self._transport.send(call)
 
     async def plot(self, request: JobRequest | str, **fields: Any) -> bytes:
@@ -213,6 +213,18 @@ class AsyncRigHandle:
         """Forget what one program has learned, or every one."""
         path = f"/rigs/{self.name}/learning" + (f"/{program}" if program else "")
         return await self._transport.send(Call("DELETE", path, model(Erased), repeatable=True))
+
+    async def simulate(self, target: str, what: str, **fields: float | None) -> SimulationCommand:
+        """Send a command to a simulated rig, such as ``simulate("sensor", "stuck", for_s=1.0)``.
+
+        Raises
+        ------
+        ProblemError
+            ``simulation-impossible``, ``simulation-refused`` or ``rig-is-real``.
+        """
+        body = {"target": target, "what": what, **fields}
+        path = f"/rigs/{self.name}/simulation/commands"
+        return await self._transport.send(post(path, SimulationCommand, body))
 
     def _body(self, request: JobRequest | str, fields: dict[str, Any]) -> dict[str, Any]:
         if isinstance(request, str):

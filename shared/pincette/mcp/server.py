@@ -25,6 +25,8 @@ from pincette.mcp.plans import NoPlanError, Plans
 
 LABEL = "mcp"
 """Label of a job: the token of its plan."""
+UNKNOWN = "unknown"
+"""Whether a part is held, where that cannot be read."""
 LOOKS = ToolAnnotations(read_only_hint=True, open_world_hint=False)
 STOPS = ToolAnnotations(
     read_only_hint=False, destructive_hint=False, idempotent_hint=True, open_world_hint=False
@@ -194,11 +196,21 @@ class Tools:
 
     async def emergency_stop(self) -> Done:
         """Stop at once and latch the rig. Only a person can reset it."""
+        # Neither the rig's name nor its state is asked for first: reading may want a key, or fail.
+        at_once = self._supervisor.patient(0.0)
         with told():
-            rig = (await self._rig()).patient(0.0)
-            stopped = await rig.estop()
-            part = (await rig.state()).part
-            return Done(job=None, part=part, detail=f"latched: {stopped.cause}")
+            if self._name is None:
+                stopped = (await at_once.estop()).rigs
+            else:
+                stopped = [await AsyncRigHandle(at_once.transport, self._name).estop()]
+        if unheard := [one.detail for one in stopped if not one.acknowledged]:
+            raise ToolError(f"not confirmed: {'; '.join(unheard)}. Use the amplifier's switch")
+        try:
+            part = (await (await at_once.rig(self._name)).state()).part
+        except ClientError:
+            part = UNKNOWN
+        causes = ", ".join(dict.fromkeys(one.cause for one in stopped))
+        return Done(job=None, part=part, detail=f"latched: {causes}")
 
     async def _rig(self) -> AsyncRigHandle:
         """Found when it is first asked for: the server starts without its supervisor."""

@@ -207,7 +207,7 @@ def write_columns(lane: LaneRecord, aim_um: float, output: LawOutput, columns: F
 
 
 def beyond_limits(k: Play, lane: LaneRecord, aim_um: float) -> bool:
-    """Whether a hard limit acts: ``monitors``, of which each counts its samples in a row."""
+    """Whether a hard limit acts, as ``monitors`` count: in a row, and leakily what follows."""
     m = k.monitors
     if lane.zeroed:
         lane.force_over = lane.force_over + 1 if lane.force_mN > m.force_mN else 0
@@ -215,7 +215,8 @@ def beyond_limits(k: Play, lane: LaneRecord, aim_um: float) -> bool:
         way_um = abs(aim_um - lane.aim_um) if lane.aimed else 0.0
         bound_um = m.following_um + m.following_s * (way_um / m.period_s)
         off = abs(lane.x_um - aim_um) > bound_um
-        lane.following_over = lane.following_over + 1 if off else 0
+        leaked = max(0, lane.following_over - 1)
+        lane.following_over = lane.following_over + 1 if off else leaked
         lane.aim_um, lane.aimed = aim_um, True
     inside = m.position_min_um <= lane.x_um <= m.position_max_um
     lane.position_over = 0 if inside else lane.position_over + 1

@@ -10,6 +10,8 @@ MICROGRIPPER = "Microgripper-v1_0"
 CANCEL_CONTROLLER = "CancelController-v1_0"
 SIMULATION_CONTROLLER = "SimulationController-v1_0"
 PAUSE_CONTROLLER = "PauseController-v2_0"
+SECOND_ARM = "SecondArm-v1_0"
+"""Of rigs with two driven arms alone."""
 ERROR_RECOVERY = "ErrorRecoveryService-v2_0"
 
 

@@ -1,0 +1,143 @@
+"""The port that viewers open: it asks which page connects, as the server behind it does not.
+
+A browser names the page in the header Origin of every WebSocket, and a page cannot change it
+(RFC 6455, 10.2). A program of its own names none, and is let in.
+"""
+
+import asyncio
+import logging
+import socket
+import ssl
+import threading
+from collections.abc import Collection
+from urllib.parse import urlsplit
+
+log = logging.getLogger("pincette.foxglove")
+HEAD_S = 5.0
+"""In which a connection has said what it wants, TLS included."""
+HEAD_BYTES = 16_384
+MOST = 256
+"""Connections at a time; what is beyond is closed."""
+BACKLOG = 1024
+CHUNK = 65_536
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+
+class Door:
+    """Takes connections in a thread of its own, and leads those that may on to the server."""
+
+    def __init__(
+        self,
+        place: tuple[str, int],
+        behind: tuple[str, int],
+        origins: Collection[str],
+        proof: ssl.SSLContext | None = None,
+    ) -> None:
+        """Listen at ``place``; raises OSError where it is taken.
+
+        ``origins``: of pages that may connect, beside those that this machine serves itself.
+        ``proof``: of TLS, which ends here.
+        """
+        self._behind, self._origins, self._proof = behind, frozenset(origins), proof
+        self._open, self._told = 0, set[str]()
+        family = socket.getaddrinfo(*place, type=socket.SOCK_STREAM)[0][0]
+        self._listener = socket.create_server(place, family=family, backlog=BACKLOG)
+        self._loop, self._over = asyncio.new_event_loop(), asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name="door", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End every connection."""
+        self._loop.call_soon_threadsafe(self._over.set)
+        self._thread.join()
+
+    def _run(self) -> None:
+        self._loop.run_until_complete(self._serve())
+        self._loop.close()
+
+    async def _serve(self) -> None:
+        server = await asyncio.start_server(
+            self._take,
+            sock=self._listener,
+            limit=HEAD_BYTES,
+            ssl=self._proof,
+            ssl_handshake_timeout=None if self._proof is None else HEAD_S,
+        )
+        await self._over.wait()
+        server.close()
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        for one in others:
+            one.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+        await asyncio.sleep(0)  # what they have closed ends in the next turn
+
+    async def _take(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._open += 1
+        try:
+            if self._open <= MOST:
+                await self._lead(reader, writer)
+        except (OSError, EOFError, TimeoutError, asyncio.LimitOverrunError) as error:
+            log.debug("a connection ended: %s", error)
+        finally:
+            self._open -= 1
+            writer.close()
+
+    async def _lead(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        async with asyncio.timeout(HEAD_S):
+            head = await reader.readuntil(b"\r\n\r\n")
+        if (origin := self.foreign(head)) is not None:
+            self._tell(origin)
+            writer.write(refusal(origin))
+            await writer.drain()
+            return
+        there, back = await asyncio.open_connection(*self._behind)
+        back.write(head)
+        await asyncio.gather(_carry(reader, back), _carry(there, writer))
+
+    def foreign(self, head: bytes) -> str | None:
+        """The page that a request comes from and that may not connect; None where it may."""
+        for line in head.decode("latin-1").split("\r\n")[1:]:
+            name, _, origin = line.partition(":")
+            origin = origin.strip()
+            if name.strip().lower() == "origin" and not (
+                origin in self._origins or _is_of_this_machine(origin)
+            ):
+                return origin
+        return None
+
+    def _tell(self, origin: str) -> None:
+        if origin not in self._told and len(self._told) < MOST:  # a page tries again and again
+            self._told.add(origin)
+            log.warning("refused a page of %.100r; see [foxglove] origins", origin)
+
+
+def _is_of_this_machine(origin: str) -> bool:
+    try:
+        parts = urlsplit(origin)
+    except ValueError:
+        return False
+    return parts.scheme in ("http", "https") and parts.hostname in LOOPBACK
+
+
+def refusal(origin: str) -> bytes:
+    """What a page is answered; a browser shows its own words only, who asks by hand sees these."""
+    text = f"a page of {origin[:100]!r} may not connect: name it in [foxglove] origins\n".encode()
+    lines = (
+        "HTTP/1.1 403 Forbidden",
+        "Content-Type: text/plain; charset=utf-8",
+        f"Content-Length: {len(text)}",
+        "Connection: close",
+    )
+    return "".join(f"{line}\r\n" for line in (*lines, "")).encode() + text
+
+
+async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
+    """Copy until either end is over; who is slow to read slows down who writes."""
+    try:
+        while data := await source.read(CHUNK):
+            sink.write(data)
+            await sink.drain()
+    except OSError as error:
+        log.debug("a connection ended: %s", error)
+    finally:
+        sink.close()
