@@ -100,10 +100,8 @@ def test_no_link_is_waited_for_at_its_end(door: Door) -> None:
         deadline = monotonic() + 5.0
 
         def lingers() -> list[int]:
-            found: list[int] = []
-            for line in private_port.own_sockets():
-                with line:
-                    found.append(line.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)[0])
+            option = socket.SOL_SOCKET, socket.SO_LINGER, 8
+            found = [line.getsockopt(*option)[0] for line in private_port.own_sockets()]
             return [one for one in found if one]
 
         while lingers():
@@ -133,10 +131,14 @@ def test_each_link_is_told_with_its_peer_and_why_it_went(
             sleep(0.01)
         (mine,) = [one for one in caplog.messages if f":{door.port}" in one]
         assert mine.startswith("link up: ")
-    while not any(one.startswith("link down") for one in caplog.messages):
+
+    def of_the_router() -> list[str]:
+        return [one for one in caplog.messages if f":{door.port}" not in one]
+
+    while not any(one.startswith("link down") for one in of_the_router()):
         assert monotonic() < deadline
         sleep(0.01)
-    told = [one for one in caplog.messages if f":{door.port}" not in one]
+    told = of_the_router()
     name = "supervisor" if door.client.tls else "a program"
     assert re.fullmatch(rf"link up: {name} at 127\.0\.0\.1:\d+", told[0])
     down = rf"link down after \d+\.\d s: {name} at 127\.0\.0\.1:\d+: (it hung up|its lease.*)"

@@ -115,6 +115,29 @@ def test_all_that_was_declared_goes_on_in_another_session(
 
 
 @pytest.mark.usefixtures("mute")
+def test_links_of_the_session_before_are_told_as_gone(
+    ends: SessionConfig, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "pincette")
+
+    def told() -> list[str]:
+        """Those of the supervisor's own links: the others are told by the router."""
+        (router,) = ends.connect
+        return [one[: len("link up")] for one in caplog.messages if f"program at {router}" in one]
+
+    bus = ZenohBus(ends, RIG, "supervisor")
+    try:
+        until(lambda: told() == ["link up"])
+        before = sessions(bus)
+        unanswered(bus, 4)
+        assert sessions(bus) != before
+        until(lambda: sorted(told()) == ["link do", "link up", "link up"])
+    finally:
+        bus.close()
+    assert sorted(told()) == ["link do", "link do", "link up", "link up"]
+
+
+@pytest.mark.usefixtures("mute")
 def test_who_asks_while_the_session_is_opened_anew_gets_an_answer_or_a_refusal(
     ends: SessionConfig,
 ) -> None:

@@ -21,6 +21,8 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 (BLOCK,) = re.findall(r"^```sh\n(docker .*?)^```$", README, re.MULTILINE | re.DOTALL)
 UP_S, GRIP_S = 580.0, 60.0
 BASE = "python:3.12-slim"
+TOLD = ("title", "licenses", "base.name")
+"""Labels of an image."""
 OWN_MB = {"pincette-loop": 145, "pincette": 500}
 """What an image may weigh above its base: with one of 205 MB the loop's stays below 350 MB."""
 NAME = "pincette-brief"
@@ -110,8 +112,8 @@ def test_the_images_are_small_and_say_what_they_are() -> None:
         facts = inspected(image)
         assert facts["Size"] - base < most_MB * 1e6, image
         labels = facts["Config"]["Labels"]
-        named = {name: labels[f"org.opencontainers.image.{name}"] for name in ("title", "licenses")}
-        assert named == {"title": image, "licenses": "Apache-2.0"}
+        named = {name: labels[f"org.opencontainers.image.{name}"] for name in TOLD}
+        assert named == {"title": image, "licenses": "Apache-2.0", "base.name": BASE}
         assert labels["org.opencontainers.image.revision"]
         assert facts["Config"]["User"] == "pincette"
 

@@ -1,4 +1,4 @@
-"""Both images are built without a network, from wheels that were fetched where there was one."""
+"""All images are built without a network, from wheels that were fetched where there was one."""
 
 import shutil
 from collections.abc import Generator
@@ -7,20 +7,23 @@ import pytest
 
 from pincette import __version__
 from tests.support.checkout import ROOT
+from tests.support.contained import PROFILES, grip_by_sila
 from tests.support.engine import Project, docker, told
+from tests.support.engine_rig import adapted_rig, mounting
 
 NAME = "pincette-offline"
 WHEELS = ROOT / "wheels"
-IMAGES = ("pincette", "pincette-loop")
-FETCH_S, BUILD_S = 300.0, 540.0
+IMAGES = ("pincette", "pincette-loop", "pincette-adapters", "pincette-madsci")
+FETCH_S, BUILD_S = 600.0, 900.0
 
 
 @pytest.fixture(scope="module")
-def project() -> Generator[Project]:
+def project(tmp_path_factory: pytest.TempPathFactory) -> Generator[Project]:
     """With its wheels fetched as the page says, and without the images."""
     if WHEELS.exists():
         pytest.skip(f"{WHEELS.name} is there already; it is not this test's to delete")
-    one = Project(NAME, "offline")
+    over = mounting(adapted_rig(), tmp_path_factory.mktemp("offline"), "sila", "foxglove")
+    one = Project(NAME, "offline", over, COMPOSE_PROFILES=",".join(PROFILES))
     try:
         fetched = one.shell("make wheels", FETCH_S)
         assert fetched.returncode == 0, fetched.stdout[-4000:]
@@ -31,11 +34,13 @@ def project() -> Generator[Project]:
         shutil.rmtree(WHEELS, ignore_errors=True)
 
 
-def test_no_index_is_asked(project: Project) -> None:
+def test_no_index_is_asked_and_the_rig_grips(project: Project) -> None:
     done = project.compose("build", "--no-cache", timeout_s=BUILD_S)
     assert done.returncode == 0, done.stdout[-4000:]
-    for image in IMAGES:
+    for image in IMAGES[:3]:
         assert __version__ in told("run", "--rm", "--network", "none", image, "--version")
+    project.up()
+    grip_by_sila()
 
 
 def test_without_the_wheels_it_cannot_be_built(project: Project) -> None:

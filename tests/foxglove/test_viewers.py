@@ -1,114 +1,37 @@
 """A client of the Foxglove protocol sees a grip as its record has it, and stops the rig."""
 
 import base64
-import json
-import struct
+import signal
 from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
-from typing import Any
 
 import pytest
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
-from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Subprotocol
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
 
-from pincette.config.reading import laid_over
-from tests.support.grips import SHORT
-from tests.support.rigs import free_ports, paced_rig
-from tests.support.running import RunningRig, running_rig
-
-SPOKEN = Subprotocol("foxglove.sdk.v1")
-MESSAGE, CALL, ANSWER = 1, 2, 3
-"""Opcodes of binary frames."""
-WAIT_S = 30.0
-FORCE_MN = 9.0
-
-
-class Viewer:
-    """What is advertised to a viewer, and what it sees of what it has subscribed to."""
-
-    def __init__(self, line: ClientConnection) -> None:
-        self._line = line
-        self.server: dict[str, Any] = {}
-        self.channels: dict[str, dict[str, Any]] = {}
-        self.services: dict[str, int] = {}
-        self.seen: dict[str, list[Any]] = {}
-        self.answers: list[dict[str, Any]] = []
-        self._kinds: dict[int, tuple[str, Any]] = {}
-
-    def until(self, there: Any, what: str) -> None:
-        """Read frames until something is the case."""
-        deadline = monotonic() + WAIT_S
-        while not there():
-            assert monotonic() < deadline, what
-            try:
-                self._take(self._line.recv(timeout=0.2))
-            except TimeoutError:
-                continue
-
-    def subscribe(self, *topics: str) -> None:
-        """Ask for topics, whose messages are read by the schemas that the server has sent."""
-        asked: list[dict[str, int]] = []
-        for number, topic in enumerate(topics):
-            channel = self.channels[topic]
-            pool = descriptor_pool.DescriptorPool()
-            files = descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"]))
-            for file in files.file:
-                pool.Add(file)
-            kind = pool.FindMessageTypeByName(channel["schemaName"])
-            self._kinds[number] = topic, message_factory.GetMessageClass(kind)
-            asked.append({"id": number, "channelId": channel["id"]})
-        self._line.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
-
-    def call(self, service: str) -> None:
-        """Call a service with an empty object."""
-        encoding = b"json"
-        head = struct.pack("<BIII", CALL, self.services[service], 7, len(encoding))
-        self._line.send(head + encoding + b"{}")
-
-    def _take(self, frame: str | bytes) -> None:
-        if isinstance(frame, bytes):
-            if frame[0] == MESSAGE:
-                number, _ = struct.unpack_from("<IQ", frame, 1)
-                topic, kind = self._kinds[number]
-                self.seen.setdefault(topic, []).append(kind.FromString(frame[13:]))
-            elif frame[0] == ANSWER:
-                _, _, length = struct.unpack_from("<III", frame, 1)
-                self.answers.append(json.loads(frame[13 + length :]))
-            return
-        told = json.loads(frame)
-        if told["op"] == "serverInfo":
-            self.server = told
-        elif told["op"] == "advertise":
-            self.channels |= {one["topic"]: one for one in told["channels"]}
-        elif told["op"] == "advertiseServices":
-            self.services |= {one["name"]: one["id"] for one in told["services"]}
+from pincette.config.programs import VIEWERS
+from tests.support.adapters import FORCE_MN, adapter_rig, ports_of_adapters
+from tests.support.grips import make_ready, restart
+from tests.support.running import RunningRig
+from tests.support.viewer import viewing
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    own = {"foxglove": {"port": free_ports(1)}}
-    with running_rig(
-        paced_rig(laid_over(SHORT, own)), tmp_path_factory.mktemp("foxglove")
-    ) as running:
-        running.fleet.start(["foxglove"])
-        yield running
+def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    place = tmp_path_factory.mktemp("foxglove")
+    with adapter_rig(place, ports_of_adapters(), ["foxglove"]) as found:
+        yield found
 
 
-@contextmanager
-def viewing(rig: RunningRig) -> Generator[Viewer]:
-    address = f"ws://127.0.0.1:{rig.rig.foxglove.port}"
-    with connect(address, subprotocols=[SPOKEN], max_size=None) as line:
-        one = Viewer(line)
-        one.until(lambda: one.server and one.channels and one.services, "nothing is advertised")
-        yield one
+@pytest.fixture
+def rig(running: RunningRig) -> RunningRig:
+    make_ready(running)
+    return running
 
 
 def test_a_grip_is_seen_as_its_record_has_it(rig: RunningRig) -> None:
-    with viewing(rig) as viewer:
+    with viewing(rig.rig) as viewer:
         assert viewer.server["name"] == "pincette demo"
         viewer.subscribe("estimate", "telemetry", "applied", "job")
         job = rig.start_grip(force_mN=FORCE_MN)
@@ -145,15 +68,63 @@ def test_who_speaks_an_older_protocol_is_refused(rig: RunningRig) -> None:
         pass
 
 
+def test_a_page_of_elsewhere_is_refused(rig: RunningRig) -> None:
+    address = f"ws://127.0.0.1:{rig.rig.foxglove.port}"
+    spoken = [Subprotocol("foxglove.sdk.v1")]
+    with (
+        pytest.raises(Exception, match="403"),
+        connect(address, subprotocols=spoken, origin=Origin("https://elsewhere.example")),
+    ):
+        pass
+    with connect(address, subprotocols=spoken, origin=Origin(VIEWERS[0])) as line:
+        assert line.recv(timeout=10.0)
+
+
 def test_the_emergency_stop_stops_and_says_so(rig: RunningRig) -> None:
-    with viewing(rig) as viewer:
+    with viewing(rig.rig) as viewer:
         job = rig.start_grip(until_released=True)
         rig.until_phase(job, "approach")
+        viewer.subscribe("applied")
         viewer.call("estop")
         viewer.until(lambda: viewer.answers, "no answer")
+        viewer.until(
+            lambda: any(one.state == "latched" for one in viewer.seen.get("applied", [])),
+            "the latch is not seen",
+        )
     (answer,) = viewer.answers
     assert answer["stopped"] is True
     ended = rig.ended(job)
     assert ended["ending"]["code"] == "tripped", ended["cause"]
     assert rig.view()["latch"]["cause"] == "estop"
     rig.post("/rigs/demo/reset", {"acknowledge": True}).raise_for_status()
+
+
+def test_a_supervisor_that_is_gone_is_told_and_samples_go_on(rig: RunningRig) -> None:
+    rig.until_phase(rig.start_grip(until_released=True), "hold")
+    with viewing(rig.rig) as viewer:
+        viewer.subscribe("estimate")
+        rig.fleet.signal("supervisor", signal.SIGKILL)
+        viewer.call("estop")
+        viewer.until(lambda: viewer.answers, "no answer")
+        (answer,) = viewer.answers
+        assert answer["stopped"] is False
+        assert "pincette estop" in answer["detail"]
+        before = len(viewer.seen.get("estimate", []))
+        viewer.until(lambda: len(viewer.seen["estimate"]) > before + 20, "no samples")
+        restart(rig, "supervisor")
+        viewer.call("estop")
+        viewer.until(lambda: len(viewer.answers) == 2, "no answer")
+    assert viewer.answers[1]["stopped"] is True
+
+
+def test_a_killed_server_leaves_the_part_held_and_comes_back(rig: RunningRig) -> None:
+    job = rig.start_grip(until_released=True)
+    rig.until_phase(job, "hold")
+    rig.fleet.signal("foxglove", signal.SIGKILL)
+    restart(rig, "foxglove")
+    with viewing(rig.rig) as viewer:
+        viewer.subscribe("telemetry")
+        viewer.until(lambda: len(viewer.seen.get("telemetry", [])) > 5, "no samples")
+    assert {one.phase for one in viewer.seen["telemetry"]} == {"hold"}
+    rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
+    assert rig.ended(job)["state"] == "succeeded"

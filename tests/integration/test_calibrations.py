@@ -5,8 +5,10 @@ from functools import partial
 
 import pytest
 
-from pincette.config import derived, read_rig
+from pincette.config import Calibration, derived, read_rig
+from pincette.config import calibrated as calibrated_rig
 from pincette.sim.bench import Bench
+from pincette_controller.config import configure
 from tests.support.calibrating import Bystander, calibrated, opened_benches, result_of, value
 from tests.support.rigs import DEMO, Tree, at_own_ports, demo_rig
 
@@ -103,3 +105,32 @@ def test_a_sweep_through_the_buffers_of_the_fast_pair_finds_the_mode(bench: list
     assert omega_n == pytest.approx(simulated.natural_frequency_rad_per_s, rel=0.002)
     zeta = value(record, "model.damping_ratio")
     assert zeta == pytest.approx(simulated.damping_ratio, rel=0.05)
+
+
+def test_bursts_at_1_khz_find_when_a_voltage_acts_and_the_mode(bench: list[Bench]) -> None:
+    rig = at_own_ports(read_rig(DEMO.parent / "kilohertz.toml"), AWAY)
+    record, _ = calibrated(rig, bench, "output_timing")
+    simulated = rig.simulation
+    assert simulated is not None
+    truth = {
+        "model.natural_frequency_rad_per_s": simulated.natural_frequency_rad_per_s,
+        "model.damping_ratio": simulated.damping_ratio,
+        "model.output_delay_s": simulated.actuation_delay_s,
+        "model.output_lag_s": simulated.output_lag_s,
+    }
+    found = {one.quantity: one for one in result_of(record).values}
+    assert found.keys() == truth.keys()
+    sure: dict[str, float] = {}
+    for quantity, true in truth.items():
+        one = found[quantity]
+        assert one.uncertainty is not None
+        assert abs(one.value - true) <= 3.0 * one.uncertainty, quantity
+        sure[quantity] = one.uncertainty
+    # Law and estimator get them as every calibrated quantity, with the arming.
+    values = {quantity: one.value for quantity, one in found.items()}
+    told = calibrated_rig(rig, Calibration(values=values, sources={}))
+    delay_s, lag_s = values["model.output_delay_s"], values["model.output_lag_s"]
+    assert told.model.output(rig.rig.period_s) == (delay_s, lag_s)
+    assert configure(told).output == (delay_s, lag_s)
+    assert sure["model.output_delay_s"] < 0.2 * rig.rig.period_s
+    assert sure["model.natural_frequency_rad_per_s"] < 1.0

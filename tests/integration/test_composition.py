@@ -20,8 +20,11 @@ from pincette.engine.simulated import simulated_devices
 from tests.support.partitions import Programs, composing, partitions
 from tests.support.rigs import KILOHERTZ, at_own_ports, demo_rig
 from tests.support.scripted import NEAR, PROGRAM
+from tests.support.two_arms import short_grip, two_arm_rig
 
 RIG = demo_rig(NEAR, time="lockstep")
+PAIR = two_arm_rig()
+SOME: tuple[Programs, ...] = ((), ("sensor+actuator", "estimator+controller"), ("loop",))
 FAST = at_own_ports(read_rig(KILOHERTZ), NEAR)
 SHORTER = 0.3
 """Of the program's times at 1 kHz."""
@@ -101,6 +104,16 @@ def test_the_same_bits_as_four_programs_at_1_khz() -> None:
     )
     program = replace(PROGRAM, segments=tuple(segments))
     check(Shared(FAST, ()), program, by_kind(ComposedLoop(FAST).play(program)))
+
+
+@cache
+def alone_with_two_arms() -> dict[str, list[Message]]:
+    return by_kind(ComposedLoop(PAIR).play(short_grip(PAIR, 0.4)))
+
+
+@pytest.mark.parametrize("composed", SOME, ids=" and ".join)
+def test_the_same_bits_of_two_arms(composed: Programs) -> None:
+    check(Shared(PAIR, composed), short_grip(PAIR, 0.4), alone_with_two_arms())
 
 
 def check(loop: Shared, program: Program, wanted: dict[str, list[Message]]) -> None:

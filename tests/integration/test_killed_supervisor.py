@@ -4,13 +4,19 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 
 from pincette.api.states import ActionType
+from pincette.bus.protocol import BusError
+from pincette.core.messages import Record
 from pincette.records import folder, mcap_reading
 from pincette.records.mcap_file import NAME
+from pincette_recorder.record_keeper import Reply
 from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.kinds.hold import HoldJobRequest
+from pincette_supervisor.problems import ProblemError
 from tests.support.grips import SHORT
 from tests.support.office import Office
 from tests.support.rigs import demo_rig
@@ -42,7 +48,7 @@ def test_the_next_one_closes_the_record_of_the_job_that_was_interrupted(
     played = len([echo for echo in rig.applied if echo.seq >= 0])
     office.kill()
     after = Office(rig, tmp_path)
-    job = after.manager.job(name)
+    job = after.manager.index.job(name)
     assert (job.state, job.record_complete, job.record_detail) == ("interrupted", True, "")
     assert job.ending is not None
     assert job.ending.code == "supervisor_ended"
@@ -62,6 +68,24 @@ def test_the_next_one_closes_the_record_of_the_job_that_was_interrupted(
     after.end()
 
 
+def test_no_grip_is_taken_while_the_program_of_the_killed_one_still_plays(
+    rig: VirtualRig, tmp_path: Path
+) -> None:
+    office = Office(rig, tmp_path)
+    office.manager.create(GRIP)
+    office.steps.pass_(APPROACH)
+    office.kill()
+    after = Office(rig, tmp_path)
+    with pytest.raises(ProblemError, match="armed for another program") as refused:
+        after.manager.create(GRIP)
+    assert (refused.value.status, refused.value.code) == (503, "rig-not-ready")
+    after.steps.pass_(50)
+    name = after.manager.create(GRIP)[0].id
+    after.steps.pass_(HOLD)
+    assert after.manager.index.job(name).state == "running"
+    after.end()
+
+
 @pytest.mark.parametrize(
     ("asked", "state"),
     [(None, "failed"), ("pause", "failed"), ("stop", "stopped"), ("abort", "aborted")],
@@ -77,7 +101,7 @@ def test_a_refused_arming_ends_the_job_and_its_record(
         office.manager.perform(name, asked, "test")
     office.manager.latch.estop("test")
     office.steps.pass_(60)
-    job = office.manager.job(name)
+    job = office.manager.index.job(name)
     assert (job.state, job.record_complete) == (state, True)
     assert "latched" in job.cause
     assert rig.keeper.record is None
@@ -96,7 +120,45 @@ def test_a_kill_in_a_refused_arming_leaves_none_open_either(
     office.steps.look()
     office.kill()
     after = Office(rig, tmp_path)
-    job = after.manager.job(name)
+    job = after.manager.index.job(name)
     assert (job.state, job.record_complete) == ("interrupted", True)
     assert rig.keeper.record is None
     after.end()
+
+
+def test_the_next_one_closes_the_record_of_a_part_that_a_stop_has_kept(
+    rig: VirtualRig, tmp_path: Path
+) -> None:
+    office = Office(rig, tmp_path)
+    name = office.manager.create(GRIP)[0].id
+    office.steps.pass_(HOLD)
+    office.manager.perform(name, "stop", "test")
+    office.steps.pass_(5)
+    assert office.manager.index.job(name).state == "stopped"
+    office.kill()
+    after = Office(rig, tmp_path)
+    assert after.manager.index.job(name).record_complete is True
+    assert rig.keeper.record is None
+    held = after.manager.create(HoldJobRequest(kind="hold", autostart=True))[0].id
+    after.steps.pass_(20)
+    assert after.manager.index.job(held).state == "running", after.manager.index.job(held).cause
+    assert manifest(tmp_path / "jobs" / name)["complete"] is True
+    assert after.faults == []
+    after.end()
+
+
+def test_a_record_that_was_begun_too_late_for_its_job_keeps_no_other_job_out(
+    rig: VirtualRig, tmp_path: Path
+) -> None:
+    def late(request: Record, _reply: Reply) -> None:
+        begin(request, lambda _: None)
+        raise BusError("nobody answers recorder/record within 5 s")
+
+    begin = rig.keeper.begin
+    office = Office(rig, tmp_path)
+    with patch.object(rig.keeper, "begin", late):
+        first = office.manager.create(GRIP)[0].id
+        office.steps.pass_(APPROACH)
+    assert office.manager.index.job(first).state == "failed"
+    assert rig.keeper.record is None
+    office.end()

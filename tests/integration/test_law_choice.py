@@ -2,7 +2,6 @@
 
 from functools import lru_cache
 from statistics import pstdev
-from time import process_time
 from typing import Any
 
 import pytest
@@ -141,9 +140,7 @@ def test_the_error_of_the_perturbation_is_the_noise_of_the_sensor_where_nothing_
 @pytest.mark.parametrize("kind", ["grip", "track"])
 def test_tuned_gains_of_both_laws_hold_what_they_promise(kind: str) -> None:
     for scheme in SCHEMES:
-        begun = process_time()
         found = tuned(RIG, scheme)
-        print(f"{scheme} tuned in {process_time() - begun:.2f} s of processor time")
         kept = ended({"kind": kind, "scheme": scheme, "gains": "tuned"})
         law = kept.run.planned.values["law"]
         assert law["gains"] == found.chosen.settings.gains

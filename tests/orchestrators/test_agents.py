@@ -4,64 +4,18 @@ import asyncio
 import os
 import signal
 import sys
-from collections.abc import AsyncGenerator, Generator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 from mcp import Client, StdioServerParameters
 
-from pincette.config.reading import laid_over
-from tests.support.grips import SHORT, make_ready
-from tests.support.rigs import Tree, paced_rig
-from tests.support.running import RunningRig, running_rig
+from tests.support.adapters import FORCE_MN, NEAR_MN, WAIT_S
+from tests.support.agent import agent, planned, refused, said
+from tests.support.grips import restart
+from tests.support.running import RunningRig
 
-FORCE_MN = 9.0
-NEAR_MN = 1.0
 LOOKS, STOPS, MOVES = {"status", "plan_grip"}, {"stop", "emergency_stop"}, {"grip", "release"}
-WAIT_S = 60.0
-SLOWLY: Tree = {"grip": {"approach_um_per_s": 4.0}}
-"""An approach that is still under way when something befalls it."""
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    with running_rig(paced_rig(laid_over(SHORT, SLOWLY)), tmp_path_factory.mktemp("rig")) as found:
-        yield found
-
-
-@pytest.fixture
-def rig(running: RunningRig) -> RunningRig:
-    make_ready(running)
-    return running
-
-
-@asynccontextmanager
-async def agent(rig: RunningRig, *options: str) -> AsyncGenerator[Client]:
-    words = ["-m", "pincette.mcp", "--url", rig.rig.supervisor.url, *options]
-    server = StdioServerParameters(command=sys.executable, args=words)
-    async with asyncio.timeout(WAIT_S), Client(server) as client:
-        yield client
-
-
-async def said(client: Client, tool: str, **arguments: Any) -> dict[str, Any]:
-    answer = await client.call_tool(tool, arguments)
-    assert not answer.is_error, answer.content
-    assert answer.structured_content is not None
-    return answer.structured_content
-
-
-async def refused(client: Client, tool: str, **arguments: Any) -> str:
-    answer = await client.call_tool(tool, arguments)
-    assert answer.is_error, answer.structured_content
-    return getattr(answer.content[0], "text", "")
-
-
-async def planned(client: Client, **arguments: Any) -> str:
-    plan = await said(client, "plan_grip", force_mN=FORCE_MN, **arguments)
-    assert (plan["feasible"], plan["violations"]) == (True, [])
-    return plan["token"]
 
 
 async def until_phase(rig: RunningRig, phase: str) -> str:
@@ -75,7 +29,7 @@ async def until_phase(rig: RunningRig, phase: str) -> str:
 
 def test_what_moves_is_there_only_where_it_is_asked_for(rig: RunningRig) -> None:
     async def listed(*options: str) -> dict[str, Any]:
-        async with agent(rig, *options) as client:
+        async with agent(rig.rig.supervisor.url, *options) as client:
             return {tool.name: tool for tool in (await client.list_tools()).tools}
 
     looking, moving = asyncio.run(listed()), asyncio.run(listed("--move"))
@@ -92,7 +46,7 @@ def test_a_grip_takes_the_token_of_a_plan_once(rig: RunningRig) -> None:
         told.append((progress, total, message))
 
     async def drive() -> None:
-        async with agent(rig, "--move") as client:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
             assert (await said(client, "status"))["part"] != "held"
             token = await planned(client)
             answer = await client.call_tool("grip", {"token": token}, progress_callback=tell)
@@ -116,7 +70,7 @@ def test_a_grip_takes_the_token_of_a_plan_once(rig: RunningRig) -> None:
 
 def test_a_grip_with_a_hold_ends_with_its_job(rig: RunningRig) -> None:
     async def drive() -> dict[str, Any]:
-        async with agent(rig, "--move") as client:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
             return await said(client, "grip", token=await planned(client, hold_s=0.6))
 
     done = asyncio.run(drive())
@@ -126,7 +80,7 @@ def test_a_grip_with_a_hold_ends_with_its_job(rig: RunningRig) -> None:
 
 def test_what_breaks_a_limit_has_no_token(rig: RunningRig) -> None:
     async def drive() -> tuple[dict[str, Any], str]:
-        async with agent(rig, "--move") as client:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
             return await said(client, "plan_grip", force_mN=500.0), await refused(
                 client, "plan_grip", force_mN=-1.0
             )
@@ -139,7 +93,7 @@ def test_what_breaks_a_limit_has_no_token(rig: RunningRig) -> None:
 
 def test_a_stop_is_taken_while_a_grip_is_under_way(rig: RunningRig) -> None:
     async def drive(*, cancel: bool) -> str:
-        async with agent(rig, "--move") as client:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
             grip = asyncio.create_task(client.call_tool("grip", {"token": await planned(client)}))
             job = await until_phase(rig, "approach")
             if cancel:
@@ -158,7 +112,7 @@ def test_a_stop_is_taken_while_a_grip_is_under_way(rig: RunningRig) -> None:
 
 def test_a_stop_during_the_request_leaves_no_job(rig: RunningRig) -> None:
     async def drive() -> str:
-        async with agent(rig, "--move") as client:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
             token = await planned(client)
             rig.fleet.signal("supervisor", signal.SIGSTOP)
             try:
@@ -178,7 +132,7 @@ def test_a_stop_during_the_request_leaves_no_job(rig: RunningRig) -> None:
 
 def test_an_emergency_stop_and_the_latch_are_told(rig: RunningRig) -> None:
     async def drive() -> None:
-        async with agent(rig, "--move") as client:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
             grip = asyncio.create_task(client.call_tool("grip", {"token": await planned(client)}))
             await until_phase(rig, "approach")
             assert (await said(client, "emergency_stop"))["detail"] == "latched: estop"
@@ -208,13 +162,29 @@ def test_a_killed_server_leaves_the_part_held_and_the_next_finds_its_job(
             return held["job"]
 
     async def let_go() -> tuple[dict[str, Any], dict[str, Any]]:
-        async with agent(rig, "--move") as client:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
             return await said(client, "status"), await said(client, "release")
 
     job = asyncio.run(hold())
     status, released = asyncio.run(let_go())
     assert (status["job"], status["part"]) == (job, "held")
     assert (released["job"], released["part"]) == (job, "none")
+
+
+def test_a_supervisor_that_is_gone_is_told_and_its_successor_releases(rig: RunningRig) -> None:
+    async def drive() -> tuple[str, dict[str, Any]]:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
+            await said(client, "grip", token=await planned(client))
+            rig.fleet.signal("supervisor", signal.SIGKILL)
+            words = await refused(client, "status")
+            await asyncio.to_thread(restart, rig, "supervisor")
+            while (await said(client, "status"))["part"] != "held":
+                await asyncio.sleep(0.1)
+            return words, await said(client, "release")
+
+    words, released = asyncio.run(drive())
+    assert "no answer" in words
+    assert released["part"] == "none"
 
 
 def test_it_starts_without_its_supervisor_and_says_so() -> None:

@@ -23,32 +23,29 @@ from pincette.client import (
     RigLatchedEndError,
     RigLatchedError,
 )
-from tests.support.grips import SHORT, make_ready, restart
-from tests.support.rigs import paced_rig
+from tests.support.adapters import FORCE_MN, NEAR_MN, SLOWLY, adapter_rig, until
+from tests.support.grips import make_ready, restart
 from tests.support.run_engine import (
     bpp,
     bps,
     check_limits,
     closed,
     connected,
+    ended,
     failure,
     new_engine,
     of,
     subscribed,
-    until,
     until_moving,
 )
-from tests.support.running import RunningRig, running_rig
+from tests.support.running import RunningRig
 
-FORCE_MN = 9.0
-NEAR_MN = 1.0
-SLOWLY: dict[str, Any] = {"approach_um_per_s": 3.0}
 FLIGHT: dict[str, Any] = {"kind": "grip", "force_mN": FORCE_MN, "hold_s": 0.4}
 
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    with running_rig(paced_rig(SHORT), tmp_path_factory.mktemp("rig")) as running:
+    with adapter_rig(tmp_path_factory.mktemp("rig"), SLOWLY) as running:
         yield running
 
 
@@ -56,7 +53,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 def engine() -> Generator[Any]:
     engine = new_engine()
     yield engine
-    engine.loop.call_soon_threadsafe(engine.loop.stop)
+    ended(engine)
 
 
 @pytest.fixture
@@ -71,7 +68,7 @@ def documents(engine: Any) -> Generator[list[tuple[str, Any]]]:
 def gripper(rig: RunningRig, engine: Any) -> Generator[Gripper]:
     assert engine.state == "idle"
     make_ready(rig)
-    device = connected(rig)
+    device = connected(rig.rig.supervisor.url)
     yield device
     if engine.state != "idle":
         engine.abort()
@@ -187,7 +184,7 @@ def test_an_abort_on_the_way_comes_to_rest(engine: Any, gripper: Gripper, rig: R
     @bpp.stage_decorator([gripper])
     @bpp.run_decorator()
     def plan() -> Generator[Any, Any, None]:
-        yield from bps.prepare(gripper, {**FLIGHT, **SLOWLY}, wait=True)
+        yield from bps.prepare(gripper, FLIGHT, wait=True)
         yield from bps.checkpoint()
         yield from bps.kickoff(gripper, wait=True)
         yield from bps.pause()
@@ -291,7 +288,7 @@ def test_a_supervisor_that_is_gone_and_back_leaves_the_part_held(
     rig.fleet.signal("supervisor", signal.SIGKILL)
     rig.fleet.members["supervisor"].process.wait(5.0)
     with pytest.raises(NotConnectedError):
-        connected(rig, timeout_s=0.5)
+        connected(rig.rig.supervisor.url, timeout_s=0.5)
     restart(rig, "supervisor")
     until(lambda: rig.view()["part"] == "held", "the part is not held")
     engine(bps.mv(gripper, 0.0))

@@ -2,9 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
-import sys
 from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -12,66 +13,56 @@ from typing import Any
 import httpx
 import pytest
 
-from pincette.config.reading import laid_over
+from tests.support.adapters import (
+    FORCE_MN,
+    NEAR_MN,
+    SecuredLaboratory,
+    secured_laboratory,
+    until,
+)
 from tests.support.checkout import ROOT
-from tests.support.grips import SHORT, make_ready
-from tests.support.rigs import free_ports, paced_rig
+from tests.support.contained import block
+from tests.support.environments import environment, ran, wheel
+from tests.support.grips import restart
+from tests.support.rigs import at_own_ports, free_ports
 from tests.support.running import RunningRig, running_rig
+from tests.support.two_arms import SHORT_PAIR, two_arm_rig
 
-DEPLOYED = ROOT / "deploy/madsci"
+# Its environment is made for it, and its packages take some seconds to be imported.
+pytestmark = pytest.mark.slow
+
+NODE = ROOT / "deploy/madsci/node.py"
+PINS = ROOT / "requirements/madsci.txt"
 DRIVE = ROOT / "tests/support/madsci_drive.py"
-FORCE_MN = 9.0
-NEAR_MN = 1.0
-LONG_S = 600.0
+PAGE_URL = "http://127.0.0.1:2000"
+"""Of the node in the page's program."""
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    slowly = laid_over(SHORT, {"grip": {"approach_um_per_s": 4.0}})
-    with running_rig(paced_rig(slowly), tmp_path_factory.mktemp("rig")) as running:
-        make_ready(running)
-        yield running
+def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of an environment with the pins of the node, and this tree's pincette-client."""
+    return environment(tmp_path_factory.mktemp("madsci") / "venv", str(PINS), str(wheel("shared")))
 
 
-@pytest.fixture(scope="module")
-def python(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Of an environment with what requirements.txt names, and this tree's pincette-client."""
-    folder = tmp_path_factory.mktemp("madsci")
-    wheels = folder / "wheels"
-    build = [sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", str(wheels)]
-    run([*build, str(ROOT / "shared")])
-    run([sys.executable, "-m", "venv", str(folder / "venv")])
-    found = str(folder / "venv/bin/python")
-    wanted = ["--find-links", str(wheels), "-r", str(DEPLOYED / "requirements.txt")]
-    run([found, "-m", "pip", "install", "--quiet", *wanted])
-    return found
-
-
-def run(command: list[str], cwd: Path | None = None) -> str:
-    done = subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, timeout=LONG_S, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
-@pytest.fixture(scope="module")
-def node(rig: RunningRig, python: str, tmp_path_factory: pytest.TempPathFactory) -> Generator[str]:
+@contextmanager
+def node(
+    python: Path, folder: Path, supervisor: str, **settings: str
+) -> Generator[tuple[str, "subprocess.Popen[bytes]"]]:
+    """The address of a node that has started, and its process."""
     url = f"http://127.0.0.1:{free_ports(1)}/"
-    settings = {"NODE_URL": url, "NODE_SUPERVISOR_URL": rig.rig.supervisor.url}
-    folder = tmp_path_factory.mktemp("node")
+    own = {"NODE_URL": url, "NODE_SUPERVISOR_URL": supervisor, "HOME": str(folder), **settings}
     log = folder / "node.log"
     with log.open("wb") as sink:
         process = subprocess.Popen(
-            [python, str(DEPLOYED / "node.py")],
+            [str(python), str(NODE)],
             cwd=folder,
-            env={**os.environ, **settings, "HOME": str(folder)},
+            env={**os.environ, **own},
             stdout=sink,
             stderr=subprocess.STDOUT,
         )
     try:
         await_answer(f"{url}state", process, log)
-        yield url
+        yield url, process
     finally:
         process.terminate()
         process.wait(20.0)
@@ -83,18 +74,24 @@ def await_answer(url: str, process: "subprocess.Popen[bytes]", log: Path) -> Non
         assert process.poll() is None, log.read_text(errors="replace")[-3000:]
         assert monotonic() < deadline, log.read_text(errors="replace")[-3000:]
         try:
-            if httpx.get(url, trust_env=False).json().get("part"):
+            if httpx.get(url, trust_env=False).json().get("state"):
                 return
         except (httpx.TransportError, ValueError):
             pass
         sleep(0.2)
 
 
+def driven(python: Path, folder: Path, *words: str) -> Any:
+    """What the stock client prints; it keeps files where it runs."""
+    return json.loads(ran([str(python), str(DRIVE), *words], folder).splitlines()[-1])
+
+
 def test_the_stock_client_grips_and_is_refused(
-    rig: RunningRig, python: str, node: str, tmp_path: Path
+    rig: RunningRig, python: Path, tmp_path: Path
 ) -> None:
-    line = [python, str(DRIVE), node, rig.rig.supervisor.url, str(FORCE_MN)]
-    said = json.loads(run(line, tmp_path).splitlines()[-1])  # it keeps files where it runs
+    supervisor, process = rig.rig.supervisor.url, rig.fleet.members["supervisor"].process.pid
+    with node(python, tmp_path, supervisor) as (url, _):
+        said = driven(python, tmp_path, url, "all", supervisor, str(FORCE_MN), str(process))
     assert said["actions"] == ["grip", "plan", "release"]
     assert said["plan"]["status"] == "succeeded"
     for refused, code in (("refused", "limit-violation"), ("infeasible", "InfeasiblePlanError")):
@@ -108,6 +105,9 @@ def test_the_stock_client_grips_and_is_refused(
     assert code_of(said["second"]) in ("job-active", "part-held")
     assert said["release"]["json"]["job"] == held["json"]["job"]
     assert code_of(said["nothing"]) == "NothingHeldError"
+    assert said["locked"] == "not_ready"
+    assert code_of(said["requested"]) in ("key-stopped", "JobEndedError")
+    assert said["cancelled"]["locked"] is True
     assert said["cancelled"]["command"] is True
     assert code_of(said["cancelled"]) == "JobEndedError"
     assert said["stopped"]["command"] is True
@@ -119,3 +119,104 @@ def test_the_stock_client_grips_and_is_refused(
 def code_of(action: dict[str, Any]) -> str:
     assert action["status"] == "failed"
     return action["errors"][0][0]
+
+
+def test_the_program_of_the_page_grips(rig: RunningRig, python: Path, tmp_path: Path) -> None:
+    page = block("docs/how-to/madsci.md", "RestNodeClient").text
+    program = page.split("\n", 1)[1].rpartition("PYTHON")[0]
+    with node(python, tmp_path, rig.rig.supervisor.url) as (url, _):
+        assert program.count(PAGE_URL) == 1
+        said = ran([str(python), "-c", program.replace(PAGE_URL, url.rstrip("/"))], tmp_path)
+    assert said.count("SUCCEEDED") == 3, said
+    assert rig.view()["part"] == "none"
+
+
+def test_a_killed_node_leaves_the_part_held_and_the_next_finds_its_job(
+    rig: RunningRig, python: Path, tmp_path: Path
+) -> None:
+    supervisor = rig.rig.supervisor.url
+    with node(python, tmp_path, supervisor) as (url, process):
+        held = driven(python, tmp_path, url, "grip", json.dumps({"force_mN": FORCE_MN}))
+        process.send_signal(signal.SIGKILL)
+        process.wait(20.0)
+    assert rig.view()["part"] == "held"
+    with node(python, tmp_path, supervisor) as (url, _):
+        state = httpx.get(f"{url}state", trust_env=False).json()
+        assert (state["part"], state["job"]) == ("held", held["json"]["job"])
+        released = driven(python, tmp_path, url, "release", "{}")
+    assert released["json"]["job"] == held["json"]["job"]
+    assert rig.view()["part"] == "none"
+
+
+def test_a_supervisor_that_is_gone_is_told_and_its_successor_releases(
+    rig: RunningRig, python: Path, tmp_path: Path
+) -> None:
+    with node(python, tmp_path, rig.rig.supervisor.url) as (url, _):
+        driven(python, tmp_path, url, "grip", json.dumps({"force_mN": FORCE_MN}))
+        rig.fleet.signal("supervisor", signal.SIGKILL)
+
+        def state() -> str:
+            return httpx.get(f"{url}state", trust_env=False).json()["state"]
+
+        until(lambda: state() == "unreachable", "it is told as there")
+        # An admin command that raised would put the node out of use.
+        for command in ("cancel", "safety_stop"):
+            answer = driven(python, tmp_path, url, "admin", command)
+            assert answer == {"success": False, "errors": ["NoAnswerError"]}
+        restart(rig, "supervisor")
+        until(lambda: state() != "unreachable", "it is told as gone")
+        until(lambda: rig.view()["part"] == "held", "the part is not held")
+        assert driven(python, tmp_path, url, "release", "{}")["status"] == "succeeded"
+    assert rig.view()["part"] == "none"
+
+
+@pytest.fixture
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    with running_rig(
+        at_own_ports(two_arm_rig(SHORT_PAIR)), tmp_path_factory.mktemp("pair")
+    ) as found:
+        yield found
+
+
+def test_both_arms_of_a_rig_grip_and_let_go(pair: RunningRig, python: Path, tmp_path: Path) -> None:
+    with node(python, tmp_path, pair.rig.supervisor.url) as (url, _):
+        refused = driven(python, tmp_path, url, "grip", json.dumps({"force_mN": 500.0}))
+        assert code_of(refused) == "limit-violation"
+        assert "force 500.000 mN above the limit 40 mN" in refused["errors"][0][1]
+        wanted = json.dumps({"force_mN": FORCE_MN})
+        assert driven(python, tmp_path, url, "plan", wanted)["status"] == "succeeded"
+        held = driven(python, tmp_path, url, "grip", wanted)
+        assert abs(held["json"]["force_held_mN"] - FORCE_MN) < NEAR_MN
+
+        def told() -> Any:
+            return httpx.get(f"{url}state", trust_env=False).json()
+
+        until(lambda: told().get("part") == "held", "the node does not tell of the part")
+        state = told()
+        assert state["force_mN"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
+        assert state["second_force_mN"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
+        assert pair.job(held["json"]["job"])["kind"] == "pair_grip"
+        assert driven(python, tmp_path, url, "release", "{}")["status"] == "succeeded"
+    assert pair.view()["part"] == "none"
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Generator[SecuredLaboratory]:
+    with secured_laboratory(tmp_path_factory.mktemp("laboratory")) as made:
+        yield made
+
+
+def test_a_node_is_for_one_rig_and_has_the_right_of_its_key(
+    lab: SecuredLaboratory, python: Path, tmp_path: Path
+) -> None:
+    trusting = {"NODE_RIG": "right", "NODE_SUPERVISOR_AUTHORITY": str(lab.authority)}
+    wanted = json.dumps({"force_mN": FORCE_MN})
+    own = {**trusting, "NODE_SUPERVISOR_KEY": lab.keys["observe"]}
+    with node(python, tmp_path, lab.url, **own) as (url, _):
+        assert code_of(driven(python, tmp_path, url, "grip", wanted)) == "scope-too-small"
+    own = {**trusting, "NODE_SUPERVISOR_KEY": lab.keys["operate"]}
+    with node(python, tmp_path, lab.url, **own) as (url, _):
+        assert driven(python, tmp_path, url, "grip", wanted)["status"] == "succeeded"
+        assert lab.holds("right")
+        assert lab.view("left")["active_job"] is None
+        assert driven(python, tmp_path, url, "release", "{}")["status"] == "succeeded"

@@ -143,7 +143,8 @@ def test_no_topic_and_no_question_is_left_out() -> None:
         assert whole["channels"][topic.name]["address"] == key("{rig}", topic)
         assert {f"send_{topic.name}", f"latest_{topic.name}"} <= operations.keys()
         schema = whole["components"]["schemas"][topic.message.__name__]
-        assert schema["required"] == [field.name for field in fields(topic.message)]
+        names = [field.name for field in fields(topic.message) if field.name != "second"]
+        assert schema["required"] == names
     for question in REQUESTS:
         name = f"{question.service}_{question.name}"
         assert whole["channels"][name]["address"] == request_key("{rig}", question)

@@ -49,5 +49,5 @@ def test_an_expectation_that_could_not_fail_is_refused(tmp_path: Path, line: str
 
 def test_a_tick_takes_no_more_calls_memory_and_bytes_than_expected() -> None:
     found = list(judged(expected("counted"), counted()))
-    assert len(found) == 16
+    assert len(found) == 20
     assert [one for one in found if not one.holds] == []

@@ -14,7 +14,7 @@ from pincette.config import read_rig
 from pincette.core.topics import LOOP
 from pincette.engine.fleet import ports
 from pincette.engine.realtime.os_scheduling import FIFO
-from tests.support.contained import contained
+from tests.support.contained import PROFILES, contained
 
 HOLDS_THE_NETWORK = "loopback"
 OF_THE_LOOP = (*LOOP, "rig", "router")
@@ -33,8 +33,14 @@ def compose(root: Path) -> Tree:
 
 
 @pytest.fixture(scope="module")
-def services(compose: Tree) -> dict[str, Tree]:
+def every(compose: Tree) -> dict[str, Tree]:
     return cast(dict[str, Tree], compose["services"])
+
+
+@pytest.fixture(scope="module")
+def services(every: dict[str, Tree]) -> dict[str, Tree]:
+    """Those that are up without a profile."""
+    return {name: one for name, one in every.items() if "profiles" not in one}
 
 
 def overlay(root: Path, name: str) -> dict[str, Tree]:
@@ -65,13 +71,14 @@ def test_one_service_builds_each_image_and_none_is_pulled(services: dict[str, Tr
         assert services[name]["pull_policy"] == "never"
 
 
-def test_every_container_is_bounded_and_has_no_rights(services: dict[str, Tree]) -> None:
-    for name, service in services.items():
+def test_every_container_is_bounded_and_has_no_rights(every: dict[str, Tree]) -> None:
+    for name, service in every.items():
         assert service["read_only"] is True, name
         assert service["cap_drop"] == ["ALL"], name
         assert service["security_opt"] == ["no-new-privileges:true"], name
         assert service["init"] is True, name
-        assert service["restart"] == "unless-stopped", name
+        # One ends with the program of the agent that has started it.
+        assert service["restart"] == ("no" if name == "agents" else "unless-stopped"), name
         assert re.fullmatch(r"\d+[mg]", service["mem_limit"]), name
         assert service["memswap_limit"] == service["mem_limit"], name
         assert 8 <= service["pids_limit"] <= 256, name
@@ -101,8 +108,8 @@ def test_health_is_asked_for_where_the_rig_file_has_the_programs(
     assert f":{rig.supervisor.port}/readyz" in services["supervisor"]["healthcheck"]["test"][-1]
 
 
-def test_health_is_asked_for_soon_at_first_and_seldom_later(services: dict[str, Tree]) -> None:
-    for name, service in services.items():
+def test_health_is_asked_for_soon_at_first_and_seldom_later(every: dict[str, Tree]) -> None:
+    for name, service in every.items():
         health = service["healthcheck"]
         assert (health["start_interval"], health["interval"]) == ("1s", "30s"), name
         assert health["start_period"] == "60s", name
@@ -124,6 +131,24 @@ def test_nothing_is_published_beyond_this_machine(root: Path, services: dict[str
         "${PINCETTE_PUBLISH:-127.0.0.1}:7447:7447",
     ]
     assert listening["router"]["environment"] == {"PINCETTE_LISTEN": "0.0.0.0"}
+
+
+def test_a_profile_adds_a_server_and_its_port_and_nothing_else(every: dict[str, Tree]) -> None:
+    added = {name: one for name, one in every.items() if "profiles" in one}
+    assert sorted(added) == sorted(["agents", *PROFILES, *(f"{name}-port" for name in PROFILES)])
+    for name, port in PROFILES.items():
+        server, door = added[name], added[f"{name}-port"]
+        assert server["profiles"] == door["profiles"] == [name]
+        assert server["network_mode"] == f"service:{HOLDS_THE_NETWORK}"
+        assert server["depends_on"] == {"supervisor": {"condition": "service_healthy"}}
+        assert server["healthcheck"]["test"][:3] == ["CMD", "serves", str(port)]
+        assert door["entrypoint"] == ["forward", str(port), HOLDS_THE_NETWORK]
+        assert door["ports"] == [f"127.0.0.1:{port}:{port}"]
+        assert "network_mode" not in door
+    agents = added["agents"]
+    assert (agents["profiles"], agents.get("ports")) == (["agents"], None)
+    rig = read_rig(Path(__file__).parents[2] / "deploy/rigs/demo.toml")
+    assert (rig.sila.port, rig.foxglove.port) == (PROFILES["sila"], PROFILES["foxglove"])
 
 
 def test_what_is_kept_goes_into_one_volume(compose: Tree, services: dict[str, Tree]) -> None:
@@ -178,7 +203,9 @@ def test_the_files_are_valid(root: Path, name: str, monkeypatch: pytest.MonkeyPa
         monkeypatch.setenv(f"PINCETTE_{variable}", "/dev/null")
     over = ["-f", "docker-compose.yml", *(["-f", f"deploy/{name}.yml"] if name else [])]
     if name:
-        assert set(overlay(root, name)) <= {*contained(), HOLDS_THE_NETWORK, "certificates"}
+        profiled = {"agents", *PROFILES}
+        known = {*contained(), HOLDS_THE_NETWORK, "certificates", *profiled}
+        assert set(overlay(root, name)) <= known
     docker = shutil.which("docker")
     if docker is None or _ran([docker, "compose", "version"], root).returncode:
         # An engine may come without this plug-in; what else the file must be is tested without it.

@@ -1,4 +1,4 @@
-"""Both images are filled from the pins that are tested, and hold what their programs need."""
+"""Images are filled from the pins that are tested, and hold what their programs need."""
 
 import re
 import shutil
@@ -80,7 +80,7 @@ def names(root: Path, name: str) -> set[str]:
     return {canonicalize_name(Requirement(line).name) for line in found}
 
 
-@pytest.mark.parametrize("name", ["run", "loop", "build", "tools"])
+@pytest.mark.parametrize("name", ["run", "loop", "adapters", "build", "tools"])
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: " ".join(place.values()))
 def test_what_is_installed_are_the_pins_that_are_tested(
     root: Path, name: str, place: dict[str, str]
@@ -93,13 +93,15 @@ def test_what_is_installed_are_the_pins_that_are_tested(
 def test_nothing_is_installed_without_its_hash(dockerfile: str) -> None:
     joined = dockerfile.replace("\\\n", " ")
     installs = re.findall(r"pip(?: --python \S+)? (?:install|download|wheel) [^;&\n]*", joined)
-    assert len(installs) == 5
+    assert len(installs) == 9
     for line in installs:
         assert "--require-hashes" in line or "--no-index" in line, line
     assert "for one in loop run" in dockerfile
     assert re.findall(r"^FROM common AS (\S+)$", dockerfile, re.MULTILINE) == [
         "pincette-loop",
         "pincette",
+        "pincette-adapters",
+        "pincette-madsci",
     ]
 
 
@@ -107,7 +109,7 @@ def test_the_dockerfile_is_built_without_anything_from_elsewhere(dockerfile: str
     assert "# syntax=" not in dockerfile
     assert "@sha256:" not in dockerfile
     bases = set(re.findall(r"^FROM (\S+)", dockerfile, re.MULTILINE))
-    assert bases == {"scratch", "${PYTHON}", "tools", "common"}
+    assert bases == {"scratch", "${PYTHON}", "tools", "build", "common"}
     assert "ARG PYTHON=python:3.12-slim\n" in dockerfile
 
 
@@ -125,10 +127,21 @@ def test_the_loop_has_what_its_programs_import_and_nothing_else(
     assert group < names(root, "run")
 
 
-def test_both_images_name_their_version(dockerfile: str, pyproject: dict[str, Any]) -> None:
+def test_the_adapters_have_what_their_programs_import(root: Path) -> None:
+    programs = ("pincette_sila.program", "pincette_foxglove.program", "pincette.mcp.server")
+    line = [sys.executable, "-c", IMPORTED, "pincette.__main__", "pincette.engine.program"]
+    done = subprocess.run(
+        [*line, *programs], capture_output=True, text=True, timeout=120.0, check=True
+    )
+    imported = {canonicalize_name(name) for name in done.stdout.split()} - NOT_OURS
+    # What httpx and the command line use only where it is there.
+    assert imported - names(root, "adapters") <= {"pygments", "rich", "zstandard"}
+
+
+def test_every_image_names_its_version(dockerfile: str, pyproject: dict[str, Any]) -> None:
     assert f"image.version={pyproject['project']['version']}\n" in dockerfile
     assert f"image.licenses={pyproject['project']['license']} " in dockerfile
-    assert dockerfile.count("image.revision=$REVISION") == 2
+    assert dockerfile.count("image.revision=$REVISION") == 4
     assert dockerfile.count("USER pincette\n") == 1
 
 
@@ -140,8 +153,12 @@ def test_the_rig_file_of_the_images_promises_what_compose_keeps(
     (change,) = re.findall(r"sed -i '([^']+)'", dockerfile)
     command = ["sed", change]
     made = subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout
-    supervisor = parse_rig(tomllib.loads(made)).supervisor
-    assert (supervisor.host, supervisor.behind) == ("0.0.0.0", "container")
+    (added,) = re.findall(r"printf '(\\n\[%s\][^']+)' \$one", dockerfile)
+    for one in ("sila", "foxglove"):
+        made += added.replace("\\n", "\n").replace("%s", one)
+    rig = parse_rig(tomllib.loads(made))
+    for server in (rig.supervisor, rig.sila, rig.foxglove):
+        assert (server.host, server.behind) == ("0.0.0.0", "container")
     assert parse_rig(tomllib.loads(text)).supervisor.behind == "nothing"
     compose = (root / "docker-compose.yml").read_text(encoding="utf-8")
     assert '"127.0.0.1:8000:8000"' in compose

@@ -7,13 +7,16 @@ from typing import Any
 import pytest
 from sila2.framework import DefinedExecutionError
 
+from pincette.config.reading import laid_over
+from tests.support.adapters import adapter_rig, ports_of_adapters, until
 from tests.support.running import RunningRig
-from tests.support.sila import sila_rig, stock_client, until
+from tests.support.sila import stock_client
 
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    with sila_rig(tmp_path_factory.mktemp("sila")) as running:
+    changes = laid_over(ports_of_adapters(), {"simulation": {"scripts": True}})
+    with adapter_rig(tmp_path_factory.mktemp("sila"), changes, ["sila"]) as running:
         yield running
 
 

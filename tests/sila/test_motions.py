@@ -7,12 +7,11 @@ import pytest
 from sila2.framework import DefinedExecutionError, SilaAnyType
 
 from pincette.client import Supervisor
+from tests.support.adapters import FORCE_MN, NEAR_MN, until
 from tests.support.commands import pincette
 from tests.support.running import Json, RunningRig
-from tests.support.sila import refusal, responses, stock_client, until
+from tests.support.sila import refusal, responses, stock_client
 
-FORCE_MN = 9.0
-NEAR_MN = 1.0
 NOTHING = SilaAnyType("<DataType><Basic>String</Basic></DataType>", "")
 UNKNOWN = "00000000-0000-0000-0000-000000000000"
 

@@ -10,16 +10,16 @@ from sila2.framework import DefinedExecutionError, InvalidMetadata, SilaConnecti
 
 from pincette.client import Supervisor
 from pincette.security.folder import Folder
+from tests.support.adapters import FORCE_MN, adapter_rig, until
 from tests.support.certificates import folder_for
 from tests.support.commands import pincette
-from tests.support.rigs import Tree
+from tests.support.rigs import Tree, free_ports
 from tests.support.running import RunningRig
-from tests.support.sila import refusal, responses, sila_rig, stock_client, until
+from tests.support.sila import refusal, responses, stock_client
 
 # sila2 looks for a server's UUID in its certificate, which one of an authority need not have.
 pytestmark = pytest.mark.filterwarnings("ignore:Server certificate is missing the extension")
 
-FORCE_MN = 9.0
 DISCOVERY_S = 20.0
 
 
@@ -48,6 +48,7 @@ def rig(
         "bus": {"pki": str(folder.path)},
         "supervisor": {"tls": True},
         "sila": {
+            "port": free_ports(1),
             "certificate": str(folder.path / "router.crt"),
             "discovery": True,
             "login": True,
@@ -56,7 +57,7 @@ def rig(
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PINCETTE_KEY", keys["observe"])
         patch.setenv("PINCETTE_PKI", str(folder.path))
-        with sila_rig(place, changes) as running:
+        with adapter_rig(place, changes, ["sila"]) as running:
             yield running
 
 

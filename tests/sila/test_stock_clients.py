@@ -1,13 +1,11 @@
 """The stock clients of SiLA 2 drive a rig, in lockstep, through what befalls a laboratory."""
 
-import asyncio
 import signal
 from concurrent.futures import ThreadPoolExecutor
 from time import sleep
 from typing import Any, cast
 
 import pytest
-from sila.client import Client, ClientConfig
 from sila2.client import SilaClient
 from sila2.client.client_observable_command_instance import (
     ClientObservableCommandInstanceWithIntermediateResponses as Attached,
@@ -19,12 +17,10 @@ from sila2.framework import (
     ValidationError,
 )
 
+from tests.support.adapters import FORCE_MN, NEAR_MN, until
 from tests.support.grips import restart
 from tests.support.running import RunningRig
-from tests.support.sila import refusal, responses, stock_client, until
-
-FORCE_MN = 9.0
-NEAR_MN = 1.0
+from tests.support.sila import refusal, responses, stock_client
 
 
 def test_a_grip_is_followed_to_its_hold_and_released(client: Any) -> None:
@@ -179,26 +175,3 @@ def gripper_of(rig: RunningRig) -> str:
     with SilaClient(rig.rig.sila.host, rig.rig.sila.port, insecure=True) as found:
         client: Any = found
         return client.Microgripper.RigState.get()
-
-
-@pytest.mark.usefixtures("cleared")
-def test_the_client_of_unitelabs_grips(rig: RunningRig) -> None:
-    async def grip() -> tuple[Any, list[str], Any]:
-        config = ClientConfig(hostname=rig.rig.sila.host, port=rig.rig.sila.port, tls=False)
-        async with Client(config) as client:
-            gripper: Any = client.Microgripper
-            execution = await gripper.Grip(Force=FORCE_MN, HoldTime=0.0, Recipe="")
-            phases = [
-                one.Sample.Phase async for one in await execution.subscribe_intermediate_responses()
-            ]
-            held = await execution.get_responses()
-            released = await gripper.Release()
-            async for _ in await released.subscribe_intermediate_responses():
-                pass
-            return held, phases, await released.get_responses()
-
-    held, phases, released = asyncio.run(grip())
-    assert held.Outcome == "held"
-    assert abs(held.HeldForce - FORCE_MN) < NEAR_MN
-    assert "load" in phases
-    assert released.Outcome == "released"

@@ -53,6 +53,19 @@ SITTINGS: dict[str, Sitting] = {
             Typed("sed 's/head = 1", r"option head = 9", status=1),
         ),
     ),
+    "docs/tutorials/two-arms.md": Sitting(
+        (
+            Typed("make demo", r"outcome +gripped", seconds=120.0),
+            Typed(".venv/bin/pincette up --rig", r"is up at http://127.0.0.1:8000", stays=True),
+            Typed(".venv/bin/pincette job pair_track --place", r"outcome +tracked", seconds=90.0),
+            Typed(".venv/bin/pincette job centre", r"outcome +gripped", seconds=90.0),
+            Typed(".venv/bin/pincette job pair_grip", r"outcome +gripped", seconds=90.0),
+            Typed(".venv/bin/pincette job pair_grip --dry-run", r"arm 2: position", status=5),
+            Told(".venv/bin/pincette job carry", "test_pair.py carries a held part, lets it go"),
+            Told(".venv/bin/pincette rig part", "test_two_arms_taught.py types it in lockstep"),
+        ),
+        slow=True,
+    ),
     "docs/how-to/plan.md": Sitting(
         (
             Typed("curl -s 'http://127.0.0.1:8000/api/v1/jobs", r'"feasible":true'),
@@ -68,6 +81,9 @@ SITTINGS: dict[str, Sitting] = {
             Told("eval", "tests/unit/cli/test_at_work.py claims from a shell"),
             Told("import secrets", "tests/unit/supervisor/test_claims.py sends the same requests"),
         )
+    ),
+    "docs/how-to/find-a-job.md": Sitting(
+        (Told("pincette job list --text B7", "tests/system/test_page_search.py finds such a job"),)
     ),
     "docs/how-to/quick-grip.md": Sitting(
         (Typed("pincette job grip --profile gentle", r"outcome +gripped"),), up=DEMO
@@ -107,7 +123,11 @@ SITTINGS: dict[str, Sitting] = {
         up=DEMO,
     ),
     "docs/how-to/scripted-faults.md": Sitting(
-        (Typed("export PINCETTE_RIG=deploy/rigs/bring-up.toml", r"output heal: done"),), up=HANDS
+        (
+            Typed("export PINCETTE_RIG=deploy/rigs/bring-up.toml", r"output heal: done"),
+            Typed("curl --json", r'"what":"stuck"'),
+        ),
+        up=HANDS,
     ),
     "docs/how-to/secure.md": Sitting(
         (
@@ -226,7 +246,9 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/containers.md": Sitting(
         (
             Told("docker compose up -d --build --wait", "tests/engine/test_brief.py types both"),
+            Told("docker compose --profile sila", "tests/engine/test_adapters.py types it"),
             Told("docker buildx imagetools", "it asks the registry of the base image"),
+            Told("docker compose up -d --build --wait", DOCKER),
             Told("export COMPOSE_FILE=docker-compose.yml:deploy/real-rig.yml", BENCH),
             Told("docker compose -f docker-compose.yml -f deploy/listen.yml", DOCKER),
             Told("export COMPOSE_FILE=docker-compose.yml:deploy/listen.yml", DOCKER),

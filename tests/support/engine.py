@@ -90,7 +90,7 @@ class Project:
             "docker-compose.yml",
             *(f"deploy/{one}.yml" if isinstance(one, str) else str(one) for one in over),
         ]
-        self._variables = {
+        self.variables: dict[str, str] = {
             **variables,
             "COMPOSE_PROJECT_NAME": name,
             "COMPOSE_FILE": os.pathsep.join(files),
@@ -98,11 +98,11 @@ class Project:
 
     def shell(self, line: str, timeout_s: float) -> "subprocess.CompletedProcess[str]":
         """Run a line as a reader types it."""
-        return _ran(["bash", "-c", line], timeout_s, **self._variables)
+        return _ran(["bash", "-c", line], timeout_s, **self.variables)
 
     def compose(self, *words: str, timeout_s: float = ASK_S) -> "subprocess.CompletedProcess[str]":
         """Run `docker compose` with some words."""
-        return _ran(["docker", "compose", *words], timeout_s, **self._variables)
+        return _ran(["docker", "compose", *words], timeout_s, **self.variables)
 
     def up(self, *words: str, timeout_s: float = 540.0) -> None:
         """Bring all up, or what is named, and wait until it is healthy."""

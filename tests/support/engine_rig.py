@@ -97,15 +97,25 @@ def short_rig() -> RigFile:
     return parse_rig(laid_over(laid_over(tree, SHORT), SEEN_FROM_OUTSIDE))
 
 
-def mounting(rig: RigFile, folder: Path) -> Path:
-    """A compose file that gives every program a rig file."""
+def adapted_rig() -> RigFile:
+    """The demo rig in lockstep, so that nothing trips where the machine stalls, with adapters."""
+    tree = read_rig(DEMO).model_dump(mode="json", exclude_none=True)
+    own: Tree = {"rig": {"time": "lockstep"}, "simulation": {"pace": 1.0}, **SEEN_FROM_OUTSIDE}
+    adapters = dict.fromkeys(("sila", "foxglove"), SEEN_FROM_OUTSIDE["supervisor"])
+    return parse_rig(laid_over(tree, own | adapters))
+
+
+def mounting(rig: RigFile, folder: Path, *more: str) -> Path:
+    """A compose file that gives every program a rig file; ``more``: programs of profiles."""
     path = folder / "rig.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
     path.chmod(0o644)
     mounted = {"volumes": [f"{path}:/etc/pincette/rig.toml:ro"]}
     over = folder / "mounting.yml"
     # Every JSON document is one of YAML.
-    over.write_text(json.dumps({"services": dict.fromkeys(contained(), mounted)}), encoding="utf-8")
+    over.write_text(
+        json.dumps({"services": dict.fromkeys([*contained(), *more], mounted)}), encoding="utf-8"
+    )
     return over
 
 

@@ -135,7 +135,7 @@ class Explored(RuleBasedStateMachine):
         live = self.office.manager.active
         assert live is not None
         deadline_s = self.rig.now_s + self._longest_s(live.request, live.planned)
-        while not self.office.manager.is_over(job):
+        while not self.office.manager.index.is_over(job):
             assert self.rig.now_s <= deadline_s, f"still {self.row(job).state}"
             self.tried(self.office.steps.pass_)
 
@@ -153,7 +153,7 @@ class Explored(RuleBasedStateMachine):
         manager = self.office.manager
 
         def act() -> None:
-            allowed = manager.job(row.id).allowed_actions
+            allowed = manager.index.job(row.id).allowed_actions
             _, holds = manager.perform(row.id, action, "test")
             assert holds or action in allowed
 

@@ -9,7 +9,7 @@ from enum import EnumType
 from functools import cache
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
-from msgspec import Struct, structs
+from msgspec import UNSET, Struct, UnsetType, structs
 
 from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.paths import Knot, Path
@@ -77,8 +77,9 @@ def _value(hint: Any, name: str, chance: Chance) -> Any:
     if isinstance(hint, type) and issubclass(hint, Struct):
         return sound(hint, chance)
     if get_origin(hint) in (Union, types.UnionType):
-        choices = [item for item in get_args(hint) if item is not type(None)]
-        return None if chance.random() < 0.6 else _value(choices[0], name, chance)
+        choices = [item for item in get_args(hint) if item not in (type(None), UnsetType)]
+        absent = UNSET if UnsetType in get_args(hint) else None
+        return absent if chance.random() < 0.6 else _value(choices[0], name, chance)
     if get_origin(hint) is Literal:
         return chance.choice(get_args(hint))
     inner = get_args(hint)[0]

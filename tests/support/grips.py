@@ -32,7 +32,9 @@ SHORT: Tree = {
 SLOWLY_UM_PER_S = 3.0
 """Of an approach that is still under way when the fault comes."""
 MOVED_UM = 1.0
-"""Reference from which the arm counts as under way."""
+"""Reference from which the arm counts as under way, and"""
+MOVED_V = 0.01
+"""voltage."""
 FAR_V, AWAY_V, AWAY_UM_PER_S = -0.25, -0.6, 18.0
 """Of a move that is still under way when the fault comes, with a voltage that takes a whole ramp:
 where the arm stands at 0 V depends on how it has moved before."""
@@ -61,7 +63,9 @@ def approach(rig: RunningRig, seen: Witness) -> str:
     """Begin a grip and wait until the free arm is well under way; the job's id."""
 
     def under_way(view: Telemetry) -> bool:
-        return view.phase == "approach" and view.x_r_um > MOVED_UM
+        moved = view.phase == "approach" and view.x_r_um > MOVED_UM
+        # An arm that still creeps from the grip before crosses 0 V, where there is no way to ramp.
+        return moved and seen.newest(Applied).voltage_V > MOVED_V
 
     return _begin(rig, seen, under_way, {"approach_um_per_s": SLOWLY_UM_PER_S})
 
@@ -166,7 +170,7 @@ def reset(rig: RunningRig) -> None:
     rig.post(path, {"acknowledge": True}).raise_for_status()
 
 
-def make_ready(rig: RunningRig, timeout_s: float = 10.0) -> None:
+def make_ready(rig: RunningRig, timeout_s: float = 30.0) -> None:
     """Clear what a test before has left, where that one failed half way."""
     for member in rig.fleet.ended():
         restart(rig, member.name)
@@ -178,7 +182,9 @@ def make_ready(rig: RunningRig, timeout_s: float = 10.0) -> None:
         if view["active_job"] is not None and view["latch"]["state"] == "armed":
             rig.post(f"/rigs/{rig.rig.rig.name}/estop").raise_for_status()
         if "reset" in view["allowed_actions"]:
-            reset(rig)
+            answer = rig.post(f"/rigs/{rig.rig.rig.name}/reset", {"acknowledge": True})
+            if answer.status_code not in NOT_YET:
+                answer.raise_for_status()
         elif view["active_job"] is None and view["part"] == "held":
             release = rig.post("/jobs", {"kind": "release", "autostart": True})
             if release.status_code not in NOT_YET:

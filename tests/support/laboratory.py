@@ -77,8 +77,10 @@ class Laboratory:
 
 
 @contextmanager
-def laboratory(folder: Path, changes: Json | None = None) -> Generator[Laboratory]:
-    """Both rigs, with the same changes."""
+def laboratory(
+    folder: Path, changes: Json | None = None, key: str | None = None
+) -> Generator[Laboratory]:
+    """Both rigs, with the same changes; ``key``: of a supervisor that wants one."""
     own = {"rig": {"name": "left"}}
     left = demo_rig(laid_over(own, changes or {}), time="lockstep")
     joins = {
@@ -86,7 +88,7 @@ def laboratory(folder: Path, changes: Json | None = None) -> Generator[Laborator
         "bus": {"router": f"127.0.0.1:{left.bus.port}"},
         "supervisor": {"port": left.supervisor.port},
     }
-    with running_rig(left, folder, DELAYS) as running:
+    with running_rig(left, folder, DELAYS, key) as running:
         made = Laboratory(running, demo_rig(laid_over(joins, changes or {}), time="lockstep"))
         try:
             made.start_right()

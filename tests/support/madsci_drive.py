@@ -1,7 +1,13 @@
-"""The stock client of MADSci drives a node: run in the node's environment, with its address."""
+"""The stock client of MADSci drives a node: run in the node's environment, with its address.
+
+``URL ACTION ARGUMENTS`` runs one action, ``URL admin COMMAND`` an admin command, and
+``URL all REST FORCE_MN PROCESS`` everything that a rig may meet; PROCESS is the supervisor's.
+"""
 # pyright: basic, reportMissingImports=false
 
 import json
+import os
+import signal
 import sys
 import threading
 import time
@@ -12,19 +18,23 @@ from madsci.client.node.rest_node_client import RestNodeClient
 from madsci.common.types.action_types import ActionRequest
 
 
-def main(url: str, rest: str, force_mN: float) -> dict[str, Any]:
+def action(client: RestNodeClient, name: str, **args: Any) -> dict[str, Any]:
+    """What comes of an action."""
+    request = ActionRequest(action_name=name, args=args)
+    found = client.send_action(request, timeout=120.0)
+    if found.errors == [] and str(found.status.value) != "succeeded":
+        # What waits for an action gives its status alone where it has failed.
+        found = client.get_action_result(found.action_id)
+    errors = [[one.error_type, one.message] for one in found.errors]
+    return {"status": str(found.status.value), "json": found.json_result, "errors": errors}
+
+
+def everything(client: RestNodeClient, rest: str, force_mN: float, process: int) -> dict[str, Any]:
     """What came of each call."""
-    client = RestNodeClient(url=url)
     said: dict[str, Any] = {"actions": sorted(client.get_info().actions)}
 
     def act(name: str, **args: Any) -> dict[str, Any]:
-        request = ActionRequest(action_name=name, args=args)
-        found = client.send_action(request, timeout=120.0)
-        if found.errors == [] and str(found.status.value) != "succeeded":
-            # What waits for an action gives its status alone where it has failed.
-            found = client.get_action_result(found.action_id)
-        errors = [[one.error_type, one.message] for one in found.errors]
-        return {"status": str(found.status.value), "json": found.json_result, "errors": errors}
+        return action(client, name, **args)
 
     def rig() -> dict[str, Any]:
         return httpx.get(f"{rest}/api/v1/rigs/demo", trust_env=False).json()
@@ -36,13 +46,38 @@ def main(url: str, rest: str, force_mN: float) -> dict[str, Any]:
                 raise TimeoutError(rig()["reasons"])
             time.sleep(0.02)
 
-    def during(command: str) -> dict[str, Any]:
-        """A grip into which an admin command falls."""
-        found: dict[str, Any] = {}
+    def gripping(found: dict[str, Any]) -> threading.Thread:
+        """A grip that goes on meanwhile."""
         thread = threading.Thread(target=lambda: found.update(act("grip", force_mN=force_mN)))
         thread.start()
+        return thread
+
+    def during(command: str) -> dict[str, Any]:
+        """A grip into which an admin command falls, of a node that is locked by then."""
+        found: dict[str, Any] = {}
+        thread = gripping(found)
         until(lambda view: view["active_job"] and view["newest"]["phase"] == "approach")
+        client.send_admin_command("lock")
+        found["locked"] = client.get_status().ready is False
         found["command"] = client.send_admin_command(command).success
+        thread.join()
+        client.send_admin_command("unlock")
+        return found
+
+    def during_the_request() -> dict[str, Any]:
+        """A grip and its cancel that both wait at the supervisor's port."""
+        found: dict[str, Any] = {}
+        os.kill(process, signal.SIGSTOP)
+        try:
+            thread = gripping(found)
+            # A stopped process cannot say that a request waits for it: only time can.
+            time.sleep(1.0)
+            cancel = threading.Thread(target=client.send_admin_command, args=["cancel"])
+            cancel.start()
+            time.sleep(0.5)
+        finally:
+            os.kill(process, signal.SIGCONT)
+        cancel.join()
         thread.join()
         return found
 
@@ -54,6 +89,11 @@ def main(url: str, rest: str, force_mN: float) -> dict[str, Any]:
     said["second"] = act("grip", force_mN=force_mN)
     said["release"] = act("release")
     said["nothing"] = act("release")
+    client.send_admin_command("lock")
+    said["locked"] = act("grip", force_mN=force_mN)["status"]
+    client.send_admin_command("unlock")
+    said["requested"] = during_the_request()
+    until(lambda view: view["can_start"])
     said["cancelled"] = during("cancel")
     until(lambda view: view["can_start"])
     said["stopped"] = during("safety_stop")
@@ -64,4 +104,12 @@ def main(url: str, rest: str, force_mN: float) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(main(sys.argv[1], sys.argv[2], float(sys.argv[3]))))
+    node = RestNodeClient(url=sys.argv[1])
+    if sys.argv[2] == "all":
+        found = everything(node, sys.argv[3], float(sys.argv[4]), int(sys.argv[5]))
+    elif sys.argv[2] == "admin":
+        answer = node.send_admin_command(sys.argv[3])
+        found = {"success": answer.success, "errors": [one.error_type for one in answer.errors]}
+    else:
+        found = action(node, sys.argv[2], **json.loads(sys.argv[3]))
+    print(json.dumps(found))

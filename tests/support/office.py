@@ -152,6 +152,7 @@ class Office:
             archivist=AtOnce(),
             clock=now_s,
         )
+        vars(context)["closer"] = AtOnce()
         with patch.object(latch, "ThreadPoolExecutor", AtOnce):
             self.manager = JobManager(context)
         self._patches = ExitStack()

@@ -4,6 +4,7 @@ from tests.support.documents import Sitting, Told, Typed
 
 DEMO = "deploy/rigs/demo.toml"
 IN_ITS_OWN = "tests/orchestrators/test_madsci.py does so, in an environment of its own"
+ROS = "tests/orchestrators/test_ros2.py runs the bridge; rmw_zenoh_cpp is in no registry of Python"
 EXTRA = "requirements/dev.txt has the extra already"
 
 ORCHESTRATORS: dict[str, Sitting] = {
@@ -42,6 +43,13 @@ ORCHESTRATORS: dict[str, Sitting] = {
             Told("python3 -m venv data/madsci", IN_ITS_OWN),
             Told("NODE_URL=", IN_ITS_OWN),
             Told("data/madsci/bin/python -", IN_ITS_OWN),
+        )
+    ),
+    "docs/how-to/ros2.md": Sitting(
+        (
+            Told("ZENOH_CONFIG_OVERRIDE=", ROS),
+            Told(".venv/bin/python docs/examples/ros2_bridge.py", ROS),
+            Told("export RMW_IMPLEMENTATION", ROS),
         )
     ),
     "docs/how-to/web-of-things.md": Sitting(

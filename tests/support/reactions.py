@@ -17,6 +17,8 @@ REACTION_S = 0.060
 """From the fault to the freeze, or to the first step of the ramp: T = 20 ms."""
 SAFE_S = 0.100
 """From the fault to the safe voltage with the arm free."""
+RAMP_S = SAFE_S - REACTION_S
+"""What is left for a ramp of 35 ms, in steps of a quarter of a period."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,7 @@ def output_step_V(rig: RigFile) -> float:
 
 def at_own_ports(rig: RigFile, changes: Tree | None = None) -> RigFile:
     """A rig on ports that nobody uses, with changes."""
-    port = free_ports(8)
+    port = free_ports(10)
     own: Tree = {"bus": {"port": port}, "supervisor": {"port": port + 7}}
     tree = rig.model_dump(mode="json", exclude_unset=True)
     for table, offset in (("sensor", 5), ("output", 6)):
@@ -66,6 +66,11 @@ def at_own_ports(rig: RigFile, changes: Tree | None = None) -> RigFile:
         if url.scheme == "grpc":  # both are channels of one device
             offset = 5
         own[table] = {"url": f"{url.scheme}://127.0.0.1:{port + offset}{url.path}"}
+    if rig.second is not None:
+        own["second"] = {
+            "sensor": {"url": f"socket://127.0.0.1:{port + 8}"},
+            "output": {"url": f"socket://127.0.0.1:{port + 9}"},
+        }
     return parse_rig(_as_toml_gives(laid_over(laid_over(tree, own), changes or {})))
 
 

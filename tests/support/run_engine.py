@@ -1,8 +1,8 @@
 """A RunEngine whose documents are validated, and a rig as its device."""
 
 import asyncio
-from collections.abc import Callable, Generator
-from time import monotonic, sleep
+from collections.abc import Generator
+from time import monotonic
 from typing import Any, cast
 
 import bluesky.plan_stubs
@@ -15,6 +15,7 @@ from bluesky.utils import FailedStatus
 from ophyd_async.core import init_devices
 
 from pincette.bluesky import Gripper
+from tests.support.adapters import until
 from tests.support.running import RunningRig
 
 # They say little of types.
@@ -29,6 +30,13 @@ def new_engine() -> Any:
     return RunEngine({}, context_managers=[])
 
 
+def ended(engine: Any) -> None:
+    """Stop the loop of an engine, and close it."""
+    engine.loop.call_soon_threadsafe(engine.loop.stop)
+    until(lambda: not engine.loop.is_running(), "the loop of the engine goes on")
+    engine.loop.close()
+
+
 def subscribed(engine: Any, seen: list[tuple[str, Any]]) -> int:
     """Keep every document, validated as it comes."""
 
@@ -39,24 +47,16 @@ def subscribed(engine: Any, seen: list[tuple[str, Any]]) -> int:
     return engine.subscribe(validate)
 
 
-def connected(rig: RunningRig, timeout_s: float = 10.0) -> Gripper:
+def connected(url: str, rig: str | None = None, timeout_s: float = 10.0, **shown: Any) -> Gripper:
     """A device that has found its rig."""
     with init_devices(timeout=timeout_s):
-        gripper = Gripper(rig.rig.supervisor.url)
+        gripper = Gripper(url, rig, **shown)
     return gripper  # noqa: RET504 - it is named and connected as the block ends
 
 
 def closed(engine: Any, device: Gripper) -> None:
     """Close the connections of a device."""
     asyncio.run_coroutine_threadsafe(device.close(), engine.loop).result(5.0)
-
-
-def until(there: Callable[[], Any], what: str) -> None:
-    """Wait until something is the case."""
-    deadline = monotonic() + 60.0
-    while not there():
-        assert monotonic() < deadline, what
-        sleep(0.02)
 
 
 def until_moving(rig: RunningRig) -> Generator[Any, Any, None]:

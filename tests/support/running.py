@@ -1,5 +1,6 @@
 """A whole rig as processes, for the tests that need the real thing."""
 
+import ssl
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -72,11 +73,12 @@ class RunningRig:
 
 @contextmanager
 def running_rig(
-    rig: RigFile, folder: Path, delays: dict[str, int] | None = None
+    rig: RigFile, folder: Path, delays: dict[str, int] | None = None, key: str | None = None
 ) -> Generator[RunningRig]:
     """Bring a rig up in its own processes and down again.
 
     ``delays`` gives services a seed each, by which they wait up to 3 ms before they publish.
+    ``key``: of a supervisor that wants one.
     """
     path = folder / "rig.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
@@ -94,7 +96,20 @@ def running_rig(
                 if name in delays
             }
             fleet.start_each({**dict.fromkeys((*LOOP, "recorder", "supervisor"), ()), **late})
-        with httpx.Client(base_url=url, timeout=30.0, trust_env=False) as client:
+        with httpx.Client(
+            base_url=url, timeout=30.0, trust_env=False, verify=_believed(rig), headers=_shown(key)
+        ) as client:
             yield RunningRig(rig, path, data, fleet, client)
     finally:
         fleet.down()
+
+
+def _believed(rig: RigFile) -> ssl.SSLContext | bool:
+    """Whose certificate the supervisor's is."""
+    if not rig.supervisor.tls or rig.bus.pki is None:
+        return True
+    return ssl.create_default_context(cafile=str(Path(rig.bus.pki) / "authority.crt"))
+
+
+def _shown(key: str | None) -> dict[str, str]:
+    return {} if key is None else {"Authorization": f"Bearer {key}"}

@@ -107,6 +107,7 @@ def play(
 
     def devices(rig_file: RigFile, publish: Callable[[GroundTruth], None]) -> dict[str, Device]:
         bench = simulated_bench(rig_file, publish)
+        assert isinstance(bench.rig, SimulatedRig)
         built.append(bench.rig)
         return devices_on(bench, rig_file)
 

@@ -1,57 +1,51 @@
-"""Stock clients of SiLA 2, as a laboratory has them, and a rig with its SiLA server."""
+"""Stock clients of SiLA 2, as a laboratory has them."""
 
-from collections.abc import Generator
-from contextlib import contextmanager
-from pathlib import Path
-from time import monotonic, sleep
+from collections.abc import AsyncGenerator, Generator
+from contextlib import AbstractContextManager, asynccontextmanager, contextmanager
 from typing import Any
 
 import pytest
+from sila.client import Client, ClientConfig
 from sila2.client import SilaClient
 from sila2.framework import DefinedExecutionError
 
-from pincette.config.reading import laid_over
-from tests.support.grips import SHORT
-from tests.support.rigs import Tree, free_ports, paced_rig
-from tests.support.running import RunningRig, running_rig
-
-WAIT_S = 30.0
-LOOK_S = 0.02
+from pincette.config import RigFile
+from tests.support.adapters import until
+from tests.support.running import RunningRig
 
 
-@contextmanager
-def sila_rig(folder: Path, changes: Tree | None = None) -> Generator[RunningRig]:
-    """A rig in lockstep at the pace of real time, and its SiLA server."""
-    own: Tree = {"sila": {"port": free_ports(1)}, "simulation": {"scripts": True}}
-    rig = paced_rig(laid_over(laid_over(SHORT, own), changes or {}))
-    with running_rig(rig, folder) as running:
-        running.fleet.start(["sila"])
-        yield running
-
-
-@contextmanager
-def stock_client(rig: RunningRig, **details: Any) -> Generator[Any]:
+def stock_client(rig: RunningRig, **details: Any) -> AbstractContextManager[Any]:
     """The client of the package sila2, without code that was generated for this server."""
+    return stock_client_at(rig.rig, **details)
+
+
+@contextmanager
+def stock_client_at(rig: RigFile, **details: Any) -> Generator[Any]:
+    """The same, for a rig file."""
     details = details or {"insecure": True}
-    with SilaClient(rig.rig.sila.host, rig.rig.sila.port, **details) as client:
+    with SilaClient(rig.sila.host, rig.sila.port, **details) as client:
         yield client
+
+
+@asynccontextmanager
+async def unitelabs(rig: RigFile) -> AsyncGenerator[Any]:
+    """The client of unitelabs, for a server without TLS."""
+    config = ClientConfig(hostname=rig.sila.host, port=rig.sila.port, tls=False)
+    async with Client(config) as client:
+        yield client
+
+
+async def ended(execution: Any) -> Any:
+    """Responses of an observable command of that client, once it has ended; raises its error."""
+    async for _ in await execution.subscribe_status():
+        pass
+    return await execution.get_responses()
 
 
 def responses(command: Any) -> Any:
     """Responses of an observable command, once it has ended; raises its error."""
-    deadline = monotonic() + WAIT_S
-    while not command.done:
-        assert monotonic() < deadline, f"{command.status} at {command.progress}"
-        sleep(LOOK_S)
+    until(lambda: command.done, f"{command.status} at {command.progress}")
     return command.get_responses()
-
-
-def until(there: Any, what: str) -> None:
-    """Wait until something is the case."""
-    deadline = monotonic() + WAIT_S
-    while not there():
-        assert monotonic() < deadline, what
-        sleep(LOOK_S)
 
 
 def refusal(command: Any) -> DefinedExecutionError:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import nan
+from typing import NamedTuple
 
 from pincette.config import RigFile
 from pincette.core.topics import LOOP
@@ -30,17 +31,11 @@ NUMBERS = {
     "actuator": "voltage_V",
 }
 """The field that matters most of what each program says."""
+ABSURD_SEQ = 2**53
 HUNG_S = (0.08, 0.2)
 """Longer than any bound; the shorter ends while the actuator is still frozen or on its ramp."""
-BRIEFLY_S = 0.9 * T
-"""In which a program speaks once at the most."""
-LATE_S = 3.0 * T
-A_LITTLE_LATE_S = 0.4 * T
-ABSURD_SEQ = 2**53
-ECHO_LATE_S = T
-"""An echo that is cut is first missed with the next sample, up to a period after the cut; of the
-other links the actuator itself misses what comes next."""
-STEP_S = 4.0 * T
+HUNG_SHORT_S = (0.02, 0.2)
+"""The same at T = 1 ms."""
 
 
 def _link(befalls: str, source: str, to: str, late_s: float = 0.0) -> LinkFault:
@@ -55,172 +50,201 @@ def _link(befalls: str, source: str, to: str, late_s: float = 0.0) -> LinkFault:
             return LinkFault("late", source, to, late_s=late_s)
 
 
-def _echo_s(source: str) -> float:
-    return ECHO_LATE_S if source == "actuator" else 0.0
-
-
 def _isolated(name: str) -> Fault:
     both = (LinkFault("lost", name, "*"), LinkFault("lost", "*", name))
     return Fault(f"{name} cut off", 12, "trip", "link", links=both)
 
 
-def _corrupt(source: str, field: str, value: float, row: int, for_s: float | None) -> Fault:
-    must = "trip" if for_s is None else "carry on"
-    link = LinkFault("corrupt", source, field=field, value=value)
-    times = "" if for_s is None else ", once"
-    name, late_s = f"{source}: {field} = {value:g}{times}", _echo_s(source)
-    return Fault(name, row, must, "link", for_s=for_s, links=(link,), late_s=late_s)
+class Catalogue(NamedTuple):
+    """The faults of a loop at some period."""
+
+    fatal: tuple[Fault, ...]
+    """After each of these no good command comes any more, or none for longer than the age limit."""
+    harmless: tuple[Fault, ...]
+    """The same, just below what may trip: no false trip, and the loop goes on."""
+    lost_once: tuple[Fault, ...]
+    """One sample that the actuator does not see."""
 
 
-FATAL: tuple[Fault, ...] = (
-    *(Fault(f"{who} killed", ROW_OF_DEAD[who], "trip", "kill", who) for who in BEFORE_THE_COMMAND),
-    *(
-        Fault(f"{who} hung for {1e3 * for_s:g} ms", ROW_OF_HUNG[who], "trip", "stop", who, for_s)
-        for who in BEFORE_THE_COMMAND
-        for for_s in HUNG_S
-    ),
-    *(
-        Fault(
-            f"{source} -> {to} cut",
-            12,
-            "trip",
-            "link",
-            links=(_link("lost", source, to),),
-            late_s=_echo_s(source),
-        )
-        for source, to in LINKS
-    ),
-    *(_isolated(name) for name in (*BEFORE_THE_COMMAND, "actuator")),
-    *(
-        Fault(
-            f"{source} -> {to} {1e3 * LATE_S:g} ms late",
-            5,
-            "trip",
-            "link",
-            links=(_link("late", source, to, LATE_S),),
-            late_s=_echo_s(source),
-        )
-        for source, to in LINKS
-    ),
-    *(_corrupt(source, field, nan, 4, None) for source, field in NUMBERS.items()),
-    *(
-        Fault(
-            f"{source} unreadable",
-            15,
-            "trip",
-            "link",
-            links=(_link("unreadable", source, "*"),),
-            late_s=_echo_s(source),
-        )
-        for source in NUMBERS
-    ),
-    *(
-        Fault(f"a step of the {who} takes {1e3 * STEP_S:g} ms", 17, "trip", "slow", who, STEP_S)
-        for who in BEFORE_THE_COMMAND
-    ),
-    Fault("sensor over range", 3, "trip", "bench", target="sensor", what="over_range"),
-    Fault("sensor says garbage", 15, "trip", "bench", target="sensor", what="garbage"),
-    Fault("sensor unplugged", 1, "trip", "bench", target="sensor", what="off"),
-)
-"""After each of these no good command comes any more, or none for longer than the age limit."""
+def catalogue(T: float, hung_s: tuple[float, ...] = HUNG_S) -> Catalogue:
+    """The faults at a period in s."""
+    briefly_s = 0.9 * T  # a program speaks once at the most in it
+    late_s, a_little_late_s, step_s = 3.0 * T, 0.4 * T, 4.0 * T
 
-HARMLESS: tuple[Fault, ...] = (
-    *(
-        Fault(f"{who} hung for {1e3 * BRIEFLY_S:g} ms", row, "carry on", "stop", who, BRIEFLY_S)
-        for who, row in (*ROW_OF_HUNG.items(), ("actuator", 17))
-    ),
-    *(
+    def echo_s(source: str) -> float:
+        # An echo that is cut is first missed with the next sample, up to a period after the cut;
+        # of the other links the actuator itself misses what comes next.
+        return T if source == "actuator" else 0.0
+
+    def corrupt(source: str, field: str, value: float, row: int, for_s: float | None) -> Fault:
+        must = "trip" if for_s is None else "carry on"
+        link = LinkFault("corrupt", source, field=field, value=value)
+        times = "" if for_s is None else ", once"
+        name, late_s = f"{source}: {field} = {value:g}{times}", echo_s(source)
+        return Fault(name, row, must, "link", for_s=for_s, links=(link,), late_s=late_s)
+
+    fatal: tuple[Fault, ...] = (
+        *(
+            Fault(f"{who} killed", ROW_OF_DEAD[who], "trip", "kill", who)
+            for who in BEFORE_THE_COMMAND
+        ),
+        *(
+            Fault(
+                f"{who} hung for {1e3 * for_s:g} ms", ROW_OF_HUNG[who], "trip", "stop", who, for_s
+            )
+            for who in BEFORE_THE_COMMAND
+            for for_s in hung_s
+        ),
+        *(
+            Fault(
+                f"{source} -> {to} cut",
+                12,
+                "trip",
+                "link",
+                links=(_link("lost", source, to),),
+                late_s=echo_s(source),
+            )
+            for source, to in LINKS
+        ),
+        *(_isolated(name) for name in (*BEFORE_THE_COMMAND, "actuator")),
+        *(
+            Fault(
+                f"{source} -> {to} {1e3 * late_s:g} ms late",
+                5,
+                "trip",
+                "link",
+                links=(_link("late", source, to, late_s),),
+                late_s=echo_s(source),
+            )
+            for source, to in LINKS
+        ),
+        *(corrupt(source, field, nan, 4, None) for source, field in NUMBERS.items()),
+        *(
+            Fault(
+                f"{source} unreadable",
+                15,
+                "trip",
+                "link",
+                links=(_link("unreadable", source, "*"),),
+                late_s=echo_s(source),
+            )
+            for source in NUMBERS
+        ),
+        *(
+            Fault(f"a step of the {who} takes {1e3 * step_s:g} ms", 17, "trip", "slow", who, step_s)
+            for who in BEFORE_THE_COMMAND
+        ),
+        Fault("sensor over range", 3, "trip", "bench", target="sensor", what="over_range"),
+        Fault("sensor says garbage", 15, "trip", "bench", target="sensor", what="garbage"),
+        Fault("sensor unplugged", 1, "trip", "bench", target="sensor", what="off"),
+    )
+    harmless: tuple[Fault, ...] = (
+        *(
+            Fault(f"{who} hung for {1e3 * briefly_s:g} ms", row, "carry on", "stop", who, briefly_s)
+            for who, row in (*ROW_OF_HUNG.items(), ("actuator", 17))
+        ),
+        *(
+            Fault(
+                f"{source} -> {to}: one lost",
+                12,
+                "carry on",
+                "link",
+                for_s=briefly_s,
+                links=(_link("lost", source, to),),
+            )
+            for source, to in LINKS
+            if (source, to) != TO_THE_ACTUATOR
+        ),
+        *(
+            Fault(
+                f"{source} -> {to} {1e3 * a_little_late_s:g} ms late",
+                5,
+                "carry on",
+                "link",
+                links=(_link("late", source, to, a_little_late_s),),
+            )
+            for source, to in LINKS
+        ),
         Fault(
-            f"{source} -> {to}: one lost",
-            12,
-            "carry on",
-            "link",
-            for_s=BRIEFLY_S,
-            links=(_link("lost", source, to),),
-        )
-        for source, to in LINKS
-        if (source, to) != TO_THE_ACTUATOR
-    ),
-    *(
-        Fault(
-            f"{source} -> {to} {1e3 * A_LITTLE_LATE_S:g} ms late",
-            5,
-            "carry on",
-            "link",
-            links=(_link("late", source, to, A_LITTLE_LATE_S),),
-        )
-        for source, to in LINKS
-    ),
-    Fault(
-        "all is said twice",
-        13,
-        "carry on",
-        "link",
-        links=(_link("twice", "*", "*", A_LITTLE_LATE_S),),
-    ),
-    *(
-        Fault(
-            f"{source} -> {to}: one overtaken by the next",
+            "all is said twice",
             13,
             "carry on",
             "link",
-            for_s=BRIEFLY_S,
-            links=(_link("late", source, to, 1.2 * T),),
-        )
-        for source, to in LINKS
-        if (source, to) != TO_THE_ACTUATOR
-    ),
-    *(_corrupt(source, NUMBERS[source], nan, 4, BRIEFLY_S) for source in BEHIND_THE_SENSOR),
-    *(_corrupt(source, NUMBERS[source], 1e300, 4, BRIEFLY_S) for source in BEHIND_THE_SENSOR),
-    *(_corrupt(source, "seq", ABSURD_SEQ, 4, BRIEFLY_S) for source in BEHIND_THE_SENSOR),
-    *(
+            links=(_link("twice", "*", "*", a_little_late_s),),
+        ),
+        *(
+            Fault(
+                f"{source} -> {to}: one overtaken by the next",
+                13,
+                "carry on",
+                "link",
+                for_s=briefly_s,
+                links=(_link("late", source, to, 1.2 * T),),
+            )
+            for source, to in LINKS
+            if (source, to) != TO_THE_ACTUATOR
+        ),
+        *(corrupt(source, NUMBERS[source], nan, 4, briefly_s) for source in BEHIND_THE_SENSOR),
+        *(corrupt(source, NUMBERS[source], 1e300, 4, briefly_s) for source in BEHIND_THE_SENSOR),
+        *(corrupt(source, "seq", ABSURD_SEQ, 4, briefly_s) for source in BEHIND_THE_SENSOR),
+        *(
+            Fault(
+                f"a step of the {who} takes {1e3 * 0.6 * T:g} ms",
+                17,
+                "carry on",
+                "slow",
+                who,
+                0.6 * T,
+            )
+            for who in (*BEFORE_THE_COMMAND, "actuator")
+        ),
         Fault(
-            f"a step of the {who} takes {1e3 * 0.6 * T:g} ms",
-            17,
+            "sensor over range, once",
+            3,
             "carry on",
-            "slow",
-            who,
-            0.6 * T,
-        )
-        for who in (*BEFORE_THE_COMMAND, "actuator")
-    ),
-    Fault(
-        "sensor over range, once", 3, "carry on", "bench", "", BRIEFLY_S, (), "sensor", "over_range"
-    ),
-    Fault("a second controller", 9, "carry on", "rival"),
-)
-"""The same, just below what may trip: no false trip, and the loop goes on."""
+            "bench",
+            "",
+            briefly_s,
+            (),
+            "sensor",
+            "over_range",
+        ),
+        Fault("a second controller", 9, "carry on", "rival"),
+    )
+    lost_once: tuple[Fault, ...] = (
+        Fault(
+            "sensor -> actuator: one lost",
+            5,
+            "carry on",
+            "link",
+            for_s=briefly_s,
+            links=(_link("lost", *TO_THE_ACTUATOR),),
+        ),
+        Fault(
+            "one sample lost for all",
+            5,
+            "carry on",
+            "link",
+            for_s=briefly_s,
+            links=(_link("lost", "sensor", "*"),),
+        ),
+        Fault(
+            "sensor -> actuator: one overtaken by the next",
+            13,
+            "carry on",
+            "link",
+            for_s=briefly_s,
+            links=(_link("late", *TO_THE_ACTUATOR, 1.2 * T),),
+        ),
+        corrupt("sensor", "x_um", nan, 4, briefly_s),
+        corrupt("sensor", "x_um", 1e300, 4, briefly_s),
+        corrupt("sensor", "seq", ABSURD_SEQ, 4, briefly_s),
+    )
+    return Catalogue(fatal, harmless, lost_once)
 
-LOST_ONCE: tuple[Fault, ...] = (
-    Fault(
-        "sensor -> actuator: one lost",
-        5,
-        "carry on",
-        "link",
-        for_s=BRIEFLY_S,
-        links=(_link("lost", *TO_THE_ACTUATOR),),
-    ),
-    Fault(
-        "one sample lost for all",
-        5,
-        "carry on",
-        "link",
-        for_s=BRIEFLY_S,
-        links=(_link("lost", "sensor", "*"),),
-    ),
-    Fault(
-        "sensor -> actuator: one overtaken by the next",
-        13,
-        "carry on",
-        "link",
-        for_s=BRIEFLY_S,
-        links=(_link("late", *TO_THE_ACTUATOR, 1.2 * T),),
-    ),
-    _corrupt("sensor", "x_um", nan, 4, BRIEFLY_S),
-    _corrupt("sensor", "x_um", 1e300, 4, BRIEFLY_S),
-    _corrupt("sensor", "seq", ABSURD_SEQ, 4, BRIEFLY_S),
-)
-"""One sample that the actuator does not see."""
+
+FATAL, HARMLESS, LOST_ONCE = catalogue(T)
+ECHO_LATE_S = T
 
 
 def befalling(rig: RigFile, faults: Iterable[Fault]) -> Iterator[Fault]:
@@ -239,7 +263,7 @@ def befalling(rig: RigFile, faults: Iterable[Fault]) -> Iterator[Fault]:
         links = tuple(_links(rig, fault))
         if links or fault.deed != "link":
             echoes = fault.must == "trip" and any(link.source == having for link in links)
-            late_s = max(fault.late_s, ECHO_LATE_S) if echoes else fault.late_s
+            late_s = max(fault.late_s, rig.rig.period_s) if echoes else fault.late_s
             yield replace(fault, who=who, links=links, late_s=late_s)
 
 

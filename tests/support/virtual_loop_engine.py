@@ -34,6 +34,8 @@ from tests.support.virtual_loop_program import Program, forked_node
 
 COMPUTING_S = (0.0001, 0.0004)
 BUS_S, BUS_MORE_S, BUS_MOST_S = 0.0001, 0.0002, 0.003
+QUICK = 0.1
+"""All of that is so much less on a machine that keeps a short period."""
 LOOK_S = 0.05
 """How often a quiet wire lets its instrument look at its watchdog."""
 FIRST_INSTANCE = 11
@@ -48,7 +50,8 @@ class Engine:
         assert not rig.lockstep
         self.rig = rig
         self.clock = Clock()
-        self.bench = VirtualBench(rig, self.clock)
+        self.bench = self.make_bench()
+        self.pace = QUICK if self.bench.quick else 1.0
         self.chance = random.Random(seed)
         self.told: list[Told] | None = []
         """What was published, with when; None: it is not kept."""
@@ -75,6 +78,10 @@ class Engine:
         """Programs without an instrument, as they are started."""
         self._push(LOOK_S, "look", "", None)
 
+    def make_bench(self) -> VirtualBench:
+        """The simulated rig of one arm."""
+        return VirtualBench(self.rig, self.clock)
+
     @staticmethod
     def _boots_alike(program: Program) -> bool:
         tasks = program.scheduler.tasks
@@ -88,7 +95,10 @@ class Engine:
             device = devices[service]() if service in devices else None
             known = plugins.load(plugins.SERVICES, service)
             instance = self.instances + len(nodes)
-            nodes.append(Node(known, self.rig, device, instance, predecessor=self.predecessor))
+            node = Node(known, self.rig, device, instance, predecessor=self.predecessor)
+            if self.bench.quick:
+                vars(node)["_too_slow"] = ""
+            nodes.append(node)
         return self.start(name, nodes)
 
     def start(self, name: str, nodes: Sequence[Node]) -> Program:
@@ -147,6 +157,7 @@ class Engine:
                 self.put_out.append((at_s, data))
             elif what == "look":
                 self.bench.module.idle()
+                self._deliver_voltages(at_s)
                 self._push(at_s + LOOK_S, "look", "", None)
             elif what == "arrive":
                 self._arrive(name, *data)
@@ -189,7 +200,7 @@ class Engine:
         if task is not None:
             program.service, program.timed = task.node.service.name, ready is None
             program.began_s, program.busy = self.now_s, True
-            wait_s = self.chance.uniform(*COMPUTING_S) + program.slow_s
+            wait_s = self.pace * self.chance.uniform(*COMPUTING_S) + program.slow_s
             program.slow_s = 0.0
             self._push(self.now_s + wait_s, "act", program.name, program.turn)
         else:
@@ -238,7 +249,7 @@ class Engine:
 
     def send(self, link: Link, topic: Topic, payload: bytes) -> None:
         """Put bytes on their way to one program."""
-        delay_s = min(BUS_S + self.chance.expovariate(1.0 / BUS_MORE_S), BUS_MOST_S)
+        delay_s = min(BUS_S + self.chance.expovariate(1.0 / BUS_MORE_S), BUS_MOST_S) * self.pace
         at_s = max(self.now_s + delay_s, self._arrived.get(link, 0.0))
         if not self.links:
             self._arrived[link] = at_s
@@ -271,7 +282,8 @@ class Engine:
         """A twin that goes on from here by itself, by a chance of its own."""
         memo: dict[int, Any] = {id(shared): shared for shared in self.bench.shared()}
         twin = object.__new__(type(self))
-        twin.rig, twin.fresh, twin._number = self.rig, self.fresh, self._number
+        twin.rig, twin.pace, twin.fresh = self.rig, self.pace, self.fresh
+        twin._number = self._number
         twin.clock = deepcopy(self.clock, memo)
         twin.bench = deepcopy(self.bench, memo)
         twin.chance = random.Random(seed)

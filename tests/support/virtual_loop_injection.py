@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pincette.core.wording import applied_text
-from tests.support.reactions import REACTION_S, SAFE_S, TRIPPED, within
+from tests.support.reactions import TRIPPED, within
 from tests.support.scripted import PROGRAM
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_bench import scripted
@@ -12,12 +12,15 @@ from tests.support.virtual_loop_faults import LinkFault
 from tests.support.virtual_loop_places import EPOCH, FREEZE_S, Place
 
 Must = Literal["trip", "carry on"]
-RAMP_S = SAFE_S - REACTION_S
-"""What is left for a ramp of 35 ms, in steps of a quarter of a period."""
+REACTION_PERIODS = 3.0
+"""From the fault to the freeze, or to the first step of the ramp."""
+STEP_PERIODS = 0.25
+"""What a ramp may take longer than the rig file says: its steps are a quarter of a period."""
 AFTER_S = 0.06
 """Watched on when all is over: nothing may move, nothing may be taken."""
-WATCHED_S = 0.2
-"""How long a fault that must not trip is given to do so."""
+WATCHED_TICKS = 10
+WATCHED_S = 0.06
+"""How long a fault that must not trip is given to do so: the longer of both."""
 RINGS_FROM_S, RINGS_TO_S, RINGS_STEP_S = 0.010, 0.022, 0.001
 """After the last voltage of a ramp, when the output has settled: four periods of the mode."""
 LEAST_STROKE_UM = 1.0
@@ -123,7 +126,8 @@ def inject(at: Place, fault: Fault, phase: float, seed: int) -> Reaction | None:
 
 def _check_carries_on(loop: VirtualLoop, at: Place, said: str) -> None:
     began_s, answered, put_out = loop.now_s, 0, len(loop.put_out)
-    loop.run(began_s + WATCHED_S)
+    watched_s = max(WATCHED_S, WATCHED_TICKS * loop.rig.rig.period_s)
+    loop.run(began_s + watched_s)
     for at_s, echo in loop.applied:
         assert echo.state in ("armed", "idle"), f"false trip by {said}: {applied_text(echo)}"
         answered += echo.answered and at_s > began_s
@@ -131,14 +135,15 @@ def _check_carries_on(loop: VirtualLoop, at: Place, said: str) -> None:
         assert len(loop.put_out) == put_out, f"an idle rig moved after {said}"
     else:
         ended = any(echo.state == "idle" for _, echo in loop.applied)
-        ticks = WATCHED_S / loop.rig.rig.period_s
+        ticks = watched_s / loop.rig.rig.period_s
         assert ended or answered >= 0.7 * ticks, f"{answered} commands were taken after {said}"
 
 
 def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said: str) -> Reaction:
     began_s, begun_um, period_s = loop.now_s, loop.bench.x_um, loop.rig.rig.period_s
-    limit_s = REACTION_S + fault.late_s
-    over_s = began_s + limit_s + RAMP_S + (FREEZE_S + 2.0 * period_s if at.held else 0.0)
+    limit_s = REACTION_PERIODS * period_s + fault.late_s
+    safe_s = limit_s + loop.rig.safety.ramp_s + STEP_PERIODS * period_s
+    over_s = began_s + safe_s + (FREEZE_S + 2.0 * period_s if at.held else 0.0)
     loop.run(over_s, lambda: loop.newest.state == "latched")
     tripped = [(at_s, echo) for at_s, echo in loop.applied if echo.state in TRIPPED]
     assert tripped, f"no trip by {said}: {loop.applied[-1]}"
@@ -176,7 +181,7 @@ def _check_trips(loop: VirtualLoop, at: Place, fault: Fault, phase: float, said:
         stroke_um=stroke_um,
         cause=applied_text(first),
     )
-    within(SAFE_S + fault.late_s, reaction.safe_s, f"{said}: the way to the safe voltage")
+    within(safe_s, reaction.safe_s, f"{said}: the way to the safe voltage")
     most_um = RINGING_SHARE * stroke_um + loop.bench.step_um
     assert ringing_um <= most_um, f"{said}: it rings, limit {most_um:.3f} µm: {reaction}"
     assert applied_text(first).startswith(SILENCE), f"{said}: {applied_text(first)}"

@@ -5,8 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
+from msgspec.structs import replace
+
 from pincette.config import RigFile, parse_rig
 from pincette.config.reading import laid_over
+from pincette.control.planning.program import Program
 from pincette.core.faults import ActionCode
 from pincette.core.messages import Action, Telemetry
 from pincette.core.service import member_services
@@ -26,6 +29,13 @@ NEAR: Tree = {
     "simulation": {"bead_contact_um": 6.2, "scripts": True},
 }
 """The demo rig with its bead near; a freeze is short, since it is waited for very often."""
+KILOHERTZ, SHORT_S = DEMO.parent / "kilohertz.toml", 0.001
+QUICKER = 0.4
+"""Of the time that a segment of the program takes at 20 ms, it takes there."""
+SHORT_PATIENCE_S = 0.0003
+"""One and a half of an actuator's looks at its clock there."""
+FAST_LINES: Tree = {"sensor": {"timeout_s": 0.0005}, "output": {"timeout_s": 0.0005}}
+"""Instruments of the demo rig, whose exchanges are short at that period."""
 STATES = (
     "idle",
     "zero",
@@ -49,7 +59,7 @@ TICKS_IN: Mapping[str, int] = {
     "unload": 6,
     "retreat": 8,
 }
-"""How many ticks of the state have passed."""
+"""How many ticks of 20 ms of the state have passed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +72,43 @@ class Place:
     loop: VirtualLoop
 
 
-def near_rig() -> RigFile:
+def near_rig(period_s: float = T) -> RigFile:
     """That rig, in real time and on the ports of its file, which nobody opens."""
-    return parse_rig(laid_over(tomllib.loads(DEMO.read_text(encoding="utf-8")), NEAR))
+    demo = tomllib.loads(DEMO.read_text(encoding="utf-8"))
+    if period_s == T:
+        return parse_rig(laid_over(demo, NEAR))
+    # Period, law and limits of the rig at 1 kHz, its four services in programs of their own; the
+    # instruments are those of which the virtual bench speaks the bytes.
+    assert period_s == SHORT_S
+    fast = tomllib.loads(KILOHERTZ.read_text(encoding="utf-8"))
+    del fast["base"], fast["sensor"], fast["output"]
+    demo["law"] = fast.pop("law")
+    fast["rig"] |= {"time": "real", "composed": []}
+    return parse_rig(laid_over(laid_over(laid_over(demo, fast), FAST_LINES), NEAR))
 
 
-def begun(seed: int = 1) -> VirtualLoop:
+def begun(seed: int = 1, period_s: float = T) -> VirtualLoop:
     """A rig that is reset and armed, and about to play."""
-    loop = VirtualLoop(near_rig(), seed)
+    loop = VirtualLoop(near_rig(period_s), seed)
     loop.run(loop.now_s + 3.0 * T)
     loop.reset()
-    loop.arm(PROGRAM, EPOCH)
+    loop.arm(program_at(period_s), EPOCH)
     return loop
+
+
+def program_at(period_s: float) -> Program:
+    """The short grip, which is quicker at a short period."""
+    if period_s == T:
+        return PROGRAM
+    quicker = tuple(
+        replace(
+            one,
+            duration_s=QUICKER * (one.duration_s or 0.0),
+            move_s=None if one.move_s is None else QUICKER * one.move_s,
+        )
+        for one in PROGRAM.segments
+    )
+    return replace(PROGRAM, segments=quicker)
 
 
 def view_of(loop: VirtualLoop) -> Telemetry | None:
@@ -85,13 +120,15 @@ def view_of(loop: VirtualLoop) -> Telemetry | None:
 
 
 def reach(loop: VirtualLoop, phase: str, ticks: int, *, paused: bool = False) -> None:
-    """Let the program come to the n-th tick of a phase."""
+    """Let the program come to the n-th tick of a phase, in ticks of 20 ms."""
+    period_s = loop.rig.rig.period_s
+    count = ticks if period_s == T else round(ticks * QUICKER * T / period_s)
 
     def there() -> bool:
         view = view_of(loop)
         if view is None or view.phase != phase or view.paused != paused:
             return False
-        return paused or view.segment_tick >= ticks
+        return paused or view.segment_tick >= count
 
     assert loop.run(loop.now_s + 10.0, there), f"{phase} is not reached: {view_of(loop)}"
     if paused:
@@ -99,12 +136,12 @@ def reach(loop: VirtualLoop, phase: str, ticks: int, *, paused: bool = False) ->
 
 
 @cache
-def place(state: str) -> Place:
+def place(state: str, period_s: float = T) -> Place:
     """A loop in this state; to be forked, never to be run."""
-    loop = begun()
+    loop = begun(period_s=period_s)
     match state:
         case "idle":
-            loop = VirtualLoop(near_rig(), 1)
+            loop = VirtualLoop(near_rig(period_s), 1)
             loop.run(loop.now_s + 5.0 * T)
             loop.reset()
             loop.run(loop.now_s + 5.0 * T)
@@ -131,9 +168,12 @@ def _rest_in_the_period(loop: VirtualLoop) -> None:
     loop.run(due_at - 1e-6)
 
 
-def composed_rig(*programs: str) -> RigFile:
+def composed_rig(*programs: str, period_s: float = T) -> RigFile:
     """The rig of the places, with some services together and the patience that this asks for."""
-    rig = composing(near_rig(), *programs)
+    rig = composing(near_rig(period_s), *programs)
+    if period_s == SHORT_S:
+        waits = {"timeout_s": SHORT_PATIENCE_S}
+        return rig.model_copy(update={"sensor": rig.sensor.model_copy(update=waits)})
     services = loop_services()
     patience_s = min(
         shared_timeout_s(rig, [services[one] for one in member_services(name)])
@@ -144,13 +184,13 @@ def composed_rig(*programs: str) -> RigFile:
 
 
 @cache
-def composed_place(state: str, *programs: str) -> Place:
+def composed_place(state: str, *programs: str, period_s: float = T) -> Place:
     """A loop of these programs in a state of its job; to be forked, never to be run."""
-    loop = VirtualLoop(composed_rig(*programs))
+    loop = VirtualLoop(composed_rig(*programs, period_s=period_s))
     loop.run(loop.now_s + 3.0 * T)
     loop.reset()
     if state != "idle":
-        loop.arm(PROGRAM, EPOCH)
+        loop.arm(program_at(period_s), EPOCH)
         reach(loop, state, TICKS_IN[state])
     _rest_in_the_period(loop)
     echo = loop.newest

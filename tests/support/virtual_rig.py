@@ -5,6 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import patch
 
+from msgspec import UNSET, UnsetType
+
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.config import RigFile
@@ -18,10 +20,9 @@ from pincette.core.messages import (
     Status,
     Telemetry,
 )
+from pincette.core.messages.second import SecondTruth
 from pincette.core.topics import (
     APPLIED,
-    FINISH,
-    RECORD,
     SIM_COMMAND,
     STATUS,
     TELEMETRY,
@@ -37,6 +38,7 @@ from pincette.sim.bench import open_bench
 from pincette.sim.script.script import script_of
 from pincette_recorder.config import configure
 from pincette_recorder.intake import Intake
+from pincette_recorder.mender import Mender
 from pincette_recorder.record_keeper import Keeper
 from pincette_recorder.wall_clock import WallClock
 
@@ -58,8 +60,14 @@ class VirtualRig:
         script = script_of(rig)
 
         def devices(rig_file: RigFile, publish: Callable[[GroundTruth], None]) -> dict[str, Device]:
-            def truth(seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:
-                publish(GroundTruth(seq, x_um, force_mN, voltage_V))
+            def truth(
+                seq: int,
+                x_um: float,
+                force_mN: float,
+                voltage_V: float,
+                second: SecondTruth | UnsetType = UNSET,
+            ) -> None:
+                publish(GroundTruth(seq, x_um, force_mN, voltage_V, second))
 
             return devices_on(open_bench(rig_file, lambda: 0.0, truth, script), rig_file)
 
@@ -71,11 +79,12 @@ class VirtualRig:
         self._late_s = 0.0
         intake = Intake(self._now_ns)
         wall = WallClock(self._now_ns, self._now_ns)
-        self.keeper = Keeper(configure(rig, data), intake, wall, self._recorder_s)
+        config = configure(rig, data)
+        self._mender = Mender(config)
+        self.keeper = Keeper(config, intake, wall, self._mender, self._recorder_s)
         for topic in TOPICS:
             self.bus.subscribe(topic, intake.take)
         self.bus.serve(STATUS["recorder"], self._recorder_status)
-        self.bus.serve(RECORD, self._record)
 
     def _hear(self, _topic: Topic, said: Message) -> None:
         if isinstance(said, Telemetry):
@@ -94,12 +103,6 @@ class VirtualRig:
     ) -> None:
         reply(Status("recorder", "", 1, self.rig.digest(), 0, 0, 0, 0))
 
-    def _record(
-        self, _question: Request, request: Message, reply: Callable[[Message | str], None]
-    ) -> None:
-        assert isinstance(request, Record)
-        reply(self.keeper.begin(request))
-
     def tick(self) -> None:
         """Let one period pass: of the loop, where it plays, and of everybody's clock."""
         with self.turn:
@@ -112,14 +115,16 @@ class VirtualRig:
     def call(self, question: Request, request: Message) -> Message:
         """Ask, from any thread; the recorder takes the time that it needs."""
         with self.turn:
-            if question == FINISH:
-                return self._finished(request)
+            if isinstance(request, Record | Finish):
+                return self._recorded(request)
             return self.bus.call(question, request)
 
-    def _finished(self, request: Message) -> Message:
-        assert isinstance(request, Finish)
+    def _recorded(self, request: Record | Finish) -> Message:
         replies: list[Message | str] = []
-        self.keeper.finish(request, replies.append)
+        if isinstance(request, Record):
+            self.keeper.begin(request, replies.append)
+        else:
+            self.keeper.finish(request, replies.append)
         for _ in range(WAITS):
             if replies:
                 break
@@ -138,3 +143,4 @@ class VirtualRig:
     def close(self) -> None:
         """Close the record that is open."""
         self.keeper.close()
+        self._mender.close()

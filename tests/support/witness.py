@@ -52,6 +52,12 @@ class Witness:
         first, last = bisect_left(times, since_s), len(times)
         return [(times[place], heard[place]) for place in range(first, last)]
 
+    def forget(self, before_s: float) -> None:
+        """Forget what came before ``before_s``, so that a long test stays small."""
+        for kind, times in self._times.items():
+            count = bisect_left(times, before_s)
+            del self._heard[kind][:count], times[:count]
+
     def newest(self, kind: type[M]) -> M:
         """The message of a kind that came last; raises IndexError where none has come."""
         return self._heard[kind][len(self._times[kind]) - 1]

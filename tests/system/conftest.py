@@ -1,9 +1,11 @@
 """What the tests of real processes share: a rig that is up, a witness, and a place for figures."""
 
 import gc
+import os
 import signal
 import sys
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser
@@ -24,6 +26,13 @@ FIGURES = pytest.StashKey[list[str]]()
 def figures(pytestconfig: pytest.Config) -> list[str]:
     """Lines that the summary of the run shows, whether its tests pass or fail."""
     return pytestconfig.stash.setdefault(FIGURES, [])
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where pictures of the page go: ``PINCETTE_PICTURES`` names the folder of the documents."""
+    named = os.environ.get("PINCETTE_PICTURES")
+    return Path(named) if named else tmp_path_factory.mktemp("pictures")
 
 
 def pytest_terminal_summary(

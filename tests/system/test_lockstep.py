@@ -1,6 +1,7 @@
 """The same job gives the same bits in one process and in seven, and nothing hangs."""
 
 import signal
+from collections.abc import Iterable
 from pathlib import Path
 from time import sleep
 from typing import Any, cast
@@ -14,12 +15,14 @@ from pincette.core.messages import Applied, Estimate, Message, Position
 from pincette.core.topics import LOOP
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.kinds.pair_track import PairTrackJobRequest
 from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.certificates import folder_for
 from tests.support.partitions import composing
 from tests.support.rigs import KILOHERTZ, at_own_ports, demo_rig
 from tests.support.running import running_rig
+from tests.support.two_arms import TWO_ARMS
 
 Numbers = dict[str, list[Any]]
 GRIP = GripJobRequest(kind="grip", autostart=True, hold_s=1.0, load_s=1.0)
@@ -36,23 +39,26 @@ SEED = 20131
 
 
 def in_one_process(rig: RigFile, request: JobRequest = GRIP) -> Numbers:
-    """Position, force and voltage of a job, on the bus in memory."""
+    """Position, force and voltage of a job and of each arm, on the bus in memory."""
     published: list[Message] = ComposedLoop(rig).play(plan_job(request, rig).program)
-    return {
-        "x_um": [message.x_um for message in published if isinstance(message, Position)],
-        "force_mN": [message.force_mN for message in published if isinstance(message, Estimate)],
-        "voltage_V": [
-            message.voltage_V
-            for message in published
-            if isinstance(message, Applied) and message.seq >= 0
-        ],
+    positions = [message for message in published if isinstance(message, Position)]
+    estimates = [message for message in published if isinstance(message, Estimate)]
+    applied = [message for message in published if isinstance(message, Applied) if message.seq >= 0]
+    numbers: Numbers = {
+        "x_um": [message.x_um for message in positions],
+        "force_mN": [message.force_mN for message in estimates],
+        "voltage_V": [message.voltage_V for message in applied],
     }
+    if rig.second is not None:
+        numbers["second_x_um"] = [one.second.x_um for one in positions if one.second]
+        numbers["second_force_mN"] = [one.second.force_mN for one in estimates if one.second]
+        numbers["second_voltage_V"] = [one.second.voltage_V for one in applied if one.second]
+    return numbers
 
 
-def recorded(folder: Path) -> Numbers:
-    """The same from the record of a job."""
-    names = ["x_um", "force_mN", "voltage_V"]
-    table = cast(Any, parquet).read_table(folder / "samples.parquet", columns=names)
+def recorded(folder: Path, names: Iterable[str]) -> Numbers:
+    """Columns of the record of a job."""
+    table = cast(Any, parquet).read_table(folder / "samples.parquet", columns=list(names))
     return cast(Numbers, table.to_pydict())
 
 
@@ -90,6 +96,19 @@ def test_seven_processes_give_the_same_bits_at_1_khz(tmp_path: Path) -> None:
     same_in_seven(rig, GripJobRequest(kind="grip", autostart=True, hold_s=0.02), tmp_path)
 
 
+def test_seven_processes_give_the_same_bits_of_two_arms(tmp_path: Path) -> None:
+    rig = at_own_ports(read_rig(TWO_ARMS), {"rig": {"time": "lockstep"}})
+    request = PairTrackJobRequest.model_validate(
+        {
+            "kind": "pair_track",
+            "autostart": True,
+            "place": {"pp_um": 4.0, "frequency_hz": 1.0, "cycles": 2},
+            "force": {"mean_mN": 12.0, "pp_mN": 4.0, "frequency_hz": 1.0, "cycles": 1},
+        }
+    )
+    same_in_seven(rig, request, tmp_path)
+
+
 def same_in_seven(
     rig: RigFile, request: JobRequest, folder: Path, delays: dict[str, int] | None = None
 ) -> None:
@@ -99,7 +118,8 @@ def same_in_seven(
         taken = running.post("/jobs", body).raise_for_status().json()
         job = running.ended(taken["id"])
     assert job["state"] == "succeeded"
-    assert recorded(folder / "data" / "jobs" / job["id"]) == in_one_process(rig, request)
+    numbers = in_one_process(rig, request)
+    assert recorded(folder / "data" / "jobs" / job["id"], numbers) == numbers
 
 
 @pytest.mark.parametrize("name", [*LOOP, "rig"])

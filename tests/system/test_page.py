@@ -1,6 +1,5 @@
 """The page in a real browser, before a rig of real processes."""
 
-import os
 from collections.abc import Generator
 from pathlib import Path
 from time import monotonic
@@ -22,12 +21,6 @@ def rig(browser: Browser, paced: RunningRig) -> RunningRig:
     """The rig comes after the browser: without one there is nothing to start it for."""
     assert browser.is_connected()
     return paced
-
-
-@pytest.fixture(scope="module")
-def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    named = os.environ.get("PINCETTE_PICTURES")
-    return Path(named) if named else tmp_path_factory.mktemp("pictures")
 
 
 @pytest.fixture

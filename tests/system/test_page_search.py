@@ -5,14 +5,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, ViewportSize
 
 from pincette.client import Supervisor
 from pincette_supervisor.journal.database import Database
-from tests.support.browser import visit
+from tests.support.browser import DESK, keep_picture, visit
 from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
+
+TO_THE_TOP = "e => { e.closest('.side').scrollTop += e.getBoundingClientRect().top - 120; }"
+LOADED = "document.querySelector('#job-detail img.picture').naturalWidth"
 
 
 @pytest.fixture
@@ -40,8 +43,10 @@ def a_day_earlier(store: Database, job: str) -> None:
         )
 
 
-def test_yesterdays_job_of_a_sample_is_found(browser: Browser, desk: Harness) -> None:
-    context = browser.new_context(color_scheme="dark")
+def test_yesterdays_job_of_a_sample_is_found(
+    browser: Browser, desk: Harness, pictures: Path
+) -> None:
+    context = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
     with served(desk.app) as address:
         wanted, other, today = (gripped(address, sample) for sample in ("B7", "B8", "B7"))
         for job in (wanted, other):
@@ -54,10 +59,15 @@ def test_yesterdays_job_of_a_sample_is_found(browser: Browser, desk: Harness) ->
         seen.until_true(
             lambda: seen.page.locator("#job-list tbody tr").count() == 1, "not narrowed"
         )
+        keep_picture(seen, pictures, "find-list")
         seen.page.click(f"#open-{wanted}")
         seen.until("#job-detail", "B7")
         seen.until("#job-detail", "mN")
         seen.page.wait_for_selector("#job-detail img.picture")
+        seen.until_true(lambda: bool(seen.page.evaluate(LOADED)), "the picture never came")
+        seen.page.locator("#job-title").evaluate(TO_THE_TOP)
+        keep_picture(seen, pictures, "find-job")
+        seen.until("#job-detail .assumed", "model.free_response")
         seen.page.fill("#job-text", "nothing like it")
         seen.until("#job-list", "No such job.")
         seen.until("#job-detail", wanted)
@@ -100,7 +110,7 @@ def test_a_job_is_described_after_its_end(browser: Browser, desk: Harness) -> No
         seen.page.check("#said-pinned")
         seen.page.click("#said-form button[type=submit]")
         seen.until("#job-detail dl", "chip <b>at the rim</b>")
-        seen.until("#job-list", "B11 · none")
+        seen.until("#job-list", "B11 · glue=none")
         row = desk.store.get(job)
         assert row is not None
         assert (row.sample, row.labels, row.pinned) == ("B11", {"glue": "none"}, True)

@@ -123,7 +123,8 @@ def test_commands_of_another_owner_never_mix_with_those_of_the_first(
     own = [echo for echo in echoes if echo.answered and echo.seq in asked_V]
     assert len(own) >= 0.8 * LOOK_S / rig.rig.rig.period_s
     for echo in own:
-        assert echo.limits_active or echo.voltage_V == asked_V[echo.seq]
+        off_V = abs(echo.voltage_V - asked_V[echo.seq])
+        assert echo.limits_active or off_V <= 0.5 * rig.rig.output.step_V + 1e-12
     assert max(echo.voltage_V for echo in echoes) < 3.0
     assert echoes[-1].refused - before.refused >= 0.5 * LOOK_S / rig.rig.rig.period_s
     release(rig, job)

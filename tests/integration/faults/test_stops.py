@@ -7,9 +7,9 @@ import pytest
 from pincette.control.planning.program import Program, Segment
 from pincette.core.faults import Cause
 from pincette.core.messages import Arm, Load, Reset, Trip
+from tests.support.reactions import RAMP_S
 from tests.support.scripted import PROGRAM
 from tests.support.virtual_loop import VirtualLoop
-from tests.support.virtual_loop_injection import RAMP_S
 from tests.support.virtual_loop_places import EPOCH, FREEZE_S, STATES, T, place
 
 MOVING = tuple(state for state in STATES if state != "idle")

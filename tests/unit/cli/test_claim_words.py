@@ -5,7 +5,7 @@ import json
 import httpx
 import pytest
 
-from pincette.api.claims import Claim
+from pincette.api.access import Claim
 from pincette.cli import Exit
 from pincette.cli.main import main
 from tests.unit.client import desk

@@ -113,6 +113,15 @@ def test_a_broken_driver_is_listed_and_breaks_nothing(
         assert f"  {whole}, from pincette " in said
 
 
+def test_an_extra_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "sila2", None)
+    monkeypatch.setitem(sys.modules, "sila2.framework", None)
+    for loaded in [name for name in sys.modules if name.startswith("pincette_sila")]:
+        monkeypatch.delitem(sys.modules, loaded)
+    with pytest.raises(plugins.PluginError, match=r"No module named .*; pip install 'pincette\[s"):
+        plugins.load(plugins.PROGRAMS, "sila")
+
+
 def test_a_name_that_two_distributions_give_is_refused(install: Install) -> None:
     install("one-keyence", "keyence_lkg", OPENER)
     both = [each for each in installed(plugins.POSITION_SENSORS) if each.name == "keyence_lkg"]

@@ -86,3 +86,22 @@ def test_a_law_that_cannot_be_read_is_said(
 ) -> None:
     assert main(["job", "grip", *words]) == Exit.USAGE
     assert text in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "members"),
+    [
+        ("pp_mN=10,frequency_hz=0.3", {"pp_mN": 10.0, "frequency_hz": 0.3}),
+        ("shape=step,levels_mN=8,12,dwell_s=1", {"levels_mN": [8.0, 12.0], "dwell_s": 1.0}),
+        (
+            "points=0:5,1.5:12",
+            {"points": [{"t_s": 0.0, "force_mN": 5.0}, {"t_s": 1.5, "force_mN": 12.0}]},
+        ),
+    ],
+)
+def test_members_of_a_path_are_named_and_may_be_lists(text: str, members: dict[str, Any]) -> None:
+    assert members.items() <= fields("pair_track", "--force", text)["force"].items()
+
+
+def test_a_choice_of_numbers_is_sent_as_a_number() -> None:
+    assert fields("calibrate", "free_response", "--arm", "2")["arm"] == 2

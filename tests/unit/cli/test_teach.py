@@ -17,6 +17,8 @@ from pincette.control.response.identification import Identification
 from pincette.control.response.recorded_response import RecordedResponse
 from pincette.engine.teaching import record, teach
 from pincette.sim.rig.rig import SimulatedRig
+from pincette_study.beyond.tracks import CLASSES, REACH_UM
+from tests.support.two_arms import TWO_ARMS
 
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
 TOLERANCE_UM = 0.02
@@ -113,6 +115,17 @@ def test_a_motion_that_ends_early_teaches_nothing() -> None:
     tight = rig.model_copy(update={"limits": rig.limits.model_copy(update={"force_max_mN": 1.0})})
     with pytest.raises(ValueError, match=r"ended as 'overforce' after \d+ samples"):
         teach(tight)
+
+
+def test_an_arm_with_a_past_is_not_taught_as_one_without() -> None:
+    """Relays stand by chance as the arm is switched on; a pair taught so erred by 20 %."""
+    drawn, _ = CLASSES["relays"](read_rig(TWO_ARMS).arms[0], 501)
+    low_um, high_um = REACH_UM
+    limits = drawn.limits.model_copy(update={"position_min_um": low_um, "position_max_um": high_um})
+    drawn = drawn.model_copy(update={"limits": limits})
+    words = r"limit .* 0\.5 % of the range.*calibrate free_response.*--arm 2"
+    with pytest.raises(ValueError, match=words):
+        teach(drawn, to_limits=True)
 
 
 def recorded_table(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:

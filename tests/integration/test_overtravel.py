@@ -1,0 +1,87 @@
+"""An arm that goes further than its assumed gain says: the free motion is made smaller by itself.
+
+The voltages of the plan are played on the plant alone, as the loop would play them.
+"""
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
+from pincette.api.requests import JobRequest
+from pincette.config import RigFile
+from pincette.control.planning.program import Program
+from pincette_study.open_loop import Motion, drive, peak_to_peak
+from pincette_supervisor.kinds.bodies import Body
+from pincette_supervisor.kinds.calibrate.free_response import FreeResponseRequest
+from pincette_supervisor.kinds.calibrate.free_response.functions import moves_less
+from pincette_supervisor.kinds.functions import Run
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.planning.planned import Planned
+from tests.support.twenty_rigs import unknown_rig
+
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
+BEYOND = (9, 26)
+"""Seeds of rigs with relays that leave their lowest position at 1.1 V below rest or less."""
+
+
+def planned(rig: RigFile, request: JobRequest) -> Planned:
+    found = plan_job(request, rig)
+    assert found.plan.violations == []
+    return found
+
+
+def voltages(program: Program, period_s: float) -> list[float]:
+    found = [0.0]
+    for segment in program.segments:
+        ticks = range(1, round((segment.duration_s or 0.0) / period_s) + 1)
+        path, last_V = segment.path, found[-1]
+        found += [last_V if path is None else path.at(tick * period_s) for tick in ticks]
+    return found
+
+
+def played(rig: RigFile, request: JobRequest) -> tuple[Run, Motion]:
+    assert rig.simulation is not None
+    plan = planned(rig, request)
+    free = rig.simulation.model_copy(update={"bead": False})
+    motion = drive(free, voltages(plan.program, rig.rig.period_s), rig.rig.period_s)
+    put_out_V = np.append(motion.voltage_V[1:], motion.voltage_V[-1])
+    count = len(put_out_V)
+    table = {
+        "seq": list(range(count)),
+        "phase": [""] * count,
+        "position_valid": [True] * count,
+        "x_um": motion.x_um.tolist(),
+        "voltage_V": put_out_V.tolist(),
+        "force_mN": [0.0] * count,
+    }
+    return Run(rig, plan, table), motion
+
+
+@pytest.mark.parametrize("seed", BEYOND)
+def test_the_next_try_keeps_within_the_limits_of_position(seed: int) -> None:
+    rig = unknown_rig("slow", seed, relays=True)
+    request = REQUEST.validate_python({"kind": "calibrate", "calibration": "free_response"})
+    run, motion = played(rig, request)
+    assert float(motion.true_x_um.min()) < rig.limits.position_min_um
+    assert isinstance(request, FreeResponseRequest)
+    less = moves_less(request, run)
+    assert less is not None
+    following, _ = less
+    again, motion = played(rig, following)
+    assert rig.limits.position_min_um < float(motion.true_x_um.min())
+    assert float(motion.true_x_um.max()) < rig.limits.position_max_um
+    cycles = next(one for one in again.planned.program.segments if one.phase == "cycles")
+    assert cycles.path is not None
+    assert cycles.path.amplitude == pytest.approx(1.0)
+    assert peak_to_peak(motion.voltage_V) > 3.0
+
+
+def test_a_motion_that_stayed_within_is_not_made_smaller_below_two_volts() -> None:
+    rig = unknown_rig("slow", BEYOND[0], relays=True)
+    request = REQUEST.validate_python(
+        {"kind": "calibrate", "calibration": "free_response", "least_V": -0.1, "most_V": 2.0}
+    )
+    run, _ = played(rig, request)
+    table = {**run.table, "x_um": [200.0] * len(run.table["x_um"])}
+    assert isinstance(request, FreeResponseRequest)
+    assert moves_less(request, Run(rig, run.planned, table)) is None

@@ -1,0 +1,45 @@
+"""Who logs in shows a key of the supervisor, which must have some."""
+
+from typing import Any, cast
+
+import pytest
+from sila2.features.authenticationservice import AuthenticationFailed
+
+from pincette.api.access import Scope, Session
+from pincette_sila.background import Background
+from pincette_sila.callers import Callers
+
+
+class Answered:
+    """A background whose every call has the same answer."""
+
+    def __init__(self, answer: Session) -> None:
+        self._answer = answer
+
+    def call(self, asked: Any) -> Session:
+        asked.close()
+        return self._answer
+
+
+def callers(*, keys: bool, scope: Scope | None) -> Callers:
+    session = Session(keys=keys, name=None, scope=scope, signed_in=False)
+    background = cast(Background, Answered(session))
+    return Callers("http://127.0.0.1:9", "demo", None, None, background)
+
+
+def test_a_supervisor_without_keys_logs_nobody_in() -> None:
+    """It lets everybody do everything, and would so take any word for a key."""
+    with pytest.raises(AuthenticationFailed, match="no keys; make one"):
+        callers(keys=False, scope="admin").log_in("ada", "word")
+
+
+def test_a_key_that_it_does_not_know_logs_nobody_in() -> None:
+    with pytest.raises(AuthenticationFailed, match="does not know"):
+        callers(keys=True, scope=None).log_in("ada", "word")
+
+
+def test_a_key_is_worth_a_token() -> None:
+    known = callers(keys=True, scope="operate")
+    token = known.log_in("ada", "key")
+    known.check(token)
+    assert known.log_out(token)

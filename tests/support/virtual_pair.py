@@ -1,0 +1,179 @@
+"""The virtual loop with two arms: four instruments' bytes, and the plant between them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from pincette.config import RigFile
+from pincette.core import plugins
+from pincette.core.messages import SimCommand
+from pincette.engine.instrument import Both
+from pincette.instruments.icpdas_i7024 import timing as output_timing
+from pincette.instruments.keyence_lkg import timing as sensor_timing
+from pincette.instruments.line.memory_link import MemoryLink
+from pincette.sim.instruments.dcon import HEARTBEAT, SimulatedI7024
+from pincette.sim.instruments.fitting import resolved
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument
+from pincette.sim.rig.pair_commands import PairTimeline
+from pincette.sim.rig.pair_rig import PairSnapshot, SimulatedPair
+from pincette.sim.script.script import Script, timeouts_of
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_bench import Clock, Lines, Taken
+
+ARMS = (0, 1)
+NAMES = (("sensor", "output"), ("second_sensor", "second_output"))
+PutOut = tuple[int, float]
+"""Which arm, 0 or 1, and its voltage."""
+
+
+@dataclass(slots=True)
+class Modules:
+    """Both voltage outputs, as the loop looks at them."""
+
+    each: tuple[SimulatedI7024, SimulatedI7024]
+
+    def idle(self) -> None:
+        for module in self.each:
+            module.idle()
+
+
+class VirtualPairBench:
+    """Two Keyence, two I-7024 and the plant between them, in the time of a clock."""
+
+    def __init__(self, rig_file: RigFile, clock: Clock) -> None:
+        simulation = rig_file.simulation
+        assert simulation is not None
+        one, two = (
+            resolved(arm.simulation or simulation, arm.output.driver) for arm in rig_file.arms
+        )
+        self.rig = SimulatedPair(simulation, (one, two), rig_file.rig.period_s, False, clock.time)
+        first, second = (SimulatedI7024(partial(self.take_V, arm), self.rig.now_s) for arm in ARMS)
+        self.module = Modules((first, second))
+        self.lasers = [SimulatedKeyence(partial(self.measure_um, arm)) for arm in ARMS]
+        self.lines = Lines(
+            sum(sensor_timing(arm.sensor).exchange_s for arm in rig_file.arms),
+            sum(output_timing(arm.output).exchange_s for arm in rig_file.arms),
+            rig_file.sensor.timeout_s,
+            rig_file.output.timeout_s,
+        )
+        self.taken = Taken()
+        self.quick = False
+        """Exchanges take what the drivers state."""
+        self._rig_file = rig_file
+        self._script: Script | None = None
+        self._measure: list[Callable[[], float]] = []
+        self._put: list[Callable[[float], None]] = []
+        self._linked: dict[str, Instrument] = {}
+
+    def sensor(self) -> Both:
+        """Open both sensors' drivers on their lines."""
+        opener = plugins.load(plugins.POSITION_SENSORS, self._rig_file.sensor.driver)
+        one, two = (
+            opener(arm.sensor, MemoryLink(partial(self.answer_sensor, number), TERMINATOR))
+            for number, arm in enumerate(self._rig_file.arms)
+        )
+        return Both(one, two)
+
+    def output(self) -> Both:
+        """Open both outputs' drivers on their lines."""
+        opener = plugins.load(plugins.VOLTAGE_OUTPUTS, self._rig_file.output.driver)
+        one, two = (
+            opener(arm.output, MemoryLink(partial(self.answer_output, number), TERMINATOR))
+            for number, arm in enumerate(self._rig_file.arms)
+        )
+        return Both(one, two)
+
+    def answer_sensor(self, arm: int, line: bytes) -> bytes | None:
+        reply = self._linked.get(NAMES[arm][0], self.lasers[arm]).answer(line)
+        if reply is None:
+            self.taken.silent_s += self.lines.sensor_timeout_s
+        return reply
+
+    def answer_output(self, arm: int, line: bytes) -> bytes | None:
+        reply = self._linked.get(NAMES[arm][1], self.module.each[arm]).answer(line)
+        if line.startswith(HEARTBEAT):
+            return reply
+        self.taken.written = True
+        if reply is None:
+            self.taken.silent_s += self.lines.output_timeout_s
+        return reply
+
+    def measure_um(self, arm: int) -> float:
+        return self._measure[arm]() if self._measure else self.rig.measure_um(arm)
+
+    def take_V(self, arm: int, voltage_V: float) -> None:
+        """An output has accepted a voltage."""
+        taken: list[Any] = self.taken.voltages_V
+        taken.append((arm, voltage_V))
+
+    def put_V(self, put: PutOut) -> None:
+        """A voltage arrives at the plant."""
+        arm, voltage_V = put
+        if self._put:
+            self._put[arm](voltage_V)
+        else:
+            self.rig.put_out(arm, voltage_V)
+
+    def step_begins(self) -> None:
+        """Begin to note what a step asks of the instruments."""
+        self.taken = Taken()
+
+    def order(self, order: SimCommand) -> None:
+        """Do something to the rig, from here on; a bench that has a script is not forked again."""
+        if self._script is None:
+            script = Script(timeouts_s=timeouts_of(self._rig_file), two_arms=True)
+            script.operate(self.rig)
+            for arm, (sensor, output) in enumerate(NAMES):
+                self._measure.append(script.measure(partial(self.rig.measure_um, arm), sensor))
+                self._put.append(script.put_out(partial(self.rig.put_out, arm), output))
+                self._linked[sensor] = script.link(sensor, self.lasers[arm])
+                self._linked[output] = script.link(output, self.module.each[arm])
+            self._script = script
+        words = self._script.order(order)
+        assert not words, words
+
+    def shared(self) -> list[object]:
+        """What a copy of this bench has in common with it, since it never changes."""
+        inner = vars(self.rig)
+        timeline: PairTimeline = inner["_timeline"]
+        return [
+            self._rig_file,
+            self.lines,
+            inner["_lock"],
+            inner["_simulations"],
+            inner["_noise"],
+            timeline.parameters,
+            timeline.state,
+        ]
+
+    @property
+    def true(self) -> PairSnapshot:
+        """What is true now."""
+        return self.rig.snapshot()
+
+
+class VirtualPairLoop(VirtualLoop):
+    """A rig of two arms in real time whose clock is made."""
+
+    def __init__(self, rig: RigFile, seed: int = 1) -> None:
+        assert rig.second is not None
+        super().__init__(rig, seed)
+
+    def make_bench(self) -> Any:
+        """Four instruments and the pair."""
+        return VirtualPairBench(self.rig, self.clock)
+
+    @property
+    def pair(self) -> VirtualPairBench:
+        """The bench, as what it is."""
+        bench: Any = self.bench
+        assert isinstance(bench, VirtualPairBench)
+        return bench
+
+    @property
+    def voltages_put_out(self) -> list[tuple[float, int, float]]:
+        """When which voltage of which arm reached the plant."""
+        put: list[tuple[float, Any]] = list(self.put_out)
+        return [(at_s, arm, voltage_V) for at_s, (arm, voltage_V) in put]

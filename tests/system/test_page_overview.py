@@ -1,0 +1,119 @@
+"""The page on every width: *All rigs*, one row a rig, and the tabs, whole in both colours."""
+
+from collections.abc import Generator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Literal
+
+import pytest
+from playwright.sync_api import Browser, ViewportSize
+
+from tests.support.browser import DESK, Visit, keep_picture, visit
+from tests.support.rigs import demo_rig
+from tests.support.served import served
+from tests.unit.supervisor.canned import IN_HOLD
+from tests.unit.supervisor.rigs_harness import RigsHarness, joined
+
+NAMES = ("bench", "bench-left", "chamber-2", "teaching")
+PHONE = {"width": 390, "height": 844}
+OVERLAPS = """() => {
+  const cells = [...document.querySelectorAll("#overview th, #overview td, #overview h2")];
+  const boxes = cells.map((each) => [each.innerText, each.getBoundingClientRect()]);
+  const apart = (a, b) => a.left >= b.right - 1 || b.left >= a.right - 1
+    || a.top >= b.bottom - 1 || b.top >= a.bottom - 1;
+  const found = cells.filter((each) => each.scrollWidth - each.clientWidth > 1)
+    .map((each) => `cut: ${each.innerText}`);
+  for (const [i, [one, a]] of boxes.entries())
+    found.push(...boxes.slice(i + 1).filter(([, b]) => !apart(a, b))
+      .map(([other]) => `${one} over ${other}`));
+  return found;
+}"""
+SPREADS = """() => [...document.querySelectorAll("#overview td > *")].map((each) => {
+  const all = document.createRange();
+  all.selectNodeContents(each);
+  const bottoms = [...all.getClientRects()].map((one) => one.bottom);
+  return bottoms.length ? Math.max(...bottoms) - Math.min(...bottoms) : 0;
+})"""
+ONE_LINE_PX = 12
+"""Between the bottoms of a mark and of a word beside it; of two lines they are further apart."""
+LONGER = "document.documentElement.scrollHeight - innerHeight"
+WIDER = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+
+
+@pytest.fixture
+def desk(browser: Browser, tmp_path: Path) -> Generator[RigsHarness]:
+    """Four rigs: one holds a part, one has tripped, two are as they were started."""
+    assert browser.is_connected()
+    own = demo_rig({"rig": {"name": NAMES[0]}}, time="lockstep")
+    desk = RigsHarness(own, tmp_path)
+
+    def made() -> None:
+        for name in NAMES[1:]:
+            desk.come(joined(own, name))
+            desk.served(name)
+        desk.at(NAMES[0])
+        desk.playing_to(IN_HOLD, rig=NAMES[0])
+        desk.at(NAMES[1])
+        desk.ended(desk.grip(rig=NAMES[1])["id"])
+        desk.bus.trip("command_age")
+
+    with ThreadPoolExecutor(1) as aside:  # the browser has this thread's event loop
+        aside.submit(made).result()
+    yield desk
+    desk.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+def test_all_rigs_stand_in_one_table_that_nothing_overlaps(
+    browser: Browser,
+    desk: RigsHarness,
+    pictures: Path,
+    scheme: Literal["light", "dark"],
+    size: dict[str, int],
+) -> None:
+    viewport = ViewportSize(width=size["width"], height=size["height"])
+    context = browser.new_context(viewport=viewport, color_scheme=scheme)
+    with served(desk.app) as address:
+        seen = visit(context, address)
+        seen.page.click("#overview-open")
+        seen.until(f"#overview-{NAMES[0]}", "hold")
+        seen.until(f"#overview-{NAMES[1]}", "latched")
+        wide = "desk" if size is DESK else "phone"
+        keep_picture(seen, pictures, f"rigs-{wide}-{scheme}")
+        whole(seen)
+        rows = seen.page.locator("#overview tbody tr").all_inner_texts()
+        assert len(rows) == len(NAMES)
+        assert seen.errors == []
+    context.close()
+
+
+def whole(seen: Visit) -> None:
+    """Nothing of the table is cut or covered, and the page has no scroll bar below it."""
+    assert seen.page.evaluate(OVERLAPS) == []
+    assert seen.page.evaluate(WIDER) <= 0
+    assert max(seen.page.evaluate(SPREADS)) < ONE_LINE_PX, "a word is broken"
+
+
+@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+def test_no_tab_makes_the_page_wider_or_longer_than_its_window(
+    browser: Browser, desk: RigsHarness, size: dict[str, int]
+) -> None:
+    context = browser.new_context(viewport=ViewportSize(width=size["width"], height=size["height"]))
+    with served(desk.app) as address:
+        seen = visit(context, address, f"?rig={NAMES[1]}")
+        for tab, content in (
+            ("jobs", "#job-list tbody tr"),
+            ("calibrations", "#checklist tbody tr"),
+            ("rig", "#rig-checks tbody tr"),
+        ):
+            seen.page.click(f"#tab-{tab}")
+            seen.page.wait_for_selector(content)
+            assert seen.page.evaluate(WIDER) <= 0, tab
+        seen.page.click("#tab-jobs")
+        seen.page.click("#job-list tbody button")
+        seen.page.wait_for_selector("#job-said")
+        assert seen.page.evaluate(WIDER) <= 0
+        if size is DESK:
+            assert seen.page.evaluate(LONGER) <= 0
+    context.close()

@@ -1,0 +1,204 @@
+"""Two arms whose programs and instruments are hurt while both hold a part; T = 20 ms."""
+
+import signal
+from collections.abc import Generator
+from time import monotonic, sleep
+
+import pytest
+from msgspec import UNSET
+
+from pincette.core.messages import Applied, GroundTruth, Position, SimCommand, Telemetry
+from pincette.core.topics import SIM_COMMAND
+from pincette.core.wording import applied_text
+from tests.support.grips import kill, make_ready, restart
+from tests.support.reactions import REACTION_S, TRIPPED, within
+from tests.support.rigs import Tree, at_own_ports, output_step_V
+from tests.support.running import RunningRig, running_rig
+from tests.support.stalls import StallRecorder
+from tests.support.two_arms import FORCE_MN, two_arm_rig
+from tests.support.witness import Witness
+
+pytestmark = pytest.mark.usefixtures("stalls")
+
+SHORT: Tree = {
+    "grip": {
+        "force_mN": FORCE_MN,
+        "hold_s": 0.4,
+        "load_s": 0.4,
+        "approach_um_per_s": 20.0,
+        "seek_um_per_s": 8.0,
+        "zero_s": 0.24,
+    }
+}
+WATCHDOG_S, TICK_S, IDLE_S = 0.5, 0.1, 0.05
+ASIDE_S = TICK_S + IDLE_S + 0.04
+"""By how much later one output's watchdog may act than the other's."""
+ENDS_S = 20.0
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    own = at_own_ports(two_arm_rig(SHORT, time="real"))
+    with running_rig(own, tmp_path_factory.mktemp("rig")) as running:
+        yield running
+
+
+@pytest.fixture(autouse=True)
+def ready(rig: RunningRig, seen: Witness) -> None:
+    for target in ("sensor", "output", "second_sensor", "second_output"):
+        order(seen, target, "heal")
+    make_ready(rig)
+    place_part(seen)
+
+
+def order(seen: Witness, target: str, what: str) -> float:
+    """Do something to the rig; the time at which that was done."""
+    now = monotonic()
+    seen.bus.call(SIM_COMMAND, SimCommand(target, what))
+    return now
+
+
+def place_part(seen: Witness) -> None:
+    """Put the part back from where it was let go."""
+    order(seen, "part", "place")
+
+
+def hold(rig: RunningRig, seen: Witness) -> str:
+    """Grip with both arms and wait for the hold; the job's id."""
+    begun = monotonic()
+    job = rig.start_grip(kind="pair_grip", until_released=True)
+    while monotonic() < begun + ENDS_S:
+        views = [view for _, view in seen.since(Telemetry, begun)]
+        if any(view.phase == "hold" and view.segment_tick >= 5 for view in views):
+            return job
+        sleep(0.005)
+    raise TimeoutError(f"it does not hold: {rig.job(job)}")
+
+
+def check_together(rig: RunningRig, seen: Witness, fault_s: float, stalls: StallRecorder) -> None:
+    """Both are frozen in time, keep their voltages, and are ramped in the same ticks."""
+    seen.until_state(("latched",), fault_s)
+    tripped = [(at, echo) for at, echo in seen.since(Applied, fault_s) if echo.state in TRIPPED]
+    reacted_s, first = tripped[0]
+    assert first.state == "frozen", applied_text(first)
+    stood_s = stalls.between(fault_s, reacted_s)
+    print(f"{applied_text(first)}: after {1e3 * (reacted_s - fault_s):.0f} ms")
+    within(REACTION_S + stood_s, reacted_s - fault_s, applied_text(first))
+    pairs = [(echo.state, voltages(echo)) for _, echo in tripped]
+    assert len({pair for state, pair in pairs if state == "frozen"}) == 1
+    ramp = [pair for state, pair in pairs if state == "ramping"]
+    assert ramp
+    for arm in (0, 1):
+        away_V = [abs(pair[arm]) for pair in ramp]
+        assert away_V == sorted(away_V, reverse=True)
+    assert voltages(seen.newest(Applied)) == (0.0, 0.0)
+    step_V = output_step_V(rig.rig.arms[0])
+    seen.until(GroundTruth, lambda truth: max(map(abs, put_out(truth))) <= step_V, reacted_s, 1.0)
+    check_force(seen, fault_s)
+
+
+def check_force(seen: Witness, since_s: float) -> None:
+    """No arm has pressed harder than was planned."""
+    truths = [truth for _, truth in seen.since(GroundTruth, since_s)]
+    hardest_mN = max(max(truth.force_mN, of_second(truth)) for truth in truths)
+    assert hardest_mN <= 1.15 * FORCE_MN
+
+
+def voltages(echo: Applied) -> tuple[float, float]:
+    assert echo.second is not UNSET
+    return echo.voltage_V, echo.second.voltage_V
+
+
+def put_out(truth: GroundTruth) -> tuple[float, float]:
+    assert truth.second is not UNSET
+    return truth.voltage_V, truth.second.voltage_V
+
+
+def of_second(truth: GroundTruth) -> float:
+    assert truth.second is not UNSET
+    return truth.second.force_mN
+
+
+def test_a_grip_with_both_arms_succeeds(rig: RunningRig, seen: Witness) -> None:
+    begun = monotonic()
+    ended = rig.ended(rig.start_grip(kind="pair_grip"))
+    assert ended["state"] == "succeeded", ended["cause"]
+    check_force(seen, begun)
+    assert all(echo.second is not UNSET for _, echo in seen.since(Applied, begun))
+
+
+@pytest.mark.parametrize("name", ["sensor", "estimator", "controller"])
+def test_a_program_that_is_killed_or_hangs_stops_both(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, name: str
+) -> None:
+    job = hold(rig, seen)
+    check_together(rig, seen, kill(rig, name), stalls)
+    assert rig.ended(job)["state"] == "failed"
+    restart(rig, name)
+    make_ready(rig)
+    place_part(seen)
+    job = hold(rig, seen)
+    hung_s = monotonic()
+    rig.fleet.signal(name, signal.SIGSTOP)
+    try:
+        check_together(rig, seen, hung_s, stalls)
+    finally:
+        rig.fleet.signal(name, signal.SIGCONT)
+    assert rig.ended(job)["state"] == "failed"
+
+
+@pytest.mark.parametrize("target", ["sensor", "second_sensor"])
+def test_a_sensor_of_either_arm_that_is_silent_stops_both(
+    rig: RunningRig, seen: Witness, stalls: StallRecorder, target: str
+) -> None:
+    job = hold(rig, seen)
+    silent_s = order(seen, target, "off")
+    check_together(rig, seen, silent_s, stalls)
+    assert rig.ended(job)["state"] == "failed"
+    # The actuator does not wait for a sensor; what the sensor says later names the arm.
+    _, told = seen.until(Position, lambda position: not position.usable, silent_s, 1.0)
+    second = UNSET if told.second is UNSET else told.second.fault
+    if target.startswith("second"):
+        assert (told.valid, second and second.number("arm")) == (True, 2)
+    else:
+        assert (told.fault and told.fault.number("arm"), second) == (1, None)
+
+
+@pytest.mark.parametrize("target", ["output", "second_output"])
+def test_both_outputs_let_go_by_themselves_where_one_is_silent(
+    rig: RunningRig, seen: Witness, target: str
+) -> None:
+    job = hold(rig, seen)
+    silent_s = order(seen, target, "off")
+    check_let_go(rig, seen, silent_s)
+    cause = rig.ended(job)["cause"]
+    arm = "second" if target.startswith("second") else "first"
+    assert f"device: {arm} arm: " in cause
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_both_outputs_let_go_by_themselves_where_the_actuator_is_no_more(
+    rig: RunningRig, seen: Witness, number: signal.Signals
+) -> None:
+    hold(rig, seen)
+    gone_s = monotonic()
+    rig.fleet.signal("actuator", number)
+    try:
+        check_let_go(rig, seen, gone_s)
+    finally:
+        if number == signal.SIGSTOP:
+            rig.fleet.signal("actuator", signal.SIGCONT)
+
+
+def check_let_go(rig: RunningRig, seen: Witness, since_s: float) -> None:
+    """Both watchdogs have acted, one hardly later than the other."""
+    step_V = output_step_V(rig.rig.arms[0])
+    seen.until(GroundTruth, lambda truth: max(map(abs, put_out(truth))) <= step_V, since_s, 3.0)
+    truths = seen.since(GroundTruth, since_s)
+    safe_s = [
+        next(at for at, truth in truths if abs(put_out(truth)[arm]) <= step_V) for arm in (0, 1)
+    ]
+    print(f"safe after {safe_s[0] - since_s:.3f} and {safe_s[1] - since_s:.3f} s")
+    within(WATCHDOG_S + 2.0 * TICK_S + IDLE_S, max(safe_s) - since_s, "safety")
+    within(ASIDE_S, abs(safe_s[0] - safe_s[1]), "the second after the first")
+    check_force(seen, since_s)
