@@ -7,7 +7,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
-from msgspec import structs
+from msgspec import UnsetType, structs
 
 from pincette.asyncapi.document import document
 from pincette.asyncapi.schemas import notes, reachable, summary
@@ -27,6 +27,7 @@ PLAIN = {
     Document: "text",
 }
 
+NOTHING: dict[Any, str] = {type(None): "nil", UnsetType: "absent"}
 HEAD = """\
 # Keys
 
@@ -34,8 +35,8 @@ Generated from `pincette.core.topics` by `make docs`; a test compares the two. P
 [deploy/asyncapi.json](../../deploy/asyncapi.json), which the supervisor serves at `/asyncapi.json`.
 
 Every key begins with `{root}/` and the name of the rig. A payload is one MessagePack map. It has
-every field below, by name, and no other field. nil stands for Python's None. Forces are compressive
-and positive.
+every field below, by name, and no other field; one that is absent is left out. nil stands for
+Python's None. Forces are compressive and positive.
 
 """
 
@@ -113,7 +114,7 @@ def _type(hint: Any) -> str:
         return PLAIN[hint]
     arguments = get_args(hint)
     if get_origin(hint) in (Union, UnionType):
-        return " or ".join("nil" if item is type(None) else _type(item) for item in arguments)
+        return " or ".join(NOTHING.get(item) or _type(item) for item in arguments)
     if get_origin(hint) is Literal:
         return ", ".join(f"`{item}`" for item in arguments)
     if get_origin(hint) is tuple:

@@ -15,7 +15,7 @@ from pincette.asyncapi.schemas import notes
 from pincette.cli.doctor import TABLES
 from pincette.config import RigFile, Table
 from pincette.config.calibration import CALIBRATED, EXPECTED
-from pincette.config.laws import Law, law_definition
+from pincette.config.laws import Law, installed_laws, law_definition
 from pincette.config.rig_file import UNSHARED
 from pincette.core import plugins
 from pincette.core.units import OF_FILES, UNITS, unit_in_file
@@ -93,6 +93,8 @@ def _gains() -> Iterator[str]:
     for entry in plugins.registered(plugins.LAWS):
         if plugins.origin(entry).partition(" ")[0] != "pincette":
             continue
+        if entry.name not in installed_laws():
+            continue  # of two arms: no rig file names it
         law = law_definition(entry.name)
         yield f'With `scheme = "{law.name}"`, {law.title}, {words.cell(law.summary)}:\n\n'
         rows = [
