@@ -45,7 +45,7 @@ PLUGIN = ""
 """In place of a module: the command is an entry point of the group ``pincette.commands``."""
 COMMANDS: Mapping[str, tuple[str, str]] = {
     "up": ("up", "start every program of a rig on this machine; Ctrl-C ends them"),
-    "demo": ("up", "start a rig, grip its part, show the result, end"),
+    "demo": ("demo", "start a rig, grip its part, show the result, end"),
     "init": ("init", "ask what a rig file needs to know of a bench, and write it"),
     "doctor": ("doctor", "say what is missing for a rig, and how to get it"),
     "latency": (

@@ -15,8 +15,10 @@ from pincette.cli.terminal import Json, RigOption, clock, command, group, screen
 
 if TYPE_CHECKING:
     from pincette.api.events import Alarm, AlarmList
+    from pincette.api.rigs import Stopped
     from pincette.bus.topology import SessionConfig
     from pincette.bus.zenoh_bus import ZenohBus
+    from pincette.client import RigHandle
     from pincette.config import RigFile
 
 
@@ -100,14 +102,18 @@ def _report_stop(form: Json, ways: Mapping[str, str], begin: float, only: str | 
 def reset(target: Target) -> None:
     """Acknowledge the cause and clear the latch."""
     rig = target.rig()
+    answer, cause = cleared(rig)
+    target.answer(answer, f"rig {rig.name}: reset; the cause was: {cause}")
+
+
+def cleared(rig: "RigHandle") -> "tuple[Stopped, str]":
+    """Clear the latch of a rig, once its arm has come to rest; the answer, and the cause."""
     deadline = monotonic() + RAMP_S
     state = rig.state()
     while state.latch.state == "ramping" and monotonic() < deadline:
         sleep(LOOK_S)
         state = rig.state()
-    answer = rig.reset()
-    cause = state.latch.words or state.latch.cause or "none"
-    target.answer(answer, f"rig {rig.name}: reset; the cause was: {cause}")
+    return rig.reset(), state.latch.words or state.latch.cause or "none"
 
 
 @dataclass(slots=True)

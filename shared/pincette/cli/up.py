@@ -1,10 +1,10 @@
-"""``pincette up``, ``demo``, ``run`` and ``bench``: the programs of a rig on this machine."""
+"""``pincette up``, ``run`` and ``bench``: the programs of a rig on this machine."""
 
 import signal
 import subprocess
 import sys
 from collections.abc import Generator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from time import sleep
 from types import FrameType
@@ -14,21 +14,16 @@ import typer
 from typer import Option
 
 from pincette.cli import PKI, CliError, opened, run
-from pincette.cli.access import authority_of, key_of, refusals
 from pincette.cli.options import DATA, DataFolder, choice, integer
-from pincette.cli.results import show_result
 from pincette.cli.terminal import (
     Command,
-    Json,
     RigOption,
     command,
-    emit,
     group,
     named,
     screen,
     with_parameters,
 )
-from pincette.cli.watch import follow, status_of
 from pincette.engine import logs
 
 if TYPE_CHECKING:
@@ -189,41 +184,6 @@ def machine_words(rig: "RigFile", data: Path) -> list[str]:
     if known is None:
         return ["what this machine keeps is not known:", f"  {how(rig)}"]
     return [words(rig, known), *(f"suits it: {one.words()}" for one in changes_of(rig, known))]
-
-
-@command(app, "demo")
-def demo(
-    rig: RigOption,
-    form: Json,
-    data: DataFolder = DATA,
-    secure: Annotated[
-        bool, Option("--secure", help="over mutual TLS, with certificates for this once")
-    ] = False,
-) -> int:
-    """Grip the part of a rig once, from start to end."""
-    from pincette.client import Supervisor
-
-    console = screen(machine=form.json)
-    path = rig.path
-    file = opened(path)
-    with ExitStack() as stack:
-        if secure:
-            from pincette.cli import security
-
-            file = file.secured(stack.enter_context(security.temporary_certificates(file)))
-        stack.enter_context(running(file, path, data, console))
-        stack.enter_context(refusals(file.supervisor.url, as_json=form.json))
-        authority = authority_of(None, file.bus.pki)
-        supervisor = stack.enter_context(
-            Supervisor(file.supervisor.url, key=key_of(None), authority=authority)
-        )
-        kind = "grip" if file.second is None else "pair_grip"
-        job = follow(supervisor.rig(file.rig.name).start(kind), console)
-    if form.json:
-        emit(job)
-    else:
-        show_result(job, console)
-    return status_of(job)
 
 
 @command(app, "bench")

@@ -129,21 +129,27 @@ def followed(job: "JobHandle", *, machine: bool) -> int:
     """Follow a job to its end, and show its result; the exit status says whether it succeeded."""
     console = screen(machine=machine)
     try:
-        follow(job, console)
+        follow_recorded(job, console)
     except KeyboardInterrupt:
         raise CliError(
             f"no longer followed, but job {job.id} goes on: `pincette job stop {job.id}` stops "
             "it, `pincette estop` stops the rig",
             Exit.INTERRUPTED,
         ) from None
-    if job.job.artifacts == "being_written":
-        with patience("the motion has ended; its record is being written"):
-            job.recorded()
     if machine:
         emit(job.job)
     else:
         show_result(job.job, console)
     return status_of(job.job)
+
+
+def follow_recorded(job: "JobHandle", console: "Console") -> "Job":
+    """Show a job's progress until it has ended and its record is written."""
+    follow(job, console)
+    if job.job.artifacts == "being_written":
+        with patience("the motion has ended; its record is being written"):
+            job.recorded()
+    return job.job
 
 
 def status_of(job: "Job") -> Exit:

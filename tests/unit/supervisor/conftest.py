@@ -6,10 +6,32 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile, parse_rig
+from pincette_supervisor.results import archive
+from pincette_supervisor.results.drawing import Picture
 
 from .harness import Harness
 
 DEMO = Path(__file__).parents[3] / "deploy" / "rigs" / "demo.toml"
+
+
+BLANK = Picture(b"\x89PNG", {".svg": b'<svg xmlns="http://www.w3.org/2000/svg"/>', ".pdf": b"%PDF"})
+
+
+def blank(*_of: object) -> Picture:
+    """What is left where nothing is drawn."""
+    return BLANK
+
+
+@pytest.fixture
+def drawn() -> None:
+    """Have pictures drawn, which is most of what a test takes; without this they are blank."""
+
+
+@pytest.fixture(autouse=True)
+def pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave pictures blank but for the tests of what is drawn."""
+    if "drawn" not in request.fixturenames:
+        monkeypatch.setattr(archive, "picture", blank)
 
 
 @pytest.fixture

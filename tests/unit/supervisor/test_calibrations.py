@@ -41,6 +41,7 @@ def in_use(harness: Harness, quantity: str) -> dict[str, Any]:
     return next(item for item in model["quantities"] if item["quantity"] == quantity)
 
 
+@pytest.mark.usefixtures("drawn")
 def test_a_calibration_proposes_and_changes_nothing(harness: Harness) -> None:
     name = proposal(harness)
     (listed,) = harness.get("/calibrations")["calibrations"]

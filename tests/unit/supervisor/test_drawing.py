@@ -10,6 +10,8 @@ from pincette_supervisor.results import drawing
 
 from .harness import Harness
 
+pytestmark = pytest.mark.usefixtures("drawn")
+
 TABLE = {
     "x_um": [1.0, 2.0, 3.0],
     "x_r_um": [1.5, 2.0, None],

@@ -47,6 +47,12 @@ def test_samples_of_lockstep_are_spread_over_the_time_that_a_job_took() -> None:
     assert at_s[-1] == 1007.5
 
 
+def test_the_second_that_has_begun_is_shown() -> None:
+    reduced = history.reduce(record(4), 1000.0, None)
+    at_s, _, _ = history.joined([reduced], 900.0, 1003.2, 1.0)
+    assert at_s.tolist() == [1000.5, 1001.5, 1002.5, 1003.5]
+
+
 def test_hours_are_read_over_rest_and_end_where_they_are_told_to(harness: Harness) -> None:
     job = harness.ended(harness.grip()["id"])
     name = harness.manager.name

@@ -43,6 +43,7 @@ def test_the_record_is_complete_when_the_job_has_ended(harness: Harness) -> None
     assert len(response.content) == next(e["bytes"] for e in listed if e["name"] == "grip.png")
 
 
+@pytest.mark.usefixtures("drawn")
 def test_one_request_tracks(harness: Harness) -> None:
     harness.bus.edit = lambda ticks: samples.track(ticks[0].position.epoch)
     body = {"kind": "track", "autostart": True, "cycles": 2, "x_pp_um": 9.0}

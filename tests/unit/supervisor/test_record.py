@@ -25,6 +25,8 @@ from tests.support.footprint import footprint
 
 from . import samples
 
+pytestmark = pytest.mark.usefixtures("drawn")
+
 parquet: Any = pyarrow.parquet
 JOB = JobRow("a", "grip", "demo", "running", {"kind": "grip"}, {}, "2026-03-01T12:00:00.000Z")
 GRIP = GripJobRequest(kind="grip", force_mN=20.0)

@@ -57,7 +57,7 @@ class HistoryReader:
                 if reduced is not None:
                     found.append(reduced)
                 jobs.append(_view(row, recorded=reduced is not None))
-        at_s, low, high = _joined(found, from_s, to_s, step_s)
+        at_s, low, high = joined(found, from_s, to_s, step_s)
         return History(
             rig=self.rig,
             from_s=from_s,
@@ -165,7 +165,7 @@ def _grouped(at_s: Series, low: Series, high: Series, step_s: float) -> Reduced:
     return middle, np.fmin.reduceat(low, first, axis=1), np.fmax.reduceat(high, first, axis=1)
 
 
-def _joined(found: Sequence[Reduced], from_s: float, to_s: float, step_s: float) -> Reduced:
+def joined(found: Sequence[Reduced], from_s: float, to_s: float, step_s: float) -> Reduced:
     """Several records as one, within the time that is asked for."""
     if not found:
         return NOTHING
@@ -173,7 +173,9 @@ def _joined(found: Sequence[Reduced], from_s: float, to_s: float, step_s: float)
     low = np.concatenate([each[1] for each in found], axis=1)
     high = np.concatenate([each[2] for each in found], axis=1)
     order = np.argsort(at_s, kind="stable")
-    order = order[(at_s[order] >= from_s) & (at_s[order] <= to_s)]
+    # The second that has begun belongs to it: its middle may be yet to come.
+    apart_s = GRID_S / 2.0
+    order = order[(at_s[order] > from_s - apart_s) & (at_s[order] < to_s + apart_s)]
     if not order.size:
         return NOTHING
     return _grouped(at_s[order], low[:, order], high[:, order], step_s)

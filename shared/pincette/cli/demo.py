@@ -1,0 +1,97 @@
+"""``pincette demo``: one grip, from nothing to its record."""
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Option
+
+from pincette.cli import opened
+from pincette.cli.access import authority_of, key_of, refusals
+from pincette.cli.options import DATA, DataFolder
+from pincette.cli.results import show_result
+from pincette.cli.safety import cleared
+from pincette.cli.terminal import Json, RigOption, command, emit, group, screen
+from pincette.cli.up import running
+from pincette.cli.watch import follow_recorded, status_of
+from pincette.core.faults import Cause, FaultCode
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pincette.api.jobs import Job
+    from pincette.client import RigHandle
+
+app = group()
+
+
+@command(app, "demo")
+def demo(
+    rig: RigOption,
+    form: Json,
+    data: DataFolder = DATA,
+    secure: Annotated[
+        bool, Option("--secure", help="over mutual TLS, with certificates for this once")
+    ] = False,
+) -> int:
+    """Grip the part of a rig once, from start to end."""
+    from pincette.client import Supervisor
+
+    console = screen(machine=form.json)
+    path = rig.path
+    file = opened(path)
+    with ExitStack() as stack:
+        if secure:
+            from pincette.cli import security
+
+            file = file.secured(stack.enter_context(security.temporary_certificates(file)))
+        stack.enter_context(running(file, path, data, console))
+        stack.enter_context(refusals(file.supervisor.url, as_json=form.json))
+        authority = authority_of(None, file.bus.pki)
+        supervisor = stack.enter_context(
+            Supervisor(file.supervisor.url, key=key_of(None), authority=authority)
+        )
+        handle = supervisor.rig(file.rig.name)
+        kind = "grip" if file.second is None else "pair_grip"
+        if file.simulation is None:
+            job = follow_recorded(handle.start(kind), console)
+        else:
+            job = grip_simulated(handle, kind, console)
+    if form.json:
+        emit(job)
+    else:
+        show_result(job, console)
+    return status_of(job)
+
+
+def grip_simulated(rig: "RigHandle", kind: str, console: "Console") -> "Job":
+    """Grip on a rig that can do no harm, so that no person is needed to clear its latch.
+
+    What an earlier demo has left is cleared, and a grip is made once more where this machine stood
+    still in the first: its command is late then, and the actuator rightly trips.
+    """
+    if rig.state().latch.state in ("latched", "ramping"):
+        clear(rig, console)
+    job = follow_recorded(rig.start(kind), console)
+    if not stood_still(job):
+        return job
+    console.print(f"{job.cause}\nthis rig is simulated: once more", style="yellow", soft_wrap=True)
+    clear(rig, console)
+    return follow_recorded(rig.start(kind), console)
+
+
+def clear(rig: "RigHandle", console: "Console") -> None:
+    """Clear the latch of a simulated rig, and say so."""
+    _, cause = cleared(rig)
+    console.print(
+        f"this rig is simulated: its latch is cleared ({cause})", style="yellow", soft_wrap=True
+    )
+
+
+def stood_still(job: "Job") -> bool:
+    """Whether nothing but a late command has tripped the actuator."""
+    ending = job.ending
+    return (
+        ending is not None
+        and ending.trip == Cause.COMMAND_AGE
+        and [one.code for one in ending.faults] == [FaultCode.NO_COMMAND]
+    )

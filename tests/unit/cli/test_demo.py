@@ -1,0 +1,65 @@
+"""A grip on a simulated rig needs no person: what an earlier one has left is cleared."""
+
+from typing import Any
+
+import httpx
+import pytest
+
+from pincette.api.endings import Ending
+from pincette.api.jobs import Job
+from pincette.cli.demo import grip_simulated
+from pincette.cli.terminal import screen
+from tests.unit.client import desk
+from tests.unit.client.desk import Desk
+
+NAME = desk.example(Job)["id"]
+IDLE: dict[str, Any] = {"state": "idle", "cause": "", "clear": ""}
+LATCHED: dict[str, Any] = {"state": "latched", "cause": "restart", "clear": "a reset"}
+RESET = httpx.Response(
+    200, json={"rig": "demo", "cause": "restart", "acknowledged": True, "detail": ""}
+)
+RUNNING, GRIPPED = desk.job(state="running"), desk.job(state="succeeded")
+
+
+def tripped(trip: str, code: str) -> httpx.Response:
+    found = {"code": code, "values": {"silent_s": 0.062, "limit_s": 0.05}, "text": "no command"}
+    return desk.job(state="failed", ending=desk.example(Ending, trip=trip, faults=[found]))
+
+
+def grip(*answers: httpx.Response) -> tuple[str, list[str]]:
+    """Grip at a supervisor of these answers; the job's state, and what was asked for."""
+    supervisor = Desk(*answers)
+    with supervisor.supervisor(0.0) as client:
+        job = grip_simulated(client.rig("demo"), "grip", screen(machine=True))
+    assert not supervisor.answers
+    return job.state, [one.url.path.rpartition("/")[2] for one in supervisor.asked]
+
+
+def test_a_grip_of_an_idle_rig_clears_nothing() -> None:
+    state, asked = grip(desk.rig(latch=IDLE), RUNNING, GRIPPED)
+    assert (state, "reset" in asked) == ("succeeded", False)
+
+
+def test_the_latch_of_an_earlier_demo_is_cleared() -> None:
+    state, asked = grip(desk.rig(latch=LATCHED), desk.rig(latch=LATCHED), RESET, RUNNING, GRIPPED)
+    assert (state, asked.count("reset")) == ("succeeded", 1)
+
+
+def test_the_record_is_waited_for() -> None:
+    written = desk.job(state="succeeded", artifacts="ready")
+    drawing = desk.job(state="succeeded", artifacts="being_written")
+    assert grip(desk.rig(latch=IDLE), RUNNING, drawing, written)[1][-1] == NAME
+
+
+def test_where_the_machine_stood_still_it_grips_once_more() -> None:
+    late = tripped("command_age", "no_command")
+    again = (desk.rig(latch=LATCHED), RESET, RUNNING)
+    assert grip(desk.rig(latch=IDLE), RUNNING, late, *again, GRIPPED)[0] == "succeeded"
+    assert grip(desk.rig(latch=IDLE), RUNNING, late, *again, late)[0] == "failed"
+
+
+@pytest.mark.parametrize(
+    ("trip", "code"), [("command_age", "instrument_silent"), ("overforce", "no_command")]
+)
+def test_another_trip_is_told_and_no_more(trip: str, code: str) -> None:
+    assert grip(desk.rig(latch=IDLE), RUNNING, tripped(trip, code))[0] == "failed"
