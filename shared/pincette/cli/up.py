@@ -28,7 +28,7 @@ from pincette.cli.terminal import (
     screen,
     with_parameters,
 )
-from pincette.cli.watch import follow, status_of
+from pincette.cli.watch import await_record, follow, status_of
 from pincette.engine import logs
 
 if TYPE_CHECKING:
@@ -218,7 +218,10 @@ def demo(
             Supervisor(file.supervisor.url, key=key_of(None), authority=authority)
         )
         kind = "grip" if file.second is None else "pair_grip"
-        job = follow(supervisor.rig(file.rig.name).start(kind), console)
+        handle = supervisor.rig(file.rig.name).start(kind)
+        follow(handle, console)
+        await_record(handle)  # the supervisor that writes it ends with this block
+        job = handle.job
     if form.json:
         emit(job)
     else:

@@ -136,14 +136,19 @@ def followed(job: "JobHandle", *, machine: bool) -> int:
             "it, `pincette estop` stops the rig",
             Exit.INTERRUPTED,
         ) from None
-    if job.job.artifacts == "being_written":
-        with patience("the motion has ended; its record is being written"):
-            job.recorded()
+    await_record(job)
     if machine:
         emit(job.job)
     else:
         show_result(job.job, console)
     return status_of(job.job)
+
+
+def await_record(job: "JobHandle") -> None:
+    """Wait until the record of a job that has ended is written, and say so."""
+    if job.job.artifacts == "being_written":
+        with patience("the motion has ended; its record is being written"):
+            job.recorded()
 
 
 def status_of(job: "Job") -> Exit:
