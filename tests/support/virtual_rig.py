@@ -7,7 +7,6 @@ from unittest.mock import patch
 
 from msgspec import UNSET, UnsetType
 
-from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.config import RigFile
 from pincette.core.messages import (
@@ -41,6 +40,7 @@ from pincette_recorder.intake import Intake
 from pincette_recorder.mender import Mender
 from pincette_recorder.record_keeper import Keeper
 from pincette_recorder.wall_clock import WallClock
+from tests.support.bytes_bus import BytesBus, carried
 
 LATE_S = 0.1
 """Step in which the recorder's time goes on while somebody waits for its answer."""
@@ -71,8 +71,11 @@ class VirtualRig:
 
             return devices_on(open_bench(rig_file, lambda: 0.0, truth, script), rig_file)
 
-        with patch.object(composed, "simulated_devices", devices):
-            self.bus: MemoryBus = ComposedLoop(rig).bus
+        with (
+            patch.object(composed, "simulated_devices", devices),
+            patch.object(composed, "MemoryBus", BytesBus),
+        ):
+            self.bus = ComposedLoop(rig).bus
         serve_sim_commands(self.bus, script)
         for topic in (TELEMETRY, APPLIED):
             self.bus.subscribe(topic, self._hear)
@@ -116,7 +119,7 @@ class VirtualRig:
         """Ask, from any thread; the recorder takes the time that it needs."""
         with self.turn:
             if isinstance(request, Record | Finish):
-                return self._recorded(request)
+                return self._recorded(carried(request))
             return self.bus.call(question, request)
 
     def _recorded(self, request: Record | Finish) -> Message:
@@ -134,7 +137,7 @@ class VirtualRig:
             raise BusError("the recorder does not answer")
         if isinstance(replies[0], str):
             raise RefusalError(replies[0])
-        return replies[0]
+        return carried(replies[0])
 
     def order(self, target: str, what: str, value: float | None, for_s: float | None) -> None:
         """Do something to the rig."""

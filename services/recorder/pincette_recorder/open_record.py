@@ -105,14 +105,14 @@ class OpenRecord:
         except OSError as error:
             self._give_up(error)
 
-    def has(self, seq: int) -> bool:
-        """Whether all messages of a sample have come, each by its own link."""
-        last = seq if self.over_seq is None else min(seq, self.over_seq)
-        return all(self._newest.get(kind, -2) >= last for kind in MADE)
+    def has(self, seq: int | None) -> bool:
+        """Whether all messages of a sample have come, each by its own link; None: of the last."""
+        known = [one for one in (seq, self.over_seq) if one is not None]
+        return bool(known) and all(self._newest.get(kind, -2) >= min(known) for kind in MADE)
 
-    def reached(self, seq: int) -> bool:
+    def reached(self, seq: int | None) -> bool:
         """Whether anything of a sample has come; where a program has died there is no more."""
-        return max(self._newest.values(), default=-2) >= seq
+        return seq is None or max(self._newest.values(), default=-2) >= seq
 
     def tables(self) -> list[str]:
         """Make the tables of what has been written so far; returns what is wrong with it."""

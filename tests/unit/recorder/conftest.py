@@ -15,6 +15,7 @@ from pincette_recorder.intake import Intake
 from pincette_recorder.mender import Mender
 from pincette_recorder.record_keeper import Keeper
 from pincette_recorder.wall_clock import WallClock
+from tests.support.bytes_bus import carried
 from tests.support.recorded import ABOUT, EPOCH, PERIOD_S, START_NS
 
 CONFIG = RecorderConfig(
@@ -78,10 +79,12 @@ class Bench:
         self.now_s += seconds
         self.keeper.take()
 
-    def finish(self, last_seq: int, job: str = "j-1", epoch: int = EPOCH) -> Recorded | str | None:
+    def finish(
+        self, last_seq: int | None, job: str = "j-1", epoch: int = EPOCH
+    ) -> Recorded | str | None:
         """Ask for the end; None where the answer is still to come."""
         self.replies.clear()
-        self.keeper.finish(Finish(job, epoch, last_seq), self.replies.append)
+        self.keeper.finish(carried(Finish(job, epoch, last_seq)), self.replies.append)
         return self.reply
 
     @property

@@ -19,3 +19,31 @@ def test_a_topic_that_lags_behind_the_others_is_waited_for(bench: Bench, late: t
     recorded = bench.reply
     assert isinstance(recorded, Recorded)
     assert recorded.complete
+
+
+def test_an_arming_that_is_over_has_a_last_sample_also_where_nobody_knows_it(bench: Bench) -> None:
+    bench.begin()
+    bench.feed(loop(10))
+    recorded = bench.finish(None)
+    assert isinstance(recorded, Recorded)
+    assert recorded.complete
+
+
+@pytest.mark.parametrize("ticks", [0, 10])
+def test_a_last_sample_that_nobody_knows_is_waited_for_until_nothing_comes(
+    bench: Bench, ticks: int
+) -> None:
+    bench.begin()
+    said = loop(ticks)
+    messages = [item for item in said if not (isinstance(item, Applied) and item.final)]
+    bench.feed(messages[:20])
+    assert bench.finish(None) is None
+    bench.wait(0.2)
+    assert bench.reply is None
+    bench.feed(messages[20:])
+    bench.wait(0.1)
+    assert bench.reply is None
+    bench.wait(0.4)
+    recorded = bench.reply
+    assert isinstance(recorded, Recorded)
+    assert (recorded.complete, recorded.messages) == (True, len(messages))

@@ -12,6 +12,7 @@ from pincette.core import messages
 from pincette.core.faults import Acted, Fault, Mode, Outcome
 from pincette.core.topics import TOPIC_OF, Request, Topic
 from pincette_supervisor.rigs.health import PROGRAMS
+from tests.support.bytes_bus import carried
 
 from . import samples
 from .canned_record import closed, trip_reason
@@ -72,6 +73,7 @@ class CannedRig:
         self._watchers: list[Callable[[str, bool], None]] = []
 
     def publish(self, message: messages.Message) -> None:
+        message = carried(message)
         topic = TOPIC_OF[type(message)]
         if isinstance(message, messages.JobNotice):
             self.notices.append(message)
@@ -119,7 +121,7 @@ class CannedRig:
         if not isinstance(request, messages.StatusRequest):
             self.asked.append(f"{service}/{question.name}")
         with self.turn:
-            return self._answer(service, request)
+            return carried(self._answer(service, carried(request)))
 
     def _answer(self, service: str, request: messages.Message) -> messages.Message:
         match request:

@@ -15,7 +15,7 @@ from pincette.records import folder, parquet
 from pincette.records.columns import Columns
 from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.job_queue import CAPACITY
-from pincette_supervisor.jobs.job_recorder import NO_SAMPLE, finish_record
+from pincette_supervisor.jobs.job_recorder import finish_record
 from pincette_supervisor.jobs.lease import ended_text
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow
@@ -65,7 +65,7 @@ def recover_from_crash(
     if row is not None and row.epoch is not None:
         # Making its tables takes its time, and an emergency stop must be taken meanwhile.
         applied = context.observer.newest(Applied)
-        last_seq = NO_SAMPLE if applied is None or applied.epoch != row.epoch else applied.seq
+        last_seq = None if applied is None or applied.epoch != row.epoch else applied.seq
         whose = context.bus, row.id, row.epoch
         closed = context.closer.submit(_closed, *whose, last_seq)
         stored = context.archivist.submit(_store_end, context, row, closed)
@@ -108,7 +108,7 @@ def _stopped_by_itself(context: RigContext) -> str:
     return words
 
 
-def _closed(bus: Bus, job: str, epoch: int, last_seq: int) -> Recorded | str:
+def _closed(bus: Bus, job: str, epoch: int, last_seq: int | None) -> Recorded | str:
     """Have the recorder close its open record."""
     recorded = finish_record(bus, job, epoch, last_seq)
     if isinstance(recorded, str):  # it may still make the tables of an unfinished record

@@ -58,9 +58,11 @@ class JobIndex:
 
     def is_recorded(self, name: str) -> bool:
         """Whether a job has ended, and its record is written."""
+        if not self.is_over(name):  # asked first: from its end on the event tells of its record
+            return False
         live = self._live(name)
         written = live is None or live.recorded.is_set()
-        return written and self.is_over(name) and not self.left.being_written(name)
+        return written and not self.left.being_written(name)
 
     def changed_since(self, name: str, revision: int) -> bool:
         """Whether a job has changed since a revision."""

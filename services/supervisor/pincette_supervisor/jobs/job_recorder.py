@@ -50,8 +50,6 @@ BEGIN_S = 5.0
 FINISH_S = 10.0
 FINISH_PER_SAMPLE_S = 6e-4
 """Writing the tables takes longer with more samples."""
-NO_SAMPLE = -2
-"""Last sequence number of a loop without samples; the arming has -1."""
 GOES_ON = "a part is held, and is still recorded"
 
 
@@ -78,7 +76,7 @@ class JobRecorder:
         closer, whose = self._context.closer, (self._context.bus, self._job.id, self._epoch)
         trouble = closer.submit(begin_record, *whose, self._about(row)).result()
         if trouble:  # one that did not answer in time may open it all the same
-            closer.submit(finish_record, *whose, NO_SAMPLE)
+            closer.submit(finish_record, *whose, None)
         return trouble
 
     def _about(self, row: JobRow) -> dict[str, str]:
@@ -110,7 +108,7 @@ class JobRecorder:
         if self._gathered is None:
             self._job.finish_record()
             return
-        last_seq = tracker.last_seq if tracker.messages else NO_SAMPLE
+        last_seq = tracker.last_seq if tracker.messages else None
         with self._turn:
             self._writes += 1
             self._job.recorded.clear()
@@ -181,12 +179,12 @@ class JobRecorder:
 
     def discard(self, row: JobRow) -> None:
         """Have the record of a loop that could not be armed closed."""
-        self._close(row, NO_SAMPLE)
+        self._close(row)
 
-    def _close(self, row: JobRow, last_seq: int) -> Recorded | str:
+    def _close(self, row: JobRow) -> Recorded | str:
         """Have the record closed; an incomplete record never fails the job."""
         whose = self._context.bus, self._job.id, self._epoch
-        recorded = self._context.closer.submit(finish_record, *whose, last_seq).result()
+        recorded = self._context.closer.submit(finish_record, *whose, None).result()
         self._job.store(plan={**row.plan, "record": completeness(recorded)})
         return recorded
 
@@ -208,9 +206,9 @@ def begin_record(bus: Bus, job: str, epoch: int, about: Mapping[str, str]) -> st
     return ""
 
 
-def finish_record(bus: Bus, job: str, epoch: int, last_seq: int) -> Recorded | str:
+def finish_record(bus: Bus, job: str, epoch: int, last_seq: int | None) -> Recorded | str:
     """Close the record; returns its contents, or the error."""
-    patience_s = FINISH_S + FINISH_PER_SAMPLE_S * max(0, last_seq)
+    patience_s = FINISH_S + FINISH_PER_SAMPLE_S * max(0, last_seq or 0)
     try:
         return cast(Recorded, bus.call(FINISH, Finish(job, epoch, last_seq), patience_s))
     except BusError as error:

@@ -135,11 +135,14 @@ class Record(FrozenRecord, frozen=True):
 
 
 class Finish(FrozenRecord, frozen=True):
-    """Close the record of an epoch, whose last sample is ``last_seq``."""
+    """Close the record of an epoch, whose last sample is ``last_seq``; None where nobody knows it.
+
+    The recorder then takes what comes until nothing comes any more.
+    """
 
     job: Text
     epoch: Epoch
-    last_seq: Seq
+    last_seq: Seq | None
 
 
 class Recorded(FrozenRecord, frozen=True):
