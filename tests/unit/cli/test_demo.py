@@ -18,16 +18,13 @@ RIG = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
 class Handle:
     """A job that has ended, and whose record is still being written."""
 
-    id, ended = "j-1", True
-
     def __init__(self, log: list[str]) -> None:
         self._log = log
         self.job: Any = self._as("being_written")
 
     @staticmethod
     def _as(artifacts: str) -> SimpleNamespace:
-        shown = {"progress": None, "state": "succeeded", "result": None, "cause": ""}
-        return SimpleNamespace(**shown, artifacts=artifacts, model_dump=lambda **_: {})
+        return SimpleNamespace(state="succeeded", result=None, artifacts=artifacts)
 
     def recorded(self) -> None:
         self._log.append("recorded")
@@ -49,12 +46,18 @@ def test_the_record_is_waited_for_before_the_rig_goes_down(
         def __exit__(self, *_: object) -> None: ...
 
         def rig(self, _name: str) -> SimpleNamespace:
-            return SimpleNamespace(start=lambda _kind: Handle(log))
+            def start(_kind: str) -> Handle:
+                return Handle(log)
+
+            return SimpleNamespace(start=start)
 
     @contextmanager
     def running(*_: Any, **__: Any) -> Generator[None]:
         yield
         log.append("down")
+
+    def follow(job: Handle, _console: Any) -> Any:
+        return job.job
 
     def show(job: Any, _console: Any) -> None:
         shown.append(job.artifacts)
@@ -62,6 +65,6 @@ def test_the_record_is_waited_for_before_the_rig_goes_down(
     monkeypatch.setattr(client, "Supervisor", Supervisor)
     monkeypatch.setattr(up, "running", running)
     monkeypatch.setattr(up, "show_result", show)
-    monkeypatch.setattr(up, "follow", lambda job, _console: job.job)
+    monkeypatch.setattr(up, "follow", follow)
     assert main(["demo", "--rig", str(RIG), "--data", str(tmp_path)]) == Exit.DONE
     assert (log, shown) == (["recorded", "down"], ["ready"])
