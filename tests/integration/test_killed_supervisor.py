@@ -23,6 +23,8 @@ from tests.support.rigs import demo_rig
 from tests.support.virtual_rig import VirtualRig
 
 GRIP = GripJobRequest(kind="grip", autostart=True, until_released=True)
+SHORT_GRIP = GripJobRequest(kind="grip", autostart=True, hold_s=0.2)
+DOCUMENTS = ("grip.png", folder.REPORT, folder.RESULT, folder.REQUEST)
 APPROACH, HOLD = 30, 115
 """Ticks after which the grip is there."""
 
@@ -144,6 +146,38 @@ def test_the_next_one_closes_the_record_of_a_part_that_a_stop_has_kept(
     assert after.manager.index.job(held).state == "running", after.manager.index.job(held).cause
     assert manifest(tmp_path / "jobs" / name)["complete"] is True
     assert after.faults == []
+    after.end()
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_the_next_one_completes_records_whose_documents_were_not_written(
+    rig: VirtualRig, tmp_path: Path, ended: bool
+) -> None:
+    office = Office(rig, tmp_path)
+    names = [office.manager.create(SHORT_GRIP)[0].id]
+    office.steps.pass_(400)
+    told = office.manager.index.job(names[0])
+    assert told.state == "succeeded"
+    if not ended:
+        names.append(office.manager.create(GRIP)[0].id)
+        office.steps.pass_(HOLD)
+    # As it is left by a kill while it was drawn: closed by the recorder alone.
+    row = office.store.get(names[0])
+    assert row is not None
+    plan = {name: value for name, value in row.plan.items() if name != "record"}
+    office.store.change(names[0], plan=plan)
+    where = tmp_path / "jobs" / names[0]
+    for name in DOCUMENTS:
+        (where / name).unlink()
+    office.kill()
+    after = Office(rig, tmp_path)
+    job = after.manager.index.job(names[0])
+    assert (job.cause, job.result, job.record_complete) == (told.cause, told.result, True)
+    assert json.loads((where / folder.RESULT).read_text(encoding="utf-8")) == told.result
+    for name in names:
+        files = {entry["name"] for entry in manifest(tmp_path / "jobs" / name)["files"]}
+        assert {*DOCUMENTS, NAME, folder.SAMPLES} <= files, after.manager.index.job(name)
+        assert after.manager.index.is_recorded(name)
     after.end()
 
 

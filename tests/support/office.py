@@ -21,6 +21,7 @@ from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.results import archive
+from pincette_supervisor.results.drawing import Picture
 from pincette_supervisor.rigs import latch
 from pincette_supervisor.rigs.health import PROGRAMS, Health
 from pincette_supervisor.rigs.observer import Observer
@@ -108,9 +109,9 @@ class SteppedHealth(Health):
         super().refresh(force=force)
 
 
-def _no_picture(*_given: object, **_named: object) -> bytes:
+def _no_picture(*_given: object, **_named: object) -> Picture:
     """Drawing takes longer than all the rest."""
-    return b""
+    return Picture(b"")
 
 
 class _Threading:

@@ -183,3 +183,33 @@ def test_a_record_that_was_not_written_is_closed_after_a_restart(harness: Harnes
     again = harness.store.get(job)
     assert again is not None
     assert again.result == row.result
+
+
+def test_a_job_whose_documents_fail_for_any_reason_says_so(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: Any) -> Picture:
+        raise RuntimeError("no font")
+
+    monkeypatch.setattr(archive, "picture", broken)
+    ended = harness.ended(harness.grip()["id"])
+    assert (ended["state"], ended["cause"]) == ("succeeded", "the record is incomplete: no font")
+    assert (ended["artifacts"], ended["record_complete"]) == ("ready", True)
+
+
+def test_a_job_that_ends_while_it_is_looked_at_is_not_told_as_recorded(
+    harness: Harness, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = over(harness)
+    index = harness.manager.index
+    live = index.newest
+    assert live is not None
+    live.recorded.set()  # as before its end
+
+    def ends(_job: str) -> bool:
+        live.recorded.clear()
+        return True
+
+    monkeypatch.setattr(index, "is_over", ends)
+    assert not index.is_recorded(job)
+    gate.set()

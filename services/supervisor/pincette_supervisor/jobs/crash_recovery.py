@@ -1,8 +1,10 @@
 """Recovery at start from an earlier supervisor's end."""
 
-from collections.abc import Callable, Sequence
+import json
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pincette.api.results import JobResult
@@ -11,33 +13,38 @@ from pincette.bus.protocol import Bus, BusError, RefusalError
 from pincette.core.faults import ActionCode, Mode
 from pincette.core.messages import Action, Applied, Recorded
 from pincette.core.topics import ACTION
-from pincette.records import folder, parquet
+from pincette.records import folder, mcap_reading, parquet
 from pincette.records.columns import Columns
+from pincette.records.mcap_file import NAME
 from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.job_queue import CAPACITY
-from pincette_supervisor.jobs.job_recorder import finish_record
+from pincette_supervisor.jobs.job_recorder import finish_record, lacking
 from pincette_supervisor.jobs.lease import ended_text
+from pincette_supervisor.jobs.planner import plan
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.kinds.bodies import REQUEST
+from pincette_supervisor.results.archive import Record as Gathered
+from pincette_supervisor.results.archive import Take, gather
 from pincette_supervisor.results.documents import completeness
 from pincette_supervisor.results.result import course
 from pincette_supervisor.rigs.rig_context import RigContext
 
+log = logging.getLogger(__name__)
 ASK_S = 1.0
 RECENT = CAPACITY + 4
-"""Jobs among which that which moved last is sought: those that wait are newer."""
+"""Jobs among which those with a record left open are sought: those that wait are newer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """The job whose record an earlier supervisor has left open, and which is closed meanwhile."""
+    """The jobs whose records an earlier supervisor has left open, and which are made meanwhile."""
 
-    job: str = ""
-    stored: Future[None] | None = None
+    stored: Mapping[str, Future[None]] = field(default_factory=dict[str, Future[None]])
 
     def being_written(self, job: str) -> bool:
         """Whether what the closed record gives is still to be stored."""
-        return self.stored is not None and job == self.job and not self.stored.done()
+        return job in self.stored and not self.stored[job].done()
 
 
 NOTHING = Left()
@@ -46,9 +53,9 @@ NOTHING = Left()
 def recover_from_crash(
     context: RigContext, jobs: Sequence[str], notify: Callable[[], None]
 ) -> Left:
-    """Stop a program that still plays, and close the record of the newest interrupted job.
+    """Stop a program that still plays, and complete the records that an earlier one has left.
 
-    ``notify`` is called once it is closed.
+    ``notify`` is called as each is complete.
     """
     # The program is asked once. A held part stays held until a person holds or releases it by a
     # job; a free arm comes to rest, and what a calibration presses is let go. No job is continued.
@@ -60,28 +67,30 @@ def recover_from_crash(
         with context.events.transaction("rig", name, found="a program played", did=stopped):
             if row is not None:
                 context.store.change(row.id, cause=f"{row.cause}; {stopped}")
-    if row is None or row.epoch is None:
-        row = _unwritten(context)
-    if row is not None and row.epoch is not None:
+    applied = context.observer.newest(Applied)
+    stored: dict[str, Future[None]] = {}
+    for left in _unwritten(context):
         # Making its tables takes its time, and an emergency stop must be taken meanwhile.
-        applied = context.observer.newest(Applied)
-        last_seq = None if applied is None or applied.epoch != row.epoch else applied.seq
-        whose = context.bus, row.id, row.epoch
-        closed = context.closer.submit(_closed, *whose, last_seq)
-        stored = context.archivist.submit(_store_end, context, row, closed)
-        stored.add_done_callback(lambda _: notify())
-        return Left(row.id, stored)
-    return NOTHING
+        epoch = int(left.epoch or 0)
+        last_seq = None if applied is None or applied.epoch != epoch else applied.seq
+        closed = context.closer.submit(_closed, context.bus, left.id, epoch, last_seq)
+        stored[left.id] = context.archivist.submit(_store_end, context, left, closed)
+        stored[left.id].add_done_callback(lambda _: notify())
+    return Left(stored)
 
 
-def _unwritten(context: RigContext) -> JobRow | None:
-    """The job that moved last, where its supervisor ended before its record was closed."""
+def _unwritten(context: RigContext) -> list[JobRow]:
+    """Jobs that have moved, whose supervisor ended before their record was written; by age.
+
+    The rig is free while a record is drawn, and so there may be several.
+    """
     found = context.store.newest(RECENT, JobFilter(rig=context.rig.rig.name))
-    last = next((row for row in found if row.epoch is not None), None)
-    if last is None or not STATES[last.state].terminal:
-        return None
-    record = last.plan.get("record")
-    return last if record is None or record.get("open") else None
+    return [row for row in reversed(found) if row.epoch is not None and _is_left(row)]
+
+
+def _is_left(row: JobRow) -> bool:
+    record = row.plan.get("record")
+    return STATES[row.state].terminal and (record is None or bool(record.get("open")))
 
 
 def _stop(context: RigContext, how: ActionCode) -> str:
@@ -117,17 +126,44 @@ def _closed(bus: Bus, job: str, epoch: int, last_seq: int | None) -> Recorded | 
 
 
 def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str]) -> None:
-    """Store whether a record is complete that was closed after the restart, and how far it came."""
+    """Store what the record gives that was closed after the restart, and write its documents."""
     recorded = closed.result()
-    found = _result(context.records / row.id / folder.SAMPLES, context.rig.rig.period_s)
+    row = context.store.get(row.id) or row
     values: dict[str, object] = {}
-    if found is not None and row.result is None:
-        values = {"result": found.model_dump(mode="json")}
+    try:
+        made = None if isinstance(recorded, str) else _gathered(context, row)
+        if made is not None:
+            made.write(context.records / row.id, recorded)
+            values = {"result": made.tree}
+    except Exception as error:  # whatever it was, the job says that they are lacking
+        log.exception("the record of job %s was not completed", row.id)
+        values = {"cause": "; ".join(filter(None, (row.cause, lacking(error))))}
+    if row.result is None and "result" not in values:
+        found = _result(context.records / row.id / folder.SAMPLES, context.rig.rig.period_s)
+        values |= {} if found is None else {"result": found.model_dump(mode="json")}
     context.store.change(row.id, plan={**row.plan, "record": completeness(recorded)}, **values)
 
 
+def _gathered(context: RigContext, row: JobRow) -> Gathered:
+    """The job as it is recorded, with the result that was told of it, if any.
+
+    Raises OSError, or ValueError where it cannot be planned again as it was.
+    """
+    recording = mcap_reading.read(context.records / row.id / NAME)
+    request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))
+    planned = replace(plan(context, request, moving=True), values=row.plan["values"])
+    if recording.about["model_digest"] != planned.model.digest:
+        raise ValueError("the model with which it was played is no longer in use")
+    take = Take(int(row.epoch or 0), recording.messages)
+    made = gather(planned.model.rig, row, planned, take)
+    if row.result is None:
+        return made
+    told = type(made.result).model_validate_json(json.dumps(row.result))
+    return replace(made, evaluation=replace(made.evaluation, result=told))
+
+
 def _result(samples: Path, period_s: float) -> JobResult | None:
-    """How far a job came, by its closed record; the kind's own figures need its plan's model."""
+    """How far a job came, where its own figures cannot be worked out."""
     try:
         table: Columns = parquet.opened(samples).read().to_pydict()
     except (OSError, ValueError):  # no record, or one that a full disk has cut off

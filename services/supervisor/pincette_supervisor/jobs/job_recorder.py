@@ -128,9 +128,9 @@ class JobRecorder:
             recorded = closed.result() or GOES_ON
             if number == self._writes:  # else the part was let go before anything was drawn
                 self._write_documents(record, recorded, over=over)
-        except Exception:  # nobody asks for what this thread comes to
+        except Exception as error:  # nobody asks for what this thread comes to
             log.exception("the record of job %s was not written", self._job.id)
-            raise
+            self._job.append_cause(lacking(error))
         finally:
             with self._turn:
                 if number == self._writes:
@@ -142,9 +142,9 @@ class JobRecorder:
         row = self._current_row() or record.job
         try:
             replace(record, job=row).write(self._context.records / job.id, recorded)
-        except OSError as error:
-            job.note_cause(f"the record is incomplete: {error}")
-            job.store(cause=job.cause)
+        except Exception as error:  # whatever it was, the job says that they are lacking
+            log.exception("the documents of job %s were not written", job.id)
+            job.append_cause(lacking(error))
         state = completeness(recorded)
         # Open until the part is let go: a supervisor that is started meanwhile closes it.
         job.store(plan={**row.plan, "record": state | {"open": not over}})
@@ -194,6 +194,11 @@ class JobRecorder:
             body = {"state": self._job.state, **self._figures}
             append = self._context.events.append
             self._context.write_queue.submit(partial(append, "result", self._job.id, **body))
+
+
+def lacking(error: Exception) -> str:
+    """What the cause of a job says whose documents could not be written."""
+    return f"the record is incomplete: {str(error) or type(error).__name__}"
 
 
 def begin_record(bus: Bus, job: str, epoch: int, about: Mapping[str, str]) -> str:
