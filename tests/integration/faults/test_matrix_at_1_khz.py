@@ -4,11 +4,9 @@ The whole matrix is that of 20 ms. Four programs on a machine that keeps 1 ms, a
 """
 
 import random
-from dataclasses import replace
 
 import pytest
 
-from pincette_actuator.config import EXCUSED_PERIODS
 from tests.support.virtual_loop_catalogue import HUNG_SHORT_S, befalling, catalogue
 from tests.support.virtual_loop_injection import Fault, inject
 from tests.support.virtual_loop_places import SHORT_S, STATES, composed_place, place
@@ -58,11 +56,6 @@ def test_what_befalls_one_program_does_what_it_does_to_a_service(state: str) -> 
         *befalling(whole.loop.rig, FAULTS.harmless),
     ]
     assert {fault.must for fault in faults} == {"trip", "carry on"}
-    for one in faults:
-        fault = one
-        if fault.deed == "bench" and fault.what == "off":
-            # The wait for a silent sensor and the write of a ramp take more than two of the
-            # actuator's looks at its clock: a standstill, which is left out up to a limit.
-            fault = replace(one, late_s=EXCUSED_PERIODS * SHORT_S)
+    for fault in faults:
         reaction = inject(whole, fault, *drawn(fault, state))
         assert (reaction is not None) == (fault.must == "trip"), fault.name
