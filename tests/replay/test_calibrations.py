@@ -13,10 +13,11 @@ from pincette.engine.replay.service_alone import replay
 from pincette.engine.replay.steps import STEPS
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.calibrating import REQUEST, Bystander, opened_benches
-from tests.support.rigs import DEMO, Tree, at_own_ports
+from tests.support.rigs import DEMO, KILOHERTZ, Tree, at_own_ports
 
 AWAY: Tree = {"rig": {"time": "lockstep"}, "simulation": {"bead": False}}
 SLOW, FAST = DEMO, DEMO.parent / "fast.toml"
+SWEPT = "frequency_response"
 
 
 @pytest.mark.parametrize(
@@ -24,9 +25,10 @@ SLOW, FAST = DEMO, DEMO.parent / "fast.toml"
     [
         (SLOW, {"calibration": "compliance", "weights_mN": [0.0, 5.0, 10.0, 20.0]}),
         (SLOW, {"calibration": "contact_stiffness"}),
-        (FAST, {"calibration": "frequency_response", "duration_s": 2.0}),
+        (FAST, {"calibration": SWEPT, "duration_s": 2.0}),
+        (KILOHERTZ, {"calibration": "output_timing"}),
     ],
-    ids=["hands", "press", "sweep"],
+    ids=["hands", "press", "sweep", "bursts"],
 )
 def test_a_calibration_is_repeated(path: Path, wishes: dict[str, Any]) -> None:
     changes = {} if wishes["calibration"] == "contact_stiffness" else AWAY
@@ -40,7 +42,8 @@ def test_a_calibration_is_repeated(path: Path, wishes: dict[str, Any]) -> None:
         item for item in played if not isinstance(item, RequestLog) or item.epoch
     ]
     swept = any(isinstance(item, Command) and item.sweep for item in said)
-    assert swept == (path is FAST) == any(isinstance(item, Burst) for item in said)
+    assert swept == (wishes["calibration"] == SWEPT)
+    assert swept == any(isinstance(item, Burst) for item in said)
     for one in STEPS:
         found = replay(plugins.load(plugins.SERVICES, one), rig, said)
         assert (found.different, found.first, found.stopped) == (0, None, "")

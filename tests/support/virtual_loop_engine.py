@@ -200,8 +200,10 @@ class Engine:
         if task is not None:
             program.service, program.timed = task.node.service.name, ready is None
             program.began_s, program.busy = self.now_s, True
-            wait_s = self.pace * self.chance.uniform(*COMPUTING_S) + program.slow_s
-            program.slow_s = 0.0
+            wait_s = self.pace * self.chance.uniform(*COMPUTING_S)
+            if program.slow_service in ("", program.service):
+                wait_s, program.slow_s = wait_s + program.slow_s, 0.0
+            program.computed_s = wait_s
             self._push(self.now_s + wait_s, "act", program.name, program.turn)
         else:
             program.busy = False
@@ -229,10 +231,29 @@ class Engine:
         self._publish(program, outputs)
         if program.timed:
             program.task.finish_tick(self.now_s)
-            self._collect(program)
         else:
             program.task.finish(self.now_s)
+        if self._tells_busy(program):
+            return
+        if program.timed:
+            self._collect(program)
+        else:
             self._go_on(program)
+
+    def _tells_busy(self, program: Program) -> bool:
+        """Whether the actuator of the same program now steps, since it was kept from it."""
+        self.bench.step_begins()
+        scheduler, took_s = program.scheduler, self.now_s - program.began_s
+        outputs = scheduler.kept_busy(program.task, took_s, program.computed_s, self.now_s)
+        taken = self.bench.taken
+        if scheduler.looking is None or not (outputs or taken.written):
+            return False
+        at_s = self.now_s + taken.silent_s + (self.bench.lines.output_s if taken.written else 0.0)
+        program.service, program.timed = scheduler.looking.node.service.name, False
+        program.began_s = self.now_s
+        self._deliver_voltages(at_s)
+        self._push(at_s, "tell", program.name, (program.turn, outputs))
+        return True
 
     def _publish(self, program: Program, outputs: tuple[Message, ...]) -> None:
         program.scheduler.share(outputs, self.now_s)

@@ -30,7 +30,11 @@ class Program:
     """Counts what the program does; an event of an older turn is void."""
     stopped_until_s: float = 0.0
     slow_s: float = 0.0
-    """How much longer its next step takes."""
+    """How much longer its next step takes,"""
+    slow_service: str = ""
+    """that of this service; of whichever comes next where none is named."""
+    computed_s: float = 0.0
+    """Of the step that is under way."""
     service: str = ""
     """Whose step is under way."""
     timed: bool = False
@@ -63,6 +67,7 @@ def _forked_scheduler(scheduler: Scheduler, memo: dict[int, Any]) -> Scheduler:
     twin = copy(scheduler)
     twin.tasks = [tasks[id(task)] for task in scheduler.tasks]
     vars(twin)["_by_name"] = {task.node.service.name: task for task in twin.tasks}
+    twin.looking = None if scheduler.looking is None else tasks[id(scheduler.looking)]
     twin.takers = {
         kind: [tasks[id(task)] for task in takers] for kind, takers in scheduler.takers.items()
     }

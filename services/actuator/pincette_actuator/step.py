@@ -31,7 +31,7 @@ from pincette.control.safety.second import SecondArm
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
 from pincette.core.messages import Command, Message, Position
-from pincette.core.service import DeviceCommand, Input, PutOut, ReadBack, Service, Slept
+from pincette.core.service import Busy, DeviceCommand, Input, PutOut, ReadBack, Service, Slept
 from pincette.core.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TIMING_OF, TRIP
 from pincette_actuator.config import configure
 from pincette_actuator.requests import handle
@@ -44,9 +44,10 @@ Outputs = tuple[Message | DeviceCommand, ...]
 
 
 class Inputs(NamedTuple):
-    """``device`` is the instrument's fault, or what it says that it puts out, or that all slept."""
+    """``device`` is the instrument's fault, what it says that it puts out, or what kept the program
+    from a look at the clock."""
 
-    device: Fault | PutOut | Slept | None
+    device: Fault | PutOut | Slept | Busy | None
     command: Command | None
     position: Position | None
 
@@ -66,9 +67,12 @@ def initialize_from_output(
 
 def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tuple[State, Outputs]:
     """Take a command, note a sample, or let time pass."""
-    state = before = awake(limits, state, now)
-    if inputs.device is not None:
-        return _device_said(limits, state, inputs.device, now)
+    said, busy_s = inputs.device, 0.0
+    if said is not None and isinstance(said, Busy):
+        said, busy_s = None, said.busy_s
+    state = before = awake(limits, state, now, busy_s)
+    if said is not None:
+        return _device_said(limits, state, said, now)
     skipped = -1
     if (position := inputs.position) is not None and position.epoch == state.epoch:
         x_um = position.x_um if position.valid else None

@@ -81,6 +81,12 @@ class Slept(FrozenRecord, frozen=True):
     slept_s: float
 
 
+class Busy(FrozenRecord, frozen=True):
+    """For ``busy_s`` the program was at work for another of its services, and stood not still."""
+
+    busy_s: float
+
+
 DeviceCommand = SetVoltage | Wave | CheckWave | ReadBack
 
 

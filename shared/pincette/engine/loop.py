@@ -3,11 +3,13 @@
 import random
 import threading
 from collections.abc import Callable, Collection, Iterable, Sequence
+from math import inf
 from queue import Empty, SimpleQueue
-from time import monotonic, sleep
+from time import monotonic, sleep, thread_time
 
 from pincette.bus.protocol import Bus
 from pincette.core.messages import Message
+from pincette.core.service import Slept
 from pincette.core.topics import Request, Topic
 from pincette.engine.node import Node
 from pincette.engine.realtime.gc_tuning import Collector
@@ -57,6 +59,10 @@ class Loop:
         """What is to leave when no step is ready."""
         self._unfinished = False
         """Whether a step of the next tick is ready."""
+        looking = self.scheduler.looking
+        self._look_s = (looking and looking.interval_s) or inf
+        """A step that takes longer is told to the actuator of the same program."""
+        self._watches = self._look_s < inf
         self._collector = Collector()
         self._sleep = SleepWatch() if sleep_watch is None else sleep_watch
         self._queue: SimpleQueue[Item] = SimpleQueue()
@@ -94,12 +100,15 @@ class Loop:
         self._receive(0.0 if self._unfinished else self._wait_s(self._now()))
         if self._clocked and (slept_s := self._sleep.slept_s()):
             for task in self._clocked:
-                self._emit(task.node.slept(slept_s, self._now()))
+                self._emit(task.node.told(Slept(slept_s), self._now()))
         now = self._make_ready_steps()
         for task in self._clocked:
             if task.due(now):
+                began_cpu_s = thread_time() if self._watches else 0.0
                 self._emit(task.tick(now))
                 task.finish_tick(self._now())
+                if self._watches:
+                    self._tell_busy(task, now, began_cpu_s)
                 now = self._make_ready_steps()
         if self._later:
             self._flush()
@@ -130,11 +139,23 @@ class Loop:
             if stepped and task.starts_tick:
                 self._unfinished = True
                 return now
+            began_s, began_cpu_s = now, thread_time() if self._watches else 0.0
             self._emit(task.fire(now))
             now = self._now()
             task.finish(now)
+            if self._watches:
+                now = self._tell_busy(task, began_s, began_cpu_s)
             stepped = True
         self._unfinished = False
+        return now
+
+    def _tell_busy(self, task: Task, began_s: float, began_cpu_s: float) -> float:
+        """Tell the actuator how long a step of another service took; returns the time after it."""
+        now = self._now()
+        took_s = now - began_s
+        if took_s > self._look_s:
+            computed_s = thread_time() - began_cpu_s
+            self._emit(self.scheduler.kept_busy(task, took_s, computed_s, now))
         return now
 
     def _shut_down(self) -> None:

@@ -12,7 +12,7 @@ from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse
 from pincette.control.safety.confirmation import differs
 from pincette.core.faults import Cause, Fault, Predecessor
 from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
-from pincette.core.service import AnyService, PutOut, ReadBack, RefusedError, Role, Slept
+from pincette.core.service import AnyService, Busy, PutOut, ReadBack, RefusedError, Role, Slept
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
 from pincette.engine.instrument import ORDERS, Device, published
@@ -160,12 +160,12 @@ class Node:
             values[0] = fault
         return self._step(values, now)
 
-    def slept(self, slept_s: float, now: float) -> tuple[Message, ...]:
-        """Step because the machine was suspended, where that matters to the instrument."""
+    def told(self, said: Slept | Busy, now: float) -> tuple[Message, ...]:
+        """Step because of what the machine or the program did, where an output is driven."""
         if not self._drives:
             return ()
         values = self._joins.row()
-        values[0] = Slept(slept_s)
+        values[0] = said
         return self._step(values, now)
 
     def shutdown(self, now: float) -> bool:

@@ -9,9 +9,11 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from pincette.core.messages import Arm, Message, TimingRequest
+from pincette.core.service import Busy
 from pincette.core.topics import LOOP
 from pincette.engine.node import Node
 from pincette.engine.synchronizer import SequenceFilter
+from pincette.engine.timing_budget import PATIENCE_WAKES
 from pincette.engine.timing_stats import TimingStats
 
 IDLE_S = 0.5
@@ -181,6 +183,9 @@ class Scheduler:
         taken = dict.fromkeys(topic for topic, _ in topics)
         self.inputs = [topic for topic in taken if topic.producer not in self._by_name]
         """Topics that other programs must bring."""
+        looks = [task for task in self.tasks if task.interval_s and not task.on_grid]
+        self.looking = looks[0] if looks and len(self.tasks) > 1 else None
+        """The actuator, where it looks at its clock between steps of other services."""
 
     def begin(self, now: float) -> None:
         """Start every timer."""
@@ -215,6 +220,18 @@ class Scheduler:
             if task.due(now):
                 return task
         return None
+
+    def kept_busy(self, task: Task, took_s: float, computed_s: float, now: float) -> Outputs:
+        """Tell the actuator beside ``task`` that a step of that has kept the program.
+
+        That it computed is no standstill, nor is a wait as long as one for an instrument may be.
+        """
+        looking = self.looking
+        look_s = None if looking is None else looking.interval_s
+        if looking is None or looking is task or look_s is None or took_s <= look_s:
+            return ()
+        waited_s = min(took_s, PATIENCE_WAKES * look_s)
+        return looking.node.told(Busy(max(waited_s, computed_s)), now)
 
     def wait_s(self, now: float) -> float:
         """Longest time to wait for something to come."""

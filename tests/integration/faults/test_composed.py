@@ -20,7 +20,7 @@ from tests.support.reactions import REACTION_S, TRIPPED
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_catalogue import FATAL, HARMLESS, HUNG_S, befalling
 from tests.support.virtual_loop_injection import Fault, inject
-from tests.support.virtual_loop_places import T, composed_place
+from tests.support.virtual_loop_places import SHORT_S, T, composed_place
 
 SEED = 20130501
 MOVING = ("approach", "hold")
@@ -33,6 +33,8 @@ TOGETHER = [
 ]
 WATCHDOG_S, TICK_S = 0.5, 0.05
 AFTER_S = 0.3
+HUNG_PERIODS = 4.0
+"""Longer than a command may be old, and less than what is left out for a standstill."""
 BENCH = [fault for fault in FATAL if fault.deed == "bench"]
 PHASES = (0.02, 0.27, 0.52, 0.77, 0.97)
 
@@ -75,6 +77,35 @@ def test_an_emergency_stop_acts_within_a_period(state: str) -> None:
         tripped = [(at_s, echo) for at_s, echo in loop.applied if echo.state in TRIPPED]
         assert tripped[0][0] - asked_s <= T
         assert tripped[0][1].state == ("frozen" if state == "hold" else "ramping")
+
+
+@pytest.mark.parametrize("period_s", [T, SHORT_S])
+@pytest.mark.parametrize("service", ["estimator", "controller"])
+@pytest.mark.parametrize("state", MOVING)
+def test_a_service_that_computes_for_too_long_trips_its_program_right_after(
+    state: str, service: str, period_s: float
+) -> None:
+    """It is no standstill of the machine, for which a command would be waited for."""
+    loop = composed_place(state, "loop", period_s=period_s).loop.fork(1)
+    program, hung_s = loop.program(service), HUNG_PERIODS * period_s
+    program.slow_s, program.slow_service = hung_s, service
+    begun_s = loop.now_s
+    ended_s = begun_s + hung_s + period_s
+    loop.run(ended_s)
+    tripped = [(at_s, echo) for at_s, echo in loop.applied if echo.state in TRIPPED]
+    assert hung_s <= tripped[0][0] - begun_s
+    assert tripped[0][1].state == ("frozen" if state == "hold" else "ramping")
+    if state != "hold":
+        loop.run(ended_s + loop.rig.safety.ramp_s + period_s)
+        assert loop.newest.state == "latched"
+        assert loop.put_out[-1][1] == loop.rig.safety.safe_V
+
+
+def test_a_machine_that_stands_still_for_as_long_trips_no_program() -> None:
+    loop = loop_in("approach", "loop")
+    loop.stop("loop", HUNG_PERIODS * T)
+    loop.run(loop.now_s + AFTER_S)
+    assert loop.newest.state == "armed"
 
 
 @pytest.mark.parametrize("hung_s", HUNG_S)

@@ -4,19 +4,24 @@ The whole matrix is that of 20 ms. Four programs on a machine that keeps 1 ms, a
 """
 
 import random
-from dataclasses import replace
 
 import pytest
 
-from pincette_actuator.config import EXCUSED_PERIODS
+from pincette.core.faults import Cause
+from pincette.core.messages import Trip
+from tests.support.reactions import TRIPPED
+from tests.support.virtual_loop_campaign import PHASES
 from tests.support.virtual_loop_catalogue import HUNG_SHORT_S, befalling, catalogue
-from tests.support.virtual_loop_injection import Fault, inject
+from tests.support.virtual_loop_injection import REACTION_PERIODS, Fault, inject
 from tests.support.virtual_loop_places import SHORT_S, STATES, composed_place, place
 
 SEED = 20130501
 FAULTS = catalogue(SHORT_S, HUNG_SHORT_S)
 MOVING = tuple(state for state in STATES if state != "idle")
 FEW = ("approach", "hold")
+WATCHDOG_S, TICK_S = 0.5, 0.1
+STEP_V = 0.001
+"""Of the output, by which a voltage is rounded."""
 
 
 def drawn(fault: Fault, state: str) -> tuple[float, int]:
@@ -58,11 +63,59 @@ def test_what_befalls_one_program_does_what_it_does_to_a_service(state: str) -> 
         *befalling(whole.loop.rig, FAULTS.harmless),
     ]
     assert {fault.must for fault in faults} == {"trip", "carry on"}
-    for one in faults:
-        fault = one
-        if fault.deed == "bench" and fault.what == "off":
-            # The wait for a silent sensor and the write of a ramp take more than two of the
-            # actuator's looks at its clock: a standstill, which is left out up to a limit.
-            fault = replace(one, late_s=EXCUSED_PERIODS * SHORT_S)
+    for fault in faults:
         reaction = inject(whole, fault, *drawn(fault, state))
         assert (reaction is not None) == (fault.must == "trip"), fault.name
+
+
+@pytest.mark.parametrize("state", FEW)
+def test_a_controller_may_die_at_any_time_within_a_period(state: str) -> None:
+    killed = next(one for one in FAULTS.fatal if (one.deed, one.who) == ("kill", "controller"))
+    for part in range(PHASES):
+        chance = random.Random(f"{SEED} {part} {state}")
+        phase = (part + chance.random()) / PHASES
+        reaction = inject(place(state, SHORT_S), killed, phase, chance.getrandbits(32))
+        assert reaction is not None
+        assert reaction.held == (state == "hold")
+
+
+@pytest.mark.parametrize("programs", [(), ("loop",)], ids=["four", "one"])
+@pytest.mark.parametrize("state", FEW)
+def test_an_emergency_stop_acts_within_a_period(state: str, programs: tuple[str, ...]) -> None:
+    for part in range(PHASES):
+        at = composed_place(state, *programs, period_s=SHORT_S)
+        loop = at.loop.fork(part)
+        loop.run(loop.now_s + part / PHASES * SHORT_S)
+        asked_s = loop.now_s
+        loop.must("actuator", Trip(Cause.ESTOP))
+        loop.run(asked_s + REACTION_PERIODS * SHORT_S)
+        tripped = [(at_s, echo) for at_s, echo in loop.applied if echo.state in TRIPPED]
+        assert tripped[0][0] - asked_s <= SHORT_S
+        assert tripped[0][1].state == ("frozen" if state == "hold" else "ramping")
+
+
+@pytest.mark.parametrize("hung_s", HUNG_SHORT_S)
+@pytest.mark.parametrize("state", FEW)
+def test_one_program_that_hangs_moves_nothing_and_does_not_jump_afterwards(
+    state: str, hung_s: float
+) -> None:
+    loop = composed_place(state, "loop", period_s=SHORT_S).loop.fork(1)
+    hung_at_s = loop.now_s
+    loop.stop("loop", hung_s)
+    loop.run(hung_at_s + hung_s)
+    # A voltage that was accepted before may still be on its way.
+    assert all(at_s < hung_at_s + SHORT_S / 4 for at_s, _ in loop.put_out)
+    put_V = loop.put_out[-1][1]
+    loop.run(loop.now_s + SHORT_S)
+    ramp_V = 2.0 * abs(put_V - loop.rig.safety.safe_V) * SHORT_S / loop.rig.safety.ramp_s
+    assert loop.newest.state == ("frozen" if state == "hold" else "ramping")
+    assert abs(loop.put_out[-1][1] - put_V) <= ramp_V + STEP_V
+
+
+@pytest.mark.parametrize("state", FEW)
+def test_where_the_one_program_dies_the_output_s_module_is_safe_by_itself(state: str) -> None:
+    loop = composed_place(state, "loop", period_s=SHORT_S).loop.fork(1)
+    loop.kill("loop")
+    loop.run(loop.now_s + WATCHDOG_S + TICK_S)
+    assert loop.bench.module.tripped
+    assert loop.put_out_by_module() == 0.0

@@ -1,5 +1,8 @@
 """What the actuator excuses while its machine stood still, and for how long."""
 
+from pincette.core.service import Busy
+from pincette_actuator.step import Inputs
+
 from .bench import CONFIG, WAKE, T, command, holding, play, position, wakes
 
 
@@ -32,3 +35,27 @@ def test_a_standstill_makes_no_jump_in_the_ramp() -> None:
     before_V = state.voltage_V
     state, _ = play(state, (WAKE, 0.2))
     assert before_V - state.voltage_V <= 2 * 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
+
+
+def test_what_its_own_program_did_is_no_standstill() -> None:
+    """The time is out of an age only where the machine took it."""
+    state, _ = play(holding(held=False), *wakes(0.005, 0.02))
+    kept = (Inputs(Busy(0.04), None, None), 0.061)
+    state, _ = play(state, kept)
+    assert (state.mode, state.cause, state.standstills) == ("ramping", "command_age", 0)
+
+
+def test_a_ramp_goes_on_by_its_clock_while_its_program_waits_for_its_sensor() -> None:
+    state, _ = play(holding(2.0, held=False), *wakes(0.005, 0.065))
+    wait_s, now = 1.5 * CONFIG.age.wake_s, 0.065
+    while now < 0.065 + CONFIG.ramp_s:
+        # With the write of the ramp's voltage it is more than two looks at the clock.
+        now += wait_s + 0.6 * CONFIG.age.wake_s
+        state, _ = play(state, (Inputs(Busy(wait_s), None, None), now))
+    assert (state.mode, state.voltage_V, state.standstills) == ("latched", CONFIG.safe_V, 0)
+
+
+def test_where_the_machine_stood_still_too_that_is_left_out() -> None:
+    state, _ = play(holding(held=False), *wakes(0.005, 0.02))
+    state, _ = play(state, (Inputs(Busy(0.006), None, None), 0.065))
+    assert (state.mode, state.standstills) == ("armed", 1)

@@ -161,11 +161,14 @@ def reset(limits: SafetyLimits, state: S) -> S:
     )
 
 
-def awake(limits: SafetyLimits, state: S, now: float) -> S:
-    """Note that the actuator runs; a standstill before that is left out of every age."""
+def awake(limits: SafetyLimits, state: S, now: float, busy_s: float = 0.0) -> S:
+    """Note that the actuator runs; a standstill before that is left out of every age.
+
+    While its program was at work for another service, for ``busy_s``, it did not stand still.
+    """
     if limits.lockstep or state.ran_s is None:
         return replace(state, ran_s=now)
-    stood_s = standstill_s(limits.age, now - state.ran_s, state.excused_s)
+    stood_s = standstill_s(limits.age, now - state.ran_s - busy_s, state.excused_s)
     if stood_s is None:
         return replace(state, ran_s=now)
     return replace(

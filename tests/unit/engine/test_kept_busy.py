@@ -1,0 +1,81 @@
+"""What keeps an actuator from its clock, in a program that has other services too, is told it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from pincette.bus.memory import MemoryBus
+from pincette.config import read_rig
+from pincette.core.messages import Estimate, Message
+from pincette.core.service import Busy, Slept
+from pincette.engine import loop as engine
+from pincette.engine.loop import Loop
+from pincette.engine.node import Node
+from pincette.engine.process import loop_services
+from pincette.engine.timing_budget import PATIENCE_WAKES
+from tests.support.rigs import DEMO
+
+SERVICES = loop_services()
+RIG = read_rig(DEMO)
+ESTIMATE = Estimate(0, 0, 1.0, 0.0, 0.1, 0.0, None, None, 0.0, -1, 0, False, False)
+
+
+class Output:
+    def write_V(self, voltage_V: float) -> None:
+        """Moves nothing."""
+
+    def read_V(self) -> float:
+        return 0.0
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+@dataclass
+class Clocks:
+    """Time that passes, and of it what this thread computed."""
+
+    now_s: float = 10.0
+    computed_s: float = 0.0
+
+
+@pytest.mark.parametrize("where", ["fire", "look_ahead"])
+@pytest.mark.parametrize(
+    ("looks", "computed_looks", "busy_looks"),
+    [(0.9, 0.9, None), (1.4, 0.0, 1.4), (8.0, 0.1, PATIENCE_WAKES), (8.0, 7.0, 7.0)],
+    ids=["short", "as long as a sensor is waited for", "a machine that stood still", "hung"],
+)
+def test_it_is_told_what_was_no_standstill(
+    where: str,
+    looks: float,
+    computed_looks: float,
+    busy_looks: float | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clocks, told = Clocks(), list[Slept | Busy]()
+    monkeypatch.setattr(engine, "monotonic", lambda: clocks.now_s)
+    monkeypatch.setattr(engine, "thread_time", lambda: clocks.computed_s)
+    nodes = [Node(SERVICES["controller"], RIG), Node(SERVICES["actuator"], RIG, Output())]
+    loop, look_s = Loop(nodes, MemoryBus()), nodes[1].config.age.wake_s
+    does = getattr(nodes[0], where)
+
+    def slow(*given: Any) -> Any:
+        clocks.now_s += looks * look_s
+        clocks.computed_s += computed_looks * look_s
+        return does(*given)
+
+    def tell(said: Slept | Busy, _now: float) -> tuple[Message, ...]:
+        told.append(said)
+        return ()
+
+    monkeypatch.setattr(nodes[0], where, slow)
+    monkeypatch.setattr(nodes[1], "told", tell)
+    loop.scheduler.deliver(ESTIMATE, clocks.now_s)
+    loop.turn()
+    wanted = [] if busy_looks is None else [busy_looks * look_s]
+    assert [one.busy_s for one in told if isinstance(one, Busy)] == pytest.approx(wanted)
+
+
+def test_an_actuator_in_a_program_of_its_own_is_told_nothing() -> None:
+    assert Loop([Node(SERVICES["actuator"], RIG, Output())], MemoryBus()).scheduler.looking is None
