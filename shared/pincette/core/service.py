@@ -82,7 +82,7 @@ class Slept(FrozenRecord, frozen=True):
 
 
 class Busy(FrozenRecord, frozen=True):
-    """For ``busy_s`` the program was at work for another of its services, and stood not still."""
+    """For ``busy_s`` the program was at work for another of its services: no standstill."""
 
     busy_s: float
 
