@@ -1,9 +1,12 @@
 """The virtual loop with those around it: who asks, arms and resets, and who hurts its programs."""
 
+from collections.abc import Callable
+from typing import Self
+
 from pincette.control.planning.program import Program as Played
 from pincette.control.quantities import Document
 from pincette.core.faults import Predecessor
-from pincette.core.messages import Arm, Load, Message, Reset
+from pincette.core.messages import Applied, Arm, Load, Message, Reset
 from pincette.engine.arming import ORDER
 from tests.support.virtual_loop_engine import Engine
 from tests.support.virtual_loop_program import forked_node
@@ -13,6 +16,15 @@ PATIENCE_S = 2.0
 
 class VirtualLoop(Engine):
     """A rig in real time whose clock is made; ``fork`` gives a twin that goes on by itself."""
+
+    @property
+    def newest(self) -> Applied:
+        """What the actuator said last."""
+        return self.applied[-1][1]
+
+    def call_at(self, at_s: float, deed: Callable[[Self], None]) -> None:
+        """Do something to the loop at a time."""
+        self._push(at_s, "call", "", deed)
 
     def call(self, name: str, request: Message) -> Message | str:
         """Ask a program; the reply, or the text of a refusal."""

@@ -73,7 +73,7 @@ class Engine:
         self.fresh = {
             name: forked_node(program.scheduler.tasks[0].node, {})
             for name, program in self.programs.items()
-            if self._boots_alike(program)
+            if program.boots_alike
         }
         """Programs without an instrument, as they are started."""
         self._push(LOOK_S, "look", "", None)
@@ -81,11 +81,6 @@ class Engine:
     def make_bench(self) -> VirtualBench:
         """The simulated rig of one arm."""
         return VirtualBench(self.rig, self.clock)
-
-    @staticmethod
-    def _boots_alike(program: Program) -> bool:
-        tasks = program.scheduler.tasks
-        return len(tasks) == 1 and tasks[0].node.service.instrument is None
 
     def add(self, name: str) -> Program:
         """Start a program of the rig's, with its instruments."""
@@ -115,11 +110,6 @@ class Engine:
         return program
 
     @property
-    def newest(self) -> Applied:
-        """What the actuator said last."""
-        return self.applied[-1][1]
-
-    @property
     def now_s(self) -> float:
         return self.clock.now_s
 
@@ -137,10 +127,6 @@ class Engine:
     def _push(self, at_s: float, what: str, name: str, data: Any) -> None:
         self._number += 1
         heappush(self._events, (at_s, self._number, what, name, data))
-
-    def call_at(self, at_s: float, deed: Callable[[Self], None]) -> None:
-        """Do something to the loop at a time."""
-        self._push(at_s, "call", "", deed)
 
     def run(self, until_s: float, over: Callable[[], bool] = lambda: False) -> bool:
         """Let time pass, until it has or something is over; says which (true: over)."""
@@ -235,22 +221,16 @@ class Engine:
             program.task.finish(self.now_s)
         if self._tells_busy(program):
             return
-        if program.timed:
-            self._collect(program)
-        else:
-            self._go_on(program)
+        (self._collect if program.timed else self._go_on)(program)
 
     def _tells_busy(self, program: Program) -> bool:
         """Whether the actuator of the same program now steps, since it was kept from it."""
         self.bench.step_begins()
-        scheduler, took_s = program.scheduler, self.now_s - program.began_s
-        outputs = scheduler.kept_busy(program.task, took_s, program.computed_s, self.now_s)
-        taken = self.bench.taken
-        if scheduler.looking is None or not (outputs or taken.written):
+        outputs, taken = program.kept_busy(self.now_s), self.bench.taken
+        if not (outputs or taken.written):
             return False
         at_s = self.now_s + taken.silent_s + (self.bench.lines.output_s if taken.written else 0.0)
-        program.service, program.timed = scheduler.looking.node.service.name, False
-        program.began_s = self.now_s
+        program.service, program.timed, program.began_s = "actuator", False, self.now_s
         self._deliver_voltages(at_s)
         self._push(at_s, "tell", program.name, (program.turn, outputs))
         return True

@@ -54,6 +54,16 @@ class Program:
         tasks = self.scheduler.tasks
         return tasks[0] if len(tasks) == 1 else self.scheduler.task(service)
 
+    @property
+    def boots_alike(self) -> bool:
+        """Whether each of its kind begins as it did, since it has no instrument."""
+        tasks = self.scheduler.tasks
+        return len(tasks) == 1 and tasks[0].node.service.instrument is None
+
+    def kept_busy(self, now_s: float) -> tuple[Message, ...]:
+        """Tell the actuator beside what was under way how long that took."""
+        return self.scheduler.kept_busy(self.task, now_s - self.began_s, self.computed_s, now_s)
+
     def forked(self, memo: dict[int, Any]) -> "Program":
         """Another program that goes on from here by itself; what never changes is shared."""
         twin = copy(self)
