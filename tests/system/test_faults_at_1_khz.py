@@ -17,9 +17,10 @@ from tests.support.reactions import TRIPPED, within
 from tests.support.rigs import Tree
 from tests.support.virtual_loop_injection import REACTION_PERIODS
 
-pytestmark = pytest.mark.usefixtures("stalls")
+pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.slow]
+"""A machine that is stopped for 2 ms now and then trips such a loop by itself: for `make soak`."""
 
-PERIOD_S, LASTS_S, SETTLED_S, WAIT_S = 0.001, 60.0, 0.01, 2.0
+PERIOD_S, LASTS_S, SETTLED_S, WAIT_S = 0.001, 60.0, 0.1, 2.0
 COMPUTING = "estimator+controller"
 KILOHERTZ: Tree = {
     "rig": {"period_s": PERIOD_S, "composed": [COMPUTING]},
