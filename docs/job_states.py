@@ -78,7 +78,8 @@ RULES = """\
 - An ended job says why, in `ending`: a code, with the numbers of what was found. `cause` has the
   same in words. An interrupted job has the result that its record gives.
 - The end of a job is told before its files are written: `artifacts` is `none`, `being_written`,
-  `ready` or `deleted`. `wait=recorded` waits for the files. The rig is free meanwhile.
+  `ready` or `deleted`. `wait=recorded` waits for the files. The rig is free meanwhile. A supervisor
+  that is started completes the files that one before it was killed over.
 - A calibration with the arm free that a stall of the machine has tripped is `failed`, and begins
   again as a new job that its `cause` names, as often as its `tries` say.
 - A supervisor that is killed leaves its job `interrupted` and the program playing, in real time
