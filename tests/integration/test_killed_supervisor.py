@@ -10,7 +10,8 @@ import pytest
 
 from pincette.api.states import ActionType
 from pincette.bus.protocol import BusError
-from pincette.core.messages import Record
+from pincette.core.messages import Arm, Record
+from pincette.engine.arming import ORDER
 from pincette.records import folder, mcap_reading
 from pincette.records.mcap_file import NAME
 from pincette_recorder.record_keeper import Reply
@@ -85,6 +86,25 @@ def test_no_grip_is_taken_while_the_program_of_the_killed_one_still_plays(
     name = after.manager.create(GRIP)[0].id
     after.steps.pass_(HOLD)
     assert after.manager.index.job(name).state == "running"
+    after.end()
+
+
+def test_a_rig_that_was_armed_but_for_its_sensor_is_armed_anew(
+    rig: VirtualRig, tmp_path: Path
+) -> None:
+    office = Office(rig, tmp_path)
+    office.manager.create(GRIP)
+    while [type(one) for one in office.line.asked].count(Arm) < len(ORDER) - 1:
+        office.steps.look()
+    office.kill()
+    after = Office(rig, tmp_path)
+    after.steps.pass_(60)
+    assert rig.applied[-1].state == "armed"
+    name = after.manager.create(GRIP)[0].id
+    after.steps.pass_(HOLD)
+    job = after.manager.index.job(name)
+    assert job.state == "running", job.cause
+    assert rig.applied[-1].part_held
     after.end()
 
 

@@ -100,6 +100,7 @@ class Observer:
         for topic in FETCHED_AT_START:
             for message in self.fetch_latest(topic):
                 self._newest.setdefault(topic.message, (message, None))
+        self._begun_at = self.awake_clock()
 
     def fetch_latest(self, topic: Topic) -> list[Message]:
         """Ask the producer for its last message; empty if it does not answer. Blocks."""
@@ -170,6 +171,10 @@ class Observer:
         """The same, without the time for which this process was suspended."""
         entry = self._newest.get(kind)
         return None if entry is None or entry[1] is None else self.awake_clock() - entry[1][1]
+
+    def listened_s(self) -> float:
+        """Seconds since it began to listen, without suspended time."""
+        return self.awake_clock() - self._begun_at
 
     def blind_s(self) -> float | None:
         """Seconds since a valid position, without suspended time; None before the first."""

@@ -18,11 +18,16 @@ ABOUT_TO = ("preparing", "resuming")
 
 
 def is_playing(context: RigContext) -> bool:
-    """Whether a program plays, by the actuator's samples; before the first comes by its answer."""
+    """Whether a program plays, by the actuator's samples; while none has come, by its answer.
+
+    That counts for a moment alone: where a supervisor was killed before it had armed the sensor,
+    in lockstep the actuator stays armed, and nothing plays.
+    """
     silent_s = context.observer.silent_s(Applied)
     if silent_s is None:
         actuator = context.health.status("actuator")
-        return actuator is not None and actuator.mode == Mode.ARMED
+        armed = actuator is not None and actuator.mode == Mode.ARMED
+        return armed and context.observer.listened_s() < PLAYING_S
     return context.health.latch().mode == Mode.ARMED and silent_s < PLAYING_S
 
 

@@ -45,8 +45,13 @@ def ending(state: SafetyState) -> Predecessor:
 
 
 def arming_objection(state: SafetyState) -> str:
-    """Why the actuator may not be armed; empty where it may."""
-    if state.mode == Mode.IDLE:
+    """Why the actuator may not be armed; empty where it may.
+
+    Where whoever armed it went before the loop began, no sample will come to end that: another
+    arming takes its place.
+    """
+    begun = state.arrivals or state.taken_seq >= 0
+    if state.mode == Mode.IDLE or (state.mode == Mode.ARMED and not begun):
         return ""
     hint = "reset it first" if state.mode == Mode.LATCHED else "wait until it has ended"
     return f"the actuator is {state.mode} ({state.cause or 'armed'}): {hint}"

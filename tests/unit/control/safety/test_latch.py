@@ -56,7 +56,12 @@ def test_it_boots_latched_without_authority() -> None:
     ],
 )
 def test_only_an_idle_actuator_is_armed(mode: str, cause: str, words: str) -> None:
-    assert arming_objection(replace(SafetyState(), mode=mode, cause=cause)) == words
+    assert arming_objection(replace(FREE, mode=mode, cause=cause)) == words
+
+
+def test_before_its_first_sample_an_arming_may_take_the_place_of_another() -> None:
+    assert arming_objection(ready()) == ""
+    assert arming_objection(FREE) == "the actuator is armed (armed): wait until it has ended"
 
 
 def test_an_arming_begins_anew_but_for_voltage_part_and_counters() -> None:
