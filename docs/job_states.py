@@ -78,8 +78,8 @@ RULES = """\
 - An ended job says why, in `ending`: a code, with the numbers of what was found. `cause` has the
   same in words. An interrupted job has the result that its record gives.
 - The end of a job is told before its files are written: `artifacts` is `none`, `being_written`,
-  `ready` or `deleted`. `wait=recorded` waits for the files. The rig is free meanwhile. A supervisor
-  that is started completes the files that one before it was killed over.
+  `ready` or `deleted`. `wait=recorded` waits for the files, and the rig is free meanwhile. The next
+  supervisor completes those of one that was killed.
 - A calibration with the arm free that a stall of the machine has tripped is `failed`, and begins
   again as a new job that its `cause` names, as often as its `tries` say.
 - A supervisor that is killed leaves its job `interrupted` and the program playing, in real time
@@ -98,15 +98,10 @@ def jobs_page() -> str:
     ]
     events = [("event", "what it is"), *((f"`{name}`", said) for name, said in EVENTS.items())]
     actions = [("action", "offered only while", "holds already in")]
+    needed = {"held": "a part is held", "waiting": "the program waits"}
     actions += [
-        (
-            f"`{name}`",
-            {"held": "a part is held", "waiting": "the program waits"}.get(need, ""),
-            held,
-        )
-        for name, need, held in (
-            (name, NEEDS.get(name, ""), _ticked(states)) for name, states in HOLDS.items()
-        )
+        (f"`{name}`", needed.get(NEEDS.get(name, ""), ""), _ticked(states))
+        for name, states in HOLDS.items()
     ]
     rig_states = [("state", "meaning", "a job may start", "the stage may move", "what to do")]
     rig_states += [

@@ -53,7 +53,7 @@ class CannedRig:
         self.trips: list[messages.Trip] = []
         self.notices: list[messages.JobNotice] = []
         self.rests, self.freezes, self.deaf = True, False, False
-        self.paused = False
+        self.paused, self.frozen = False, False
         self.part_held = False
         """What the actuator keeps beyond the end of a program."""
         self.mode: Mode | None = None
@@ -64,7 +64,6 @@ class CannedRig:
         self.records = Path()
         self.incomplete = ""
         """Why the record will not be complete."""
-        self.frozen = False
         self._last: messages.Applied | None = None
         self.turn = threading.RLock()
         """Held while the rig does something; a test holds it where it looks twice."""
@@ -73,8 +72,7 @@ class CannedRig:
         self._watchers: list[Callable[[str, bool], None]] = []
 
     def publish(self, message: messages.Message) -> None:
-        message = carried(message)
-        topic = TOPIC_OF[type(message)]
+        topic, message = TOPIC_OF[type(message)], carried(message)
         if isinstance(message, messages.JobNotice):
             self.notices.append(message)
         self._latest[topic] = message
