@@ -3,9 +3,11 @@
 import asyncio
 import ssl
 from functools import partial
+from socket import socket
 from typing import Any, cast
 
 import uvicorn
+from anyio.to_thread import current_default_thread_limiter
 from starlette.types import ASGIApp, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
@@ -20,6 +22,9 @@ HEAD_BYTES = 16_384
 KEEP_S = 75
 """An idle connection is kept for longer than clients do, or a request crosses with its end."""
 STOP_S = 2
+WORKERS = 6
+"""Threads that work out answers; an emergency stop needs none of them. They take turns with the
+thread that reads requests, which waits for all of them each time it has something to do."""
 
 
 class Connection(H11Protocol):
@@ -110,6 +115,15 @@ class UnambiguousLength:
         await send({"type": "http.response.body", "body": text})
 
 
+class Server(uvicorn.Server):
+    """Works out as many answers at once as leave an emergency stop its turn."""
+
+    async def startup(self, sockets: list[socket] | None = None) -> None:
+        """Begin to serve."""
+        current_default_thread_limiter().total_tokens = WORKERS
+        await super().startup(sockets)
+
+
 def _doorway(tls: ssl.SSLContext, pending: dict[Doorway, None], **given: Any) -> Doorway:
     """What takes the part of a connection until its handshake is done."""
     return Doorway(tls, pending, partial(Connection, **given))
@@ -118,7 +132,7 @@ def _doorway(tls: ssl.SSLContext, pending: dict[Doorway, None], **given: Any) ->
 def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server:
     """The server of an application; nothing of a request is logged, least of all its head."""
     door: Any = Connection if tls is None else partial(_doorway, tls, {})
-    return uvicorn.Server(
+    return Server(
         uvicorn.Config(
             UnambiguousLength(app),
             http=door,
