@@ -24,6 +24,14 @@ OnStop = Literal["hold", "release", "retract"]
 OnAbort = Literal["freeze", "ramp"]
 
 
+def check_one_hold(hold_s: float | None, *, until_released: bool) -> None:
+    """Raise ValueError where a hold has an end and none at once."""
+    if until_released and hold_s is not None:
+        raise ValueError(
+            f"hold_s = {hold_s} s and until_released = true exclude each other: leave one out"
+        )
+
+
 class JobRequest(BaseModel, frozen=True):
     """What every job may say."""
 

@@ -7,7 +7,7 @@ from pydantic import model_validator
 from pincette.api import example
 from pincette.api.job_kinds import JobKind, RecipeRules
 from pincette.api.pairs import PairPlan, PairResult
-from pincette.api.requests import Duration, Positive
+from pincette.api.requests import Duration, Positive, check_one_hold
 from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.pair_grip import GRIP_FORM
 from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
@@ -34,11 +34,7 @@ class CentreJobRequest(PairJobRequest, frozen=True):
 
     @model_validator(mode="after")
     def _one_hold(self) -> "CentreJobRequest":
-        if self.until_released and self.hold_s is not None:
-            raise ValueError(
-                f"hold_s = {self.hold_s} s and until_released = true exclude each other: "
-                "leave one out"
-            )
+        check_one_hold(self.hold_s, until_released=self.until_released)
         return self
 
 

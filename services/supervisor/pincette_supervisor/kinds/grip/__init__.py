@@ -7,7 +7,7 @@ from pydantic import model_validator
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, choices, number
 from pincette.api.plans import Plan
-from pincette.api.requests import ContactJobRequest, Duration, Positive, Speed
+from pincette.api.requests import ContactJobRequest, Duration, Positive, Speed, check_one_hold
 from pincette.api.results import COMMON, ClosedLoopResult, ErrorSources
 from pincette_supervisor.kinds import fields
 
@@ -40,11 +40,7 @@ class GripJobRequest(ContactJobRequest, frozen=True):
 
     @model_validator(mode="after")
     def _one_hold(self) -> "GripJobRequest":
-        if self.until_released and self.hold_s is not None:
-            raise ValueError(
-                f"hold_s = {self.hold_s} s and until_released = true exclude each other: "
-                "leave one out"
-            )
+        check_one_hold(self.hold_s, until_released=self.until_released)
         return self
 
 

@@ -7,7 +7,7 @@ from pydantic import model_validator
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, JobKind
 from pincette.api.plans import MotionPlan
-from pincette.api.requests import Duration, PolicyRequest
+from pincette.api.requests import Duration, PolicyRequest, check_one_hold
 from pincette.api.results import MotionResult
 from pincette_supervisor.kinds import fields
 
@@ -31,11 +31,7 @@ class HoldJobRequest(PolicyRequest, frozen=True):
 
     @model_validator(mode="after")
     def _one_hold(self) -> "HoldJobRequest":
-        if self.until_released and self.hold_s is not None:
-            raise ValueError(
-                f"hold_s = {self.hold_s} s and until_released = true exclude each other: "
-                "leave one out"
-            )
+        check_one_hold(self.hold_s, until_released=self.until_released)
         return self
 
 
