@@ -90,7 +90,7 @@ def voltages_of(state: State) -> SetVoltage:
 def order_of(state: State, before: State) -> DeviceCommand:
     """Command to the instrument: a voltage ends a sweep, a sweep that it plays goes on."""
     if state.sweep is None:
-        return SetVoltage(state.voltage_V) if state.second is None else voltages_of(state)
+        return voltages_of(state)
     if state.sweep == before.sweep:
         return CheckWave()
     # It reckons with arrays, as no other program of the loop does; ``configure`` has loaded it.

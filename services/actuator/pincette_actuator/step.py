@@ -168,7 +168,7 @@ def _let_pass(
     later = pass_time(limits, state, now)
     moved = later.voltage_V != before.voltage_V
     if later.second is not before.second:
-        moved |= voltages_of(later) != voltages_of(before)
+        moved = voltages_of(later) != voltages_of(before)
     if moved or later.mode != before.mode:
         return _answer_tick(limits, later, now)
     if read_back_due(limits, later, now):

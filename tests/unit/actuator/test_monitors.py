@@ -121,6 +121,13 @@ def test_a_stranger_does_not_displace_a_command_that_waits() -> None:
     assert (state.refused, state.taken_seq) == (1, 0)
 
 
+def test_one_that_comes_with_the_sample_does_not_either() -> None:
+    state, _ = play(armed(), (told(0), 0.001))
+    both = told(0, owner=9, voltage_V=3.0)._replace(position=position(0).position)
+    _, outputs = play(state, (both, 0.002))
+    assert outputs[0] == SetVoltage(1.0)
+
+
 def test_what_waited_when_it_tripped_is_refused_when_its_sample_comes() -> None:
     state, _ = play(holding(held=False), (told(1), 0.019))
     state, _, _ = handle(CONFIG, state, Trip(Cause.ESTOP), 0.0195)

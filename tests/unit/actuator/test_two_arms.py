@@ -6,7 +6,13 @@ import pytest
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
-from pincette.control.safety.confirmation import begun, differs, found, waits_for_read_back
+from pincette.control.safety.confirmation import (
+    READ_BACK_V,
+    begun,
+    differs,
+    found,
+    waits_for_read_back,
+)
 from pincette.control.safety.latch import at_safe, ramped, shutdown, trip
 from pincette.control.safety.second import SecondArm, SecondLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
@@ -82,6 +88,13 @@ def test_an_arm_that_rests_lends_the_other_none_of_its_time() -> None:
     assert state.moved_s == 0.004
     state, _ = play(state, (position(2), 2 * T), (command(2, 1.0, SecondCommand(1.5)), 2 * T))
     assert state.moved_s == 2 * T
+    state, _ = play(state, (position(3), 3 * T), (command(3, 1.5, SecondCommand(1.5)), 3 * T))
+    assert state.moved_s == 3 * T
+
+
+def test_the_second_arm_slews_by_the_time_too() -> None:
+    state, _ = play(at(1.0, 1.0), (position(1), T), (command(1, 1.0, SecondCommand(4.0)), T))
+    assert of_second(state).voltage_V == pytest.approx(1.0 + 2.0 * (T - 0.004) / T)
 
 
 def test_a_command_of_one_arm_is_refused_on_a_rig_of_two_and_the_other_way_round() -> None:
@@ -199,7 +212,7 @@ def test_neither_is_written_until_both_are_read_back(held: bool) -> None:
 def test_where_one_output_has_let_go_by_itself_a_freeze_ends_and_the_other_follows() -> None:
     state, _ = play(at(1.0, 2.0, held=True), (FAILED, 0.01))
     state, _ = play(state, (Inputs(PutOut(1.0, 0.0), None, None), 0.011))
-    assert (state.mode, state.part_held) == (Mode.RAMPING, False)
+    assert (state.mode, state.part_held, state.unconfirmed) == (Mode.RAMPING, False, True)
     state, outputs = play(state, *[(WAKE, 0.011 + 0.005 * k) for k in range(12)])
     written = [one for one in outputs if isinstance(one, SetVoltage)]
     assert {one.second_V for one in written} == {0.0}
@@ -211,6 +224,8 @@ def test_an_output_that_cannot_say_stands_where_it_was_told() -> None:
     invalid = Inputs(fault(FaultCode.INSTRUMENT_INVALID, "overloaded"), None, None)
     state, _ = play(at(1.0, 2.0), (FAILED, 0.01), (invalid, 0.011))
     assert (state.voltage_V, of_second(state).voltage_V, state.located) == (1.0, 2.0, True)
+    state, _ = play(at(0.0, 2.0), (FAILED, 0.01), (invalid, 0.011))
+    assert (state.mode, of_second(state).voltage_V) == (Mode.RAMPING, 2.0)
 
 
 def test_both_at_the_safe_voltage_are_at_rest_and_one_alone_is_not() -> None:
@@ -257,6 +272,9 @@ def test_it_begins_from_what_both_put_out() -> None:
     assert not differs(state, 1.0, 0.4)
     assert not differs(state, 1.0)
     assert differs(state, 1.2, 0.4)
+    rests = replace(state, second=SecondArm(0.0))
+    assert not differs(rests, 1.0, READ_BACK_V)
+    assert differs(rests, 1.0, 1.1 * READ_BACK_V)
 
 
 def test_a_trip_between_two_ticks_of_lockstep_opens_both() -> None:

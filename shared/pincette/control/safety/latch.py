@@ -50,8 +50,7 @@ def arming_objection(state: SafetyState) -> str:
     Where whoever armed it went before the loop began, no sample will come to end that: another
     arming takes its place.
     """
-    begun = state.arrivals or state.taken_seq >= 0
-    if state.mode == Mode.IDLE or (state.mode == Mode.ARMED and not begun):
+    if state.mode == Mode.IDLE or (state.mode == Mode.ARMED and not state.arrivals):
         return ""
     hint = "reset it first" if state.mode == Mode.LATCHED else "wait until it has ended"
     return f"the actuator is {state.mode} ({state.cause or 'armed'}): {hint}"

@@ -4,6 +4,7 @@ import pytest
 
 from pincette.control.faults import FaultCode, fault
 from pincette.control.record import replace
+from pincette.control.safety.admission import sampled
 from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.latch import (
     armed,
@@ -61,7 +62,9 @@ def test_only_an_idle_actuator_is_armed(mode: str, cause: str, words: str) -> No
 
 def test_before_its_first_sample_an_arming_may_take_the_place_of_another() -> None:
     assert arming_objection(ready()) == ""
-    assert arming_objection(FREE) == "the actuator is armed (armed): wait until it has ended"
+    words = "the actuator is armed (armed): wait until it has ended"
+    assert arming_objection(FREE) == words
+    assert arming_objection(sampled(LIMITS, ready(), 0, 1.0, 0.0)) == words
 
 
 def test_an_arming_begins_anew_but_for_voltage_part_and_counters() -> None:

@@ -78,6 +78,8 @@ def test_an_output_with_a_step_is_told_a_multiple_within_every_limit(
 def test_a_slew_below_a_step_still_moves() -> None:
     slow = replace(STEPPED, slew_V=0.0004)
     assert limited(slow, 0.0, 1.0) == (0.0004, SLEW_UP)
+    as_fast = replace(LIMITS, step_V=0.25, slew_V=0.25)
+    assert limited(as_fast, 0.0, 0.2) == (0.25, 0)
 
 
 @pytest.mark.parametrize(
@@ -94,6 +96,15 @@ def test_the_nearest_multiple_is_taken_and_the_next_one_inwards_at_a_limit(
 def test_a_slew_between_two_multiples_takes_the_nearer_end(wanted_V: float, voltage_V: int) -> None:
     between = replace(STEPPED, slew_V=5.7 * STEPPED.step_V)
     assert limited(between, 0.0, wanted_V)[0] == voltage_V * STEPPED.step_V
+
+
+@pytest.mark.parametrize(
+    ("present_V", "wanted_V"), [(3.75, 4.0), (1.0, 1.5), (-0.75, -1.0), (1.0, 0.5)]
+)
+def test_a_multiple_at_the_very_limit_of_range_or_slew_is_taken(
+    present_V: float, wanted_V: float
+) -> None:
+    assert limited(replace(LIMITS, step_V=0.25), present_V, wanted_V) == (wanted_V, 0)
 
 
 @pytest.mark.parametrize("voltage_V", [-51.0, 0.0, 54.0])
