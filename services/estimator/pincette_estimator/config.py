@@ -18,11 +18,13 @@ class EstimatorConfig:
     """The arm as identified, and what its free response is trusted for."""
 
     period_s: float
+    lockstep: bool
+    """Then no sample follows the last voltage of a program."""
     plant: DifferenceEquation
     response: FreeResponse
     """x_1 before anything has happened: the arm unpoled, at 0 V."""
     unknown: UnknownPast
-    """What the arm may have been through before.
+    """What the arm may have been through where nobody has followed it.
 
     A simulated arm that starts with the programs is new, but not every new arm is as the model's.
     """
@@ -77,6 +79,7 @@ def _of_arm(rig: RigFile) -> EstimatorConfig:
     unknown = unknown_past(response, (rig.limits.voltage_min_V, rig.limits.voltage_max_V))
     return EstimatorConfig(
         period_s=period_s,
+        lockstep=rig.lockstep,
         plant=discretize(model.arm(), period_s),
         response=response,
         unknown=unknown.judged(response),

@@ -7,12 +7,21 @@ where that is still the same, so that it changes no number.
 from msgspec.structs import replace
 
 from pincette.control.response.residual_table import Residual
+from pincette.control.response.reversal_memory import SMALL_V
+from pincette.control.response.voltage_memory import VoltageMemory
+from pincette.core.faults import Cause
 from pincette.core.messages import Applied, Estimate, Message
 from pincette_estimator.both_arms import second_applied
 from pincette_estimator.config import EstimatorConfig
 from pincette_estimator.state import Followed, Foreseen, State
 from pincette_estimator.statements import within
 from pincette_estimator.uncertainty import uncertainty_mN
+
+OUTPUT_LOST = frozenset({Cause.DEVICE, Cause.SUSPEND})
+"""Why the actuator has tripped where it had to ask the output what it puts out."""
+UNHEARD_S = 0.5
+"""Time without a word of the actuator, in which somebody else may move the output: less than it
+takes to be started anew, more than lost messages make."""
 
 
 def ahead(config: EstimatorConfig, state: State, told: Message) -> State:
@@ -59,6 +68,20 @@ def _followed(config: EstimatorConfig, state: State, applied: Applied) -> Follow
         state.reversal_memory.follow(voltage_V),
         (applied, state.response, state.unknown),
     )
+
+
+def unfollowed(config: EstimatorConfig, state: State, seq: int, applied: Applied | None) -> State:
+    """Forget the arm's past where its voltage was not known: it may have been anywhere within the
+    limits, and goes straight from there to the next one that is told."""
+    lost = (seq - state.followed_seq) * config.period_s > UNHEARD_S
+    if applied is not None:
+        lost = lost or applied.unconfirmed or applied.cause in OUTPUT_LOST
+        between = state.followed_seq < 0 and not config.lockstep
+        moved = abs(applied.voltage_V - state.response.voltage_V) > SMALL_V
+        lost = lost or (between and moved)
+    if not lost or state.unknown is config.unknown:
+        return state
+    return replace(state, unknown=config.unknown, past=VoltageMemory(), highest_V=0.0, known_V=0.0)
 
 
 def follow_voltage(config: EstimatorConfig, state: State, applied: Applied) -> State:

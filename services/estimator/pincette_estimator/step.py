@@ -13,7 +13,7 @@ from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.both_arms import joined, moving_V, second_applied, second_position
 from pincette_estimator.config import EstimatorConfig, configure
-from pincette_estimator.following import ahead, follow_voltage
+from pincette_estimator.following import ahead, follow_voltage, unfollowed
 from pincette_estimator.state import FreeMotion, Inputs, State
 from pincette_estimator.statements import degraded, estimate, within
 from pincette_estimator.uncertainty import creep_um, narrowed_past, rested_past
@@ -66,6 +66,7 @@ def _estimated(
     if applied is not None and not within(config.voltage_V, applied.voltage_V):
         # Followed once, it would stay in the memory of the arm.
         state, applied = replace(state, refused=state.refused + 1), None
+    state = unfollowed(config, state, position.seq, applied)
     if applied is None:
         return state, degraded(config, state, position, None)
     state = follow_voltage(config, state, applied)

@@ -19,9 +19,10 @@ TEXTS: Mapping[FaultCode, str] = {
         "sensor stuck: {x_um:.3f} µm in {samples:.0f} samples while the voltage moved"
     ),
     FaultCode.MEMORY_UNKNOWN: (
-        "the arm's voltages before the estimator's start are not known: x_1 may err by "
-        "{error_um:.2f} µm beyond {highest_V:.2f} V, and the uncertainty of the force says so; a "
-        "grip, or a move of the empty arm to as high a voltage, makes them known"
+        "the arm has been at voltages that are not known, before the estimator's start or while "
+        "its output was gone: x_1 may err by {error_um:.2f} µm beyond {highest_V:.2f} V, and the "
+        "uncertainty of the force says so; a grip, or a move of the empty arm to as high a "
+        "voltage, makes them known"
     ),
     FaultCode.NO_APPLIED_VOLTAGE: "no voltage of the sample before",
     FaultCode.FORCES_DISAGREE: (

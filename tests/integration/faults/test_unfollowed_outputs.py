@@ -1,0 +1,125 @@
+"""A force is within what is stated of it after the output was where nobody has followed it.
+
+The estimator goes on meanwhile, and what it knew of the arm's past is that of another one. The arm
+is new with the loop and its model fits it, so that at first nothing of its past is unknown.
+"""
+
+from collections.abc import Callable
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.core.faults import FaultCode
+from pincette.core.messages import Estimate
+from tests.support.scripted import PROGRAM
+from tests.support.virtual_loop import VirtualLoop
+from tests.support.virtual_loop_bench import scripted
+from tests.support.virtual_loop_places import EPOCH, FREEZE_S, T, begun, reach, view_of
+
+AWAY_S = 2.0
+ELSEWHERE_V = -0.8
+"""Where somebody else has put the output meanwhile."""
+LATE_TICKS = 25
+"""Of the hold: the force is not on its way any more."""
+
+
+def a_known_arm() -> VirtualLoop:
+    """In the hold of its second grip, with no doubt about the arm's past."""
+    loop = begun()
+    ends(loop)
+    task = loop.node("estimator")
+    task.state = replace(task.state, unknown=replace(task.state.unknown, known=True))
+    loop.arm(PROGRAM, EPOCH + 1)
+    return loop
+
+
+def ends(loop: VirtualLoop) -> None:
+    assert loop.run(loop.now_s + 10.0, lambda: loop.newest.final), loop.newest
+
+
+def held(loop: VirtualLoop) -> list[tuple[float, float]]:
+    """Play a grip: of each late tick of its hold the error of the force, and its uncertainty."""
+    reach(loop, "hold", LATE_TICKS)
+    found: list[tuple[float, float]] = []
+    while (view := view_of(loop)) is not None and view.phase == "hold":
+        told = next(one for _, one in reversed(loop.told or []) if isinstance(one, Estimate))
+        assert told.zero_age_s is not None, told.zero_refusal
+        error_mN = told.force_mN - loop.bench.rig.snapshot().force_mN
+        found.append((error_mN, told.force_uncertainty_mN))
+        loop.run(loop.now_s + T)
+    return found
+
+
+def elsewhere(loop: VirtualLoop, *voltages_V: float) -> None:
+    """The output is moved by something else: its supply, or a hand."""
+    for voltage_V in voltages_V:
+        loop.run(loop.now_s + 0.4 * AWAY_S)
+        loop.bench.put_V(voltage_V)
+    loop.bench.module.power_cycle()
+
+
+def without_supply(loop: VirtualLoop) -> None:
+    loop.bench.order(scripted("output", "off", for_s=AWAY_S))
+    loop.bench.put_V(0.0)
+    elsewhere(loop)
+
+
+def without_cable(loop: VirtualLoop) -> None:
+    loop.bench.order(scripted("output", "off", for_s=AWAY_S))
+    elsewhere(loop, ELSEWHERE_V, 0.0)
+
+
+def without_actuator(loop: VirtualLoop) -> None:
+    loop.kill("actuator")
+    elsewhere(loop, ELSEWHERE_V, 0.0)
+    loop.restart("actuator")
+
+
+GONE: tuple[Callable[[VirtualLoop], None], ...] = (without_supply, without_cable, without_actuator)
+
+
+def begin_again(loop: VirtualLoop) -> None:
+    """Reset the rig, and begin a grip."""
+    loop.run(loop.now_s + AWAY_S + FREEZE_S)
+    assert loop.node("actuator").state.mode == "latched"
+    loop.reset()
+    loop.arm(PROGRAM, EPOCH + 2)
+
+
+def doubts(loop: VirtualLoop) -> set[FaultCode]:
+    return {finding.code for finding in loop.node("estimator").state.findings}
+
+
+@pytest.mark.parametrize("gone", GONE, ids=lambda gone: gone.__name__)
+def test_the_next_force_is_within_what_is_stated(gone: Callable[[VirtualLoop], None]) -> None:
+    loop = a_known_arm()
+    reach(loop, "hold", 16)
+    gone(loop)
+    begin_again(loop)
+    assert doubts(loop) == {FaultCode.MEMORY_UNKNOWN}
+    found = held(loop)
+    assert len(found) > LATE_TICKS - 10
+    for error_mN, u_mN in found:
+        assert abs(error_mN) <= u_mN
+
+
+def test_an_idle_output_that_was_moved_makes_the_past_unknown() -> None:
+    """Nobody has written meanwhile; the arming finds it elsewhere."""
+    loop = a_known_arm()
+    ends(loop)
+    loop.run(loop.now_s + 0.5)
+    assert doubts(loop) == set()
+    loop.bench.module.power_cycle()
+    loop.arm(PROGRAM, EPOCH + 2)
+    loop.run(loop.now_s + 3.0 * T)
+    assert doubts(loop) == {FaultCode.MEMORY_UNKNOWN}
+
+
+def test_a_trip_that_leaves_the_output_alone_leaves_the_past_known() -> None:
+    loop = a_known_arm()
+    reach(loop, "hold", 16)
+    loop.stop("controller", AWAY_S)
+    begin_again(loop)
+    assert doubts(loop) == set()
+    for error_mN, u_mN in held(loop):
+        assert abs(error_mN) <= u_mN
