@@ -95,8 +95,9 @@ class Campaign:
                 self.footprints.take()
                 self._make_ready()
             except (AssertionError, TimeoutError, httpx.HTTPError) as error:
-                self.failures.append(f"{what}: {error}")
-                print(f"{what}: FAILED: {error}", file=sys.stderr, flush=True)
+                why = error.response.text if isinstance(error, httpx.HTTPStatusError) else error
+                self.failures.append(f"{what}: {why}")
+                print(f"{what}: FAILED: {why}", file=sys.stderr, flush=True)
                 self._make_ready()
                 continue
             self.made.append(one)

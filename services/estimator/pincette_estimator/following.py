@@ -17,7 +17,7 @@ from pincette_estimator.state import Followed, Foreseen, State
 from pincette_estimator.statements import within
 from pincette_estimator.uncertainty import uncertainty_mN
 
-OUTPUT_LOST = frozenset({Cause.DEVICE, Cause.SUSPEND})
+OUTPUT_LOST = (Cause.DEVICE, Cause.SUSPEND)
 """Why the actuator has tripped where it had to ask the output what it puts out."""
 UNHEARD_S = 0.5
 """Time without a word of the actuator, in which somebody else may move the output: less than it
@@ -76,9 +76,8 @@ def unfollowed(config: EstimatorConfig, state: State, seq: int, applied: Applied
     lost = (seq - state.followed_seq) * config.period_s > UNHEARD_S
     if applied is not None:
         lost = lost or applied.unconfirmed or applied.cause in OUTPUT_LOST
-        between = state.followed_seq < 0 and not config.lockstep
-        moved = abs(applied.voltage_V - state.response.voltage_V) > SMALL_V
-        lost = lost or (between and moved)
+        if state.followed_seq < 0 and not config.lockstep:
+            lost = lost or abs(applied.voltage_V - state.response.voltage_V) > SMALL_V
     if not lost or state.unknown is config.unknown:
         return state
     return replace(state, unknown=config.unknown, past=VoltageMemory(), highest_V=0.0, known_V=0.0)
