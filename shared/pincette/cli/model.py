@@ -116,7 +116,8 @@ def show_model(model: Tree, console: "Console") -> None:
     ]
     console.print(table("quantity", "value", "from", "due", rows=rows))
     for version in model["versions"]:
-        text = f"model {version['version']} of {version['made_at']}: "
+        made = f" of {version['made_at']}" if version["made_at"] else ""
+        text = f"model {version['version']}{made}: "
         console.print(text + (version["trouble"] or ", ".join(version["quantities"])), markup=False)
 
 

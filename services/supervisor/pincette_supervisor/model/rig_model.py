@@ -62,8 +62,16 @@ class RigModel:
         version, before = _noted(noted)
         if version == RIG_FILE_ALONE:
             return
+        alone = "`pincette model use 0` for the rig file alone"
         try:
             stored = self.files.read(version)
+        except ConfigError as error:
+            self.trouble = (
+                f"model {version} is unused, because {error}: put the file back as it was and run "
+                f"`pincette model use {version}`, or {alone}"
+            )
+            return
+        try:
             found = changes(before, self._basis)
             self.changed = doubtful(found)
             if self.changed:
@@ -73,7 +81,7 @@ class RigModel:
         except ConfigError as error:
             self.trouble = (
                 f"model {version} is unused, because {error}: `pincette model use {version}` where "
-                "it still holds, or `pincette model use 0` for the rig file alone"
+                f"it still holds, or {alone}"
             )
 
     def _laid(self, model: StoredModel, without: Collection[str] = ()) -> ModelInUse:
