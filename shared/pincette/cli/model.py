@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from pincette.control.response.identification import Identification
     from pincette.control.response.recording import Recording
 
-
 Calibration = Annotated[
     str, Argument(metavar="CALIBRATION", help="its id, that of its job, or `last`")
 ]
