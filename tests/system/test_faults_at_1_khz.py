@@ -14,7 +14,7 @@ from pincette.core.topics import APPLIED, Topic
 from pincette_actuator.config import EXCUSED_PERIODS
 from tests.bench.realtime.rigs import Rig, rigs_up
 from tests.support.reactions import TRIPPED, within
-from tests.support.rigs import Tree, laid_over
+from tests.support.rigs import Tree
 from tests.support.virtual_loop_injection import REACTION_PERIODS
 
 pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.slow]
@@ -27,8 +27,6 @@ KILOHERTZ: Tree = {
     "model": {"force_observer": "kalman"},
     "realtime": {"computing_s": PERIOD_S},
 }
-ONE: Tree = {"rig": {"composed": ["loop"]}}
-HUNG_S = 0.05
 ARMINGS = 20
 """On a machine that stalls for longer than is left out, some end in a trip before the fault."""
 
@@ -58,12 +56,6 @@ class Echoes:
 @pytest.fixture
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig]:
     with rigs_up(1, tmp_path_factory.mktemp("rig"), KILOHERTZ) as rigs:
-        yield rigs[0]
-
-
-@pytest.fixture
-def one_program(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig]:
-    with rigs_up(1, tmp_path_factory.mktemp("rig"), laid_over(KILOHERTZ, ONE)) as rigs:
         yield rigs[0]
 
 
@@ -108,18 +100,3 @@ def test_without_commands_the_actuator_trips_in_three_periods(
     latched_s, _ = echoes.first(lambda echo: echo.state == "latched", at_s)
     sleep(0.1)
     assert not [one for when_s, one in list(echoes.heard) if when_s >= latched_s and one.answered]
-
-
-@pytest.mark.parametrize("hung", ["loop", "instruments"])
-def test_one_program_that_hangs_or_hears_of_no_instrument_trips(
-    one_program: Rig, hung: str, measured: Callable[[], AbstractContextManager[None]]
-) -> None:
-    echoes = Echoes(one_program)
-    moving(one_program, echoes)
-    with measured():
-        os.kill(one_program.processes[hung], signal.SIGSTOP)
-        sleep(HUNG_S)
-        os.kill(one_program.processes[hung], signal.SIGCONT)
-        resumed_s = monotonic()
-        at_s, tripped = echoes.first(lambda echo: echo.state != "armed", resumed_s - HUNG_S)
-        print(hung, at_s - resumed_s, tripped)

@@ -3,20 +3,18 @@
     python -m tests.bench.realtime.instruments RIG_FILE ...
 
 Neither line nor instrument takes its time, unlike those of the program ``rig``; the plants are
-the same. Hardware waits for no processor: where it is permitted, they go before all programs.
+the same.
 Ends when standard input closes.
 """
 
-import os
 import subprocess
 import sys
 from collections.abc import Generator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import monotonic
 
 from pincette.config import read_rig
-from pincette.engine.realtime.os_scheduling import FIFO
 from pincette.sim.bench import open_bench
 from pincette.sim.instruments.protocol import Instrument
 from pincette.sim.wires.wire import serve
@@ -33,8 +31,6 @@ class Unhurried:
 
 def main(paths: Sequence[str]) -> None:
     """Serve them."""
-    with suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO))
     with ExitStack() as stack:
         for path in paths:
             rig = read_rig(Path(path))
