@@ -159,7 +159,7 @@ class State(FrozenRecord, frozen=True):
     reversal_memory: ReversalMemory = field(default_factory=lambda: ReversalMemory(0.0))
     """Of the voltage, since the zero."""
     highest_V: float = 0.0
-    """Highest voltage that ``response`` has followed since."""
+    """Highest voltage that ``response`` has followed since its past was unknown."""
     missed: Residual | None = None
     """What x_1 misses at the newest tick, by the residual table; None: nothing is known of it."""
     known_V: float = 0.0
@@ -168,7 +168,7 @@ class State(FrozenRecord, frozen=True):
     stuck: StuckWatch = field(default_factory=StuckWatch)
     """Whether the sensor follows the voltage at all."""
     past: VoltageMemory = field(default_factory=VoltageMemory)
-    """The voltage since then, for another model to be led through."""
+    """The voltage since its past was unknown, for another model to be led through."""
     followed: Followed | None = None
     """By a voltage whose sample has not come yet."""
     foreseen: Foreseen | None = None
