@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import serial
 
-from pincette.instruments.line.serial_link import UNANSWERED
+from pincette.instruments.line.serial_link import UNANSWERED, Line
 from pincette.instruments.link import LONGEST_FRAME, open_link
 from pincette.instruments.protocols import ErrorCode, InstrumentError, Link
 from pincette.sim.instruments.keyence import SimulatedKeyence
@@ -61,6 +61,17 @@ def test_a_partial_answer_is_an_error_and_the_next_exchange_is_clean(script: Scr
         assert str(caught.value).startswith(url)
         assert caught.value.code == "garbled"
         assert link.exchange(b"MS,01") == b"MS,01,+0002.00"
+
+
+@pytest.mark.parametrize(
+    ("timeout_s", "quiet_s"), [(0.1, 0.001), (0.0003, 30 / 115200), (0.001, 0.0005)]
+)
+def test_waiting_for_silence_leaves_time_for_an_exchange(
+    script: Script, timeout_s: float, quiet_s: float
+) -> None:
+    with opened(script([]), timeout_s) as link:
+        assert isinstance(link, Line)
+        assert link.quiet_s == pytest.approx(quiet_s)
 
 
 def test_unsolicited_lines_alone_are_no_answer(script: Script) -> None:

@@ -188,6 +188,29 @@ def test_after_a_failure_it_waits_until_the_line_is_quiet() -> None:
     assert rig.line.exchange(b"B") == b"re B"
 
 
+def test_an_answer_that_came_late_costs_its_own_exchange_alone() -> None:
+    rig = Rig()
+    rig.silent = True
+    assert failed(rig.line).code == "silent"
+    rig.silent = False
+    rig.arrived = [b"TG,01,+0001.00\rre", b" A\r"]
+    began_s = rig.now_s
+    assert rig.line.exchange(b"B") == b"re B"
+    assert rig.now_s == began_s  # what it owed has come, so that nothing is waited for
+
+
+def test_of_two_answers_that_are_owed_one_is_not_enough() -> None:
+    rig = Rig()
+    rig.silent = True
+    for request in (b"A", b"B"):
+        assert failed(rig.line, request).code == "silent"
+    rig.silent = False
+    rig.arrived = [b"re A\r"]
+    began_s = rig.now_s
+    assert rig.line.exchange(b"C") == b"re C"
+    assert rig.now_s > began_s
+
+
 def test_a_line_that_is_never_quiet_is_an_error() -> None:
     rig = Rig()
 

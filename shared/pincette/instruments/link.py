@@ -31,7 +31,8 @@ __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
 
 BITS_PER_BYTE = 10
 QUIET_BYTES = 3
-LEAST_QUIET_S = 0.001
+QUIET_S, QUIET_SHARE = 0.001, 0.5
+"""After a failed exchange, and at most so much of a timeout: the next one needs the rest."""
 READ_SIZE = 4096
 UNSENT_PERIODS, LEAST_UNSENT_S = 4.0, 1.0
 """Timeouts of an exchange, and seconds at least, after which a connection whose other end confirms
@@ -117,7 +118,7 @@ def _opened(
             url=url,
             open_port=partial(_open_port, url, baud, timeout_s),
             timeout_s=timeout_s,
-            quiet_s=max(LEAST_QUIET_S, exchange_s(QUIET_BYTES, baud)),
+            quiet_s=max(exchange_s(QUIET_BYTES, baud), min(QUIET_S, QUIET_SHARE * timeout_s)),
             terminator=terminator,
             accept=accept,
             on_open=on_open,

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from typing import Protocol
 
 from pincette.instruments.protocols import InstrumentError, Link
@@ -62,7 +63,8 @@ class Line:
     timeout_s: float
     """For a whole exchange."""
     quiet_s: float
-    """After a failed exchange the line must be silent for so long before the next is sent."""
+    """After a failed exchange the line must be silent for so long before the next is sent, unless
+    what it still owed has come."""
     terminator: bytes
     accept: Callable[[bytes], bool]
     """Whether a line can be an answer; others are skipped as unsolicited."""
@@ -70,7 +72,8 @@ class Line:
     clock: Callable[[], float]
     _port: Port | None = field(default=None, init=False)
     _closed: bool = field(default=False, init=False)
-    _clean: bool = field(default=True, init=False)
+    _owed: float = field(default=0, init=False)
+    """Answers that may still come; infinite after bytes that were none."""
     _unanswered_count: int = field(default=0, init=False)
     _next_try_s: float = field(default=float("-inf"), init=False)
     _opening_until_s: float | None = field(default=None, init=False)
@@ -112,7 +115,8 @@ class Line:
             self._unanswered_count *= not answered
             return reply
         except InstrumentError as error:
-            self._clean = False
+            if error.code == "garbled":
+                self._owed = inf
             self._count(error)
             _log.debug("%s: %s -> %s: %s", self.url, _Escaped(line), error.code, error)
             raise
@@ -135,6 +139,7 @@ class Line:
                 port.write(line + self.terminator)
                 return b""
             self._drain(port, until_s)
+            self._owed += 1
             port.write(line + self.terminator)
             return self._answer(port, line, until_s)
         except TimeoutError as error:
@@ -167,7 +172,7 @@ class Line:
 
     def _prepare(self, until_s: float) -> None:
         """Let the driver bring the instrument to where it can work on."""
-        self._clean, self._opening_until_s = True, until_s
+        self._owed, self._opening_until_s = 0, until_s
         try:
             self.on_open(self)
         except InstrumentError as error:
@@ -189,11 +194,13 @@ class Line:
 
     def _drain(self, port: Port, until_s: float) -> None:
         """Drop what came late or unasked since the last exchange."""
-        wait_s = 0.0 if self._clean else self.quiet_s
-        while port.receive(wait_s):
+        pending = b""
+        while data := port.receive(self.quiet_s if self._owed else 0.0):
             if self.clock() >= until_s:
                 text = f"{self.url}: never silent; check baud rate and instrument type"
                 raise InstrumentError(text, "garbled")
+            *lines, pending = (pending + data).split(self.terminator)
+            self._owed = max(0, self._owed - sum(map(self.accept, lines)))
 
     def _answer(self, port: Port, request: bytes, until_s: float) -> bytes:
         pending, last = b"", False
@@ -201,7 +208,7 @@ class Line:
             line, found, rest = pending.partition(self.terminator)
             if found:
                 if self.accept(line):
-                    self._clean = True
+                    self._owed = 0
                     return line
                 _log.debug("%s: skipped %s", self.url, _Escaped(line))
                 pending = rest
