@@ -113,8 +113,7 @@ class Loop:
         if self._later:
             self._flush()
         if self._queue.empty():
-            for task in self._clocked:
-                self._publish(task.timing(now))
+            self._publish(next(filter(None, (task.timing(now) for task in self._clocked)), ()))
             self._collector.collect_if_due()
 
     def step(self) -> bool:
