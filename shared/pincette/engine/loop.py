@@ -113,7 +113,10 @@ class Loop:
         if self._later:
             self._flush()
         if self._queue.empty():
-            self._publish(next(filter(None, (task.timing(now) for task in self._clocked)), ()))
+            for task in self._clocked:
+                if timing := task.timing(now):
+                    self._publish(timing)
+                    break  # of the others in the next turns, or a tick would wait for all
             self._collector.collect_if_due()
 
     def step(self) -> bool:

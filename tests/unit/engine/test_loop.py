@@ -3,6 +3,7 @@
 import threading
 from dataclasses import dataclass, field
 from math import inf
+from time import monotonic
 from typing import Any
 
 import pytest
@@ -24,6 +25,7 @@ from pincette.core.messages import (
     Status,
     StatusRequest,
     Telemetry,
+    Timing,
 )
 from pincette.core.topics import ARM, COMMAND, LOAD, LOOP, RESET, STATUS, Request, Topic
 from pincette.engine.arming import ORDER
@@ -33,6 +35,7 @@ from pincette.engine.process import loop_services
 from pincette.engine.scheduler import Scheduler
 from pincette.engine.simulated import simulated_devices
 from pincette.engine.timing_budget import PATIENCE_WAKES, shared_timeout_s
+from pincette.engine.timing_stats import PUBLISH_EVERY_S
 from tests.support.partitions import composing
 from tests.support.rigs import DEMO, demo_rig
 from tests.support.scripted import PROGRAM
@@ -210,6 +213,20 @@ def test_it_waits_for_whoever_is_first_to_be_due() -> None:
     wake_s = scheduler.task("actuator").node.config.age.wake_s
     assert scheduler.wait_s(10.0) == pytest.approx(wake_s)
     assert scheduler.wait_s(10.0 + 0.9 * wake_s) == pytest.approx(0.1 * wake_s)
+
+
+def test_no_turn_tells_the_timing_of_two_services() -> None:
+    devices: dict[str, Laser | Output] = {"sensor": Laser(), "actuator": Output()}
+    outside = Outside()
+    loop = Loop([Node(SERVICES[name], RIG, devices.get(name)) for name in LOOP], outside)
+    loop.scheduler.begin(monotonic() - 2.0 * PUBLISH_EVERY_S)
+    told: list[str] = []
+    for _ in LOOP:
+        outside.told.clear()
+        loop.turn()
+        (timing,) = [one for one in outside.told if isinstance(one, Timing)]
+        told.append(timing.service)
+    assert sorted(told) == sorted(LOOP)
 
 
 @pytest.mark.parametrize("where", ["fire", "look_ahead"])
