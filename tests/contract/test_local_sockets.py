@@ -12,7 +12,14 @@ from time import monotonic, sleep
 
 import pytest
 
-from pincette.bus.local_sockets import LONGEST, VARIABLE, by_socket, missing_socket
+from pincette.bus.local_sockets import (
+    LONGEST,
+    VARIABLE,
+    by_socket,
+    missing_socket,
+    named_to_programs,
+    socket_folder,
+)
 from pincette.bus.session import Joined, open_session
 from pincette.bus.topology import SessionConfig, endpoint, peer_session, router_session
 from pincette.engine.process import loop_services
@@ -96,6 +103,20 @@ def test_a_folder_that_others_may_open_is_not_used(
     folder.chmod(0o750)
     assert by_socket(sensor(port)) == (sensor(port), ())
     assert "mode 0700" in caplog.text
+
+
+@pytest.mark.parametrize("before", [None, "/nowhere"])
+def test_a_folder_of_a_run_is_named_and_goes_with_it(
+    before: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if before is None:
+        monkeypatch.delenv(VARIABLE, raising=False)
+    else:
+        monkeypatch.setenv(VARIABLE, before)
+    with named_to_programs() as named:
+        assert socket_folder() == Path(named)
+    assert os.environ.get(VARIABLE) == before
+    assert not Path(named).exists()
 
 
 @pytest.mark.parametrize("named", ["", "/nowhere", "/" + "x" * LONGEST])

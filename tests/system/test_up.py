@@ -36,6 +36,27 @@ def test_nothing_outlives_it(tmp_path: Path, number: signal.Signals) -> None:
     assert_nothing_is_left(rig, path, timeout_s=10.0)
 
 
+def test_programs_meet_at_sockets_of_their_own_where_they_shall(tmp_path: Path) -> None:
+    rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    data = tmp_path / "data"
+    command = [*PINCETTE, "up", "--sockets", "--rig", str(path), "--data", str(data)]
+    with until_interrupted(command, tmp_path, log) as process:
+        said = await_text(log, "is up at", process, 60.0)
+        named = re.search(r"^local sockets in (\S+);.*PINCETTE_SOCKETS=\1$", said, re.MULTILINE)
+        assert named is not None
+        folder = Path(named[1])
+        ports = {f"{rig.bus.port + offset}.sock" for offset in range(1 + len(LOOP))}
+        assert {one.name for one in folder.glob("*.sock")} == ports
+        url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
+        with Supervisor(url, timeout_s=60.0, patience_s=60.0) as supervisor:
+            job = supervisor.rig("demo").start("grip", hold_s=0.1)
+            assert job.wait(60.0).state == "succeeded"
+        links = (data / "logs" / "actuator.log").read_text(encoding="utf-8")
+        assert re.search(rf"link up: .* at unixsock-stream/{folder}", links)
+    assert not folder.exists()
+
+
 def test_a_supervisor_that_was_killed_is_started_again_and_the_part_stays_held(
     tmp_path: Path,
 ) -> None:

@@ -7,9 +7,12 @@ which their access lists go by; so do links to other machines and to programs st
 import logging
 import os
 import stat
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import replace
 from ipaddress import ip_address
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from pincette.bus.topology import SessionConfig, address_of
 
@@ -20,6 +23,21 @@ LOCAL = "unixsock-stream/"
 LONGEST = 90
 """Characters of a folder's path; the kernel takes 107 for that of a socket."""
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+
+@contextmanager
+def named_to_programs() -> Generator[str]:
+    """Make a folder, and name it to whoever is started within; it is removed at the end."""
+    with TemporaryDirectory(prefix="pincette-") as folder:
+        before = os.environ.get(VARIABLE)
+        os.environ[VARIABLE] = folder
+        try:
+            yield folder
+        finally:
+            if before is None:
+                del os.environ[VARIABLE]
+            else:
+                os.environ[VARIABLE] = before
 
 
 def socket_folder() -> Path | None:

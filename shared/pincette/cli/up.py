@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from time import sleep
 from types import FrameType
@@ -125,6 +125,13 @@ def up(
             help="only the programs of a laboratory server, which [bus] upstream names",
         ),
     ] = False,
+    sockets: Annotated[
+        bool,
+        Option(
+            "--sockets",
+            help="programs meet at local sockets, which takes less time a tick; for short periods",
+        ),
+    ] = False,
     log_format: LogFormat = None,
     measure: Annotated[
         bool,
@@ -137,6 +144,11 @@ def up(
     file = opened(path)
     if server and file.bus.upstream is None:
         raise CliError(f"rig {file.rig.name!r} has no [bus] upstream: HOST:PORT of this server")
+    if sockets and (secure or file.bus.pki is not None):
+        raise CliError(
+            "--sockets: with certificates every link stays on TLS; leave out --sockets, or "
+            "--secure and [bus] pki"
+        )
     if secure:
         from pincette.cli import security
 
@@ -152,10 +164,26 @@ def up(
         for line in machine_words(file, data):
             console.print(line, markup=False, soft_wrap=True)
     try:
-        with running(file, path, data, console, server=server, log_format=log_format) as fleet:
+        with (
+            _meeting(console) if sockets else nullcontext(),
+            running(file, path, data, console, server=server, log_format=log_format) as fleet,
+        ):
             _watch(file, fleet, console)
     except KeyboardInterrupt:
         console.print("every program has ended")
+
+
+@contextmanager
+def _meeting(console: "Console") -> Generator[None]:
+    """Let the programs meet at local sockets, and say what another one needs for that."""
+    from pincette.bus.local_sockets import VARIABLE, named_to_programs
+
+    with named_to_programs() as folder:
+        console.print(
+            f"local sockets in {folder}; for programs started by hand: {VARIABLE}={folder}",
+            soft_wrap=True,
+        )
+        yield
 
 
 def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:

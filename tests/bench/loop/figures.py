@@ -46,5 +46,10 @@ def ratios(loop: Contestant, bare: Contestant) -> dict[str, float]:
         "loop_over_bare": rate(mine) / rate(other),
         "p99_over_bare": tail_ms(mine, 0.99) / tail_ms(other, 0.99),
         "p999_over_bare": tail_ms(mine, 0.999) / tail_ms(other, 0.999),
-        "own_us_per_hop": 1e6 * (1.0 / rate(mine) - 1.0 / rate(other)) / len(LOOP),
+        "own_us_per_hop": own_us_per_hop(loop, bare),
     }
+
+
+def own_us_per_hop(loop: Contestant, bare: Contestant) -> float:
+    """By how much a tick is longer than one of the bare ring, divided by its hops."""
+    return 1e6 * (1.0 / rate(loop.blocks) - 1.0 / rate(bare.blocks)) / len(LOOP)
