@@ -206,6 +206,10 @@ class Group(_WithWholeHelp, TyperGroup):
         return super().parse_args(ctx, args)
 
 
+RIG_FILE = "--rig"
+"""Whole for many commands, so never a start of ``--rig-name``: a file is no name of a rig."""
+
+
 def _completed(arguments: Sequence[str], known: Sequence[str]) -> list[str]:
     found: list[str] = []
     for place, argument in enumerate(arguments):
@@ -213,7 +217,8 @@ def _completed(arguments: Sequence[str], known: Sequence[str]) -> list[str]:
             return [*found, *arguments[place:]]
         name, equals, value = argument.partition("=")
         longer = [one for one in known if one.startswith(name)]
-        is_start = name[:2] == "--" and len(name) > 2 and name not in known and len(longer) == 1
+        whole = name in known or name == RIG_FILE
+        is_start = name[:2] == "--" and len(name) > 2 and not whole and len(longer) == 1
         # A start leaves the end out, and with it the unit, which nobody may guess.
         is_start = is_start and not unit_of(longer[0].replace("-", "_"))
         found.append(f"{longer[0]}{equals}{value}" if is_start else argument)

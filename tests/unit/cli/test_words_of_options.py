@@ -28,6 +28,11 @@ def test_the_start_of_an_option_without_a_unit_is_enough(
     assert "no supervisor answers" in capsys.readouterr().err
 
 
+def test_a_rig_file_is_not_taken_for_the_name_of_a_rig(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["job", "list", "--rig", "rig.toml"]) == 2
+    assert "No such option: --rig. Did you mean --rig-name" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "meant"),
     [
