@@ -14,6 +14,9 @@ from pincette.instruments.protocols import Timing
 PATIENCE_WAKES = 1.5
 """For how many looks of an actuator at its clock its program may wait for a silent sensor: with the
 third it takes itself for one that was not run, and leaves the time out of every age."""
+EXCHANGE_RESERVE = 1.25
+"""By how much an exchange may exceed its time on the line, since an instrument thinks before it
+answers: with less to spare, each answer would come too late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,11 +95,12 @@ def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
     # Of two arms both sensors may be silent, one after the other.
     limit_s = PATIENCE_WAKES * min(looks_s) / len(rig.arms)
     needed_s = max(stated(plugins.POSITION_SENSORS, arm.sensor).exchange_s for arm in rig.arms)
-    if needed_s > limit_s:
+    if EXCHANGE_RESERVE * needed_s > limit_s:
         raise ConfigError(
             f"[rig] composed = {list(rig.rig.composed)}: an exchange with the sensor takes "
-            f"{1e3 * needed_s:.1f} ms, limit {1e3 * limit_s:.1f} ms beside the actuator, which "
-            "looks at its clock only in between: let the sensor be a program by itself"
+            f"{1e3 * needed_s:.1f} ms, limit {1e3 * limit_s / EXCHANGE_RESERVE:.1f} ms beside the "
+            "actuator, which looks at its clock only in between: let the sensor be a program by "
+            "itself"
         )
     return limit_s
 
