@@ -111,6 +111,20 @@ def test_a_job_is_paused_resumed_stopped_and_its_part_released(
     assert rig.view()["part"] == "none"
 
 
+def test_a_press_is_not_lost_where_the_job_changes_under_it(rig: RunningRig, seen: Visit) -> None:
+    name = grip_until_held(rig, seen)
+    seen.page.click("#act-pause")
+    seen.until("#current-state", "paused")
+    seen.page.hover("#act-stop")
+    seen.page.mouse.down()
+    rig.post(f"/jobs/{name}/actions", {"type": "resume"}).raise_for_status()
+    until_state(rig, seen, name, "running")
+    seen.page.wait_for_timeout(1000.0)  # the page has been told
+    seen.page.mouse.up()
+    until_state(rig, seen, name, "stopped")
+    seen.until("#current-state", "stopped")
+
+
 def test_a_part_that_a_stop_has_left_is_held_on_and_let_go_by_jobs_of_their_own(
     rig: RunningRig, seen: Visit
 ) -> None:

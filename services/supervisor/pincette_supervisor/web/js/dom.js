@@ -21,11 +21,20 @@ export function setText(element, text) {
 }
 
 const shown = new WeakMap();
+const waiting = new WeakMap();
+const PRESSED_MS = 50;
 
 /** Show children unless they would say the same as before; what had the focus keeps it. */
 export function show(parent, content, make) {
   const key = JSON.stringify(content);
+  waiting.delete(parent);
   if (shown.get(parent) === key) return;
+  if (parent.matches(":active")) {
+    // A button that is replaced between press and release would get no click.
+    waiting.set(parent, make);
+    setTimeout(() => waiting.get(parent) === make && show(parent, content, make), PRESSED_MS);
+    return;
+  }
   shown.set(parent, key);
   const focused = parent.contains(document.activeElement) ? document.activeElement.id : "";
   const open = new Set([...parent.querySelectorAll("details[open]")].map((each) => each.id));
