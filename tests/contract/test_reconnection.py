@@ -14,6 +14,7 @@ from pincette.sim.wires.wire import serve
 pytestmark = pytest.mark.usefixtures("stalls")
 
 TIMEOUT_S = 0.1
+QUIET_S = 0.001
 
 
 class Rig:
@@ -31,7 +32,7 @@ class Rig:
             url="port",
             open_port=self._open,
             timeout_s=TIMEOUT_S,
-            quiet_s=0.001,
+            quiet_s=QUIET_S,
             terminator=b"\r",
             accept=lambda line: not line.startswith(b"TG"),
             on_open=lambda link: self.prepare(link),
@@ -179,13 +180,16 @@ def test_an_answer_that_was_on_its_way_through_a_standstill_is_taken() -> None:
     assert rig.line.exchange(b"A") == b"late"
 
 
-def test_after_a_failure_it_waits_until_the_line_is_quiet() -> None:
+def test_after_bytes_that_were_no_answer_it_waits_until_the_line_is_quiet() -> None:
     rig = Rig()
-    rig.silent = True
-    assert failed(rig.line).code == "silent"
-    rig.silent = False
-    rig.arrived = [b"left over", b" of before\r"]
+    write = rig.write
+    rig.write = lambda _data: rig.arrived.append(b"left ")
+    assert failed(rig.line).code == "garbled"
+    rig.write = write
+    rig.arrived = [b"over\r"]
+    began_s = rig.now_s
     assert rig.line.exchange(b"B") == b"re B"
+    assert rig.now_s == pytest.approx(began_s + QUIET_S)
 
 
 def test_an_answer_that_came_late_costs_its_own_exchange_alone() -> None:
