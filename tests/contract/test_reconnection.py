@@ -183,10 +183,14 @@ def test_an_answer_that_was_on_its_way_through_a_standstill_is_taken() -> None:
 def test_after_bytes_that_were_no_answer_it_waits_until_the_line_is_quiet() -> None:
     rig = Rig()
     write = rig.write
-    rig.write = lambda _data: rig.arrived.append(b"left ")
+
+    def cut_off(data: bytes) -> None:
+        rig.arrived.append(data.removesuffix(b"\r"))
+
+    rig.write = cut_off
     assert failed(rig.line).code == "garbled"
     rig.write = write
-    rig.arrived = [b"over\r"]
+    rig.arrived = [b" and the rest\r"]
     began_s = rig.now_s
     assert rig.line.exchange(b"B") == b"re B"
     assert rig.now_s == pytest.approx(began_s + QUIET_S)
