@@ -26,8 +26,9 @@ from pincette.core.faults import Predecessor
 from pincette.core.messages import Applied, Message
 from pincette.core.service import member_services
 from pincette.core.topics import TOPIC_OF, Topic
+from pincette.engine.inbox import MAX_BATCH
 from pincette.engine.node import Node
-from pincette.engine.scheduler import MAX_BATCH, Scheduler, Task
+from pincette.engine.scheduler import Scheduler, Task
 from tests.support.virtual_loop_bench import Clock, VirtualBench
 from tests.support.virtual_loop_faults import Link, LinkFault, on_the_way
 from tests.support.virtual_loop_program import Program, forked_node

@@ -1,31 +1,32 @@
 """The loop of a program: one node or several, driven by a bus and a clock or step by step."""
 
 import random
-import threading
 from collections.abc import Callable, Collection, Iterable, Sequence
 from math import inf
-from queue import Empty, SimpleQueue
 from time import monotonic, sleep, thread_time
 
 from pincette.bus.protocol import Bus
 from pincette.core.messages import Message
 from pincette.core.service import Slept
 from pincette.core.topics import Request, Topic
+from pincette.engine.inbox import Inbox
 from pincette.engine.node import Node
 from pincette.engine.realtime.gc_tuning import Collector
 from pincette.engine.realtime.sleep_watch import SleepWatch
-from pincette.engine.scheduler import MAX_BATCH, Outputs, Scheduler, Task
+from pincette.engine.scheduler import Outputs, Scheduler, Task
 
 Reply = Callable[[Message | str], None]
-Item = tuple[Message, float] | tuple[str, Message, Reply] | None
+Item = tuple[Message, float] | tuple[str, Message, Reply]
 """A sample and when it came; or a request to a service, with what takes the reply."""
 
+BACKLOG = 0.25
+"""Of a period: samples of a topic that come closer than this are a backlog."""
 SHUTDOWN_S = 3.0
 """Longest time an instrument may take to come to rest when its program is ended."""
 
 
 class Loop:
-    """Takes messages, requests and time to the nodes in one thread, and outputs to the bus."""
+    """Takes messages, requests and time to the nodes, one at a time, and outputs to the bus."""
 
     def __init__(
         self,
@@ -65,39 +66,48 @@ class Loop:
         self._watches = self._look_s < inf
         self._collector = Collector()
         self._sleep = SleepWatch() if sleep_watch is None else sleep_watch
-        self._queue: SimpleQueue[Item] = SimpleQueue()
-        self._inbox: Callable[[Item], None] = self._take if inline else self._queue.put
+        self._inbox = Inbox[Item](self.turn)
+        self._bring: Callable[[Item], None] = self._take if inline else self._inbox.bring
+        backlog_s = 0.0 if tasks[0].node.lockstep else BACKLOG * tasks[0].node.period_s
+        self._backlog_s = backlog_s
+        self._came_s: dict[type[Message], float] = {}
         self._delay_s, self._random = delay_s, random.Random(delay_seed)
-        self._stop = threading.Event()
         for topic in self.scheduler.inputs:
             bus.subscribe(topic, self._on_message)
         for task in tasks:
             for request in task.node.service.requests:
                 bus.serve(request, self._on_request)
 
-    def _on_message(self, _topic: Topic, message: Message) -> None:
-        self._inbox((message, self._now()))
+    def _on_message(self, topic: Topic, message: Message) -> None:
+        now, kind = self._now(), topic.message
+        before_s = self._came_s.get(kind, -inf)
+        self._came_s[kind] = now
+        if now - before_s < self._backlog_s:
+            self._inbox.leave((message, now))  # only the newest sample will count
+        else:
+            self._bring((message, now))
 
     def _on_request(self, request: Request, message: Message, reply: Reply) -> None:
-        self._inbox((request.service, message, reply))
+        self._bring((request.service, message, reply))
 
     def stop(self) -> None:
         """End the loop; may be called from a signal handler."""
-        self._stop.set()
-        self._queue.put(None)
+        self._inbox.stop()
 
     def run(self) -> None:
         """Run until stopped; the instruments come to rest also where a service has failed."""
         self.scheduler.begin(self._now())
         try:
-            while not self._stop.is_set():
-                self.turn()
+            self._inbox.run()
         finally:
             self._shut_down()
 
-    def turn(self) -> None:
-        """Wait for something, make every step that is ready, and those that a timer asks for."""
-        self._receive(0.0 if self._unfinished else self._wait_s(self._now()))
+    def turn(self) -> float:
+        """Take what has come, make every step that is ready, and those that a timer asks for.
+
+        Returns for how many seconds nothing is to be done unless something comes.
+        """
+        self._inbox.take(self._take)
         if self._clocked and (slept_s := self._sleep.slept_s()):
             for task in self._clocked:
                 self._emit(task.node.told(Slept(slept_s), self._now()))
@@ -112,12 +122,13 @@ class Loop:
                 now = self._make_ready_steps()
         if self._later:
             self._flush()
-        if self._queue.empty():
+        if self._inbox.empty():
             for task in self._clocked:
                 if timing := task.timing(now):
                     self._publish(timing)
                     break  # of the others in the next turns, or a tick would wait for all
             self._collector.collect_if_due()
+        return 0.0 if self._unfinished else self._wait_s(self._now())
 
     def step(self) -> bool:
         """Make one step that is ready; false where there is none."""
@@ -169,21 +180,7 @@ class Loop:
                 self._flush()
                 sleep(interval_s)
 
-    def _receive(self, timeout_s: float) -> None:
-        """Wait for something, then take all that is there: only the newest sample will count."""
-        queue = self._queue
-        try:
-            self._take(queue.get(timeout=timeout_s) if timeout_s else queue.get_nowait())
-        except Empty:
-            return
-        for _ in range(MAX_BATCH):
-            if queue.empty():  # which is no guess, since only this thread takes from it
-                return
-            self._take(queue.get_nowait())
-
     def _take(self, item: Item) -> None:
-        if item is None:
-            return
         if len(item) == 2:
             message, came_at = item
             now = self._now()

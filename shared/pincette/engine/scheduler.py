@@ -18,8 +18,6 @@ from pincette.engine.timing_stats import TimingStats
 
 IDLE_S = 0.5
 """How often a loop with nothing to do looks whether it shall stop."""
-MAX_BATCH = 1000
-"""Messages taken before the clock is read again, however many are waiting."""
 NO_CLOCK = "in lockstep no clock is kept, and so nothing is late"
 
 Outputs = tuple[Message, ...]
