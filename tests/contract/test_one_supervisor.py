@@ -13,6 +13,7 @@ from pincette.bus.topology import SessionConfig, client_session, router_session
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette_supervisor import program
 from pincette_supervisor.journal.store import Store, StoreError
+from tests.support.adapters import until
 from tests.support.rigs import free_ports
 
 RIG, OTHER = "contract", "other"
@@ -31,6 +32,7 @@ def test_the_second_of_a_rig_is_refused_until_the_first_has_gone(ends: SessionCo
     with closing(ZenohBus(ends, RIG, "second")) as second:
         with closing(ZenohBus(ends, RIG, "first")) as first:
             program.serve_alone(first, RIG, stop)
+            until(lambda: second.alive() == {"supervisor"}, "its token is seen")
             with pytest.raises(BusError, match="another supervisor serves rig contract"):
                 program.serve_alone(second, RIG, stop)
             with closing(ZenohBus(ends, OTHER, "another rig's")) as another:

@@ -26,6 +26,7 @@ from pincette.core.faults import Predecessor
 from pincette.core.messages import Applied, Message
 from pincette.core.service import member_services
 from pincette.core.topics import TOPIC_OF, Topic
+from pincette.engine.boot_note import Before
 from pincette.engine.inbox import MAX_BATCH
 from pincette.engine.node import Node
 from pincette.engine.scheduler import Scheduler, Task
@@ -91,7 +92,7 @@ class Engine:
             device = devices[service]() if service in devices else None
             known = plugins.load(plugins.SERVICES, service)
             instance = self.instances + len(nodes)
-            node = Node(known, self.rig, device, instance, predecessor=self.predecessor)
+            node = Node(known, self.rig, device, instance, before=Before(self.predecessor))
             if self.bench.quick:
                 vars(node)["_too_slow"] = ""
             nodes.append(node)

@@ -75,7 +75,6 @@ def test_actuator_and_supervisor_killed_and_started_clear_no_latch(
 def test_an_actuator_that_was_told_to_end_at_rest_asks_nobody_when_both_start_again(
     rig: RunningRig, seen: Witness
 ) -> None:
-    reset(rig)  # one whose first latch nobody has cleared is no better than none
     for name in ("supervisor", "actuator"):
         rig.fleet.signal(name, signal.SIGTERM)
     for name in ("actuator", "supervisor"):

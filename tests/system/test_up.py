@@ -36,6 +36,23 @@ def test_nothing_outlives_it(tmp_path: Path, number: signal.Signals) -> None:
     assert_nothing_is_left(rig, path, timeout_s=10.0)
 
 
+def test_a_rig_that_was_only_up_and_ended_asks_nobody_when_it_is_up_again(tmp_path: Path) -> None:
+    rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
+    url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
+    for last in (False, False, True):
+        with (
+            until_interrupted(command, tmp_path, log) as process,
+            Supervisor(url, timeout_s=60.0, patience_s=60.0) as supervisor,
+        ):
+            await_text(log, "is up at", process, 60.0)
+            desk = supervisor.rig("demo")
+            assert desk.state().latch.state == "switched_on"
+            if last:
+                assert desk.start("grip", hold_s=0.1).wait(60.0).state == "succeeded"
+
+
 def test_programs_meet_at_sockets_of_their_own_where_they_shall(tmp_path: Path) -> None:
     rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
     path.write_text(rig_toml(rig), encoding="utf-8")

@@ -9,6 +9,7 @@ import logging
 import os
 from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 from pincette.config import RigFile
 from pincette.core.faults import Predecessor
@@ -23,51 +24,64 @@ def boot_note(rig: RigFile, service: str, data: Path) -> "BootNote":
     return BootNote(rig.home(data) / f"{service}-{rig.rig.name}.json")
 
 
+class Before(NamedTuple):
+    """The program before this one."""
+
+    ended: Predecessor = Predecessor.NONE
+    instance: int | None = None
+    """Which start of it that was, where it said so."""
+
+
+FIRST = Before()
+"""None is known."""
+
+
 class BootNote:
     """One small file, replaced whole and on the disk before the call returns."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def found(self) -> Predecessor:
+    def found(self) -> Before:
         """How the program before this one has ended.
 
         What cannot be read, or could not be replaced, was no clean end.
         """
         found = self._read()
-        if found is Predecessor.CLEAN and not self._write(str(found)):
-            return Predecessor.DIED
+        if found.ended is Predecessor.CLEAN and not self._write(*found):
+            return Before(Predecessor.DIED)
         return found
 
     def begin(self) -> None:
         """Note that the program runs, before anything can be asked of it."""
-        if not self._write(RUNNING):
+        if not self._write(RUNNING, None):
             with suppress(OSError):
                 self._path.unlink()
 
-    def end(self, ending: Predecessor) -> None:
-        """Note how the program has ended, once it is at rest."""
+    def end(self, ending: Predecessor, instance: int) -> None:
+        """Note how the program has ended, once it is at rest, and which start of it that was."""
         if ending is not Predecessor.DIED:
-            self._write(str(ending))
+            self._write(ending, instance)
 
-    def _read(self) -> Predecessor:
+    def _read(self) -> Before:
         try:
-            ended = json.loads(self._path.read_bytes())["ended"]
+            noted = json.loads(self._path.read_bytes())
+            ended, instance = noted["ended"], noted.get("instance")
         except FileNotFoundError:
-            return Predecessor.NONE
+            return FIRST
         except (OSError, ValueError, TypeError, KeyError) as error:
             _log.warning("%s cannot be read (%s): taken for no clean end", self._path, error)
-            return Predecessor.DIED
+            return Before(Predecessor.DIED)
         if ended in (Predecessor.NONE, Predecessor.CLEAN):
-            return Predecessor(ended)
-        return Predecessor.DIED
+            return Before(Predecessor(ended), instance if type(instance) is int else None)
+        return Before(Predecessor.DIED)
 
-    def _write(self, ended: str) -> bool:
+    def _write(self, ended: str, instance: int | None) -> bool:
         draft = self._path.with_suffix(".draft")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             with draft.open("w", encoding="utf-8") as stream:
-                stream.write(json.dumps({"ended": ended}) + "\n")
+                stream.write(json.dumps({"ended": ended, "instance": instance}) + "\n")
                 stream.flush()
                 os.fsync(stream.fileno())
             draft.replace(self._path)

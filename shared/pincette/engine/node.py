@@ -15,6 +15,7 @@ from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRe
 from pincette.core.service import AnyService, Busy, PutOut, ReadBack, RefusedError, Role, Slept
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
+from pincette.engine.boot_note import FIRST, Before
 from pincette.engine.instrument import ORDERS, Device, published
 from pincette.engine.instrument_pair import instrument_of
 from pincette.engine.request_log import RequestRecorder
@@ -35,11 +36,11 @@ class Node:
         instance: int = 1,
         *,
         check_timing: bool = True,
-        predecessor: Predecessor = Predecessor.NONE,
+        before: Before = FIRST,
     ) -> None:
         """``check_timing``: no arming where the instruments do not fit into the period."""
         self.service = service
-        self.instance = instance
+        self.instance, self._before = instance, before
         self.digest = rig.digest()
         self.lockstep = rig.lockstep
         self.period_s = rig.rig.period_s
@@ -48,11 +49,10 @@ class Node:
         self.state: Any = service.start(self.config)
         self._device = instrument_of(device, self.period_s)
         if service.booted is not None:
-            self.state = service.booted(self.state, predecessor)
+            self.state = service.booted(self.state, before.ended)
         if service.initialize_from_output is not None:
             self._begin_from(self._device.read_back())
-        self.steps = 0
-        self.missed = 0
+        self.steps = self.missed = 0
         self.refused = 0
         """Samples that were not taken for their number."""
         self._rig = rig
@@ -292,6 +292,7 @@ class Node:
             faults=getattr(state, "faults", ()),
             findings=getattr(state, "findings", ()),
             predecessor=getattr(state, "predecessor", None),
+            replaces=self._before.instance,
         )
 
     def close(self) -> None:

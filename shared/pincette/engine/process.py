@@ -18,11 +18,10 @@ from pincette.bus.topology import awaited
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile, read_rig
 from pincette.core import plugins
-from pincette.core.faults import Predecessor
 from pincette.core.service import AnyService, CompositeService, Participant, member_services
 from pincette.core.topics import LOOP, REQUEST_LOG, TIMING
 from pincette.engine import logs
-from pincette.engine.boot_note import BootNote, boot_note
+from pincette.engine.boot_note import FIRST, BootNote, boot_note
 from pincette.engine.instrument import open_device
 from pincette.engine.loop import Loop
 from pincette.engine.node import Node
@@ -195,7 +194,7 @@ def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Option
                 note.begin()
             loop.run()
             for node, note in notes.items():
-                note.end(node.ending)
+                note.end(node.ending, node.instance)
 
 
 def _opened(name: str, rig: RigFile, data: Path, notes: Notes, stack: ExitStack) -> Sequence[Node]:
@@ -206,11 +205,12 @@ def _opened(name: str, rig: RigFile, data: Path, notes: Notes, stack: ExitStack)
     for service in services:
         device = open_device(service, rig, at_most_s)
         note = boot_note(rig, service.name, data) if service.ending is not None else None
-        before = Predecessor.NONE if note is None else note.found()
-        nodes.append(Node(service, rig, device, secrets.randbits(48), predecessor=before))
-        stack.callback(nodes[-1].close)
+        before = FIRST if note is None else note.found()
+        node = Node(service, rig, device, secrets.randbits(48), before=before)
+        nodes.append(node)
+        stack.callback(node.close)
         if note is not None:
-            notes[nodes[-1]] = note
+            notes[node] = note
     return nodes
 
 

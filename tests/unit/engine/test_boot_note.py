@@ -6,7 +6,7 @@ import pytest
 
 from pincette.core.faults import Predecessor
 from pincette.engine import boot_note as module
-from pincette.engine.boot_note import BootNote
+from pincette.engine.boot_note import FIRST, Before, BootNote
 
 
 @pytest.fixture
@@ -15,22 +15,22 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_none_was_there(path: Path) -> None:
-    assert BootNote(path).found() is Predecessor.NONE
+    assert BootNote(path).found() == FIRST
 
 
 def test_who_began_and_said_nothing_more_has_died(path: Path) -> None:
     BootNote(path).begin()
-    assert BootNote(path).found() is Predecessor.DIED
-    BootNote(path).end(Predecessor.DIED)
-    assert BootNote(path).found() is Predecessor.DIED
+    assert BootNote(path).found() == Before(Predecessor.DIED)
+    BootNote(path).end(Predecessor.DIED, 7)
+    assert BootNote(path).found() == Before(Predecessor.DIED)
 
 
 @pytest.mark.parametrize("ending", [Predecessor.CLEAN, Predecessor.NONE])
 def test_who_has_ended_so_is_found_so(path: Path, ending: Predecessor) -> None:
     note = BootNote(path)
     note.begin()
-    note.end(ending)
-    assert BootNote(path).found() is ending
+    note.end(ending, 7)
+    assert BootNote(path).found() == Before(ending, 7)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_who_has_ended_so_is_found_so(path: Path, ending: Predecessor) -> None:
 def test_a_damaged_note_is_no_clean_end(path: Path, content: bytes) -> None:
     path.parent.mkdir()
     path.write_bytes(content)
-    assert BootNote(path).found() is Predecessor.DIED
+    assert BootNote(path).found() == Before(Predecessor.DIED)
 
 
 def test_a_note_that_cannot_be_replaced_is_no_clean_end(
@@ -47,12 +47,12 @@ def test_a_note_that_cannot_be_replaced_is_no_clean_end(
 ) -> None:
     note = BootNote(path)
     note.begin()
-    note.end(Predecessor.CLEAN)
+    note.end(Predecessor.CLEAN, 7)
 
     def full(_number: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(module.os, "fsync", full)
-    assert BootNote(path).found() is Predecessor.DIED
+    assert BootNote(path).found() == Before(Predecessor.DIED)
     BootNote(path).begin()
     assert not path.exists(), "better no note than that of a clean end"

@@ -3,13 +3,14 @@
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
 from pincette.config import RigFile, parse_calibration
 from pincette.control.quantities import Document
 from pincette.control.record import replace
 from pincette.core import messages
-from pincette.core.faults import Acted, Fault, Mode, Outcome
+from pincette.core.faults import Acted, Fault, Mode, Outcome, Predecessor
 from pincette.core.topics import TOPIC_OF, Request, Topic
 from pincette_supervisor.rigs.health import PROGRAMS
 from tests.support.bytes_bus import carried
@@ -35,6 +36,8 @@ class CannedRig:
         self.rig = rig
         self.digests: dict[str, str] = dict.fromkeys(PROGRAMS, rig.digest())
         self.instances: dict[str, int] = dict.fromkeys(PROGRAMS, 1)
+        self.replaces: int | None = None
+        """Instance of the actuator before, which was switched off with the latch of its boot."""
         self.told = rig.model_dump_json()
         """What its programs say when they are asked for their rig file."""
         self.silent: set[str] = set()
@@ -125,18 +128,13 @@ class CannedRig:
         match request:
             case messages.StatusRequest():
                 digest, instance = self.digests[service], self.instances[service]
+                said: dict[str, Any] = {"findings": self.findings.get(service, ())}
+                if service == "actuator":
+                    said |= {"mode": self.mode, "replaces": self.replaces}
+                    said["predecessor"] = Predecessor.NONE
+                counts = (self.epoch, 0, 0, 0)
                 return messages.Status(
-                    service,
-                    "0.1.0",
-                    instance,
-                    digest,
-                    self.epoch,
-                    0,
-                    0,
-                    0,
-                    self.calibration,
-                    mode=self.mode if service == "actuator" else None,
-                    findings=self.findings.get(service, ()),
+                    service, "0.1.0", instance, digest, *counts, self.calibration, **said
                 )
             case messages.RigFileRequest():
                 return messages.RigFileReply(Document(self.told), self.rig.digest())

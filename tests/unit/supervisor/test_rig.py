@@ -207,6 +207,25 @@ def test_the_latch_of_an_earlier_supervisors_rig_is_not_cleared_unseen(
     assert "reset it first" in job["cause"]
 
 
+@pytest.mark.parametrize(
+    ("replaces", "state"), [(1, "switched_on"), (7, "latched"), (None, "latched")]
+)
+def test_a_rig_that_was_only_switched_on_and_off_asks_nobody(
+    replaces: int | None,
+    state: str,
+    harness: Harness,
+    rig_file: RigFile,
+    open_harness: Callable[..., Harness],
+) -> None:
+    """Its actuator says which one was before it; any other may have died with a part."""
+    harness.health.refresh(force=True)
+    second = open_harness(rig_file)
+    second.bus.instances["actuator"], second.bus.replaces = 2, replaces
+    second.bus.idle()
+    second.health.refresh(force=True)
+    assert second.get("/rigs/demo")["latch"]["state"] == state
+
+
 def test_probes(harness: Harness) -> None:
     assert harness.call("GET", "/livez").json()["status"] == "alive"
     assert harness.call("GET", "/readyz").json()["status"] == "ready"

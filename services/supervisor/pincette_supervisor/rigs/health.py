@@ -112,10 +112,14 @@ class Health:
 
     def _meet(self, actuator: Status) -> None:
         """Trust the first actuator, unless it took the place of one that is not known to have
-        ended cleanly."""
+        ended cleanly; one that was only switched on and off, and that was trusted, counts as such.
+        """
         noted = self._store.get_note(self._met)
         self._met_before = noted == str(actuator.instance)
-        if noted is None or self._met_before or actuator.predecessor is Predecessor.CLEAN:
+        ended_well = actuator.predecessor is Predecessor.CLEAN or (
+            actuator.predecessor is Predecessor.NONE and noted == str(actuator.replaces)
+        )
+        if noted is None or self._met_before or ended_well:
             self._trusted = actuator.instance
             self._note(self._met, actuator.instance)
         else:

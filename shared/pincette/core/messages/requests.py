@@ -184,6 +184,8 @@ class Status(FrozenRecord, frozen=True):
     """What else is to be told of it, the gravest first."""
     predecessor: Predecessor | None = None
     """Of the actuator: how the one before it has ended."""
+    replaces: Whole | None = None
+    """Instance of that one, where it is known."""
 
 
 class TimingRequest(FrozenRecord, frozen=True):
