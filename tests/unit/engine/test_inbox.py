@@ -3,7 +3,6 @@
 import random
 import threading
 from collections.abc import Callable, Iterator
-from math import inf
 
 import pytest
 
@@ -144,7 +143,6 @@ def test_a_failure_in_any_thread_ends_the_program(program: Program) -> None:
 
 def test_a_stop_ends_the_longest_wait(program: Program) -> None:
     program.start()
-    program.wait_s = inf
     program.end()
     assert program.raised == []
 
