@@ -17,6 +17,8 @@ Item = TypeVar("Item")
 
 MAX_BATCH = 1000
 """Items of a turn, however many are waiting: then the clock is read again."""
+SAME_S = 2e-5
+"""Two times that differ by less are one timer, read twice."""
 
 
 class Inbox(Generic[Item]):
@@ -101,6 +103,6 @@ class Inbox(Generic[Item]):
 
     def _nudge(self, wakes_s: float) -> None:
         """Wake the program's own thread where it would wake after that time."""
-        if wakes_s < self._wakes_s:
+        if wakes_s < self._wakes_s - SAME_S:
             self._wakes_s = wakes_s
             self._nudges.put(None)
