@@ -107,9 +107,7 @@ def with_adapters(rig: RunningRig) -> Path:
         asked = stack.enter_context(asking_agent(rig.rig))
         viewer.subscribe(*viewer.channels)
         job = rig.start_grip(**GRIP)
-        viewer.until(
-            lambda: any(one.state == "succeeded" for one in viewer.seen.get("job", [])), "no end"
-        )
+        viewer.until(lambda: any(one.state == "succeeded" for one in viewer.seen["job"]), "no end")
         record = Path(rig.ended(job)["record"])
         assert len(viewer.seen["estimate"]) > 200
     assert len(numbers) > 10

@@ -35,9 +35,7 @@ def test_a_grip_is_seen_as_its_record_has_it(rig: RunningRig) -> None:
         assert viewer.server["name"] == "pincette demo"
         viewer.subscribe("estimate", "telemetry", "applied", "job")
         job = rig.start_grip(force_mN=FORCE_MN)
-        viewer.until(
-            lambda: any(one.state == "succeeded" for one in viewer.seen.get("job", [])), "no end"
-        )
+        viewer.until(lambda: any(one.state == "succeeded" for one in viewer.seen["job"]), "no end")
         seen = viewer.seen
     record = Path(rig.ended(job)["record"]) / "job.mcap"
     with record.open("rb") as file:
@@ -88,7 +86,7 @@ def test_the_emergency_stop_stops_and_says_so(rig: RunningRig) -> None:
         viewer.call("estop")
         viewer.until(lambda: viewer.answers, "no answer")
         viewer.until(
-            lambda: any(one.state == "latched" for one in viewer.seen.get("applied", [])),
+            lambda: any(one.state == "latched" for one in viewer.seen["applied"]),
             "the latch is not seen",
         )
     (answer,) = viewer.answers
@@ -109,7 +107,7 @@ def test_a_supervisor_that_is_gone_is_told_and_samples_go_on(rig: RunningRig) ->
         (answer,) = viewer.answers
         assert answer["stopped"] is False
         assert "pincette estop" in answer["detail"]
-        before = len(viewer.seen.get("estimate", []))
+        before = len(viewer.seen["estimate"])
         viewer.until(lambda: len(viewer.seen["estimate"]) > before + 20, "no samples")
         restart(rig, "supervisor")
         viewer.call("estop")
@@ -124,7 +122,7 @@ def test_a_killed_server_leaves_the_part_held_and_comes_back(rig: RunningRig) ->
     restart(rig, "foxglove")
     with viewing(rig.rig) as viewer:
         viewer.subscribe("telemetry")
-        viewer.until(lambda: len(viewer.seen.get("telemetry", [])) > 5, "no samples")
+        viewer.until(lambda: len(viewer.seen["telemetry"]) > 5, "no samples")
     assert {one.phase for one in viewer.seen["telemetry"]} == {"hold"}
     rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
     assert rig.ended(job)["state"] == "succeeded"

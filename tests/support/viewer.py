@@ -44,6 +44,7 @@ class Viewer:
 
     def subscribe(self, *topics: str) -> None:
         """Ask for topics, whose messages are read by the schemas that the server has sent."""
+        self.until(lambda: self.channels.keys() >= set(topics), "a topic is not advertised")
         asked: list[dict[str, int]] = []
         for number, topic in enumerate(topics):
             channel = self.channels[topic]
@@ -52,12 +53,14 @@ class Viewer:
             for file in files.file:
                 pool.Add(file)
             kind = pool.FindMessageTypeByName(channel["schemaName"])
+            self.seen.setdefault(topic, [])
             self._kinds[number] = topic, message_factory.GetMessageClass(kind)
             asked.append({"id": number, "channelId": channel["id"]})
         self._line.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
 
     def call(self, service: str) -> None:
         """Call a service with an empty object."""
+        self.until(lambda: service in self.services, "the service is not advertised")
         encoding = b"json"
         head = struct.pack("<BIII", CALL, self.services[service], 7, len(encoding))
         self._line.send(head + encoding + b"{}")
@@ -67,7 +70,7 @@ class Viewer:
             if frame[0] == MESSAGE:
                 number, _ = struct.unpack_from("<IQ", frame, 1)
                 topic, kind = self._kinds[number]
-                self.seen.setdefault(topic, []).append(kind.FromString(frame[13:]))
+                self.seen[topic].append(kind.FromString(frame[13:]))
             elif frame[0] == ANSWER:
                 _, _, length = struct.unpack_from("<III", frame, 1)
                 self.answers.append(json.loads(frame[13 + length :]))
