@@ -106,11 +106,12 @@ class Guard:
     def _run(self) -> None:
         look_s = monotonic()
         while True:
-            for key, events in self._selector.select(LOOK_S if self._many else REVOKED_S):
+            found = self._selector.select(LOOK_S if self._many else REVOKED_S)
+            for key, events in found:
                 if key.fileobj is self._woken:
                     return
                 # What an earlier event of the same round has ended is no longer watched.
-                if self._selector.get_map().get(key.fd) is key:
+                if key is found[0][0] or self._selector.get_map().get(key.fd) is key:
                     key.data(key.fileobj, events)
             if monotonic() > look_s:
                 look_s = monotonic() + LOOK_S
@@ -184,7 +185,7 @@ class Guard:
         if self._vouching is None or not self._vouching.revoked.changed():
             return
         for relay in list(self._relays):
-            outer = relay.sides[0]
+            outer = relay.outer
             if isinstance(outer, ssl.SSLSocket):
                 shown = outer.getpeercert()
                 if self._vouching.revoked.holds(serial_of(shown)):

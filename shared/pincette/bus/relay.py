@@ -4,16 +4,39 @@ import selectors
 import socket
 import ssl
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 
 Stream = socket.socket | ssl.SSLSocket
 CHUNK = 65536
 MOST_WAITING = 4 * CHUNK
 """Bytes for one side that may wait to be sent before nothing more is read of the other side."""
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
+BLOCKED = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
+
+
+@dataclass(slots=True, eq=False)
+class Side:
+    """One of the two streams."""
+
+    line: Stream
+    other: "Side" = field(init=False)
+    waiting: bytearray = field(default_factory=bytearray)
+    """Bytes that are to be sent to it."""
+    watched: int = 0
+    """Events that the selector is to tell of."""
+
+    @property
+    def behind(self) -> bool:
+        """Whether so much waits for it that nothing more is read for it."""
+        return len(self.waiting) >= MOST_WAITING
 
 
 class Relay:
-    """Two streams that are each other's end; ends when either does. Used by one thread."""
+    """Two streams that are each other's end; ends when either does. Used by one thread.
+
+    Every message of the bus passes here: in the usual case it is read once and sent once.
+    """
 
     def __init__(
         self,
@@ -27,79 +50,92 @@ class Relay:
         self.whence = whence
         self.why = ""
         """Why it has ended; empty before."""
-        self.sides = (outer, inner)
-        self._waiting = {outer: bytearray(), inner: bytearray()}
-        """Bytes that are to be sent to each side."""
+        self.outer = outer
+        self._outer, self._inner = Side(outer), Side(inner)
+        self._outer.other, self._inner.other = self._inner, self._outer
+        self._open = True
 
     def begin(self) -> None:
         """Carry what comes from now on."""
-        for one in self.sides:
-            self._selector.register(one, READ, self._ready)
+        for side in (self._outer, self._inner):
+            self._watch(side)
         # What a TLS stream has read with its handshake is not told by the selector.
-        for one in self.sides:
-            self._ready(one, READ)
+        for side in (self._outer, self._inner):
+            self._ready(side, side.line, READ)
 
     def close(self, why: str = "") -> None:
         """End both sides; nothing happens where they have ended."""
-        if not self._waiting:
+        if not self._open:
             return
-        self._waiting, self.why = {}, why
-        for one in self.sides:
-            if one in self._selector.get_map():
-                self._selector.unregister(one)
-            one.close()
+        self._open, self.why = False, why
+        for side in (self._outer, self._inner):
+            if side.watched:
+                self._selector.unregister(side.line)
+            side.line.close()
         self._ended(self)
 
-    def _other(self, side: Stream) -> Stream:
-        return self.sides[1] if side is self.sides[0] else self.sides[0]
-
-    def _ready(self, side: Stream, events: int) -> None:
+    def _ready(self, side: Side, _line: Stream, events: int) -> None:
         try:
-            if self._waiting and events & WRITE:
+            if events & WRITE:
                 self._send(side)
-            if self._waiting:
-                self._read(side)
-            if self._waiting:
-                self._watch()
+            self._read(side)
         except OSError as error:
             self.close(error.strerror or str(error))
+        # Often nothing waits, and both sides are watched as they were.
+        for one in (side, side.other):
+            if one.waiting or one.watched != READ:
+                self._watch(one)
+                self._watch(one.other)
 
-    def _read(self, side: Stream) -> None:
+    def _read(self, side: Side) -> None:
         """Take what there is, unless the other side is behind; at once to the other side."""
-        other = self._other(side)
-        while self._waiting and len(self._waiting[other]) < MOST_WAITING:
+        other = side.other
+        while self._open and not other.behind:
             try:
-                found = side.recv(CHUNK)
-            except (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):
+                found = side.line.recv(CHUNK)
+            except BLOCKED:
                 return
             if not found:
-                self.close("it hung up" if side is self.sides[0] else "")
+                self.close("it hung up" if side is self._outer else "")
                 return
-            self._waiting[other] += found
-            self._send(other)
+            if other.waiting:
+                other.waiting += found
+                self._send(other)
+            elif (sent := _sent(other.line, found)) < len(found):
+                other.waiting += found[sent:]
+            if not _holds_more(side.line):
+                return
 
-    def _send(self, side: Stream) -> None:
-        waiting = self._waiting[side]
-        full = len(waiting) >= MOST_WAITING
-        try:
-            while waiting:
-                del waiting[: side.send(waiting)]
-        except (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):
-            pass
-        if full and len(waiting) < MOST_WAITING:
+    def _send(self, side: Side) -> None:
+        was_behind = side.behind
+        while side.waiting and (sent := _sent(side.line, side.waiting)):
+            del side.waiting[:sent]
+        if was_behind and not side.behind:
             # A TLS stream may hold what it has read already, which no event will tell.
-            self._read(self._other(side))
+            self._read(side.other)
 
-    def _watch(self) -> None:
-        """Tell the selector what each side is waited for; a side for nothing is left out."""
-        watched = self._selector.get_map()
-        for one in self.sides:
-            behind = len(self._waiting[self._other(one)]) >= MOST_WAITING
-            wanted = (0 if behind else READ) | (WRITE if self._waiting[one] else 0)
-            if one not in watched:
-                if wanted:
-                    self._selector.register(one, wanted, self._ready)
-            elif not wanted:
-                self._selector.unregister(one)
-            elif watched[one].events != wanted:
-                self._selector.modify(one, wanted, self._ready)
+    def _watch(self, side: Side) -> None:
+        """Tell the selector what a side is waited for; one for nothing is left out."""
+        if not self._open:
+            return
+        wanted = (0 if side.other.behind else READ) | (WRITE if side.waiting else 0)
+        if wanted == side.watched:
+            return
+        if side.watched:
+            self._selector.unregister(side.line)
+        if wanted:
+            self._selector.register(side.line, wanted, partial(self._ready, side))
+        side.watched = wanted
+
+
+def _sent(line: Stream, data: bytes | bytearray) -> int:
+    """How many bytes the stream has taken."""
+    try:
+        return line.send(data)
+    except BLOCKED:
+        return 0
+
+
+def _holds_more(line: Stream) -> bool:
+    """Whether it has read more than it has given, which no event will tell."""
+    return isinstance(line, ssl.SSLSocket) and line.pending() > 0
