@@ -139,14 +139,17 @@ def _yielded(
     for place, r, w, y, fading in zip(
         count(), model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
     ):
-        play = y
-        if fading:
-            lost = expm1(fading * back_V)
-            play = u - ((before - y) * (1.0 + lost) + sign * lost / fading)
-        if play <= u - r:
-            play = u - r
-        elif play >= u + r:
-            play = u + r
+        play, edge_V = y, sign * r
+        if y == before + edge_V:  # it yields already, and does so from here on
+            play = u + edge_V
+        else:
+            if fading:
+                lost = expm1(fading * back_V)
+                play = u - ((before - y) * (1.0 + lost) + sign * lost / fading)
+            if play <= u - r:
+                play = u - r
+            elif play >= u + r:
+                play = u + r
         moved[place] = play
         static_um += w * play
     if model.squares_um_per_V2:
