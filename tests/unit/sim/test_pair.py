@@ -1,12 +1,12 @@
 """Two driven arms and the part between them, against what mechanics says of them."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from pincette.config import Simulation, read_rig
+from pincette.control.record import replace
 from pincette.sim.plant import plant
 from pincette.sim.plant.hysteresis import BoucWen
 from pincette.sim.plant.pair import advance_pair

@@ -1,6 +1,5 @@
 """Impact, adhesion and compression of the part between two arms."""
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -9,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pincette.config import Simulation, read_rig
+from pincette.control.record import replace
 from pincette.sim.plant import plant
 from pincette.sim.plant.arms import arms_of
 from pincette.sim.plant.parameters import PartParameters

@@ -14,6 +14,8 @@ from collections.abc import MutableSequence, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters, advance_amplifier, limited_V
 from pincette.sim.plant.hysteresis import BoucWen, follow_voltages
 from pincette.sim.plant.parameters import PlantParameters
@@ -97,9 +99,17 @@ def drive(
         after = _bent(constants, before, put_out, h, rests_um, scratch)
     else:
         after = drive_substeps(constants, before, target_V, each_V, rests_um, voltages_V, scratch)
-    target_V = each_V[-1] if each_V else target_V
-    reached_V = (target_V, after.voltage_V, after.slewed_V, after.drive_V)
-    driven = state.driven(reached_V, after.hysteresis_um, after.creep_um, count * dt_s, turns)
+    driven = replace(
+        state,
+        target_V=each_V[-1] if each_V else target_V,
+        voltage_V=after.voltage_V,
+        slewed_V=after.slewed_V,
+        drive_V=after.drive_V,
+        hysteresis_um=after.hysteresis_um,
+        creep_um=after.creep_um,
+        elapsed_s=state.elapsed_s + count * dt_s,
+        turns=turns,
+    )
     return driven, rests_um, voltages_V
 
 
@@ -230,8 +240,7 @@ def creep_alone(p: PlantParameters, state: PlantState, dt_s: float) -> PlantStat
     c0, c1, c2, c3, c4 = (
         c + (push - c) * gain for c, gain in zip(state.creep_um, creep_gains(dt_s), strict=True)
     )
-    voltages_V = state.target_V, state.voltage_V, state.slewed_V, state.drive_V
-    return state.driven(voltages_V, state.hysteresis_um, (c0, c1, c2, c3, c4), dt_s, state.turns)
+    return replace(state, creep_um=(c0, c1, c2, c3, c4), elapsed_s=state.elapsed_s + dt_s)
 
 
 def settling_s(p: PlantParameters, state: PlantState) -> float:

@@ -17,6 +17,8 @@ limit; from then on there is nothing to touch.
 
 from collections.abc import Sequence
 
+from msgspec.structs import replace
+
 from pincette.sim.plant.arms import arms_of
 from pincette.sim.plant.arms_substeps import pass_substeps
 from pincette.sim.plant.changes import change
@@ -93,12 +95,16 @@ def put_into(k: MotionConstants, motion: Motion, state: PlantState) -> PlantStat
     """The state with the arms as they are."""
     found = tips_of(k, motion)
     first, second, y_um, first_speed, second_speed, y_speed = found.values
-    return state.moved(
-        (first + second, first_speed + second_speed),
-        (second, second_speed),
-        (y_um, y_speed),
-        found.joined,
-        found.dent_um,
+    return replace(
+        state,
+        x_um=first + second,
+        speed_um_per_s=first_speed + second_speed,
+        second_um=second,
+        second_speed_um_per_s=second_speed,
+        passive_um=y_um,
+        passive_speed_um_per_s=y_speed,
+        joined=found.joined,
+        dent_um=found.dent_um,
     )
 
 
@@ -125,12 +131,16 @@ def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float
     elif overlap_um < 0.0:
         force_mN = pulled_mN
     x_um = rest_um - p.compliance_um_per_mN * force_mN
-    after = state.moved(
-        (x_um, 0.0),
-        (p.second_share * x_um, 0.0),
-        (x_um - p.contact_um - dent_um if joined else 0.0, 0.0),
-        joined,
-        dent_um,
+    after = replace(
+        state,
+        x_um=x_um,
+        speed_um_per_s=0.0,
+        second_um=p.second_share * x_um,
+        second_speed_um_per_s=0.0,
+        passive_um=x_um - p.contact_um - dent_um if joined else 0.0,
+        passive_speed_um_per_s=0.0,
+        joined=joined,
+        dent_um=dent_um,
     )
     if after.part != "there" or not p.part.may_go:
         return after

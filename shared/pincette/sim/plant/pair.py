@@ -8,7 +8,8 @@ over it (``pair_modes``), else it goes in pieces, with changes at their ends.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from pincette.sim.plant.drive import drive
 from pincette.sim.plant.joined_arms import befall
@@ -31,7 +32,6 @@ from pincette.sim.plant.pair_state import (
     pair_numbers,
     part_gone,
 )
-from pincette.sim.plant.plain_arm import STILL
 from pincette.sim.plant.state import Event
 
 
@@ -125,8 +125,8 @@ def _moved(p: PairParameters, modes: PairModes, state: PairState, rest: Pair) ->
     tips = rest[0] + after[0], rest[1] + after[1]
     return replace(
         state,
-        first=first.moved((tips[0], after[2]), STILL, STILL, False, 0.0),
-        second=second.moved((tips[1], after[3]), STILL, STILL, False, 0.0),
+        first=replace(first, x_um=tips[0], speed_um_per_s=after[2]),
+        second=replace(second, x_um=tips[1], speed_um_per_s=after[3]),
         part_um=place_um(modes, tips, _load_mN(p, state), state.part_um),
     )
 

@@ -4,9 +4,12 @@ Positions of each arm count towards the part, x_1 + x_2 = g where both touch it 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
+from msgspec.structs import replace
+
+from pincette.control.record import FrozenRecord
 from pincette.sim.plant.drive import quantised_V
 from pincette.sim.plant.pair_modes import Contact, Ground, Pair, PairNumbers
 from pincette.sim.plant.parameters import RIGID, PartParameters, PlantParameters
@@ -57,8 +60,7 @@ class PairParameters:
         return self.first, self.second
 
 
-@dataclass(frozen=True, slots=True)
-class PairState:
+class PairState(FrozenRecord, frozen=True):
     """Where both arms and the part are."""
 
     first: PlantState
@@ -93,13 +95,7 @@ def set_pair_voltages(p: PairParameters, state: PairState, voltages_V: Pair) -> 
 def set_arm_voltage(p: PairParameters, state: PairState, arm: int, voltage_V: float) -> PairState:
     """Give the output stage of one arm, 0 or 1, a target."""
     one = (state.first, state.second)[arm]
-    driven = one.driven(
-        (quantised_V(p.arms[arm], voltage_V), one.voltage_V, one.slewed_V, one.drive_V),
-        one.hysteresis_um,
-        one.creep_um,
-        0.0,
-        one.turns,
-    )
+    driven = replace(one, target_V=quantised_V(p.arms[arm], voltage_V))
     return replace(state, second=driven) if arm else replace(state, first=driven)
 
 

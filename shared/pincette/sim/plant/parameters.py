@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from pincette.config import Simulation
+from pincette.control.record import FrozenRecord
 from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters
 from pincette.sim.plant.contact import (
     ball_weight_mN,
@@ -18,8 +19,7 @@ FACES = 2
 """Of a part between two arms; both are pressed in alike."""
 
 
-@dataclass(frozen=True, slots=True)
-class PartParameters:
+class PartParameters(FrozenRecord, frozen=True):
     """What the part between the arms does beyond being rigid."""
 
     hertz_um_per_mN23: float = 0.0

@@ -16,11 +16,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from pincette.sim.plant.parameters import PlantParameters
 from pincette.sim.plant.state import PlantState
 
 CROSSING_PARTS = 25
-STILL = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ def move_plain_arm(
     tip = state.x_um, state.speed_um_per_s
     constants, bead_um = plain_constants(p, dt_s), first_touch_um(p, state)
     x, v = plain_substeps(constants, bead_um, tip, rests_um, positions_um)
-    return state.moved((x, v), STILL, STILL, False, 0.0), positions_um
+    return replace(state, x_um=x, speed_um_per_s=v), positions_um
 
 
 def plain_substeps(
@@ -105,7 +106,7 @@ def rest_plain_arm(p: PlantParameters, state: PlantState, rest_um: float) -> Pla
     )
     if rest_um > bead:
         rest_um = (rest_um + ratio * bead) / (1.0 + ratio)
-    return state.moved((rest_um, 0.0), STILL, STILL, False, 0.0)
+    return replace(state, x_um=rest_um, speed_um_per_s=0.0)
 
 
 def plain_force_mN(p: PlantParameters, state: PlantState) -> float:

@@ -14,8 +14,9 @@ the touch.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Literal
+
+from msgspec.structs import replace
 
 from pincette.sim.plant.arms import arms_of
 from pincette.sim.plant.drive import creep_alone, drive, quantised_V, rest_um, settling_s
@@ -48,9 +49,7 @@ def start() -> PlantState:
 
 def set_voltage(parameters: PlantParameters, state: PlantState, voltage_V: float) -> PlantState:
     """Give the output stage a target, rounded to its step."""
-    target_V = quantised_V(parameters, voltage_V)
-    voltages_V = target_V, state.voltage_V, state.slewed_V, state.drive_V
-    return state.driven(voltages_V, state.hysteresis_um, state.creep_um, 0.0, state.turns)
+    return replace(state, target_V=quantised_V(parameters, voltage_V))
 
 
 def contact_force_mN(parameters: PlantParameters, state: PlantState) -> float:

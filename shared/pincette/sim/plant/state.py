@@ -1,8 +1,10 @@
 """Where the plant is, and what has befallen its part."""
 
-from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
+from msgspec.structs import replace
+
+from pincette.control.record import FrozenRecord
 from pincette.sim.plant.relays import Turns
 
 CreepStates = tuple[float, float, float, float, float]
@@ -18,8 +20,7 @@ class Event(NamedTuple):
     """The same with its numbers, for a person."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlantState:
+class PlantState(FrozenRecord, frozen=True):
     """Where the plant is. ``x_um`` is the driven tip, all its modes together."""
 
     target_V: float
@@ -51,70 +52,9 @@ class PlantState:
     turns: Turns = ()
     """Turning points of the voltage that relays remember."""
 
-    def driven(
-        self,
-        voltages_V: tuple[float, float, float, float],
-        hysteresis_um: float,
-        creep_um: CreepStates,
-        passed_s: float,
-        turns: Turns,
-    ) -> "PlantState":
-        """With other voltages (target, input, slewed, drive), hysteresis and creep, later."""
-        # Like ``moved`` written out, since ``replace`` takes as long as twenty substeps.
-        target_V, voltage_V, slewed_V, drive_V = voltages_V
-        return PlantState(
-            target_V,
-            voltage_V,
-            hysteresis_um,
-            creep_um,
-            self.x_um,
-            self.speed_um_per_s,
-            slewed_V,
-            drive_V,
-            self.second_um,
-            self.second_speed_um_per_s,
-            self.passive_um,
-            self.passive_speed_um_per_s,
-            self.joined,
-            self.dent_um,
-            self.part,
-            self.held_s,
-            self.elapsed_s + passed_s,
-            self.events,
-            turns,
-        )
-
     def held(self, held_s: float, event: Event | None) -> "PlantState":
         """With a part that was carried for so long, or went as the event says."""
         if event is None:
             return replace(self, held_s=held_s)
         part = "broken" if event.what == "broken" else "lost"
         return replace(self, held_s=held_s, part=part, events=(*self.events, event))
-
-    def moved(
-        self,
-        tip: tuple[float, float],
-        second: tuple[float, float],
-        passive: tuple[float, float],
-        joined: bool,
-        dent_um: float,
-    ) -> "PlantState":
-        """With the arms elsewhere: positions and speeds of tip, second mode and passive tip."""
-        return PlantState(
-            self.target_V,
-            self.voltage_V,
-            self.hysteresis_um,
-            self.creep_um,
-            *tip,
-            self.slewed_V,
-            self.drive_V,
-            *second,
-            *passive,
-            joined,
-            dent_um,
-            self.part,
-            self.held_s,
-            self.elapsed_s,
-            self.events,
-            self.turns,
-        )

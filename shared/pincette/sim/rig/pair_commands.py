@@ -1,9 +1,10 @@
 """What a person may do to a simulated rig of two arms."""
 
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
+from pincette.control.record import replace
 from pincette.sim.plant.pair import advance_pair
 from pincette.sim.plant.pair_state import APART, PairParameters, PairState, part_gone
 from pincette.sim.plant.state import Event

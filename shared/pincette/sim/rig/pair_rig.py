@@ -3,7 +3,9 @@
 import threading
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec import structs
 
 from pincette.config import Simulation
 from pincette.core.messages.second import SecondTruth
@@ -249,7 +251,7 @@ def pair_parameters(
     arms = [plant_parameters(one.model_copy(update={"bead": True})) for one in outputs]
     between = simulation.pair_of_arms
     first_um, second_um = outputs[0].bead_contact_um, outputs[1].bead_contact_um
-    part = replace(arms[0].part, hertz_um_per_mN23=0.0, pull_off_mN=0.0)
+    part = structs.replace(arms[0].part, hertz_um_per_mN23=0.0, pull_off_mN=0.0)
     return PairParameters(
         arms[0],
         arms[1],

@@ -1,7 +1,8 @@
 """A plant on its way through time, while waves play, captures run and the sensor averages."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from pincette.config import Simulation
 from pincette.sim.plant import plant
