@@ -4,6 +4,7 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from playwright.sync_api import Browser, ViewportSize
 
@@ -92,6 +93,32 @@ def test_a_sample_is_given_where_a_job_is_started(browser: Browser, desk: Harnes
     context.close()
 
 
+def test_what_is_typed_stays_while_the_job_changes(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context()
+    with served(desk.app) as address:
+        job = gripped(address, "B12")
+        seen = visit(context, address)
+        seen.page.click("#tab-jobs")
+        seen.page.click(f"#open-{job}")
+        seen.page.wait_for_selector("#job-detail img.picture")
+        seen.page.click("#job-said summary")
+        seen.page.fill("#said-sample", "B12, the second")
+        seen.page.check("#said-pinned")
+        seen.page.focus("#said-notes")
+        httpx.patch(f"{address}/api/v1/jobs/{job}", json={"batch": "W3"}).raise_for_status()
+        other = gripped(address, "B13")
+        seen.until("#job-detail dl", "W3")
+        assert seen.page.input_value("#said-batch") == "W3"
+        assert seen.page.input_value("#said-sample") == "B12, the second"
+        assert seen.page.is_checked("#said-pinned")
+        assert seen.page.evaluate("document.activeElement.id") == "said-notes"
+        seen.page.click(f"#open-{other}")
+        seen.until("#job-detail", other)
+        assert seen.page.input_value("#said-sample") == "B13"
+        assert not seen.page.is_checked("#said-pinned")
+    context.close()
+
+
 def test_a_job_is_described_after_its_end(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     with served(desk.app) as address:
@@ -115,4 +142,23 @@ def test_a_job_is_described_after_its_end(browser: Browser, desk: Harness) -> No
         assert row is not None
         assert (row.sample, row.labels, row.pinned) == ("B11", {"glue": "none"}, True)
         assert seen.errors == []
+    context.close()
+
+
+def test_a_job_that_came_and_ended_between_two_looks_is_listed(
+    browser: Browser, desk: Harness
+) -> None:
+    context = browser.new_context()
+    with served(desk.app) as address:
+        before = gripped(address, "B14")
+        seen = visit(context, address)
+        seen.page.click("#tab-jobs")
+        seen.page.wait_for_selector(f"#open-{before}")
+        context.set_offline(offline=True)
+        seen.until_true(lambda: "connected" not in seen.text("#connection"), "it looks on")
+        after = gripped(address, "B15")
+        context.set_offline(offline=False)
+        seen.until("#job-list", "B15")
+        seen.page.click(f"#open-{after}")
+        seen.until("#job-detail", after)
     context.close()

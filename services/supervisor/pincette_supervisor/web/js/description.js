@@ -26,7 +26,7 @@ export const factsOf = (job) => [...SAID.map(([name, label]) => [label, job[name
 export function field(id, label, limit, value = "", more = {}) {
   const input = label === "Notes" ? h("textarea", { id, rows: "3", maxlength: String(limit), ...more })
     : h("input", { type: "text", id, maxlength: String(limit), autocomplete: "off", ...more });
-  input.value = value;
+  input.defaultValue = value;
   return [h("div", { class: "field" }, h("label", { for: id }, label), input), input];
 }
 
@@ -35,23 +35,25 @@ export function describe(job, changed) {
   const rows = SAID.map(([name, label, limit]) => [name, ...field(`said-${name}`, label, limit, job[name])]);
   const labels = Object.entries(job.labels).map(([name, text]) => `${name}=${text}`).join("\n");
   const list = h("textarea", { id: "said-labels", rows: "2", placeholder: "name=text, one a line" });
-  list.value = labels;
+  list.defaultValue = labels;
   const pin = h("input", { type: "checkbox", id: "said-pinned" });
-  pin.checked = job.pinned;
+  pin.defaultChecked = job.pinned;
   const fault = h("p", { class: "fault", id: "said-fault", role: "alert" });
   const save = async (event) => {
     event.preventDefault();
     fault.textContent = "";
     try {
       const body = Object.fromEntries(rows.map(([name, , input]) => [name, input.value.trim()]));
-      changed(await patch(`/jobs/${job.id}`, { ...body, labels: labelsIn(list.value), pinned: pin.checked }));
+      const saved = await patch(`/jobs/${job.id}`, { ...body, labels: labelsIn(list.value), pinned: pin.checked });
+      event.target.reset();
+      changed(saved);
       byId("job-title")?.focus();
     } catch (problem) {
       fault.textContent = told(problem);
     }
   };
   return h("details", { id: "job-said" }, h("summary", {}, "Describe"),
-    h("form", { id: "said-form", onsubmit: save }, ...rows.map(([, row]) => row),
+    h("form", { id: "said-form", "data-of": job.id, onsubmit: save }, ...rows.map(([, row]) => row),
       h("div", { class: "field" }, h("label", { for: "said-labels" }, "Labels"), list),
       h("label", { class: "check" }, pin, h("span", {}, "Keep the record, whatever its age")),
       h("div", { class: "buttons" }, h("button", { type: "submit", "data-needs": "operate" }, "Save")), fault));

@@ -24,7 +24,18 @@ const shown = new WeakMap();
 const waiting = new WeakMap();
 const PRESSED_MS = 50;
 
-/** Show children unless they would say the same as before; what had the focus keeps it. */
+/** Controls of forms that tell what they are of (`data-of`), each by that and its id. */
+const controlsIn = (parent) => new Map([...parent.querySelectorAll("form[data-of] :is(input, textarea)")]
+  .map((control) => [`${control.form.dataset.of} ${control.id}`, control]));
+
+/** Put in what somebody has typed or ticked in the control that was there before. */
+function keepTyped(control, before) {
+  if (before.value !== before.defaultValue) control.value = before.value;
+  if (before.checked !== before.defaultChecked) control.checked = before.checked;
+}
+
+/** Show children unless they would say the same as before; what had the focus keeps it, and what was
+    typed stays. */
 export function show(parent, content, make) {
   const key = JSON.stringify(content);
   waiting.delete(parent);
@@ -36,13 +47,20 @@ export function show(parent, content, make) {
     return;
   }
   shown.set(parent, key);
-  const focused = parent.contains(document.activeElement) ? document.activeElement.id : "";
+  const focused = parent.contains(document.activeElement) ? document.activeElement : null;
+  const { id, selectionStart: from, selectionEnd: to } = focused ?? {};
+  const before = controlsIn(parent);
   const open = new Set([...parent.querySelectorAll("details[open]")].map((each) => each.id));
   parent.replaceChildren(...[make()].flat().filter(Boolean));
   for (const details of parent.querySelectorAll("details")) {
     if (open.has(details.id)) details.open = true;
   }
-  if (focused) byId(focused)?.focus({ preventScroll: true });
+  for (const [name, control] of controlsIn(parent)) {
+    if (before.has(name)) keepTyped(control, before.get(name));
+  }
+  const again = id ? byId(id) : null;
+  again?.focus({ preventScroll: true });
+  if (again && typeof from === "number") again.setSelectionRange(from, to);
 }
 
 /** A word with a mark and a tone, so that colour is never the only sign. */

@@ -68,7 +68,6 @@ watchCamera();
 async function newestJob() {
   if (rig.active_job) return get(`/jobs/${rig.active_job}`);
   if (job && job.ended_at === null) return get(`/jobs/${job.id}`);
-  if (job) return job;
   return (await jobsOfRig("limit=1")).jobs[0] ?? null;
 }
 
