@@ -139,17 +139,22 @@ def _yielded(
     for place, r, w, y, fading in zip(
         count(), model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
     ):
-        play, edge_V = y, sign * r
-        if y == before + edge_V:  # it yields already, and does so from here on
-            play = u + edge_V
+        if y == before + sign * r:  # it yields already, and does so from here on
+            play = u + sign * r
+        elif fading:
+            lost = expm1(fading * back_V)
+            z = (before - y) * (1.0 + lost) + sign * lost / fading
+            if z >= r:
+                z = r
+            elif z <= -r:
+                z = -r
+            play = u - z
+        elif y <= u - r:
+            play = u - r
+        elif y >= u + r:
+            play = u + r
         else:
-            if fading:
-                lost = expm1(fading * back_V)
-                play = u - ((before - y) * (1.0 + lost) + sign * lost / fading)
-            if play <= u - r:
-                play = u - r
-            elif play >= u + r:
-                play = u + r
+            play = y
         moved[place] = play
         static_um += w * play
     if model.squares_um_per_V2:
