@@ -4,14 +4,16 @@ The supervisor may have been away, or died with it: so the program itself notes 
 it serves, and that it has ended cleanly, after it has come to rest.
 """
 
-import json
 import logging
 import os
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
+
 from pincette.config import RigFile
+from pincette.control.quantities import Whole
 from pincette.core.faults import Predecessor
 
 RUNNING = "running"
@@ -34,6 +36,13 @@ class Before(NamedTuple):
 
 FIRST = Before()
 """None is known."""
+
+
+class _Note(msgspec.Struct):
+    """What stands in the file."""
+
+    ended: str
+    instance: Whole | None = None
 
 
 class BootNote:
@@ -65,23 +74,22 @@ class BootNote:
 
     def _read(self) -> Before:
         try:
-            noted = json.loads(self._path.read_bytes())
-            ended, instance = noted["ended"], noted.get("instance")
+            noted = msgspec.json.decode(self._path.read_bytes(), type=_Note)
         except FileNotFoundError:
             return FIRST
-        except (OSError, ValueError, TypeError, KeyError) as error:
+        except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
             _log.warning("%s cannot be read (%s): taken for no clean end", self._path, error)
             return Before(Predecessor.DIED)
-        if ended in (Predecessor.NONE, Predecessor.CLEAN):
-            return Before(Predecessor(ended), instance if type(instance) is int else None)
+        if noted.ended in (Predecessor.NONE, Predecessor.CLEAN):
+            return Before(Predecessor(noted.ended), noted.instance)
         return Before(Predecessor.DIED)
 
     def _write(self, ended: str, instance: int | None) -> bool:
         draft = self._path.with_suffix(".draft")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with draft.open("w", encoding="utf-8") as stream:
-                stream.write(json.dumps({"ended": ended, "instance": instance}) + "\n")
+            with draft.open("wb") as stream:
+                stream.write(msgspec.json.encode(_Note(ended, instance)) + b"\n")
                 stream.flush()
                 os.fsync(stream.fileno())
             draft.replace(self._path)

@@ -34,7 +34,17 @@ def test_who_has_ended_so_is_found_so(path: Path, ending: Predecessor) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[]", b'{"ended": "well"}', b'{"end": 1}', b"\xff"]
+    "content",
+    [
+        b"",
+        b"{",
+        b"[]",
+        b'{"ended": "well"}',
+        b'{"end": 1}',
+        b"\xff",
+        b'{"ended": "clean", "instance": 18446744073709551616}',
+        b'{"ended": "clean", "instance": "7"}',
+    ],
 )
 def test_a_damaged_note_is_no_clean_end(path: Path, content: bytes) -> None:
     path.parent.mkdir()
