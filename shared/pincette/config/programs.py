@@ -226,7 +226,7 @@ def _is_loopback(host: str) -> bool:
 
 Ticking = Literal["router", "rig", "sensor", "estimator", "controller", "actuator"]
 """Programs that a tick passes through."""
-SchedulingSetting = Literal["priority", "cores", "timer_slack", "memory"]
+SchedulingSetting = Literal["priority", "cores", "timer_slack", "cpu_latency", "memory"]
 PRIORITY = 10
 """Above every fair task, below the threads of the kernel."""
 Priority = Annotated[int, Field(ge=0, le=99)]
@@ -244,6 +244,8 @@ class Scheduling:
     """Empty: every one."""
     timer_slack_s: float = 1e-6
     """0 s: as the system has it."""
+    cpu_latency_s: float | None = None
+    """None: as the system has it."""
     lock_memory: bool = False
     required: frozenset[SchedulingSetting] = frozenset()
 
@@ -262,6 +264,9 @@ class RealTime(Table):
     timer_slack_s: float = Field(default=1e-6, ge=0.0, le=1.0)
     """How long the kernel may delay a wake-up of a program without a fixed priority, to combine it
     with others; the Linux default is 50 µs. 0: the system's setting."""
+    cpu_latency_s: float | None = Field(default=None, ge=0.0, le=1.0)
+    """Longest time that any processor may take to wake from idling, while the program runs; with 0
+    none sleeps, and all need full power. Without it: the system's setting."""
     lock_memory: bool = False
     """Prevent the system from swapping out memory."""
     computing_s: float = Field(default=0.002, gt=0.0, le=1.0)
@@ -281,6 +286,7 @@ class RealTime(Table):
             else priority,
             cores=tuple(sorted({core for some in each for core in some})) if all(each) else (),
             timer_slack_s=self.timer_slack_s,
+            cpu_latency_s=self.cpu_latency_s,
             lock_memory=self.lock_memory,
             required=frozenset(self.required),
         )

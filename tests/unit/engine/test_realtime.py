@@ -2,6 +2,7 @@
 
 import json
 import logging
+import os
 import resource
 import subprocess
 import sys
@@ -14,9 +15,9 @@ import pytest
 from pincette.config import ConfigError, parse_rig, parse_rig_json
 from pincette.config.programs import Scheduling
 from pincette.engine.realtime.os_scheduling import ask, raise_priority, trial, words
-from pincette.engine.realtime.system import Linux
+from pincette.engine.realtime.system import CPU_LATENCY, Linux
 
-ALL = Scheduling(priority=20, cores=(1,), timer_slack_s=2e-6, lock_memory=True)
+ALL = Scheduling(priority=20, cores=(1,), timer_slack_s=2e-6, cpu_latency_s=1e-5, lock_memory=True)
 KIB = 1024
 
 
@@ -28,7 +29,9 @@ def read_tree() -> dict[str, object]:
 class Fake(Linux):
     """A system that permits what it is told to."""
 
-    permits: frozenset[str] = frozenset({"priority", "niceness", "cores", "slack", "memory"})
+    permits: frozenset[str] = frozenset(
+        {"priority", "niceness", "cores", "slack", "latency", "memory"}
+    )
     rtprio: int = 99
     memlock: int | None = None
     has: tuple[int, ...] = (0, 1)
@@ -51,6 +54,9 @@ class Fake(Linux):
     def wake_within(self, slack_s: float) -> None:
         self._ask("slack", slack_s)
 
+    def limit_cpu_latency(self, latency_s: float) -> None:
+        self._ask("latency", latency_s)
+
     def lock_memory(self) -> None:
         self._ask("memory", True)
 
@@ -70,7 +76,13 @@ def test_what_is_permitted_is_asked_for_and_nothing_is_said(
     system = Fake()
     with caplog.at_level(logging.INFO):
         raise_priority(ALL, system)
-    assert system.asked == [("priority", 20), ("cores", (1,)), ("slack", 2e-6), ("memory", True)]
+    assert system.asked == [
+        ("priority", 20),
+        ("cores", (1,)),
+        ("slack", 2e-6),
+        ("latency", 1e-5),
+        ("memory", True),
+    ]
     assert caplog.messages == []
 
 
@@ -97,6 +109,8 @@ def test_what_is_not_permitted_is_told_in_one_line_with_limits_and_remedies(
         "runs without the fixed priority SCHED_FIFO 20 (rtprio limit 0; so a busy machine",
         "and without processors 1 of its own (it may run on 0, 3)",
         "a timer slack of 2 µs (Operation not permitted)",
+        "a limit of 10 µs for processors to wake (Operation not permitted)",
+        'KERNEL=="cpu_dma_latency"',
         "locked memory (memlock limit 64 KiB, it takes unlimited)",
         "--ulimit rtprio=20 or --cap-add SYS_NICE",
         "LimitMEMLOCK=infinity",
@@ -140,7 +154,7 @@ def test_a_trial_leaves_priority_and_memory_alone() -> None:
     system = Fake(memlock=8 * KIB)
     (refusal,) = trial(ALL, system)
     assert refusal.setting == "memory"
-    assert system.asked == [("cores", (1,)), ("slack", 2e-6)]
+    assert system.asked == [("cores", (1,)), ("slack", 2e-6), ("latency", 1e-5)]
     assert trial(ALL, Fake()) == ()
 
 
@@ -148,16 +162,17 @@ def test_a_rig_file_gives_each_program_its_own() -> None:
     realtime = {
         "priority": {"sensor": 30},
         "cores": {"sensor": [1], "actuator": [0, 1]},
+        "cpu_latency_s": 0.0,
         "lock_memory": True,
         "required": ["memory"],
     }
     rig = parse_rig({**read_tree(), "realtime": realtime})
-    assert rig.realtime.of("sensor") == Scheduling(30, (1,), 1e-6, True, frozenset({"memory"}))
+    assert rig.realtime.of("sensor") == Scheduling(30, (1,), 1e-6, 0.0, True, frozenset({"memory"}))
     assert rig.realtime.of("actuator").cores == (0, 1)
     composed = rig.realtime.of("sensor", "actuator")
     assert (composed.priority, composed.cores) == (30, (0, 1))
     assert rig.realtime.of("sensor", "controller").cores == ()
-    assert rig.realtime.of("router") == Scheduling(10, (), 1e-6, True, frozenset({"memory"}))
+    assert rig.realtime.of("router") == Scheduling(10, (), 1e-6, 0.0, True, frozenset({"memory"}))
     assert parse_rig_json(rig.model_dump_json()) == rig
     assert rig.digest() == parse_rig(read_tree()).digest()
 
@@ -169,6 +184,7 @@ def test_a_rig_file_gives_each_program_its_own() -> None:
         ({"priority": {"supervisor": 10}}, "supervisor"),
         ({"cores": [-1]}, "must be 0 or more"),
         ({"timer_slack_s": -1.0}, "must be 0 or more"),
+        ({"cpu_latency_s": -1.0}, "must be 0 or more"),
         ({"required": ["speed"]}, "speed"),
         ({"nice": 3}, "nice"),
     ],
@@ -179,14 +195,19 @@ def test_what_cannot_be_wished_is_refused(wish: dict[str, object], why: str) -> 
 
 
 TRY = """
-import json, os
+import json, os, struct
 from pincette.config.programs import Scheduling
 from pincette.engine.realtime.os_scheduling import ask
-from pincette.engine.realtime.system import Linux
+from pincette.engine.realtime.system import CPU_LATENCY, Linux
 
 system = Linux()
 core = system.cores()[-1]
-found = ask(Scheduling(cores=(core,), timer_slack_s=3e-6, lock_memory=True), system)
+wished = Scheduling(cores=(core,), timer_slack_s=3e-6, cpu_latency_s=1e-4, lock_memory=True)
+found = ask(wished, system)
+latency_us = None
+if "cpu_latency" not in [one.setting for one in found]:
+    with open(CPU_LATENCY, "rb") as device:
+        (latency_us,) = struct.unpack("=i", device.read(4))
 with open("/proc/self/status") as status:
     locked = [line.split()[1] for line in status if line.startswith("VmLck")]
 with open(f"/proc/{os.getpid()}/timerslack_ns") as slack:
@@ -198,6 +219,7 @@ print(json.dumps({
     "fifo": os.SCHED_FIFO,
     "alone": system.cores() == (core,),
     "slack_ns": slack_ns,
+    "latency_us": latency_us,
     "locked_kB": int(locked[0]),
     "rtprio": system.priority_limit(),
     "memlock": system.memory_limit_bytes(),
@@ -210,13 +232,16 @@ def test_a_real_try_is_granted_or_refused_as_the_limits_say() -> None:
     """Whatever this machine permits, what was done is what was said."""
     done = subprocess.run([sys.executable, "-c", TRY], capture_output=True, text=True, check=True)
     told = json.loads(done.stdout)
-    assert set(told["refused"]) <= {"priority", "memory"}, told["words"]
+    assert set(told["refused"]) <= {"priority", "cpu_latency", "memory"}, told["words"]
     assert told["alone"]
     if told["policy"] != told["fifo"]:
         assert "priority" in told["refused"]
         assert told["slack_ns"] == 3000
     else:
         assert "priority" not in told["refused"]
+    assert ("cpu_latency" in told["refused"]) == (not os.access(CPU_LATENCY, os.W_OK))
+    if "cpu_latency" not in told["refused"]:
+        assert told["latency_us"] <= 100
     assert ("memory" in told["refused"]) == (told["locked_kB"] == 0)
     if told["memlock"] is not None:
         assert "memory" in told["refused"]

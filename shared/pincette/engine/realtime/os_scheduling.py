@@ -38,6 +38,7 @@ def ask(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
         _priority(scheduling.priority, system),
         _cores(scheduling.cores, system),
         _timer_slack(scheduling.timer_slack_s, system),
+        _cpu_latency(scheduling.cpu_latency_s, system),
         _memory(system) if scheduling.lock_memory else None,
     )
     return tuple(refusal for refusal in found if refusal is not None)
@@ -111,6 +112,18 @@ def _timer_slack(slack_s: float, system: Linux) -> Refusal | None:
         "timer_slack",
         f"a timer slack of {1e6 * slack_s:g} µs ({error.strerror or error})",
         "a seccomp profile that lets prctl pass",
+    )
+
+
+def _cpu_latency(latency_s: float | None, system: Linux) -> Refusal | None:
+    error = None if latency_s is None else _refused(lambda: system.limit_cpu_latency(latency_s))
+    if latency_s is None or error is None:
+        return None
+    return Refusal(
+        "cpu_latency",
+        f"a limit of {1e6 * latency_s:g} µs for processors to wake ({error.strerror or error})",
+        'the udev rule `KERNEL=="cpu_dma_latency", GROUP="dialout", MODE="0660"`, '
+        "--device /dev/cpu_dma_latency in docker run",
     )
 
 

@@ -1,12 +1,13 @@
 """The calls of Linux by which a thread runs sooner; tests put a fake in its place.
 
 Priority, niceness, processors and timer slack are a thread's own, and threads that it begins later
-inherit them. Locked memory is the process's.
+inherit them. Locked memory and the limit of the processors' latency are the process's.
 """
 
 import ctypes
 import os
 import resource
+import struct
 from pathlib import Path
 
 PR_SET_TIMERSLACK = 29
@@ -15,6 +16,8 @@ LOCK_NOW, LOCK_LATER, LOCK_ON_FAULT = 1, 2, 4
 """MCL_CURRENT, MCL_FUTURE and MCL_ONFAULT of ``asm-generic/mman.h``: x86, ARM, RISC-V."""
 CAP_IPC_LOCK = 14
 """Bit of the capability as in ``linux/capability.h``."""
+CPU_LATENCY = Path("/dev/cpu_dma_latency")
+"""PM QoS of Linux: a limit in µs holds for as long as its file is open, see pm_qos_interface."""
 AUTOGROUP = Path("/proc/self/autogroup")
 """Where Linux weighs sessions against each other, see sched(7)."""
 STATUS = Path("/proc/self/status")
@@ -42,6 +45,11 @@ class Linux:
     def wake_within(self, slack_s: float) -> None:
         """Let the kernel delay a wake-up by so much at most."""
         _call("prctl", PR_SET_TIMERSLACK, ctypes.c_ulong(max(1, round(1e9 * slack_s))))
+
+    def limit_cpu_latency(self, latency_s: float) -> None:
+        """Let no processor idle so deeply that it takes longer to wake, until the process ends."""
+        number = os.open(CPU_LATENCY, os.O_WRONLY | os.O_CLOEXEC)  # not to be closed
+        os.write(number, struct.pack("=i", round(1e6 * latency_s)))
 
     def lock_memory(self) -> None:
         """Keep the process's memory that has been used where it is."""
