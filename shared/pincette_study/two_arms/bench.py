@@ -1,9 +1,10 @@
 """Two simulated arms under the law of two arms, tick by tick, as they are read and driven."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from pincette.control.arm.plant import OutputTiming
@@ -157,7 +158,7 @@ class PairBench:
     def with_part(self) -> None:
         """Put the part back where it lay."""
         at_um = self.plant.part_um
-        self.state = replace(
+        self.state = structs.replace(
             self.state, part="there", contact=APART, part_um=at_um, anchor_um=at_um
         )
 
