@@ -21,6 +21,11 @@ from urllib.parse import urlsplit
 
 import serial
 
+from pincette.instruments.line.exclusive import (
+    device_in_use,
+    lock_address,
+    require_unlocked_device,
+)
 from pincette.instruments.line.recording import Recorder, RecordingLink
 from pincette.instruments.line.replay import REPLAY, ReplayLink
 from pincette.instruments.line.serial_link import LONGEST_FRAME, RETRY_S, Line, Port
@@ -137,15 +142,21 @@ def exchange_s(count: int, baud: int) -> float:
 
 
 def _open_port(url: str, baud: int, timeout_s: float, within_s: float) -> Port:
-    """Open a port, a socket within ``within_s``; raises InstrumentError."""
+    """Open a port for this program alone, a socket within ``within_s``; raises InstrumentError."""
     try:
         if url.startswith("socket://"):
             return _SocketPort(url, min(timeout_s, within_s), timeout_s)
-        port = serial.serial_for_url(url, baudrate=baud, timeout=0, write_timeout=timeout_s)
+        if url.startswith("/"):
+            require_unlocked_device(url)
+        port = serial.serial_for_url(
+            url, baudrate=baud, timeout=0, write_timeout=timeout_s, exclusive=True
+        )
         if isinstance(port, serial.Serial):
             _lower_latency(url, port)
         return _SerialPort(port, timeout_s)
     except (OSError, ValueError, TypeError, termios.error) as error:
+        if isinstance(error, OSError) and error.errno == errno.EWOULDBLOCK:
+            raise device_in_use(url) from error
         raise InstrumentError(f"{url}: {_why_closed(error)}", "cannot_open") from error
 
 
@@ -224,13 +235,15 @@ def _of_one_kind() -> Generator[None]:
 
 
 class _SocketPort:
-    """A TCP connection that sends each write at once.
+    """A TCP connection that sends each write at once, locked against other programs of this host.
 
-    Of its own, since pyserial's waits 5 s for a host that does not answer and 0.3 s at each close.
-    The time is bounded from where the host's name is resolved.
+    It replaces pyserial's own, which waits 5 s for a host that does not answer and 0.3 s at each
+    close. ``timeout_s`` bounds the connection, not the resolution of the host's name.
 
     Raises
     ------
+    InstrumentError
+        Where another program of this host has the instrument.
     ValueError
         Where the url names no host and port.
     OSError
@@ -241,8 +254,12 @@ class _SocketPort:
         parts = urlsplit(url)
         if not parts.hostname or not parts.port:
             raise ValueError("wanted socket://HOST:PORT with a port from 1 to 65535")
-        address = (parts.hostname, parts.port)
-        self._socket = socket.create_connection(address, timeout=max(timeout_s, 1e-3))
+        # Many serial servers end one client's connection, or mix both, where a second one comes.
+        with lock_address(url, parts.hostname, parts.port) as lock:
+            self._socket = socket.create_connection(
+                (parts.hostname, parts.port), timeout=max(timeout_s, 1e-3)
+            )
+            self._lock = lock.pop_all()
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # Or what was sent to a host that is gone is sent again for a quarter of an hour.
         most_ms = round(1000.0 * max(UNSENT_PERIODS * write_timeout_s, LEAST_UNSENT_S))
@@ -264,5 +281,6 @@ class _SocketPort:
         return data
 
     def close(self) -> None:
-        """End the connection."""
+        """End the connection and free the instrument for other programs."""
         self._socket.close()
+        self._lock.close()

@@ -1,0 +1,108 @@
+"""Locks that let one program at a time open an instrument, and the name of the one that has it.
+
+A serial port is locked by ``flock`` on the device, as pyserial's ``exclusive`` does. Programs that
+follow the older UUCP convention, such as ser2net, leave ``/var/lock/LCK..NAME`` instead. A TCP
+instrument has no file, so its lock is an abstract Unix socket named after its address: the system
+frees it when the program ends, however it ends. All of these work between the programs of one host.
+"""
+
+import errno
+import os
+import socket
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+from pincette.instruments.protocols import InstrumentError
+
+UUCP_LOCKS = Path("/var/lock")
+PROCESSES = Path("/proc")
+
+
+def require_unlocked_device(url: str) -> None:
+    """Raise InstrumentError where a live program holds the UUCP lock file of a serial port."""
+    lock = UUCP_LOCKS / f"LCK..{Path(url).resolve().name}"
+    try:
+        pid = int(lock.read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        return
+    if pid != os.getpid() and (PROCESSES / str(pid)).exists():
+        raise in_use(url, _command_of(pid))
+
+
+def lock_address(url: str, host: str, port: int) -> ExitStack:
+    """Lock a TCP instrument under every address that its host name resolves to.
+
+    Returns
+    -------
+    ExitStack
+        Frees the lock when it is closed.
+
+    Raises
+    ------
+    InstrumentError
+        Where another program of this host has the instrument.
+    OSError
+        Where the host name cannot be resolved.
+    """
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    with ExitStack() as locks:
+        for address in sorted({str(entry[4][0]) for entry in found}):
+            name = f"pincette-instrument {address} {port}"
+            lock = locks.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+            try:
+                lock.bind(f"\0{name}")
+            except OSError as error:
+                if error.errno != errno.EADDRINUSE:
+                    raise
+                raise in_use(url, _holder_of_abstract_socket(name)) from error
+        return locks.pop_all()
+
+
+def device_in_use(url: str) -> InstrumentError:
+    """Return the error for a serial port that another program has locked."""
+    return in_use(url, _holder_of_flock(Path(url)))
+
+
+def in_use(url: str, holder: str) -> InstrumentError:
+    """Return the error for an instrument that the named program has opened."""
+    text = (
+        f"{url}: in use by {holder or 'another program'}; one program at a time may open an "
+        "instrument: end that program first, or use its rig instead"
+    )
+    return InstrumentError(text, "cannot_open")
+
+
+def _holder_of_flock(path: Path) -> str:
+    """Return the program that has locked a file; empty where the system does not show it."""
+    with suppress(OSError):
+        found = path.stat()
+        device = f"{os.major(found.st_dev):02x}:{os.minor(found.st_dev):02x}:{found.st_ino}"
+        for line in (PROCESSES / "locks").read_text(encoding="ascii").splitlines():
+            kind, pid, place = (line.split()[field] for field in (1, 4, 5))
+            if kind == "FLOCK" and place == device:
+                return _command_of(int(pid))
+    return ""
+
+
+def _holder_of_abstract_socket(name: str) -> str:
+    """Return the program that has bound a socket; empty where this user may not see it."""
+    with suppress(OSError):
+        for line in (PROCESSES / "net" / "unix").read_text(encoding="utf-8").splitlines():
+            fields = line.split(maxsplit=7)
+            if fields[-1] != f"@{name}":
+                continue
+            for descriptor in PROCESSES.glob("[0-9]*/fd/*"):
+                with suppress(OSError):
+                    if str(descriptor.readlink()) == f"socket:[{fields[6]}]":
+                        return _command_of(int(descriptor.parts[-3]))
+    return ""
+
+
+def _command_of(pid: int) -> str:
+    """Return process id and command line of a program."""
+    try:
+        line = (PROCESSES / str(pid) / "cmdline").read_bytes()
+    except OSError:
+        return f"process {pid}"
+    command = " ".join(part.decode("utf-8", "replace") for part in line.split(b"\0") if part)
+    return f"process {pid} ({command[:120]})" if command else f"process {pid}"
