@@ -1,10 +1,13 @@
 """The I-7024's driver: its bytes, and what it makes of refusals."""
 
+import re
+from collections.abc import Callable
+
 import pytest
 
 from pincette.config import ConfigError, Output
 from pincette.instruments import icpdas_i7024
-from pincette.instruments.protocols import InstrumentError
+from pincette.instruments.protocols import InstrumentError, Link
 
 UNWATCHED = {"watchdog_s": 0.0}
 
@@ -14,16 +17,19 @@ def settings(url: str = "memory://", /, **options: str | float | bool) -> Output
 
 
 class Lines:
-    """A link that answers the module's name, and one reply to all else."""
+    """A link that answers the module's name and configuration, and one reply to all else."""
 
-    def __init__(self, reply: bytes, name: bytes = b"!017024") -> None:
-        self.reply, self.name = reply, name
+    def __init__(
+        self, reply: bytes, name: bytes = b"!017024", configuration: bytes = b"!01330A00"
+    ) -> None:
+        self.reply = reply
+        self.known = {b"$01M": name, b"$012": configuration}
         self.asked: list[bytes] = []
         self.closed = False
 
     def exchange(self, request: bytes) -> bytes:
         self.asked.append(request)
-        return self.name if request == b"$01M" else self.reply
+        return self.known.get(request, self.reply)
 
     def tell(self, line: bytes) -> None:
         self.asked.append(line)
@@ -51,7 +57,53 @@ def test_a_refusal_names_value_and_cause(reply: bytes, text: str, cause: str) ->
 def test_the_bytes_are_those_of_the_manual() -> None:
     link = Lines(b">")
     icpdas_i7024.open_output(settings(channel=2, **UNWATCHED), link).write_V(5.0)
-    assert link.asked == [b"$01M", b"#012+05.000"]
+    assert link.asked == [b"$01M", b"$012", b"#012+05.000"]
+
+
+@pytest.mark.parametrize(
+    ("configuration", "found"),
+    [
+        ("300A00", "0 to 20 mA"),
+        ("310A00", "4 to 20 mA"),
+        ("320A00", "0 to +10 V"),
+        ("340A00", "0 to +5 V"),
+        ("350A00", "-5 to +5 V"),
+        ("3F0A00", "3F"),
+        ("330A04", "slew rate code 1"),
+        ("330A2C", "slew rate code 11"),
+        ("330A44", "slew rate code 1"),
+        ("330A01", "% of full scale"),
+        ("330A02", "hexadecimal"),
+        ("330A03", "03"),
+    ],
+)
+def test_a_module_set_otherwise_is_refused_before_it_moves(configuration: str, found: str) -> None:
+    link = Lines(b">", configuration=b"!01" + configuration.encode())
+    with pytest.raises(InstrumentError, match=re.escape(found)) as caught:
+        icpdas_i7024.open_output(settings(**UNWATCHED), link)
+    assert caught.value.code == "refused"
+    assert link.asked == [b"$01M", b"$012"]
+    assert link.closed
+
+
+@pytest.mark.parametrize("configuration", ["330A00", "330600", "330A40", "33CA00"])
+def test_line_speed_and_checksum_of_the_configuration_are_not_compared(configuration: str) -> None:
+    link = Lines(b">", configuration=b"!01" + configuration.encode())
+    icpdas_i7024.open_output(settings(**UNWATCHED), link).write_V(1.0)
+
+
+def test_a_module_set_otherwise_while_the_line_was_lost_is_refused() -> None:
+    link = Lines(b">")
+    prepared: list[Callable[[Link], None]] = []
+
+    def connect(on_open: Callable[[Link], None]) -> Link:
+        prepared.append(on_open)
+        return link
+
+    icpdas_i7024.I7024(icpdas_i7024.I7024Options(watchdog_s=0.0), connect)
+    link.known[b"$012"] = b"!01310A00"
+    with pytest.raises(InstrumentError, match="4 to 20 mA"):
+        prepared[0](link)
 
 
 def test_something_else_at_the_address_is_not_opened() -> None:

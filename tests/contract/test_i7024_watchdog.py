@@ -47,7 +47,7 @@ class Bench:
 def test_the_watchdog_is_armed_at_the_first_sign_of_life(ticks: int) -> None:
     bench = Bench()
     output = bench.open(watchdog_s=round(0.1 * ticks, 1), channel=0)
-    assert bench.lines == [b"$01M", b"~**", b"~010", b"$0180", b"~0150"]
+    assert bench.lines == [b"$01M", b"$012", b"~**", b"~010", b"$0180", b"~0150"]
     bench.lines.clear()
     output.write_V(1.0)
     output.write_V(2.0)
@@ -68,7 +68,7 @@ def test_without_a_watchdog_nothing_of_it_is_sent() -> None:
     output.keep_alive()
     output.clear_trip()
     output.close()
-    assert bench.lines == [b"$01M", b"#010+01.000"]
+    assert bench.lines == [b"$01M", b"$012", b"#010+01.000"]
 
 
 def test_heartbeats_keep_the_voltage_and_silence_loses_it() -> None:

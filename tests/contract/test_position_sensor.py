@@ -164,7 +164,9 @@ def test_set_up_mode_is_left_and_given_time(monkeypatch: pytest.MonkeyPatch) -> 
     instrument.answer(b"Q0")
     reply = instrument.answer(b"MS,01")
     assert reply == b"ER,MS,51"
-    sensor = keyence_lkg.open_sensor(settings(), Lines({b"R0": b"R0", b"MS,01": reply}))
+    link = Lines({b"R0": b"R0", b"MS,01": b"MS,01,+0001.00"})
+    sensor = keyence_lkg.open_sensor(settings(), link)
+    link.table[b"MS,01"] = reply
     assert slept == [keyence_lkg.MODE_CHANGE_S]
     with pytest.raises(InstrumentError, match=r"error 51 \(not in this mode\)") as caught:
         sensor.read_um()
@@ -182,14 +184,75 @@ def test_another_answer_to_the_mode_closes_the_port(reply: bytes) -> None:
 def test_an_answer_to_another_output_is_refused() -> None:
     link = Lines({b"R0": b"ER,R0,01", b"MS,01": b"MS,02,+0001.00"})
     with pytest.raises(InstrumentError, match="no answer to"):
-        keyence_lkg.open_sensor(settings(), link).read_um()
+        keyence_lkg.open_sensor(settings(), link)
+
+
+def answering(value: bytes) -> Lines:
+    return Lines({b"R0": b"ER,R0,01", b"MS,01": b"MS,01," + value})
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "position_um"),
+    [
+        ("um", b"+0012.34", 12.34),
+        ("um", b"-001.234", -1.234),
+        ("um", b"+00012.3", 12.3),
+        ("mm", b"+0.01234", 12.34),
+        ("mm", b"-00.0123", -12.3),
+    ],
+)
+def test_displays_of_a_sensible_step_are_read(unit: str, value: bytes, position_um: float) -> None:
+    sensor = keyence_lkg.open_sensor(settings(unit=unit), answering(value))
+    assert sensor.read_um() == pytest.approx(position_um)
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "step_um"),
+    [
+        ("um", b"+0000123", "1 µm"),
+        ("mm", b"+0000123", "1000 µm"),
+        ("um", b"+000123.", "1 µm"),
+        ("mm", b"+0012.34", "10 µm"),
+        ("mm", b"+001.234", "1 µm"),
+        ("um", b"+0.01234", "1e-05 µm"),
+        ("um", b"+00.0123", "0.0001 µm"),
+    ],
+)
+def test_a_display_of_another_unit_or_step_is_not_opened(
+    unit: str, value: bytes, step_um: str
+) -> None:
+    link = answering(value)
+    with pytest.raises(InstrumentError, match=step_um) as caught:
+        keyence_lkg.open_sensor(settings(unit=unit), link)
+    assert caught.value.code == "refused"
+    assert link.closed
+
+
+def test_a_display_is_compared_at_the_first_value_where_there_was_none() -> None:
+    link = answering(b"+FFFFFFF")
+    sensor = keyence_lkg.open_sensor(settings(), link)
+    link.table[b"MS,01"] = b"MS,01,+0000123"
+    with pytest.raises(InstrumentError, match="1 µm") as caught:
+        sensor.read_um()
+    assert caught.value.code == "refused"
+
+
+def test_a_display_that_is_set_otherwise_while_it_is_read_is_refused() -> None:
+    link = answering(b"+0012.34")
+    sensor = keyence_lkg.open_sensor(settings(), link)
+    link.table[b"MS,01"] = b"MS,01,+012.345"
+    with pytest.raises(InstrumentError, match="3 decimals") as caught:
+        sensor.read_um()
+    assert caught.value.code == "refused"
+    link.table[b"MS,01"] = b"MS,01,+0012.35"
+    assert sensor.read_um() == pytest.approx(12.35)
 
 
 def test_a_port_opened_warns_that_the_driver_has_not_met_its_instrument(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def opened(*_wanted: object, **_how: object) -> Lines:
-        return Lines({b"R0": b"ER,R0,01"})
+        return answering(b"+0001.00")
 
     keyence_lkg.open_sensor(settings(), opened())
     assert not caplog.records
@@ -230,7 +293,7 @@ def _on_open_of(sensor: Sensor) -> Callable[[Link], None]:
 
     def opened(*_wanted: object, on_open: Callable[[Link], None], **_how: object) -> Lines:
         given.append(on_open)
-        return Lines({b"R0": b"ER,R0,01"})
+        return answering(b"+0001.00")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(keyence_lkg, "open_link", opened)

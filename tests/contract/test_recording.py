@@ -100,7 +100,7 @@ def test_what_was_recorded_is_played(tmp_path: Path) -> None:
 
 def test_a_driver_plays_its_recording_without_a_change(tmp_path: Path) -> None:
     path = tmp_path / "dialogue.txt"
-    positions_um = iter([1.0, 20_000.0, None, 2.5])
+    positions_um = iter([0.0, 1.0, 20_000.0, None, 2.5])  # the first is read when it is opened
 
     def all_said(settings: Sensor) -> list[float | str]:
         device = keyence_lkg.open_sensor(settings)

@@ -7,6 +7,10 @@ at its safe value; ``$AA8N`` answers ``!AA±dd.ddd``, the voltage that is put ou
 or a bad line is met with silence. An optional checksum, two hexadecimal digits, is the sum of the
 preceding bytes modulo 256.
 
+``$AA2`` answers ``!AATTCCFF``: output range, line speed, and data format with slew rate. The driver
+needs ±10 V (33), immediate changes and engineering units. It refuses any other setting before it
+moves anything, since the module would confirm the same commands with another meaning.
+
 The host watchdog: ``~AA3EVV`` switches it on (E = 1) or off, VV in tenths of a second in
 hexadecimal; ``~**`` says that the host lives, and has no answer; ``~AA0`` answers ``!AASS``, the
 status; ``~AA1`` clears it; ``~AA5N`` makes the present output the safe value. Assumed: bit 2 of the

@@ -3,8 +3,14 @@
 From the RS-232 command reference of its user's manual: 8N1, no flow control, lines end with CR;
 ``MS,nn`` answers ``MS,nn,value`` with 8 characters, sign and point included; ``XXXXXXXX`` is an
 invalid reading, ``±FFFFFFF`` over range; ``ER,command,code`` an error; ``R0`` asks for measuring
-mode and answers ``ER,R0,01`` where it holds. The unit is not transmitted: it is the display's.
-Lines that begin with ``TG,`` come unasked and are skipped.
+mode and answers ``ER,R0,01`` where it holds. Lines that begin with ``TG,`` come unasked and are
+skipped.
+
+The unit is not transmitted: it is the display's, and so is the place of the decimal point, which a
+display of whole units leaves out. One step of the last digit, in the unit of the rig file, must be
+within ``FINEST_UM`` and ``COARSEST_UM``, and must not change while the sensor is open. So a display
+in mm that is read as µm, or the reverse, is refused at the first reading, as is one too coarse.
+Not transmitted either, and to be compared by a person: zero, scaling, direction, averaging.
 
 Assumed: a change of mode takes one second, and the error codes of the LK-G5000, whose numbers alone
 are known, mean what those of the LK-G3000 mean, in the same order.
@@ -28,8 +34,11 @@ MET = False
 URL = "/dev/ttyUSB0"
 """Where it usually is."""
 MODE_CHANGE_S = 1.0
-VALUE = re.compile(rb"[+-](?=.{7}$)\d+\.\d+")
+VALUE = re.compile(rb"[+-](?=.{7}$)\d+(?:\.(\d*))?")
+COARSEST_UM, FINEST_UM = 0.1, 0.001
+"""Limits of one step of the display. Coarser ones hide the motion; no display is finer."""
 UM_PER_UNIT = {"um": 1.0, "mm": 1000.0}
+UNITS = {"um": "µm", "mm": "mm"}
 MEANINGS = (
     "unknown command",
     "not in this mode",
@@ -61,13 +70,15 @@ class KeyenceOptions(Table):
     """Of the serial line."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class KeyenceLKG:
     """One output of the controller."""
 
     link: Link
     request: bytes
-    um_per_unit: float
+    unit: Literal["um", "mm"]
+    _decimals: int | None = None
+    """Digits after the point of the first reading; None before it."""
 
     def read_um(self) -> float:
         """Return the position in µm, as the display counts it.
@@ -75,14 +86,15 @@ class KeyenceLKG:
         Raises
         ------
         InstrumentError
-            Where the reading is over range or invalid, or the instrument reports an error.
+            Where the reading is over range or invalid, the instrument reports an error, or its
+            display is set otherwise than the rig file says.
         """
-        reply = self.link.exchange(self.request)
-        echo, value = reply[: len(self.request)], reply[len(self.request) + 1 :]
-        if echo != self.request or reply[len(echo) : len(echo) + 1] != b",":
-            raise _refusal(self.request, reply)
-        if VALUE.fullmatch(value):
-            return float(value) * self.um_per_unit
+        value = self._value()
+        if match := VALUE.fullmatch(value):
+            decimals = len(match[1] or b"")
+            if decimals != self._decimals:
+                self._require_display(decimals, value)
+            return float(value) * UM_PER_UNIT[self.unit]
         if value in (b"+FFFFFFF", b"-FFFFFFF"):
             side = "above" if value[:1] == b"+" else "below"
             text = f"Keyence: {side} the measuring range ({value.decode()})"
@@ -90,7 +102,49 @@ class KeyenceLKG:
         if value == b"XXXXXXXX":
             text = "Keyence: invalid reading (XXXXXXXX); is the target in view?"
             raise InstrumentError(text, "invalid")
-        raise InstrumentError(f"Keyence: {reply[:40]!r} carries no 8-character value", "garbled")
+        raise InstrumentError(f"Keyence: {value[:40]!r} is no value of 8 characters", "garbled")
+
+    def check_display(self) -> None:
+        """Compare unit and step of the display with the rig file, if there is a value to see.
+
+        Raises
+        ------
+        InstrumentError
+            Where the display is set otherwise than the rig file says, or nothing answers.
+        """
+        value = self._value()
+        if match := VALUE.fullmatch(value):
+            self._require_display(len(match[1] or b""), value)
+
+    def _value(self) -> bytes:
+        reply = self.link.exchange(self.request)
+        echo, value = reply[: len(self.request)], reply[len(self.request) + 1 :]
+        if echo != self.request or reply[len(echo) : len(echo) + 1] != b",":
+            raise _refusal(self.request, reply)
+        return value
+
+    def _require_display(self, decimals: int, value: bytes) -> None:
+        """Raise InstrumentError where the display shows another unit or step than it should."""
+        step_um = UM_PER_UNIT[self.unit] * 10.0**-decimals
+        shown = value.decode()
+        remedy = (
+            "set the minimum display unit of this output to 0.01 µm or 0.00001 mm at the "
+            'controller, and [sensor.options] unit = "um" or "mm" to match'
+        )
+        if not 0.999 * FINEST_UM < step_um < 1.001 * COARSEST_UM:  # steps are powers of ten
+            text = (
+                f"Keyence: the value {shown}, in {UNITS[self.unit]} by the rig file, has steps of "
+                f"{step_um:g} µm, limits {FINEST_UM:g} and {COARSEST_UM:g} µm: {remedy}"
+            )
+            raise InstrumentError(text, "refused")
+        if self._decimals is not None:
+            text = (
+                f"Keyence: the value {shown} has {decimals} decimals, the first one had "
+                f"{self._decimals}: the display was set otherwise while it was read; set it back, "
+                "or start the program again"
+            )
+            raise InstrumentError(text, "refused")
+        self._decimals = decimals
 
     def close(self) -> None:
         """Give the port back."""
@@ -128,7 +182,7 @@ def timing(settings: Sensor) -> Timing:
 
 
 def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
-    """Open the port, or take ``link``, and bring the instrument to measuring mode.
+    """Open the port, or take ``link``, bring the instrument to measuring mode, check its display.
 
     A port that is opened again later finds the instrument in measuring mode, or asks for it and
     leaves the time that this takes to the exchanges after.
@@ -152,13 +206,15 @@ def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
             on_open=_measure_again,
             record=settings.record,
         )
+    sensor = KeyenceLKG(link, _request(options), options.unit)
     try:
         if _change_to_measuring(link):
             time.sleep(MODE_CHANGE_S)
+        sensor.check_display()
     except InstrumentError:
         link.close()
         raise
-    return KeyenceLKG(link, _request(options), UM_PER_UNIT[options.unit])
+    return sensor
 
 
 def _request(options: KeyenceOptions) -> bytes:

@@ -1,17 +1,35 @@
 """Lines of the DCON protocol to one channel of an analog output module; see ``icpdas_i7024``."""
 
+import logging
 import re
 from dataclasses import dataclass
 
 from pincette.instruments.protocols import InstrumentError, Link
 
 NAME, NOTHING = re.compile(rb".+"), re.compile(rb"")
+CONFIGURATION = re.compile(rb"[0-9A-F]{6}")
+OUTPUT_TYPES = {
+    b"30": "0 to 20 mA",
+    b"31": "4 to 20 mA",
+    b"32": "0 to +10 V",
+    b"33": "-10 to +10 V",
+    b"34": "0 to +5 V",
+    b"35": "-5 to +5 V",
+}
+"""Type codes of the output range. A command carries the same digits whatever the range is."""
+WANTED_TYPE = b"33"
+FORMATS = ("engineering units", "% of full scale", "hexadecimal")
+"""Data formats by bits 0 and 1 of the format code."""
+SLEW_SHIFT, SLEW_MASK = 2, 0x0F
+"""Bits 2 to 5 of the format code: the slew rate, 0 for an immediate change."""
 VALUE = re.compile(rb"[+-]\d{2}\.\d{3}")
 LINE_BYTES = len(b"#012+05.000") + 1
 REPLY_BYTES = len(b">") + 1
 CHECKSUM_BYTES = 2
 TRIES = 4
 """How often a question is asked whose answer is none of its own: a slow module's late one."""
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +42,53 @@ class DconModule:
     checksum: bool
 
     def identify(self) -> None:
-        """Ask for the module's name, so that a wrong address is found before anything moves."""
+        """Find a wrong address or a wrong setting of the module before anything moves.
+
+        Raises
+        ------
+        InstrumentError
+            Where nothing at the address has a name, or the module is set to another output range,
+            a slew rate, or another data format than the driver writes.
+        """
         self.ordered(b"$", b"M", "name", NAME)
+        reply, head = self._answer(b"$%02X2" % self.address, CONFIGURATION), b"!%02X" % self.address
+        if reply == b"?%02X" % self.address:
+            text = (
+                "I-7024: does not state its configuration; it must be set to -10 to +10 V by hand"
+            )
+            _log.warning(text)
+            return
+        if not reply.startswith(head) or CONFIGURATION.fullmatch(reply[len(head) :]) is None:
+            raise self._refusal("configuration", reply)
+        found = reply[len(head) :]
+        self._require_settings(output_type=found[:2], format_code=int(found[4:], 16))
+
+    @staticmethod
+    def _require_settings(output_type: bytes, format_code: int) -> None:
+        """Raise InstrumentError for the first setting that changes what a command means."""
+        remedy = "set it with the maker's DCON Utility, then open the module again"
+        if output_type != WANTED_TYPE:
+            found = OUTPUT_TYPES.get(output_type, "unknown")
+            text = (
+                f"I-7024: output range {found} (type code {output_type.decode()}), the driver "
+                f"needs {OUTPUT_TYPES[WANTED_TYPE]} (type code {WANTED_TYPE.decode()}): {remedy}"
+            )
+            raise InstrumentError(text, "refused")
+        slew = format_code >> SLEW_SHIFT & SLEW_MASK
+        if slew:
+            text = (
+                f"I-7024: slew rate code {slew} (format code {format_code:02X}), the driver needs "
+                f"0, an immediate change: {remedy}"
+            )
+            raise InstrumentError(text, "refused")
+        form = format_code & 0x03
+        if form:
+            found = FORMATS[form] if form < len(FORMATS) else "unknown"
+            text = (
+                f"I-7024: data format {found} (format code {format_code:02X}), the driver needs "
+                f"{FORMATS[0]}: {remedy}"
+            )
+            raise InstrumentError(text, "refused")
 
     def put_out(self, voltage_V: float) -> None:
         """Set the channel; raises InstrumentError."""

@@ -50,6 +50,8 @@ class SimulatedI7024:
     address: int = 1
     channel: int = 0
     checksum: bool = False
+    configuration: bytes = b"330A00"
+    """What ``$AA2`` answers: type code of the output range, line speed, data format."""
     _channels: list[_Channel] = field(
         default_factory=lambda: [_Channel() for _ in range(CHANNELS)], init=False
     )
@@ -125,7 +127,7 @@ class SimulatedI7024:
         dog = self._watchdog
         if command in (b"$2", b"$M", b"$F", b"~0"):
             status = TRIPPED if dog.tripped else FINE
-            known = {b"$2": b"320A00", b"$M": b"7024", b"$F": b"A1.0", b"~0": status}
+            known = {b"$2": self.configuration, b"$M": b"7024", b"$F": b"A1.0", b"~0": status}
             return prefix + known[command]
         if command == b"~1":
             dog.tripped = False
