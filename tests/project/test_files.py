@@ -5,7 +5,6 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-MAX_LINES = 300
 FOREIGN = re.compile(
     r"""https?://[a-z0-9.:-]+/(?:simple|packages)(?:/|\b)   # a package index
       | \bregistry\.[a-z0-9-]+\.(?:org|com)\b
@@ -24,16 +23,6 @@ def text_of(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         return ""
-
-
-def test_no_room_holds_too_much(files: list[Path], root: Path) -> None:
-    lengths = {
-        str(path.relative_to(root)): len(text_of(path).splitlines())
-        for path in files
-        if path.suffix == ".py"
-    }
-    assert lengths
-    assert {name: lines for name, lines in lengths.items() if lines > MAX_LINES} == {}
 
 
 def test_no_file_names_an_index_or_this_machine(files: list[Path], root: Path) -> None:

@@ -1,8 +1,6 @@
-"""The list of packages, the entry points and the folders say the same; a folder is no crowd."""
+"""The list of packages, the entry points and the folders agree."""
 
-import ast
 import tomllib
-from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -16,47 +14,11 @@ BUILT_ON_THE_LIBRARY = [
     *(f"pincette_{name}" for name in SERVICES),
     *(name for name in SHARED if name != "pincette"),
 ]
-MOST_FILES = 25
-FEW_LINES = 40
-
-SMALL_FOR_A_REASON = {
-    "pincette.control.safety.watchdog_feed": "part of the safety module, with mutants of its own",
-    "pincette_supervisor.rest.routes_catalog": "a router a module",
-    "pincette_batch.kernel.estimator": "compiled by itself, beside the scalar code it follows",
-    "pincette_sensor.config": "every service has a config.py",
-}
-"""Modules of fewer than ``FEW_LINES`` lines with one importer, and why they stand alone."""
 
 
 def packages() -> list[str]:
     services = [f"services/{name}/pincette_{name}" for name in SERVICES]
     return [*(f"shared/{name}" for name in SHARED), *services]
-
-
-def modules() -> dict[str, Path]:
-    """Every module of the product, by its dotted name; packages by their ``__init__``."""
-    found: dict[str, Path] = {}
-    for package in packages():
-        base = (ROOT / package).parent
-        for path in sorted((ROOT / package).rglob("*.py")):
-            name = ".".join(path.relative_to(base).with_suffix("").parts)
-            found[name.removesuffix(".__init__")] = path
-    return found
-
-
-def importers(found: dict[str, Path]) -> dict[str, set[str]]:
-    """Which modules import each module."""
-    by: defaultdict[str, set[str]] = defaultdict(set)
-    for name, path in found.items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                for alias in node.names:
-                    by[alias.name].add(name)
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                for alias in node.names:
-                    full = f"{node.module}.{alias.name}"
-                    by[full if full in found else node.module].add(name)
-    return by
 
 
 def test_wheel_holds_every_package(pyproject: dict[str, Any]) -> None:
@@ -104,26 +66,3 @@ def test_service_folders_are_alike(name: str) -> None:
     wanted = ["README.md", *(f"{package}/{file}" for file in modules)]
     missing = [file for file in wanted if not (ROOT / "services" / name / file).is_file()]
     assert not missing
-
-
-def test_no_folder_of_the_product_is_a_crowd(files: list[Path], root: Path) -> None:
-    product = [path.relative_to(root) for path in files]
-    counts = Counter(path.parent for path in product if path.parts[0] in ("shared", "services"))
-    assert {str(folder): n for folder, n in counts.items() if n > MOST_FILES} == {}
-
-
-def test_small_modules_with_one_importer_have_a_reason(pyproject: dict[str, Any]) -> None:
-    found = modules()
-    by = importers(found)
-    groups: dict[str, dict[str, str]] = pyproject["project"]["entry-points"]
-    loaded = {value.partition(":")[0] for group in groups.values() for value in group.values()}
-    small = {
-        name
-        for name, path in found.items()
-        if path.stem != "__init__"
-        and name not in loaded
-        and len(by[name] - {name}) == 1
-        and len(path.read_text(encoding="utf-8").splitlines()) < FEW_LINES
-    }
-    assert small - SMALL_FOR_A_REASON.keys() == set(), "join them to their importer"
-    assert SMALL_FOR_A_REASON.keys() - small == set(), "no reason is needed any more"
