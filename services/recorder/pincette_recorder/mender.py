@@ -5,11 +5,12 @@ To close a long record takes many seconds, in which a job that is about to begin
 
 import logging
 from collections.abc import Callable, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import time
 
 from pincette.core.messages import Finish, Message, Recorded
+from pincette.engine.threads import log_failure
 from pincette.records import mcap_reading
 from pincette.records.mcap_file import NAME
 from pincette_recorder import record_repair, retention
@@ -32,7 +33,7 @@ class Mender:
 
     def tidy(self, left: Iterable[Path]) -> None:
         """Close these, then delete what the rig file asks for; errors are logged."""
-        self._pool.submit(self._tidy, tuple(left)).add_done_callback(_log_error)
+        self._pool.submit(self._tidy, tuple(left)).add_done_callback(log_failure)
 
     def tell_end(self, request: Finish, reply: Reply) -> None:
         """Tell what became of a record that was closed without being asked, or broke off.
@@ -59,7 +60,7 @@ class Mender:
         if whole:
             answer(mending=False)
         else:
-            self._pool.submit(answer, mending=True).add_done_callback(_log_error)
+            self._pool.submit(answer, mending=True).add_done_callback(log_failure)
 
     def close(self) -> None:
         """End what has begun, and begin nothing more."""
@@ -97,8 +98,3 @@ def _end_of(path: Path, request: Finish) -> Recorded | str:
         complete=closing["complete"] == "true",
         detail=closing["detail"][:MOST_TEXT],
     )
-
-
-def _log_error(done: Future[None]) -> None:
-    if not done.cancelled() and (error := done.exception()) is not None:
-        log.error("a record is left as it is: %s", error)

@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import Literal
 
+from pincette.engine.threads import RepeatedAction
+
 Share = Literal["bus", "journal", "drawing"]
 GRID_S = 0.05
 LATE_S = 0.02
@@ -35,8 +37,7 @@ class Attention:
         self._late_s = 0.0
         self._sampled_s = clock()
         self._rows: deque[tuple[float, float, dict[Share, float]]] = deque(maxlen=KEPT)
-        self._closing = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._repeated = RepeatedAction("attention", GRID_S, self.sample)
 
     @contextmanager
     def at(self, share: Share) -> Generator[None]:
@@ -80,18 +81,11 @@ class Attention:
 
     def start(self) -> None:
         """Measure from here on, in a thread."""
-        self._thread = threading.Thread(target=self._work, name="attention", daemon=True)
-        self._thread.start()
+        self._repeated.start()
 
     def close(self) -> None:
         """Measure no more."""
-        self._closing.set()
-        if self._thread is not None:
-            self._thread.join(2.0)
-
-    def _work(self) -> None:
-        while not self._closing.wait(GRID_S):
-            self.sample()
+        self._repeated.close(2.0)
 
 
 ATTENTION = Attention()

@@ -129,7 +129,13 @@ def _rest_server(
 ) -> Generator[None]:
     """Serve in a thread of its own, which leaves signals to the program's start-up."""
     server = server_of(app, tls)
-    thread = threading.Thread(target=server.run, args=([listener],), name="rest")
+
+    def serve() -> None:
+        server.run([listener])
+        if not server.should_exit:
+            raise RuntimeError("the REST server ended by itself")
+
+    thread = threading.Thread(target=serve, name="rest")
     thread.start()
     try:
         while thread.is_alive() and not server.started:

@@ -38,8 +38,8 @@ MEANINGS = {
     429: ("too-many-requests", "the client asks too often (Retry-After)"),
     503: (
         "rig-not-ready",
-        "rig-not-ready (with reasons), estop-unconfirmed, model-not-kept, store-failed, "
-        "too-many-listeners, or busy: ask again",
+        "rig-not-ready (with reasons), estop-unconfirmed, keys-unconfirmed, model-not-kept, "
+        "store-failed, too-many-listeners, or busy: ask again",
     ),
 }
 
@@ -48,6 +48,7 @@ INSTANCE = "urn:uuid:0b5a4a2e-3f0f-4f0a-9a51-5a2f6c1f7f10"
 REMEDIES: Mapping[str, str] = {
     "bad-json": "mend the body, and send it again",
     "no-key": "send a key as `Authorization: Bearer KEY`; `pincette key add` makes one",
+    "keys-unconfirmed": "see the supervisor's log; keep its data folder on a local disk",
     "scope-too-small": "use a key with the needed scope; `pincette key add --scope` makes one",
     "foreign-page": "use the page of this supervisor, or send no Origin",
     "not-found": "take a name from the list of what there is",

@@ -17,6 +17,7 @@ from pincette.cli import PKI, CliError, Exit
 from pincette.cli.options import DATA, DataFolder, number
 from pincette.cli.terminal import Json, clock, command, emit, group, table
 from pincette.core import plugins
+from pincette.core.text_files import EncodingError, decoded
 
 if TYPE_CHECKING:
     from pincette.client import JobHandle, RigHandle, Supervisor
@@ -185,9 +186,9 @@ def key_of(given: str | None) -> str | None:
 def _read(path: Path) -> str:
     try:
         mode = path.stat().st_mode
-        text = path.read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is no text"
+        text = decoded(path.read_bytes()).strip()
+    except (OSError, EncodingError) as error:
+        why = error.strerror if isinstance(error, OSError) else str(error)
         raise CliError(f"key file {path} cannot be read: {why}", Exit.USAGE) from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         why = f"has mode {stat.S_IMODE(mode):04o}, so others may read it: chmod 600 {path}"

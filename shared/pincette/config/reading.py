@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from pincette.config.rig_file import RigFile
 from pincette.config.second import completed
 from pincette.config.tables import ConfigError
+from pincette.core.text_files import EncodingError, decoded
 from pincette.core.validation_wording import place, refusal
 
 Tree = dict[str, Any]
@@ -30,7 +31,7 @@ def read_rig(path: Path) -> RigFile:
     if base is not None:
         if not isinstance(base, str):
             raise ConfigError(f"rig file {path}:\n  base = {base!r}: wanted the name of a rig file")
-        below = _tables(path.parent / base)
+        below = _tables(_beside(path, base))
         if BASE in below:
             raise ConfigError(f"rig file {path}:\n  base = {base!r}: that file has a base itself")
         try:
@@ -43,9 +44,15 @@ def read_rig(path: Path) -> RigFile:
         raise ConfigError(f"rig file {path}:\n{error}") from error
     for name, table in {"sila": rig.sila, "foxglove": rig.foxglove}.items():
         if table.certificate is not None:
-            certificate = {"certificate": str(path.parent / table.certificate)}
+            certificate = {"certificate": str(_beside(path, table.certificate))}
             rig = rig.model_copy(update={name: table.model_copy(update=certificate)})
-    return rig if rig.bus.pki is None else rig.secured(path.parent / rig.bus.pki)
+    return rig if rig.bus.pki is None else rig.secured(_beside(path, rig.bus.pki))
+
+
+def _beside(path: Path, name: str) -> Path:
+    """Return the path of what a rig file names: beside it, else beside what a link points to."""
+    here, there = path.parent / name, path.resolve().parent / name
+    return there if there.exists() and not here.exists() else here
 
 
 CHOICES = {"law": "scheme", "sensor": "driver", "output": "driver"}
@@ -71,14 +78,17 @@ def _tables(path: Path) -> Tree:
         with path.open("rb") as file:
             content = file.read(MOST_BYTES + 1)
     except OSError as error:
-        raise ConfigError(f"rig file {path}: {error.strerror}") from error
+        link = f", a link to {path.resolve(strict=False)}" if path.is_symlink() else ""
+        raise ConfigError(f"rig file {path}{link}: {error.strerror}") from error
     except ValueError as error:
         raise ConfigError(f"rig file {str(path)!r}: no file can have this name") from error
     if len(content) > MOST_BYTES:
         raise ConfigError(f"rig file {path}: larger than {MOST_BYTES} bytes")
     try:
-        return tomllib.loads(content.decode())
-    except (ValueError, RecursionError) as error:  # also what is no UTF-8, and endless digits
+        return tomllib.loads(decoded(content))
+    except EncodingError as error:
+        raise ConfigError(f"rig file {path}: {error}") from error
+    except (ValueError, RecursionError) as error:  # also endless digits
         raise ConfigError(f"rig file {path} is not TOML: {error}") from error
 
 

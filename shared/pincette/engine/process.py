@@ -30,6 +30,7 @@ from pincette.engine.program import Context
 from pincette.engine.realtime.gc_tuning import disable_gc, freeze_gc
 from pincette.engine.realtime.os_scheduling import raise_priority
 from pincette.engine.rig_file import serve_rig_file
+from pincette.engine.threads import FailedThreads
 from pincette.engine.timing_budget import shared_timeout_s
 from pincette.instruments.protocols import InstrumentError
 from pincette.security.identity import SecurityError
@@ -45,6 +46,8 @@ OTHERS = 0o027
 MOST_FILES = 4096
 """That a program may have open; strangers hold far fewer of them."""
 
+FAILED = FailedThreads()
+"""Threads of this process that ended with an error."""
 Notes = dict[Node, BootNote]
 """Of the services for which it matters how they ended before."""
 
@@ -86,6 +89,7 @@ def run_program(name: str, rig_path: Path, options: Options) -> int:
         return 2
     _allow_files()
     keep_from_others()
+    FAILED.names.clear()
     stop = threading.Event()
     try:
         rig = read_rig(rig_path)
@@ -102,7 +106,7 @@ def run_program(name: str, rig_path: Path, options: Options) -> int:
     except CannotStart as error:
         log.error("%s", error)
         return 2
-    return 0
+    return 1 if FAILED.names else 0
 
 
 def _allow_files() -> None:
@@ -119,6 +123,7 @@ def keep_from_others() -> None:
 
 
 def _on_stop(stop: Callable[[], None], options: Options) -> None:
+    FAILED.end_program(stop)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: stop())
     if options.exit_with_parent:

@@ -81,6 +81,7 @@ class RevocationList:
     folder: Path
     _serials: frozenset[int] = field(init=False)
     _seen: tuple[int, int] | None = field(init=False)
+    _trouble: str = field(init=False, default="")
 
     def __post_init__(self) -> None:
         self._seen = self._stamp()
@@ -91,11 +92,15 @@ class RevocationList:
         seen = self._stamp()
         if seen == self._seen:
             return False
-        self._seen, before = seen, self._serials
+        before = self._serials
         try:
             self._serials = before | read_revoked(self.folder)
         except SecurityError as error:
-            log.warning("those who were revoked before stay so, others are not known: %s", error)
+            if str(error) != self._trouble:  # it is read again at each look
+                log.error("certificates revoked from here on are not known: %s", error)
+            self._trouble = str(error)
+        else:
+            self._seen, self._trouble = seen, ""
         return self._serials != before
 
     def holds(self, serial: int) -> bool:

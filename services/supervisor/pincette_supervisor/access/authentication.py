@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from time import monotonic
 from typing import Literal, TypeVar
 
 from pincette.api.access import MEANINGS, SCOPES, Scope, covers
@@ -19,6 +20,8 @@ from pincette_supervisor.problems import ProblemError
 REALM = 'Bearer realm="pincette"'
 IDLE_H = 12.0
 """A session ends when its page has not asked for so long; an open page asks every second."""
+UNCONFIRMED_S = 15.0
+"""Longest time without a successful reading of the keys after which they still count, in s."""
 BYTES = 32
 # Nobody guesses one of 256 random bits, so a plain SHA-256 is kept: a slow hash protects words that
 # people choose, and would let a flood of wrong keys cost more than a flood of requests.
@@ -67,6 +70,8 @@ class Caller:
     way: Literal["open", "key", "session", "none"] = "none"
     showed: bool = False
     """Whether a key or a cookie was shown, valid or not."""
+    unconfirmed: bool = False
+    """Whether the caller is refused because the supervisor cannot read its keys."""
 
     def signed(self, label: str) -> str:
         """The name an action is stored under: the key and the label, or without keys the label."""
@@ -103,8 +108,16 @@ class Authenticator:
 
     # Keys are required once there is, or was, one: with the last one revoked nobody comes in.
 
-    def __init__(self, *, always: bool = False, now: Callable[[], str] = utc_now) -> None:
-        self._always, self._now = always, now
+    def __init__(
+        self,
+        *,
+        always: bool = False,
+        now: Callable[[], str] = utc_now,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._always, self._now, self._clock = always, now, clock
+        self._confirmed_s: float | None = None
+        """Time of the last successful reading of the keys; None before the first one."""
         self._snapshot = KeySnapshot()
         self._turn = threading.Lock()
         self.tries = Tries()
@@ -125,7 +138,9 @@ class Authenticator:
     def refresh(self, repository: KeyRepository) -> None:
         """Read keys that another program may have changed, and store uses; raises StoreError."""
         with self._turn:
+            asked_s = self._clock()
             rows = repository.all()
+            self._confirmed_s = asked_s
             # Never open again while it runs, whatever becomes of the files.
             self._always = self._always or bool(rows)
             # A key that was revoked opens nothing, also while the journal cannot be used.
@@ -136,8 +151,17 @@ class Authenticator:
             if keys or sessions:
                 repository.note_use(keys, sessions)
 
+    @property
+    def unconfirmed(self) -> bool:
+        """Whether a key may have been revoked unnoticed, since the keys cannot be read."""
+        if self._confirmed_s is None:
+            return False
+        return self._clock() - self._confirmed_s > UNCONFIRMED_S
+
     def identify(self, address: str, shown: str | None, cookie: str | None) -> Caller:
-        """The caller, by the key shown, valid or not, else by a cookie."""
+        """Return the caller, by the key shown, valid or not, else by a cookie."""
+        if self.unconfirmed:
+            return Caller(address, unconfirmed=True)
         if not self.keys_wanted:
             return Caller(address, scope=SCOPES[-1], way="open")
         now = self._now()
@@ -161,7 +185,9 @@ class Authenticator:
             self._keys_used[key.name] = now
 
     def by_password(self, address: str, name: str, password: str) -> Caller:
-        """The user of a name and a password; raises ProblemError where it is tried too often."""
+        """Return the user of a name and a password; raises ProblemError after many wrong ones."""
+        if self.unconfirmed:
+            return Caller(address, unconfirmed=True)
         self.tries.require(name)
         now = self._now()
         rows = [row for row in self._snapshot.keys if row.name == name and row.usable(now)]
@@ -206,6 +232,15 @@ def hours_before(now: str, hours: float) -> str:
 
 def require_scope(caller: Caller, needed: Scope) -> None:
     """Raise ProblemError with the remedy: 401 for an unknown caller, 403 for a small scope."""
+    if caller.unconfirmed:
+        raise ProblemError(
+            503,
+            "keys-unconfirmed",
+            "The keys cannot be confirmed",
+            f"the supervisor has not been able to read its keys for {UNCONFIRMED_S:g} s, and one "
+            "may have been revoked meanwhile; the emergency stop still works",
+            needed_scope=needed,
+        )
     if caller.scope is None:
         why = (
             "what was shown opens nothing: it is wrong, revoked, expired or signed out"

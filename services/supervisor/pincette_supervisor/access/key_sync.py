@@ -1,49 +1,42 @@
 """Copies keys from the journal into memory, and audit entries from memory into the journal."""
 
-import logging
-import threading
-
-from sqlalchemy.exc import SQLAlchemyError
-
+from pincette.engine.threads import RepeatedAction
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
-from pincette_supervisor.journal.store import Store, StoreError
+from pincette_supervisor.journal.store import Store
 
 EVERY_S = 0.5
-"""Time within which a key that another program added or revoked takes effect."""
-
-log = logging.getLogger("pincette")
+"""Time within which a key that another program added or revoked takes effect, in s."""
+KEYS = "keys"
+"""Cause of the alarm that is raised while keys cannot be read, or their use not be written."""
 
 
 class KeySync:
-    """Reads changed keys, and writes the audit log and when keys were used, until closed."""
+    """Reads changed keys, and writes the audit log and when keys were used, until closed.
+
+    While it fails, the store names the cause, from which the alarm of every rig is raised. The
+    authenticator itself refuses callers once the keys could not be read for too long.
+    """
 
     def __init__(self, store: Store, access: Access) -> None:
+        self._store = store
         self._keys, self._audit = KeyRepository(store), AuditRepository(store)
         self._authenticator, self._audit_buffer = access.authenticator, access.audit_buffer
-        self._ended = threading.Event()
-        self._logged = ""
         self._authenticator.refresh(self._keys)
-        self._thread = threading.Thread(target=self._run, name="key-sync")
-        self._thread.start()
-
-    def _run(self) -> None:
-        while not self._ended.wait(EVERY_S):
-            self._sync()
+        self._repeated = RepeatedAction("key-sync", EVERY_S, self._sync, daemon=False)
+        self._repeated.start()
 
     def _sync(self, *, last: bool = False) -> None:
         try:
             self._authenticator.refresh(self._keys)
             self._audit_buffer.flush(self._audit, everything=last)
-            self._logged = ""
-        except (StoreError, SQLAlchemyError) as error:
-            # Keys stay as they were known, and what was done waits: the disk may have room again.
-            if str(error) != self._logged:
-                self._logged = str(error)
-                log.error("keys and audit log: %s", error)
+        except Exception as error:
+            # What was done waits: the disk may have room again.
+            self._store.troubles[KEYS] = f"keys and audit log: {error}"
+            raise
+        self._store.troubles.pop(KEYS, None)
 
     def close(self) -> None:
-        """End; what waits is written."""
-        self._ended.set()
-        self._thread.join()
-        self._sync(last=True)
+        """Stop, and write what waits."""
+        self._repeated.close()
+        self._repeated.run(lambda: self._sync(last=True))

@@ -1,19 +1,17 @@
 """Watches one rig for what an operator must learn, with a job or without; never inside the loop."""
 
-import logging
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from pincette.core.faults import Cause, FaultCode
 from pincette.core.messages import Applied
 from pincette.core.wording import status_text
+from pincette.engine.threads import RepeatedAction
 from pincette_supervisor.alarms.checks import Condition, conditions
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.journal.store import StoreError
 from pincette_supervisor.rigs.rig_context import RigContext
 
-log = logging.getLogger(__name__)
 LOOK_S, ASK_S = 0.25, 2.0
 """Between two looks, and between two questions to the programs of a rig in real time."""
 JOIN_S = 2.0
@@ -65,27 +63,15 @@ class AlarmMonitor:
         self._refused = GrowthDetector(REFUSED, REFUSED_S)
         self._missed = GrowthDetector(missed, MISSED_S)
         self._lost = GrowthDetector(1, REFUSED_S)
-        self._closing = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._repeated = RepeatedAction(f"alarms-{context.rig.rig.name}", LOOK_S, self.poll)
 
     def start(self) -> None:
-        """Watch from here on, in a thread."""
-        name = f"alarms-{self._context.rig.rig.name}"
-        self._thread = threading.Thread(target=self._work, name=name, daemon=True)
-        self._thread.start()
+        """Poll in a thread from here on."""
+        self._repeated.start()
 
     def close(self) -> None:
-        """Watch no more."""
-        self._closing.set()
-        if self._thread is not None:
-            self._thread.join(JOIN_S)
-
-    def _work(self) -> None:
-        while not self._closing.wait(LOOK_S):
-            try:
-                self.poll()
-            except StoreError as error:
-                log.error("%s", error)
+        """Stop polling."""
+        self._repeated.close(JOIN_S)
 
     def poll(self) -> None:
         """Compare what is with what was, once."""

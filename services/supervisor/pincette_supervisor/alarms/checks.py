@@ -31,7 +31,13 @@ def of_supervisor(store: Store) -> list[Check]:
     """What every rig needs of the supervisor itself."""
     words = store.trouble or "the journal can be written"
     value = "failed" if store.trouble else "written"
-    return [_check("store", not store.trouble, words, value=value, limit="written")]
+    return [
+        _check("store", not store.trouble, words, value=value, limit="written"),
+        *(
+            _check(cause, False, trouble, needed=False, value="failed", limit="well")
+            for cause, trouble in sorted(store.troubles.items())
+        ),
+    ]
 
 
 def of_rig(context: RigContext, active: LiveJob | None) -> list[Check]:
@@ -221,6 +227,8 @@ def conditions(context: RigContext) -> Iterator[Condition]:
     yield from _disk_space(context)
     if context.store.trouble:
         yield Condition("store", context.store.trouble)
+    for cause, words in sorted(context.store.troubles.items()):
+        yield Condition(cause, words)
 
 
 def _sensor_conditions(context: RigContext) -> Iterator[Condition]:

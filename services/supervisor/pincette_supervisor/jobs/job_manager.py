@@ -154,6 +154,8 @@ class JobManager:
     def _run_job(self, live: LiveJob) -> None:
         try:
             Run(self.context, live, lambda r: refusals.require_feasible(self.plan(r))).main()
+        except Exception:  # the job has ended as failed; the next one may begin
+            log.exception("job %s met a fault of the supervisor", live.id)
         finally:
             with self._lock:
                 try:

@@ -15,6 +15,7 @@ from pincette.bus.protocol import Bus, BusError
 from pincette.control.quantities import Document
 from pincette.core.messages import Finish, Record, Recorded
 from pincette.core.topics import FINISH, RECORD
+from pincette.engine.threads import log_failure
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.tracker import Tracker
 from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
@@ -76,7 +77,7 @@ class JobRecorder:
         closer, whose = self._context.closer, (self._context.bus, self._job.id, self._epoch)
         trouble = closer.submit(begin_record, *whose, self._about(row)).result()
         if trouble:  # one that did not answer in time may open it all the same
-            closer.submit(finish_record, *whose, None)
+            closer.submit(finish_record, *whose, None).add_done_callback(log_failure)
         return trouble
 
     def _about(self, row: JobRow) -> dict[str, str]:
@@ -119,7 +120,10 @@ class JobRecorder:
         else:
             about = self._about(self._gathered.job)
             closed = self._context.closer.submit(begin_record, *whose, about)
-        self._context.archivist.submit(self._write, self._gathered, closed, self._writes, over)
+        writing = self._context.archivist.submit(
+            self._write, self._gathered, closed, self._writes, over
+        )
+        writing.add_done_callback(log_failure)
 
     def _write(
         self, record: Gathered, closed: Future[Recorded | str], number: int, over: bool

@@ -1,5 +1,6 @@
 """The journal's database: its schema, and transactions for reading and writing."""
 
+import errno
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -25,6 +26,19 @@ MOVE_AWAY = (
     '[supervisor] keys = "always", or the keys go with it'
 )
 SEE_DISK = "look at the disk's room and rights"
+USE_LOCAL_DISK = "keep the data folder on a local disk (--data FOLDER)"
+USE_OTHER_PLACE = (
+    "its file system does not do what a journal needs (locks, memory maps), as many network "
+    f"shares: {USE_LOCAL_DISK}, or the journal in PostgreSQL (PINCETTE_STORE). The journal itself "
+    "is not known to be damaged: leave it where it is, or copy it"
+)
+DAMAGE = frozenset({"SQLITE_CORRUPT", "SQLITE_NOTADB"})
+NO_LOCKS = frozenset(
+    {errno.EBADF, errno.EIO, errno.EINVAL, errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS}
+)
+"""Errors of ``flock`` on file systems without locks."""
+UNFIT = frozenset({"SQLITE_IOERR", "SQLITE_NOLFS", "SQLITE_PROTOCOL"})
+"""Errors of SQLite on file systems that lack what it needs."""
 SEE_SERVER = "see that the server runs and lets you in, and that the database is there"
 T = TypeVar("T")
 
@@ -49,6 +63,8 @@ class Database:
         self._place = str(path)
         self._let_go: Callable[[], None] | None = None
         self._closed = False
+        self.troubles: dict[str, str] = {}
+        """What programs that work with the database cannot do at present, by cause of an alarm."""
         self.trouble = ""
         """Why the last write failed; empty if it succeeded."""
         # SQLite polls for its write lock; a lock of our own serves writers in order.
@@ -65,7 +81,7 @@ class Database:
                 self._engine = engines.open_server(server)
             else:
                 self._engine = engines.open_file(path)
-            self._remedy = SEE_SERVER if url else SEE_DISK
+            self._remedy = remedy
             self._writer = engines.writing(self._engine)
             with self._engine.begin() as connection:
                 engines.require_sound(connection)
@@ -84,16 +100,26 @@ class Database:
         except (SQLAlchemyError, OSError, ValueError) as error:
             self.close()
             cause = error.orig if isinstance(error, DBAPIError) else error
+            found = remedy if url else _remedy_of(cause)
             raise StoreError(
-                f"the job store {self._place} cannot be used: {cause}; {remedy}"
+                f"the job store {self._place} cannot be used: {cause}; {found}"
             ) from error
 
     def work_alone(self) -> None:
         """Keep other supervisors off it until closed; raises StoreError."""
         try:
             self._let_go = engines.work_alone(self._engine, self._path)
-        except (DBAPIError, OSError, ValueError) as error:
+        except ValueError as error:
             raise StoreError(f"the job store {self._place} cannot be used: {error}") from error
+        except (DBAPIError, OSError) as error:
+            raise StoreError(
+                f"the job store {self._place} cannot be locked: {error}; {self._remedy_of(error)}"
+            ) from error
+
+    def _remedy_of(self, error: Exception) -> str:
+        if self._remedy == SEE_SERVER:
+            return SEE_SERVER
+        return _remedy_of(error.orig if isinstance(error, DBAPIError) else error)
 
     @property
     def folder(self) -> Path:
@@ -144,7 +170,7 @@ class Database:
             raise StoreError(f"the job store {self._place} is closed")
 
     def _failed(self, error: DBAPIError) -> StoreError:
-        return StoreError(f"the job store {self._place}: {error.orig}; {self._remedy}")
+        return StoreError(f"the job store {self._place}: {error.orig}; {self._remedy_of(error)}")
 
     def close(self) -> None:
         """Close the file."""
@@ -156,6 +182,18 @@ class Database:
             engine = getattr(self, "_engine", None)
             if engine is not None:
                 engine.dispose()
+
+
+def _remedy_of(cause: BaseException | None) -> str:
+    """Return the remedy for an error of the journal's file, or of its file system."""
+    name = getattr(cause, "sqlite_errorname", "")
+    primary = "_".join(name.split("_")[:2])  # as SQLITE_IOERR of SQLITE_IOERR_LOCK
+    if primary in DAMAGE or isinstance(cause, ValueError):
+        return MOVE_AWAY
+    if primary == "SQLITE_BUSY":
+        return "another program keeps it locked: end that one"
+    unfit = isinstance(cause, OSError) and cause.errno in NO_LOCKS
+    return USE_OTHER_PLACE if unfit or primary in UNFIT else SEE_DISK
 
 
 def rows(connection: Connection, kind: Callable[..., T], query: Select[Any]) -> list[T]:

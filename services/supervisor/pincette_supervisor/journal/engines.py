@@ -178,6 +178,9 @@ def _lock_beside(path: Path) -> Callable[[], None]:
             "another supervisor works with it: stop that one, or give each a folder of its own "
             "(--data)"
         ) from error
+    except OSError:
+        os.close(lock)
+        raise
     return partial(os.close, lock)
 
 

@@ -13,8 +13,9 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
 
 from pincette.api.access import Scope
+from pincette.core.text_files import decoded
 from pincette.core.validation_wording import refusal
-from pincette_supervisor.journal.database import KEY_FILE, StoreError
+from pincette_supervisor.journal.database import KEY_FILE, SEE_DISK, USE_LOCAL_DISK, StoreError
 from pincette_supervisor.journal.tables import utc_now
 
 
@@ -58,14 +59,19 @@ class KeyFile:
     def read(self) -> list[KeyRow] | None:
         """Every key there is or was, by name; None without a file."""
         try:
-            content = _Content.model_validate_json(self._path.read_bytes())
+            content = _Content.model_validate_json(decoded(self._path.read_bytes()))
             if content.version != 1:
                 raise ValueError(f"its version is {content.version}, this program knows 1")
         except FileNotFoundError:
             return None
         except ValidationError as error:
             raise self._damaged(refusal(error.errors(include_url=False)[0])) from error
-        except (OSError, ValueError) as error:
+        except OSError as error:
+            raise StoreError(
+                f"the key file {self._path} cannot be read: {error.strerror}; look at the disk and "
+                f"its rights. Where it is a network share, {USE_LOCAL_DISK}"
+            ) from error
+        except ValueError as error:
             raise self._damaged(str(error)) from error
         return sorted(content.keys, key=lambda row: row.name)
 
@@ -122,15 +128,25 @@ class KeyFile:
     @contextmanager
     def _changed(self) -> Generator[dict[str, KeyRow]]:
         """The keys by name, written as they are left; one program at a time."""
-        folder = os.open(self._path.parent, os.O_RDONLY)
         try:
-            fcntl.flock(folder, fcntl.LOCK_EX)
+            folder = os.open(self._path.parent, os.O_RDONLY)
+        except OSError as error:
+            raise self._unwritable(error) from error
+        try:
+            try:
+                fcntl.flock(folder, fcntl.LOCK_EX)
+            except OSError as error:
+                raise StoreError(
+                    f"the key file {self._path} cannot be locked: {error.strerror}; its file "
+                    f"system has no locks: {USE_LOCAL_DISK}. No key was changed"
+                ) from error
             before = {row.name: row for row in self.all()}
             keys = dict(before)
             yield keys
             if keys != before:
                 self._write(list(keys.values()))
-                os.fsync(folder)
+                with suppress(OSError):  # the file itself is on the disk
+                    os.fsync(folder)
         finally:
             os.close(folder)
 
@@ -150,10 +166,12 @@ class KeyFile:
             if draft is not None:
                 with suppress(OSError):
                     Path(draft).unlink()
-            raise StoreError(
-                f"the key file {self._path} cannot be written: {error.strerror}; look at the "
-                "disk's room and rights"
-            ) from error
+            raise self._unwritable(error) from error
+
+    def _unwritable(self, error: OSError) -> StoreError:
+        return StoreError(
+            f"the key file {self._path} cannot be written: {error.strerror}; {SEE_DISK}"
+        )
 
     def _damaged(self, why: str) -> StoreError:
         return StoreError(

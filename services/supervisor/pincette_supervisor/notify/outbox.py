@@ -5,20 +5,19 @@ most the notice that was on its way is sent twice.
 """
 
 import logging
-import threading
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime, timedelta
 from time import monotonic
 
-from pincette_supervisor.journal.store import Store, StoreError
+from pincette.engine.threads import RepeatedAction
+from pincette_supervisor.journal.store import Store
 from pincette_supervisor.notify.notices import Notice, notice_of, topic_of
 from pincette_supervisor.notify.senders import NotWantedError, RefusedError, Sender
 
 LOOK_S = 1.0
 FIRST_DELAY_S, LONGEST_DELAY_S = 5.0, 300.0
 """Between two tries: doubled with each."""
-GIVEN_UP = timedelta(days=3)
-"""Older notices that were not taken are left out."""
+GIVEN_UP_S = 3 * 86_400.0
+"""Time for which a notice is tried before it is left out, in s."""
 PAGE = 200
 STOP_S = 2.0
 
@@ -35,17 +34,22 @@ class Delivery:
         self._note = f"told {sender.name}"
         self._delay_s = FIRST_DELAY_S
         self._again_at = 0.0
-        self._ended = False
+        self._begun = self._ended = False
+        self._refused_since: float | None = None
+        """Time by the clock of the first refusal of the notice that is tried now."""
 
     def begin(self) -> None:
-        """A receiver that is not known yet is told of what comes from here on."""
+        """Begin a receiver that is not known yet with the next event; raises StoreError."""
         _, newest = self._store.event_span()
         known = self._store.get_note(self._note)
         if known is None or int(known) > newest:
             self._store.set_note(self._note, str(newest))
+        self._begun = True
 
     def work(self) -> None:
-        """Send what waits, until the receiver refuses one."""
+        """Send what waits, until the receiver refuses one; raises StoreError."""
+        if not self._begun:
+            self.begin()
         if self._ended or self._clock() < self._again_at:
             return
         number = int(self._store.get_note(self._note) or 0)
@@ -70,14 +74,19 @@ class Delivery:
             self._ended = True
             return False
         except RefusedError as error:
-            if datetime.now(UTC) - datetime.fromisoformat(notice.at) > GIVEN_UP:
+            # By the monotonic clock, since a step of the time of day must lose no notice.
+            if self._refused_since is None:
+                self._refused_since = self._clock()
+            if self._clock() - self._refused_since > GIVEN_UP_S:
                 log.error("%s: given up, as not taken for days: %s", self._sender.name, error)
+                self._refused_since = None
                 return True
             log.warning("%s: %s; again in %g s", self._sender.name, error, self._delay_s)
             self._again_at = self._clock() + self._delay_s
             self._delay_s = min(2.0 * self._delay_s, LONGEST_DELAY_S)
             return False
         self._delay_s = FIRST_DELAY_S
+        self._refused_since = None
         return True
 
 
@@ -85,29 +94,16 @@ class Outbox:
     """A thread for each receiver, so that none waits for another one."""
 
     def __init__(self, store: Store, senders: Sequence[Sender]) -> None:
-        self._ended = threading.Event()
-        self._threads = [
-            threading.Thread(target=self._run, args=[Delivery(store, one)], name=one.name[:40])
-            for one in senders
-        ]
-        for thread in self._threads:
-            thread.daemon = True  # a receiver that does not answer keeps nobody
+        self._threads: list[RepeatedAction] = []
+        for sender in senders:
+            delivery = Delivery(store, sender)
+            # A daemon: a receiver that does not answer delays no end of the program.
+            thread = RepeatedAction(f"notices to {sender.name}", LOOK_S, delivery.work)
+            thread.run(delivery.begin)
             thread.start()
-
-    def _run(self, delivery: Delivery) -> None:
-        begun = False
-        while not self._ended.is_set():
-            try:
-                if not begun:
-                    delivery.begin()
-                    begun = True
-                delivery.work()
-            except StoreError as error:
-                log.error("notices wait: %s", error)
-            self._ended.wait(LOOK_S)
+            self._threads.append(thread)
 
     def close(self) -> None:
         """End; what waits is sent after the next start."""
-        self._ended.set()
         for thread in self._threads:
-            thread.join(STOP_S)
+            thread.close(STOP_S)

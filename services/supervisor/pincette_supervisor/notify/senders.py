@@ -5,6 +5,7 @@ import binascii
 import hashlib
 import hmac
 import json
+import os
 import smtplib
 import ssl
 import stat
@@ -18,11 +19,15 @@ import httpx
 
 from pincette.config.notify import Mail, Told, Webhook
 from pincette.config.programs import Supervisor
+from pincette.core.text_files import EncodingError, decoded
+from pincette_supervisor.access.origin_check import is_loopback
 from pincette_supervisor.notify.notices import Notice
 
 PREFIX = "whsec_"
 SECRET_BYTES = (24, 64)
 TIMEOUT_S = 15.0
+AUTHORITIES = ("SSL_CERT_FILE", "SSL_CERT_DIR")
+"""Variables of the environment that name authorities to trust."""
 GONE = 410
 """By this status a receiver says that it wants no more."""
 
@@ -60,8 +65,8 @@ class Sender(Protocol):
 def read_secret(path: Path) -> str:
     """The secret of a file that its owner alone can read; raises SecretError."""
     try:
-        mode, text = path.stat().st_mode, path.read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
+        mode, text = path.stat().st_mode, decoded(path.read_bytes()).strip()
+    except (OSError, EncodingError) as error:
         raise SecretError(f"the secret {path} cannot be read: {error}") from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise SecretError(f"others may read the secret {path}: chmod 600 {path}")
@@ -105,14 +110,30 @@ class WebhookSender:
             "webhook-signature": signature(self._secret, message, sent_s, body),
         }
         try:
-            with httpx.Client(timeout=TIMEOUT_S, trust_env=False) as client:
+            with _client(self._url) as client:
                 status = client.post(self._url, content=body, headers=headers).status_code
-        except (httpx.HTTPError, httpx.InvalidURL) as error:
+        except (httpx.HTTPError, httpx.InvalidURL, ValueError, ImportError) as error:
             raise RefusedError(str(error) or type(error).__name__) from error
         if status == GONE:
             raise NotWantedError(f"status {GONE}")
         if not 200 <= status < 300:
             raise RefusedError(f"status {status}")
+
+
+def _client(url: str) -> httpx.Client:
+    """Return a client by the environment: proxies, and the certificates that are trusted.
+
+    ``HTTPS_PROXY``, ``HTTP_PROXY``, ``ALL_PROXY`` and ``NO_PROXY`` name proxies, which no address
+    of this machine is sent to. ``SSL_CERT_FILE`` and ``SSL_CERT_DIR`` name authorities.
+    Raises RefusedError where those cannot be read.
+    """
+    try:
+        trusted = httpx.create_ssl_context()
+    except (OSError, ValueError) as error:
+        named = {name: os.environ[name] for name in AUTHORITIES if name in os.environ}
+        raise RefusedError(f"the certificates of {named} cannot be read: {error}") from error
+    host = httpx.URL(url).host
+    return httpx.Client(timeout=TIMEOUT_S, verify=trusted, trust_env=not is_loopback(host))
 
 
 class MailSender:

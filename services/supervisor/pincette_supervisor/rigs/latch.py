@@ -9,6 +9,7 @@ from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import Cause
 from pincette.core.messages import Trip
 from pincette.core.topics import TRIP
+from pincette.engine.threads import log_failure
 from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.jobs.refusals import unanswered
 from pincette_supervisor.problems import ProblemError
@@ -56,14 +57,14 @@ class LatchControl:
         try:
             context.bus.call(TRIP, Trip(Cause.ESTOP), 1.0)
         except BusError as error:
-            self._aside.submit(self._raise_alarm, str(error))
+            self._aside.submit(self._raise_alarm, str(error)).add_done_callback(log_failure)
             raise ProblemError(
                 503,
                 "estop-unconfirmed",
                 "The actuator did not confirm the emergency stop",
                 f"{error}; switch the amplifier off by hand",
             ) from error
-        self._aside.submit(self._raise_alarm)
+        self._aside.submit(self._raise_alarm).add_done_callback(log_failure)
         return Stopped(
             rig=context.rig.rig.name, cause=Cause.ESTOP.value, acknowledged=True, detail=""
         )

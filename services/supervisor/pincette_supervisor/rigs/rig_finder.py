@@ -101,6 +101,10 @@ class RigFinder:
             except (BusError, ConfigError, StoreError) as error:
                 done = isinstance(error, ConfigError)
                 self._refuse(rig, str(error))
+            except Exception as error:  # the thread goes on, and checks the rig again
+                done = False
+                log.exception("rig %s cannot be checked", rig)
+                self._refuse(rig, f"the supervisor has a fault, see its log: {error}")
             found.seen.set()
 
     def _check(self, rig: str, found: FoundRig) -> bool:

@@ -1,8 +1,9 @@
 """A clock that does not count time for which this process was suspended."""
 
-import threading
 from collections.abc import Callable
 from time import monotonic
+
+from pincette.engine.threads import RepeatedAction
 
 SAMPLE_S = 0.05
 SAMPLE_COUNTS_S = 0.1
@@ -20,8 +21,7 @@ class SuspendAwareClock:
         self._clock = clock
         self._sampled = clock(), 0.0
         """Time of the last sample and the time counted by then; one value, read by any thread."""
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="suspend-aware-clock", daemon=True)
+        self._repeated = RepeatedAction("suspend-aware-clock", SAMPLE_S, self.sample)
 
     def __call__(self) -> float:
         """Seconds awake since creation."""
@@ -38,13 +38,8 @@ class SuspendAwareClock:
 
     def start(self) -> None:
         """Start sampling in a thread."""
-        self._thread.start()
+        self._repeated.start()
 
     def close(self) -> None:
         """Stop the thread."""
-        self._closing.set()
-        self._thread.join(JOIN_S)
-
-    def _work(self) -> None:
-        while not self._closing.wait(SAMPLE_S):
-            self.sample()
+        self._repeated.close(JOIN_S)
