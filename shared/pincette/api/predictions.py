@@ -3,21 +3,9 @@
 from typing import Literal
 
 from pincette.api import Model, example
+from pincette.control.vocabulary import LimitedQuantity
 
-Quantity = Literal[
-    "force",
-    "position",
-    "voltage",
-    "taught_voltage",
-    "slew",
-    "rate",
-    "acceleration",
-    "speed",
-    "duration",
-    "sweep_amplitude",
-    "spectral_radius",
-    "sensitivity_peak",
-]
+Quantity = LimitedQuantity
 Side = Literal["above", "below"]
 
 

@@ -9,6 +9,22 @@ from typing import Literal
 
 ParameterSet = Literal["consistent", "printed", "identified"]
 ForceAge = Literal["planned", "newest"]
+LimitedQuantity = Literal[
+    "force",
+    "position",
+    "voltage",
+    "taught_voltage",
+    "slew",
+    "rate",
+    "acceleration",
+    "frequency",
+    "speed",
+    "duration",
+    "sweep_amplitude",
+    "spectral_radius",
+    "sensitivity_peak",
+]
+"""Quantities whose limit a plan or a prediction can break."""
 
 LARGEST: Mapping[str, float] = {
     "µm": 1e9,

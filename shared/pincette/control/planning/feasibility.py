@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.course import Course
+from pincette.control.vocabulary import LimitedQuantity
 
 RING_UM = 0.025
 """As much as the paper's sensor resolves."""
@@ -33,7 +34,7 @@ class PlanLimits:
 class Excursion:
     """Where a course goes beyond one limit within one phase."""
 
-    quantity: str
+    quantity: LimitedQuantity
     value: float
     """The furthest value."""
     limit: float
@@ -52,8 +53,7 @@ class Violation:
 
     pointer: str
     """JSON pointer into the request; "" where the cause lies outside it."""
-    quantity: str
-    """One of ``api.predictions.Quantity``."""
+    quantity: LimitedQuantity
     value: float
     limit: float
     unit: str
@@ -94,7 +94,11 @@ def excursions(course: Course, limits: PlanLimits) -> tuple[Excursion, ...]:
 
 
 def beyond(
-    course: Course, quantity: str, unit: str, values: list[float], range_: tuple[float, float]
+    course: Course,
+    quantity: LimitedQuantity,
+    unit: str,
+    values: list[float],
+    range_: tuple[float, float],
 ) -> tuple[Excursion, ...]:
     """Every phase in which values leave a range, above first."""
     low, high = range_
@@ -132,7 +136,12 @@ def _differences(values: Sequence[float], period_s: float) -> list[float]:
 
 
 def _beyond(
-    course: Course, quantity: str, unit: str, values: list[float], limit: float, side: float
+    course: Course,
+    quantity: LimitedQuantity,
+    unit: str,
+    values: list[float],
+    limit: float,
+    side: float,
 ) -> list[Excursion]:
     """Excursions above (side +1) or below (side -1) a limit, those of one phase taken together."""
     found: list[Excursion] = []

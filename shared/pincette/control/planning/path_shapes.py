@@ -10,6 +10,8 @@ from pincette.control.planning.profiles import minimum_duration
 
 KNOTS_MAX = 256
 """As many as travel in one message."""
+CLOSEST_S = 1e-6
+"""Shortest time between two points of a path."""
 CORNER_SHARE = 0.75
 """Of its acceleration that a triangle turns with."""
 PIECE_POINTS, CYCLE_POINTS = 64, 512
@@ -119,14 +121,19 @@ def waypoints(quantity: Quantity, points: Sequence[tuple[float, float]]) -> Path
     Raises
     ------
     ValueError
-        Where there are fewer than two points or more than ``KNOTS_MAX``, or times do not ascend
-        from 0.
+        Where there are fewer than two points or more than ``KNOTS_MAX``, times do not ascend
+        from 0, or two of them are less than ``CLOSEST_S`` apart.
     """
     if not 2 <= len(points) <= KNOTS_MAX:
         raise ValueError(f"{len(points)} points, must be 2 to {KNOTS_MAX}")
     for index in range(1, len(points)):
         gap_s = points[index][0] - points[index - 1][0]
         require_positive(f"time from point {index - 1} to point {index}", gap_s, "s")
+        if gap_s < CLOSEST_S:
+            raise ValueError(
+                f"time from point {index - 1} to point {index} = {gap_s:g} s, must be "
+                f"{CLOSEST_S:g} s or more: leave one of them out"
+            )
     knots: list[Knot] = []
     for index, (t_s, value) in enumerate(points):
         rate = 0.0

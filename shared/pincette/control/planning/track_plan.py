@@ -15,6 +15,7 @@ from pincette.control.planning.path_shapes import Peaks, peaks
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.program import Segment
+from pincette.control.vocabulary import LimitedQuantity
 
 SETTLE_S = 0.8
 """From the end of the load until the path begins."""
@@ -75,7 +76,13 @@ def _path_violations(
     broken: list[Violation] = []
 
     def add(
-        pointer: str, quantity: str, value: float, limit: float, unit: str, at_s: float, why: str
+        pointer: str,
+        quantity: LimitedQuantity,
+        value: float,
+        limit: float,
+        unit: str,
+        at_s: float,
+        why: str,
     ) -> None:
         excursion = Excursion(quantity, value, limit, unit, at_s + start_s, "track")
         violation = named_violation(excursion, pointer)
