@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, BadParameter, Option
 
 from pincette.cli import CliError, Exit
-from pincette.cli.options import number
+from pincette.cli.readers import literal, number
 from pincette.cli.terminal import command, group, named
 from pincette.config.bench_form import NUMBERED, Question, Value
 from pincette.core import plugins
@@ -41,14 +41,11 @@ def pair(text: str) -> tuple[str, Value]:
     name, equals, value = text.partition("=")
     if not equals or not name:
         raise BadParameter(f"{text!r} is no option: give NAME=VALUE, such as baud=9600")
-    return name, _value(value)
+    return name, _value(name, value)
 
 
-def _value(text: str) -> Value:
-    try:
-        found = json.loads(text)
-    except ValueError:
-        return text
+def _value(name: str, text: str) -> Value:
+    found = literal(name, text)
     return found if isinstance(found, str | float | int | bool) else text
 
 
@@ -101,9 +98,14 @@ def _asked(asked: Question) -> Value:
         if not text:
             return asked.default
         try:
-            return number(asked.unit)(text) if _numeric(asked) else _value_like(asked, text)
+            if not _numeric(asked):
+                return _value_like(asked, text)
+            value = number(asked.unit)(text)
         except BadParameter as error:
             print(f"  {error.message}")
+            continue
+        print(f"  = {value:g} {asked.unit}".rstrip())
+        return value
 
 
 def _numeric(asked: Question) -> bool:
@@ -111,7 +113,7 @@ def _numeric(asked: Question) -> bool:
 
 
 def _value_like(asked: Question, text: str) -> Value:
-    return text if isinstance(asked.default, str) else _value(text)
+    return text if isinstance(asked.default, str) else _value(asked.name.split()[-1], text)
 
 
 def _side(side: str, answer: Answer, given: dict[str, Any], values: dict[str, Value]) -> list[str]:
@@ -169,7 +171,7 @@ def _options(
                     f"the driver needs its option {option} ({about}): give it as NAME=VALUE",
                     Exit.USAGE,
                 )
-            yield option, _value(str(asked)) if required else asked
+            yield option, _value(option, str(asked)) if required else asked
 
 
 def _docstrings(table: "type[Table]") -> dict[str, str]:

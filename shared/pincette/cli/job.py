@@ -1,5 +1,6 @@
 """``pincette job``, ``plan``, ``stop`` and ``learning``: start jobs, follow them, act on them."""
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
@@ -15,6 +16,7 @@ from pincette.cli.options import (
     given_fields,
     help_text,
     request_parameters,
+    stated_fields,
 )
 from pincette.cli.results import show_plan, show_result
 from pincette.cli.terminal import clock, command, group, patience, screen, table
@@ -74,6 +76,8 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         rig = target.rig()
         if dry_run:
             return _planned(target, rig, kind, fields)
+        if fields and not target.json:
+            sys.stderr.write(f"asked for: {stated_fields(fields)}\n")
         with patience("planning, predicting and starting"):
             job = rig.start(kind.name, **fields)
         if not no_wait:
@@ -125,7 +129,14 @@ def _planned(target: Target, rig: "RigHandle", kind: "JobKind", fields: dict[str
     """Show what a job would do; the exit status says whether it may."""
     with patience("planning and predicting"):
         plan = rig.plan(kind.name, **fields)
-    target.answer(plan, lambda: show_plan(plan, screen()))
+    stated = stated_fields(fields)
+
+    def show() -> None:
+        if stated:
+            print(f"asked for: {stated}\n")
+        show_plan(plan, screen())
+
+    target.answer(plan, show)
     return Exit.DONE if plan.feasible else Exit.LIMIT
 
 

@@ -1,7 +1,7 @@
 """``pincette latency``: the timing of this machine, and the period it supports."""
 
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from math import log10
@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec.structs import asdict
 from rich.markup import escape
-from typer import BadParameter, Option
+from typer import Option
 
 from pincette.cli import CliError, Exit, chosen, opened
 from pincette.cli.options import DATA, DataFolder, Picture
+from pincette.cli.readers import number_within
 from pincette.cli.rigs import milliseconds
 from pincette.cli.terminal import Json, command, emit, group, screen, table
 from pincette.latency.histogram import NS_PER_S, Distribution, first_ns
@@ -37,33 +38,23 @@ LOOK_S = 0.5
 app = group()
 
 
-def _within(least_s: float, most_s: float) -> Callable[[str], float]:
-    """Reader of a time between two limits."""
-
-    def read(text: str) -> float:
-        try:
-            value_s = float(text)
-        except ValueError:
-            value_s = -1.0
-        if not least_s <= value_s <= most_s:
-            raise BadParameter(f"{text!r}: wanted {least_s:g} s to {most_s:g} s")
-        return value_s
-
-    return read
-
-
 @command(app, "latency")
 def latency(
     form: Json,
     seconds: Annotated[
         float,
-        Option("--seconds", parser=_within(1.0, 86_400.0), metavar="S", help="how long in all"),
+        Option(
+            "--seconds",
+            parser=number_within("s", 1.0, 86_400.0),
+            metavar="S",
+            help="how long in all",
+        ),
     ] = 30.0,
     period_s: Annotated[
         float | None,
         Option(
             "--period-s",
-            parser=_within(1e-4, 1.0),
+            parser=number_within("s", 1e-4, 1.0),
             metavar="T",
             help="of the grid; several from 20 ms down to 1 ms if not given",
         ),

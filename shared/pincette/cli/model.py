@@ -9,7 +9,7 @@ from typer import Argument, BadParameter, Option
 
 from pincette.cli import CliError, opened
 from pincette.cli.access import Target
-from pincette.cli.options import integer
+from pincette.cli.readers import integer, literal
 from pincette.cli.results import Tree, measured, quantity
 from pincette.cli.terminal import RigOption, clock, command, figures, group, screen, table, tree
 
@@ -131,14 +131,12 @@ app.add_typer(recipe_app)
 
 
 def value(text: str) -> tuple[list[str], Any]:
-    """One member of a recipe: the path to it, and its value in JSON, else as text."""
+    """Return the path to one member of a recipe, and its value."""
     name, equals, text_of_value = text.partition("=")
     if not equals or not name:
         raise BadParameter(f"{text!r} is no value: give FIELD=VALUE, such as force_mN=8")
-    try:
-        return name.split("."), json.loads(text_of_value)
-    except ValueError:
-        return name.split("."), text_of_value
+    path = name.split(".")
+    return path, literal(path[-1], text_of_value)
 
 
 def values(given: list[tuple[list[str], Any]]) -> dict[str, Any]:

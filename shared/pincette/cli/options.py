@@ -1,9 +1,7 @@
-"""Readers of values, and the options of a job: one for each field of its request."""
+"""Options that several commands share, and one option for each field of a job request."""
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, time, timedelta
-from difflib import get_close_matches
 from inspect import Parameter
 from pathlib import Path
 from types import NoneType, UnionType
@@ -11,68 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, cast, get_args
 
 from typer import BadParameter, Option
 
+from pincette.cli.readers import Reader, choice, integer, number, numbers, records
 from pincette.cli.terminal import named
+from pincette.core.units import unit_of
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
     from pydantic.fields import FieldInfo
 
 
-UNITS = {
-    "_um_per_s": "µm/s",
-    "_um_per_s2": "µm/s²",
-    "_V_per_s": "V/s",
-    "_mN": "mN",
-    "_um": "µm",
-    "_hz": "Hz",
-    "_V": "V",
-    "_s": "s",
-}
+SHOWN_ITEMS = 20
+"""Length of the longest list that is shown in full."""
 PREFIX = "request_"
 """Before the name of a field where it stands beside the other parameters of a command."""
 NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue")
-Reader = Callable[[str], Any]
-
-
-def number(unit: str) -> Callable[[str], float]:
-    """Reader of a finite number of a unit, or of none."""
-    value_of, number_of = (f" {unit}", f" of {unit}") if unit else ("", "")
-
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise BadParameter(
-                f"{text!r}{value_of} cannot be used: give a finite number{number_of}, such as 15"
-            )
-        return value
-
-    return read
-
-
-def integer(text: str) -> int:
-    """A whole number."""
-    try:
-        return int(text)
-    except ValueError as error:
-        raise BadParameter(
-            f"{text!r} is no whole number: give one without a unit, such as 5"
-        ) from error
-
-
-def choice(values: Sequence[str]) -> Callable[[str], str]:
-    """Reader of one of several words."""
-
-    def read(text: str) -> str:
-        if text not in values:
-            near = get_close_matches(text, values, n=1)
-            hint = f"did you mean {near[0]}? " if near else ""
-            raise BadParameter(f"{text!r} is no choice: {hint}give one of {', '.join(values)}")
-        return text
-
-    return read
 
 
 DATA = Path("data")
@@ -99,7 +49,7 @@ def moment_at(text: str, now: datetime) -> str:
     if text in DAYS:
         day = now.date() - timedelta(days=DAYS[text])
         found = datetime.combine(day, time()).astimezone()
-    elif text[-1:] in AGO and text[:-1].isdecimal() and len(text) < 6:
+    elif text[-1:] in AGO and text.isascii() and text[:-1].isdecimal() and len(text) < 6:
         found = now - timedelta(**{AGO[text[-1]]: int(text[:-1])})
     else:
         try:
@@ -128,14 +78,28 @@ def given_fields(values: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def stated_fields(values: Mapping[str, Any]) -> str:
+    """Return the fields of a request with the values and units that are sent."""
+    return ", ".join(f"{name} = {_stated(name, value)}" for name, value in values.items())
+
+
+def _stated(name: str, value: Any) -> str:
+    unit = unit_of(name)
+    if isinstance(value, Mapping):
+        return f"({stated_fields(cast('Mapping[str, Any]', value))})"
+    if isinstance(value, list):
+        found = [_stated(name, item) for item in cast("list[Any]", value)]
+        if len(found) > SHOWN_ITEMS:
+            found = [*found[:2], f"... {len(found)} entries ...", found[-1]]
+        return "; ".join(found)
+    if isinstance(value, float):
+        return f"{value:.15g} {unit}".rstrip()
+    return f"{value} {unit}".rstrip()
+
+
 def help_text(text: str) -> str:
     """A sentence of a docstring as a help text."""
     return (text[:1].lower() + text[1:]).replace("``", "`").rstrip(".")
-
-
-def unit_of(name: str) -> str:
-    """Unit of a field, from the end of its name; empty if it has none."""
-    return next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), "")
 
 
 def _option(name: str, field: "FieldInfo") -> Any:
@@ -213,30 +177,10 @@ def _list_reader(item: Any, unit: str) -> tuple[Reader, str]:
     from pydantic import BaseModel
 
     if isinstance(item, type) and issubclass(item, BaseModel):
-        fields = [(name, unit_of(name)) for name in item.model_fields]
-        shape = ":".join(unit for _, unit in fields)
-        return _tuples(fields, shape), f"{shape},..."
-    return _list_of(number(unit)), f"{unit or 'NUMBER'},{unit or 'NUMBER'},..."
-
-
-def _list_of(read: Callable[[str], float]) -> Callable[[str], list[float]]:
-    return lambda text: [read(item) for item in text.split(",")]
-
-
-def _tuples(fields: Sequence[tuple[str, str]], shape: str) -> Reader:
-    """Reader of several records, as s:mN,s:mN."""
-
-    def read(text: str) -> list[dict[str, float]]:
-        found: list[dict[str, float]] = []
-        for item in text.split(","):
-            parts = item.split(":")
-            if len(parts) != len(fields):
-                raise BadParameter(f"{item!r} is no point: give {shape}, such as 0:5,1.5:12,3:5")
-            pairs = zip(fields, parts, strict=True)
-            found.append({name: number(unit)(part) for (name, unit), part in pairs})
-        return found
-
-    return read
+        shape = ":".join(unit_of(name) for name in item.model_fields)
+        return records(list(item.model_fields), shape), f"'{shape}; ...'|@FILE"
+    one = unit or "NUMBER"
+    return numbers(unit), f"'{one}; {one}; ...'"
 
 
 def _with_lists(text: str) -> list[str]:

@@ -11,7 +11,8 @@ from typer import Argument, Option
 from pincette import __version__
 from pincette.cli import CliError, Exit, opened
 from pincette.cli.access import Target
-from pincette.cli.options import Limit, choice
+from pincette.cli.options import Limit
+from pincette.cli.readers import choice
 from pincette.cli.results import outcome
 from pincette.cli.rigs import timing_table
 from pincette.cli.terminal import (

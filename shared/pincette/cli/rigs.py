@@ -1,6 +1,5 @@
 """The state of rigs: `rigs`, `timing`, `checks`, `queue`; and events at a simulated one: `rig`."""
 
-import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec.structs import asdict
@@ -12,8 +11,9 @@ from pincette.api.checks import Check
 from pincette.api.rigs import Certainty
 from pincette.cli import CliError, Exit, opened
 from pincette.cli.access import Address, Target
-from pincette.cli.options import integer, number
+from pincette.cli.readers import integer, number
 from pincette.cli.terminal import Json, RigOption, clock, command, group, screen, table
+from pincette.core import numerals
 from pincette.records.timings import rows
 
 if TYPE_CHECKING:
@@ -236,12 +236,9 @@ def read(words: list[str], after_s: float, for_s: float | None) -> "SimCommand":
 
 def _value(text: str) -> float:
     try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise CliError(f"{text!r} is no value: give a finite number, such as 5")
-    return value
+        return numerals.number(text)
+    except ValueError as error:
+        raise CliError(f"{text!r} is no value: {error}", Exit.USAGE) from error
 
 
 def operation_rows() -> list[tuple[str, str, str, str]]:

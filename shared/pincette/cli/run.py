@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pincette.cli import PKI, CliError, Exit, chosen
+from pincette.core import numerals
 from pincette.core.service import LOOP_PROGRAM, SEPARATOR, canonical_name, programs
 from pincette.engine import logs
 
@@ -98,7 +99,11 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
         given.name = program_name(given.name)
     except ValueError as error:
         parser.error(str(error))
-    given.delay_ms, given.delay_seed = float(given.delay_ms), int(given.delay_seed)
+    try:
+        given.delay_ms = numerals.number(str(given.delay_ms))
+        given.delay_seed = numerals.whole(str(given.delay_seed))
+    except ValueError as error:
+        parser.error(f"--delay-ms {given.delay_ms!r}, --delay-seed {given.delay_seed!r}: {error}")
     return given
 
 

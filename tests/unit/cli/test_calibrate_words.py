@@ -36,7 +36,7 @@ def screen() -> tuple[Console, io.StringIO]:
 
 def test_only_what_was_given_is_asked_for() -> None:
     assert fields("noise") == {}
-    assert fields("compliance", "--weights-mN", "0,5,10") == {"weights_mN": [0.0, 5.0, 10.0]}
+    assert fields("compliance", "--weights-mN", "0; 5; 10") == {"weights_mN": [0.0, 5.0, 10.0]}
     assert fields("free_response", "--low-V", "-0.5", "--high-V", "3") == {
         "low_V": -0.5,
         "high_V": 3.0,

@@ -1,0 +1,210 @@
+"""Columns of numbers in a text file: CSV as spreadsheets and recorders write it.
+
+The separator is ``;``, a tab, a comma or white space; a decimal comma is read where another sign
+separates. Blank lines and lines that begin with ``#`` are passed over, and one line of names may
+come first. A file that can be read in two ways is refused with the number of its line.
+"""
+
+import csv
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from pincette.core import numerals
+from pincette.core.units import bare, unit_of
+
+MOST_BYTES = 4_000_000
+"""Size of the largest file that is read."""
+MARK = "\ufeff"
+UNIT_IN_NAME = re.compile(r"[\[(/]\s*([^\])]+?)\s*[\])]?\s*$")
+NUMBER_WORDS = ("nan", "inf", "infinity", "none", "null", "true", "false")
+UNITS_ALONE = (
+    "N",
+    "kN",
+    "uN",
+    "µN",
+    "g",
+    "gf",
+    "V",
+    "ms",
+    "us",
+    "µs",
+    "min",
+    "h",
+    "mm",
+    "um",
+    "µm",
+)
+"""Titles that are units and nothing else."""
+Row = tuple[int, list[str]]
+"""Number of a line, and its fields."""
+
+
+class FileError(ValueError):
+    """A file that gives no table, with the place and the remedy."""
+
+
+def read_table(path: str, names: Sequence[str]) -> list[dict[str, float]]:
+    """Read a file with one record a line.
+
+    Parameters
+    ----------
+    names
+        Names of the columns in their order, each with its unit at its end. Where the file has
+        these very names among others, other columns are passed over.
+
+    Raises
+    ------
+    FileError
+        Where the file cannot be read, or can be read in two ways.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror or error}") from error
+    if len(content) > MOST_BYTES:
+        raise FileError(f"{path} is larger than {MOST_BYTES / 1e6:g} MB: keep fewer rows")
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise FileError(f"{path} is UTF-16: save it as UTF-8")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise FileError(f"{path}, line {line}: not UTF-8: save the file as UTF-8") from error
+    try:
+        return table(text, names)
+    except FileError as error:
+        raise FileError(f"{path}, {error}") from error
+
+
+def table(text: str, names: Sequence[str]) -> list[dict[str, float]]:
+    """Return the records of a text; raises FileError as ``read_table`` does."""
+    lines = [
+        (at, line)
+        for at, line in enumerate(text.removeprefix(MARK).splitlines(), start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    rows = _fields(lines)
+    if not rows:
+        raise FileError("line 1: there are no numbers")
+    at, first = rows[0]
+    places = list(range(len(names)))
+    if _is_header(first):
+        places, rows = _places(at, first, names), rows[1:]
+    elif len(first) != len(names):
+        raise FileError(
+            f"line {at}: {len(first)} fields, wanted {len(names)}, {_wanted(names)}: "
+            "name the columns in the first line, and separate them by ';'"
+        )
+    width = len(first)
+    commas = _decimal_commas(
+        [(at, [row[place] for place in places]) for at, row in rows if len(row) == width]
+    )
+    found: list[dict[str, float]] = []
+    for at, row in rows:
+        if len(row) != width:
+            raise FileError(f"line {at}: {len(row)} fields, wanted {width} as in the first line")
+        found.append(
+            {
+                name: _number(at, name, row[place], commas)
+                for name, place in zip(names, places, strict=True)
+            }
+        )
+    return found
+
+
+def _fields(lines: Sequence[tuple[int, str]]) -> list[Row]:
+    """Return the fields of each line, split at the separator of all lines."""
+    texts = [line for _, line in lines]
+    separator = next((sign for sign in (";", "\t") if any(sign in line for line in texts)), "")
+    if not separator and any(_by_comma(line) for line in texts):
+        separator = ","
+    found: list[Row] = []
+    for at, line in lines:
+        if not separator:
+            found.append((at, line.split()))
+            continue
+        try:
+            (row,) = csv.reader([line], delimiter=separator, strict=True, skipinitialspace=True)
+        except (csv.Error, ValueError) as error:
+            raise FileError(f"line {at}: its quotation marks do not close") from error
+        found.append((at, [field.strip() for field in row]))
+    return found
+
+
+def _by_comma(line: str) -> bool:
+    """Whether a line's commas separate, not only stand within numbers between white space."""
+    return "," in line and not (
+        len(line.split()) > 1 and all(numerals.NUMBER.fullmatch(item) for item in line.split())
+    )
+
+
+def _is_header(fields: Sequence[str]) -> bool:
+    """Return whether a line has names: each field begins with a letter and is no number's word."""
+    return all(field[:1].isalpha() and field.lower() not in NUMBER_WORDS for field in fields)
+
+
+def _places(at: int, header: Sequence[str], names: Sequence[str]) -> list[int]:
+    """Return the places of the columns in a header; raises FileError."""
+    if all(header.count(name) == 1 for name in names):
+        return [header.index(name) for name in names]
+    if len(header) != len(names):
+        raise FileError(
+            f"line {at}: {len(header)} columns, none or several of them named "
+            f"{_wanted(names)}: name each of these once, or keep these columns alone"
+        )
+    for title, name in zip(header, names, strict=True):
+        stated = _stated_unit(title)
+        if stated not in ("", unit_of(name)):
+            raise FileError(
+                f"line {at}: column {title!r} states {stated!r}, wanted {unit_of(name)}: give "
+                f"{_wanted(names)} in this order, in {' and '.join(map(unit_of, names))}"
+            )
+        if any(bare(other) == _word(title) for other in names if other != name):
+            raise FileError(f"line {at}: column {title!r} comes where {name} is wanted")
+    return list(range(len(names)))
+
+
+def _stated_unit(title: str) -> str:
+    """Return the unit that a column's title states; empty where it is one word without a unit."""
+    found = UNIT_IN_NAME.search(title)
+    if found:
+        return found.group(1)
+    words = re.split(r"[\s_]+", title)
+    return unit_of(title) or (words[-1] if len(words) > 1 or title in UNITS_ALONE else "")
+
+
+def _word(title: str) -> str:
+    """Return the quantity that a column's title names."""
+    return bare(re.split(r"[\[(/]", title)[0].strip().lower())
+
+
+def _decimal_commas(rows: Sequence[Row]) -> bool:
+    """Return whether commas are surely decimal signs: one at least cannot separate thousands.
+
+    Raises
+    ------
+    FileError
+        Where points and commas are both used as decimal signs.
+    """
+    fields = [(at, field) for at, row in rows for field in row]
+    comma = [at for at, field in fields if "," in field]
+    point = [at for at, field in fields if "." in field]
+    if comma and point:
+        raise FileError(
+            f"line {max(comma[0], point[0])}: a comma in line {comma[0]} and a point in line "
+            f"{point[0]}: use one decimal sign"
+        )
+    return any("," in field and not numerals.THOUSANDS.fullmatch(field) for _, field in fields)
+
+
+def _number(at: int, name: str, text: str, commas: bool) -> float:
+    try:
+        return numerals.number(text.replace(",", ".") if commas else text)
+    except ValueError as error:
+        raise FileError(f"line {at}: {name} = {text!r}: {error}") from error
+
+
+def _wanted(names: Sequence[str]) -> str:
+    return " and ".join(names)
